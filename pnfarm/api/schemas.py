@@ -96,8 +96,10 @@ class Drive(Schema):
     frames_received: int
     frames_discarded: dict[str, int] = Field(description="By reason.")
     watchdog_expirations: int
+    watchdog_expirations_by_farm: int = Field(description="Those of them that the farm's own lateness caused.")
     connects: int
     aborts: dict[str, int] = Field(description="By reason.")
+    aborts_by_farm: int = Field(description="Those of them that the farm's own lateness caused.")
     fault: DriveFault | None = Field(description="The first active fault.")
     faults: list[DriveFault] = Field(description="All active faults, oldest first.")
     last_fault: DriveFault | None = Field(description="The active fault, or the one acknowledged last.")

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.model import Model
     from pnfarm.engine.columns import Columns
     from pnfarm.engine.impairments import ImpairmentTable
+    from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.engine.schedule import ChannelTable
     from pnfarm.faults.carrier import Carriers
     from pnfarm.faults.gate import GatedLink
@@ -38,11 +39,12 @@ __all__ = ["Bus", "DeviceServices", "InjectionHost", "RouteHost", "Segment"]
 class DeviceServices:
     """What a device uses and does not own: rows of the channel and impairment tables, a seed for its UUIDs.
 
-    ``lldp``: whether the drives speak LLDP.
+    ``lateness``: how late the farm itself was; ``lldp``: whether the drives speak LLDP.
     """
 
     channels: ChannelTable
     impairments: ImpairmentTable
+    lateness: LatenessRecord
     seed: bytes
     lldp: bool = True
 

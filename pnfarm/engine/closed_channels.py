@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS
+from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, JITTER_BUCKETS
 
 if TYPE_CHECKING:
     from pnfarm.engine.schedule import ChannelTable
@@ -21,7 +21,19 @@ __all__ = ["ClosedChannels"]
 class ClosedChannels:
     """Sums over all channels of one station that were closed; fields as in the channel tables."""
 
-    __slots__ = ("discarded", "interval_sum_ns", "intervals", "received", "sent", "suppressed")
+    __slots__ = (
+        "discarded",
+        "interval_sum_ns",
+        "intervals",
+        "jitter_sum_ns",
+        "jitters",
+        "late",
+        "late_own",
+        "missed",
+        "received",
+        "sent",
+        "suppressed",
+    )
 
     def __init__(self) -> None:
         self.sent = 0
@@ -30,6 +42,11 @@ class ClosedChannels:
         self.discarded: Any = np.zeros(len(DISCARDS), np.int64)
         self.intervals: Any = np.zeros(INTERVAL_BUCKETS, np.int64)
         self.interval_sum_ns = 0
+        self.jitters: Any = np.zeros(JITTER_BUCKETS, np.int64)
+        self.jitter_sum_ns = 0
+        self.missed = 0
+        self.late = 0
+        self.late_own = 0
 
     def add_provider(self, channels: ChannelTable, row: int) -> None:
         """Add the counters of a provider that is closed already."""
@@ -44,3 +61,8 @@ class ClosedChannels:
         self.discarded += consumer.discarded
         self.intervals += consumer.intervals
         self.interval_sum_ns += int(consumer.interval_sum_ns)
+        self.jitters += consumer.jitters
+        self.jitter_sum_ns += int(consumer.jitter_sum_ns)
+        self.missed += int(consumer.missed)
+        self.late += int(consumer.late)
+        self.late_own += int(consumer.late_own)

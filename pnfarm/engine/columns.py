@@ -13,6 +13,8 @@ from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import ENGINE, EVENT, EVENTS
 from pnfarm.table.image import IMAGE
 from pnfarm.table.impairment import IMPAIRMENT
+from pnfarm.table.late import LATE, LATE_ROWS
+from pnfarm.table.observed import OBSERVED
 from pnfarm.table.program import PROGRAM
 
 __all__ = ["RX_BATCH", "Columns", "allocate", "lookup_find", "lookup_rebuild"]
@@ -54,6 +56,8 @@ class Columns(NamedTuple):
     rx_port: Any
     rx_ns: Any
     tx_row: Any
+    late: Any
+    observed: Any
 
 
 def allocate(*, stations: int, axes: int = 0, programs: int = 0, channels: int = 0, impairments: int = 0) -> Columns:
@@ -83,6 +87,8 @@ def allocate(*, stations: int, axes: int = 0, programs: int = 0, channels: int =
         rx_port=np.zeros(RX_BATCH, np.int32),
         rx_ns=np.zeros(RX_BATCH, np.int64),
         tx_row=np.zeros(channels * 2, np.int32),
+        late=LATE.allocate(LATE_ROWS),
+        observed=OBSERVED.allocate(max(1, axes)),
     )
     engine = columns.engine[0]
     engine.axis_rows = axes

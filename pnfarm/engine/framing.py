@@ -14,7 +14,7 @@ from pnfarm.engine import rtc
 from pnfarm.table.channel import DISCARD_INVALID, FRAMING_RTC
 from pnfarm.table.compiled import compiled
 
-__all__ = ["advance", "fits", "locate", "provider_ran", "provider_runs", "refused", "seal", "start", "take"]
+__all__ = ["advance", "elapsed", "fits", "locate", "provider_ran", "provider_runs", "refused", "seal", "start", "take"]
 
 #: How a received frame is found, before its row is known.
 locate = rtc.locate
@@ -42,6 +42,12 @@ def provider_runs(consumer: Any, frame: Any, length: int) -> bool:
 def provider_ran(consumer: Any) -> bool:
     """Whether the sender of the frame that was taken last was in RUN."""
     return consumer.framing == FRAMING_RTC and rtc.provider_ran(consumer) != 0
+
+
+@compiled
+def elapsed(consumer: Any, frame: Any, length: int) -> int:
+    """Time by the sender's count of cycles since the frame that was taken last, ns; 0 where it has none."""
+    return rtc.elapsed(consumer, frame, length) if consumer.framing == FRAMING_RTC else 0
 
 
 @compiled

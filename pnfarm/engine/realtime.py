@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from pnfarm.engine.columns import RX_BATCH, Columns
+from pnfarm.engine.lateness import LATE_NS, note_late
 from pnfarm.engine.libc import CLOCK_MONOTONIC, TIMER_ABSTIME, clock_nanosleep, time_ns, write
 from pnfarm.engine.rings import Ring, make_ring, receive_batch, send_batch
 from pnfarm.engine.tick import next_due, receive, tick
@@ -41,12 +42,14 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
     told = engine.event_head
     now = time_ns(CLOCK_MONOTONIC, ring.clock)
     due = next_due(columns, now)
+    engine.due_ns = due
     while engine.stop == 0 and (until == 0 or now < until):
         if due > now:
             sleep_until[0] = due // 1_000_000_000
             sleep_until[1] = due % 1_000_000_000
             clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, sleep_until.ctypes.data, 0)
         now = time_ns(CLOCK_MONOTONIC, ring.clock)
+        engine.due_ns = max(now, due)
         late = max(0, now - due)
         bucket = 0
         while bucket < LATENESS_BUCKETS - 1 and late > _EDGES[bucket]:
@@ -56,6 +59,9 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
         engine.lateness_max_ns = max(engine.lateness_max_ns, late)
         batches = 0
         count = receive_batch(columns, ring, now)
+        waited = now - columns.rx_ns[0] if count else 0
+        if late > LATE_NS or waited > engine.tick_ns + LATE_NS:
+            note_late(engine, columns.late, due, now, waited)
         while count == RX_BATCH and batches < MAX_BATCHES:
             receive(columns, count)
             count = receive_batch(columns, ring, now)
@@ -66,9 +72,11 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
             engine.wakes += 1
             write(wake, one.ctypes.data, 8)
         due = next_due(columns, now)
+        engine.due_ns = due
         after = time_ns(CLOCK_MONOTONIC, ring.clock)
         engine.busy_ns += after - now
         now = after
+    engine.due_ns = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +203,8 @@ class RealTimeEngine:
         self._one = np.ones(1, np.uint64)
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
+        #: The kernel's number of the engine's thread, 0 before it runs.
+        self.thread_id = 0
         self._ready = threading.Event()
 
     @property
@@ -220,6 +230,7 @@ class RealTimeEngine:
         run_loop(self.columns, self._ring, self.wake_fd, self._one, 1)
 
     def _run(self) -> None:
+        self.thread_id = threading.get_native_id()
         try:
             _apply(self.settings, self.report)
             self._ready.set()

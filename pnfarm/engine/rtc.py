@@ -26,7 +26,9 @@ from pnfarm.table.compiled import compiled
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
-__all__ = ["TRAILER", "advance", "fits", "locate", "provider_ran", "provider_runs", "refused", "seal", "start", "take"]
+__all__ = [
+    "TRAILER", "advance", "elapsed", "fits", "locate", "provider_ran", "provider_runs", "refused", "seal", "start", "take",
+]  # fmt: skip
 
 #: Octets before the frame id of an untagged frame, and of a VLAN tag.
 HEADER = 14
@@ -82,6 +84,12 @@ def provider_runs(frame: Any, length: int) -> int:
 def provider_ran(consumer: Any) -> int:
     """The same for the frame that was taken last."""
     return int(consumer.data_status) & STATUS_RUN
+
+
+@compiled
+def elapsed(consumer: Any, frame: Any, length: int) -> int:
+    """Time by the sender's cycle counter since the frame that was taken last, ns; it wraps after 2.048 s."""
+    return ((_counter(frame, length - TRAILER) - int(consumer.counter)) & 0xFFFF) * SEND_CLOCK_NS
 
 
 @compiled

@@ -228,6 +228,13 @@ class ChannelTable:
         row.expirations = 0
         row.intervals[:] = 0
         row.interval_sum_ns = 0
+        row.jitters[:] = 0
+        row.jitter_sum_ns = 0
+        row.missed = 0
+        row.impaired = 0
+        row.late = 0
+        row.late_own = 0
+        row.late_at_ns = 0
         row.active = 1
         lookup_rebuild(self.columns)
         return number

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from pnfarm.engine import framing
 from pnfarm.engine.columns import Columns, lookup_find
 from pnfarm.engine.impair import impair_received, impair_sent
+from pnfarm.engine.intervals import measure_interval
+from pnfarm.engine.observe import fault_began, fault_ended, observe
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.drive_clock import drive_time
@@ -28,8 +28,6 @@ from pnfarm.table.channel import (
     DISCARD_SOURCE,
     FRUN,
     IDLE,
-    INTERVAL_BUCKETS,
-    INTERVAL_EDGES_NS,
     IOXS_BAD,
     IOXS_GOOD,
     RUN,
@@ -55,8 +53,6 @@ from pnfarm.table.signals import PART_HIGH, PART_LOW, WORD_NONE
 
 __all__ = ["next_due", "receive", "run_firmware", "tick", "transmit"]
 
-#: An array, because indexing a tuple in compiled code copies it.
-_EDGES = np.array(INTERVAL_EDGES_NS, np.int64)
 #: Its machine code is one for all loops that tick.
 _step = by_address(step, AXIS, IMAGE)
 
@@ -121,6 +117,7 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
         return
     if consumer.impairment > 0 and impair_received(impairments, consumer.impairment, arrival):
         consumer.discarded[DISCARD_IMPAIRED] += 1
+        consumer.impaired += 1
         return
     why = framing.refused(consumer, frame, length)
     if why >= 0:
@@ -137,12 +134,7 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
         consumer.state = RUN
         emit(engine, events, FIRST_FRAME, number, arrival, consumer.generation)
     else:
-        interval = arrival - consumer.last_ns
-        consumer.interval_sum_ns += interval
-        bucket = 0
-        while bucket < INTERVAL_BUCKETS - 1 and interval > _EDGES[bucket]:
-            bucket += 1
-        consumer.intervals[bucket] += 1
+        measure_interval(engine, consumer, arrival, framing.elapsed(consumer, frame, length))
     runs = framing.provider_runs(consumer, frame, length)
     if first or runs != framing.provider_ran(consumer):
         emit(engine, events, PROVIDER_CHANGED, number, arrival, 1 if runs else 0)
@@ -150,6 +142,7 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
         emit(engine, events, IOPS_CHANGED, number, arrival, 1 if iops == IOXS_GOOD else 0)
     framing.take(consumer, frame, length)
     consumer.iops = iops
+    consumer.impaired = 0
     consumer.last_ns = arrival
     consumer.received += 1
     if consumer.feeds == 0:
@@ -287,13 +280,16 @@ def run_firmware(columns: Columns, now: int) -> None:
             emit(engine, events, STATE_CHANGED, number, now, (int(state) << 8) | int(axis.drive.state))
         if axis.faults.ends != fault_ends and faults:
             emit(engine, events, FAULTS_CLEARED, number, now, own - fault_ns)
+            fault_ended(columns.observed[number])
             faults = 0
         for i in range(faults, _faults(axis.faults)):
             emit(engine, events, FAULT_RAISED, number, now, int(axis.faults.code[i]) & NUMBER_MASK)
+            fault_began(columns.observed[number], now)
         if axis.faults.reacted and not reacted and axis.faults.since_ns != 0:
             emit(engine, events, FAULT_REACTED, number, now, own - axis.faults.since_ns)
         if axis.warnings.code != warning:
             emit(engine, events, WARNING_CHANGED, number, now, int(axis.warnings.code))
+        observe(engine, events, columns.observed[number], axis, columns.image[number], number, now)
     for number in range(engine.program_rows):
         program = columns.program[number]
         if program.active == 0:

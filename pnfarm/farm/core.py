@@ -16,6 +16,7 @@ from pnfarm.config.machine import apply_machine
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.columns import Columns, allocate
 from pnfarm.engine.impairments import ImpairmentTable
+from pnfarm.engine.lateness import LatenessRecord
 from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.events import EngineEventsLost
@@ -113,6 +114,9 @@ class FarmCore:
         self.columns.image.lost[:] = LOST_NEVER
         self.impairments = ImpairmentTable(self.columns)
         self.channels = ChannelTable(self.columns)
+        #: How late the farm itself was.
+        self.lateness = LatenessRecord(self.columns)
+        services = DeviceServices(self.channels, self.impairments, self.lateness, seed, lldp)
         self.stations: list[Station] = []
         self._by_port: dict[int, Station] = {}
         self._by_name: dict[str, Station] = {}
@@ -129,7 +133,7 @@ class FarmCore:
             axis.step_ns = 4_000_000
             image.port = port.index
             image.mac = int.from_bytes(port.mac, "big")
-            make = partial(bus(model.bus).device, services=DeviceServices(self.channels, self.impairments, seed, lldp))
+            make = partial(bus(model.bus).device, services=services)
             handle = AxisHandle(axis, image)
             station = Station(config, model, index, port, handle, make, memory=memory, log=log, flaws=flaws)
             axis.powered = 1

@@ -217,7 +217,9 @@ class Farm:
             )
             for action in self.on_start:
                 action(self._core)
-            self._driver = RealTimeDriver(self._core, realtime_settings(self.config, len(self.drives)))
+            self._driver = RealTimeDriver(
+                self._core, realtime_settings(self.config, len(self.drives)), lateness=self._core.lateness
+            )
             now = time.monotonic_ns()
             add_impairments(self._core.injections, self.drives, now)
             self._core.start(now)

@@ -9,13 +9,16 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import threading
 import time
 from typing import TYPE_CHECKING
 
 from pnfarm.engine.columns import RX_BATCH
+from pnfarm.engine.lateness import note_late
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 from pnfarm.engine.tick import next_due, tick
 from pnfarm.errors import InternalError
+from pnfarm.farm.lateness import StolenTime
 from pnfarm.links.base import EngineLink, unwrap
 from pnfarm.links.linux import PacketLink
 from pnfarm.links.tap import TapLink
@@ -24,26 +27,38 @@ if TYPE_CHECKING:
     import socket
     from collections.abc import Callable
 
+    from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.farm.core import Node
 
 __all__ = ["RealTimeDriver"]
 
 #: How often the driver checks that the engine's thread still runs.
 CHECK_SECONDS = 0.5
+#: How often the delay of the event loop and stolen time are read.
+HEARTBEAT_NS = 100_000_000
+#: Later ticks in the event loop are recorded; its timers are no more exact than a millisecond.
+LOOP_LATE_NS = 2_000_000
 
 
 class RealTimeDriver:
-    """Runs one node until :meth:`close`.  Exceptions of callbacks are raised by :meth:`wait`."""
+    """Runs one node until :meth:`close`.  Exceptions of callbacks are raised by :meth:`wait`.
 
-    def __init__(self, node: Node, settings: RealTimeSettings | None = None) -> None:
+    ``lateness`` is told how late the event loop is, and what time was stolen.
+    """
+
+    def __init__(
+        self, node: Node, settings: RealTimeSettings | None = None, *, lateness: LatenessRecord | None = None
+    ) -> None:
         self.node = node
         self.settings = settings or RealTimeSettings()
+        self._lateness = lateness
         self.engine: RealTimeEngine | None = None
         self._socket: socket.socket | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._timer_due: int | None = None
         self._failed: asyncio.Future[None] | None = None
         self._in_loop: _LoopEngine | None = None
+        self._heartbeat: _Heartbeat | None = None
 
     async def start(self) -> None:
         """Start the engine and receive frames.  The node's link is already open."""
@@ -61,6 +76,10 @@ class RealTimeDriver:
         else:
             raise InternalError(f"a {link.kind} link has no real time of its own")
         self.node.link.set_receiver(self._received)
+        if self._lateness is not None:
+            thread = self.engine.thread_id if self.engine else threading.get_native_id()
+            self._heartbeat = _Heartbeat(self._lateness, thread)
+            self._heartbeat.start()
         self._guard(self._service)
         self._check(loop)
 
@@ -76,6 +95,9 @@ class RealTimeDriver:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+        if self._heartbeat is not None:
+            self._heartbeat.stop()
+            self._heartbeat = None
         if self._in_loop is not None:
             self._in_loop.stop()
         if self.engine is not None:
@@ -128,6 +150,8 @@ class RealTimeDriver:
             self._timer = asyncio.get_running_loop().call_later(delay, self._timed)
 
     def _timed(self) -> None:
+        if self._heartbeat is not None and self._timer_due is not None:
+            self._heartbeat.late(self._timer_due)
         self._timer = None
         self._timer_due = None
         self._guard(self._service)
@@ -142,6 +166,43 @@ class RealTimeDriver:
             loop.call_later(CHECK_SECONDS, self._check, loop)
 
 
+class _Heartbeat:
+    """Reads at intervals, and when asked, how late the event loop is and how much time was stolen from the engine."""
+
+    def __init__(self, record: LatenessRecord, thread: int) -> None:
+        self._record = record
+        self._stolen = StolenTime(thread)
+        self._due = 0
+        self._handle: asyncio.TimerHandle | None = None
+
+    def start(self) -> None:
+        self._record.sample = self._sample
+        self._sample()
+        self._arm()
+
+    def stop(self) -> None:
+        self._record.sample = None
+        if self._handle is not None:
+            self._handle.cancel()
+
+    def late(self, due: int) -> None:
+        """Something of the event loop that was due at ``due`` is being done now."""
+        now = time.monotonic_ns()
+        self._record.loop_late(now, now - due)
+
+    def _sample(self) -> None:
+        self._record.stolen(time.monotonic_ns(), self._stolen.total_ns())
+
+    def _arm(self) -> None:
+        self._due = time.monotonic_ns() + HEARTBEAT_NS
+        self._handle = asyncio.get_running_loop().call_later(HEARTBEAT_NS / 1e9, self._beat)
+
+    def _beat(self) -> None:
+        self.late(self._due)
+        self._sample()
+        self._arm()
+
+
 class _LoopEngine:
     """Ticks in the event loop, for links without a packet socket: as exact as asyncio's timers."""
 
@@ -152,6 +213,7 @@ class _LoopEngine:
         self._waiting = 0
         self._head = 0
         self._handle: asyncio.TimerHandle | None = None
+        self._due = 0
 
     def start(self) -> None:
         self._link.set_cyclic_receiver(self._received)
@@ -184,10 +246,13 @@ class _LoopEngine:
 
     def _tick(self) -> None:
         now = time.monotonic_ns()
-        self._advance(now)
         engine = self._node.columns.engine[0]
+        if self._due and now - self._due > LOOP_LATE_NS:
+            note_late(engine, self._node.columns.late, self._due, now, 0)
+        self._advance(now)
         if int(engine.event_head) != self._head:
             self._head = int(engine.event_head)
             self._node.service(now)
-        delay = max(0.0, (next_due(self._node.columns, now) - time.monotonic_ns()) / 1e9)
+        self._due = int(next_due(self._node.columns, now))
+        delay = max(0.0, (self._due - time.monotonic_ns()) / 1e9)
         self._handle = asyncio.get_running_loop().call_later(delay, lambda: self._guard(self._tick))

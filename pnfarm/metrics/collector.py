@@ -136,7 +136,10 @@ class FarmCollector(Collector):
         self._ar_cycle = drive("ar_cycle_seconds", "gauge", "Cycle of the connection's IO data, 0 without one.")
         self._connects = drive("ar_connects_total", "counter", "Connections that reached DATA.")
         self._aborts = Family(
-            "pnfarm_ar_aborts_total", "counter", "Connections that were aborted, by reason.", ("drive", "reason")
+            "pnfarm_ar_aborts_total",
+            "counter",
+            "Connections that were aborted, by reason; cause farm: while the farm itself was late.",
+            ("drive", "reason", "cause"),
         )
         self._received = drive("frames_received_total", "counter", "Valid cyclic frames (RT_CLASS_1) received.")
         self._sent = drive("frames_sent_total", "counter", "Cyclic frames (RT_CLASS_1) sent.")
@@ -149,10 +152,18 @@ class FarmCollector(Collector):
                 if not fault.warning:
                     self._fault_total.add(name, str(fault.number))
             for reason in bus(station.model.bus).usual_losses:
-                self._aborts.add(name, reason)
+                self._aborts.add(name, reason, "controller")
             for slug in DISCARDS:
                 self._discarded.add(name, slug)
-        self._watchdog = drive("watchdog_expirations_total", "counter", "Data hold timer (watchdog) ran out.")
+        self._watchdog = Family(
+            "pnfarm_watchdog_expirations_total",
+            "counter",
+            "Data hold timer (watchdog) ran out; cause farm: while the farm itself was later than its budget.",
+            ("drive", "cause"),
+        )
+        for name in self._names:
+            self._watchdog.add(name, "controller")
+            self._watchdog.add(name, "farm")
         self._interval = self._drive_histogram(
             "controller_frame_interval_seconds",
             "Time between two valid frames of the controller: how regular it is.",
@@ -246,20 +257,26 @@ class FarmCollector(Collector):
         states: list[float] = []
         cycles: list[float] = []
         aborts: Counts = {}
+        watchdog: list[float] = []
         for station in stations:
             connection = station.device.connection()
             known = connection is not None and station.powered
             numbers = self._states[station.model.bus]
             states.append(numbers.get(connection.state, 0) if connection is not None and known else 0)
             cycles.append(connection.cycle_ns / 1e9 if connection is not None and connection.cyclic else 0)
+            own = station.device.losses_by_farm()
             for reason, count in station.device.losses().items():
-                aborts[station.configured_name, reason] = count
+                aborts[station.configured_name, reason, "controller"] = count - own.get(reason, 0)
+            for reason, count in own.items():
+                aborts[station.configured_name, reason, "farm"] = count
+            expired, own_expired = station.device.watchdog_expirations, station.device.watchdog_expirations_by_farm
+            watchdog += (expired - own_expired, own_expired)
         return [
             (self._ar_state, states),
             (self._ar_cycle, cycles),
             (self._connects, [station.device.connects for station in stations]),
             (self._aborts, self._labelled(self._aborts, aborts)),
-            (self._watchdog, [station.device.watchdog_expirations for station in stations]),
+            (self._watchdog, watchdog),
         ]
 
     def _channels(self, stations: Sequence[Station]) -> list[tuple[Family, Values]]:

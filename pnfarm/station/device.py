@@ -44,8 +44,13 @@ class ChannelCounts(Protocol):
     suppressed: int
     received: int
     interval_sum_ns: int
+    jitter_sum_ns: int
+    missed: int
+    late: int
+    late_own: int
     discarded: Any
     intervals: Any
+    jitters: Any
 
 
 class Device(Protocol):
@@ -139,6 +144,11 @@ class Device(Protocol):
         ...
 
     @property
+    def watchdog_expirations_by_farm(self) -> int:
+        """Those of them that the farm's own lateness caused."""
+        ...
+
+    @property
     def connected(self) -> bool:
         """Whether some connection exchanges cyclic data."""
         ...
@@ -149,6 +159,10 @@ class Device(Protocol):
 
     def losses(self) -> Mapping[str, int]:
         """Connections that ended without a release, by a slug for the reason."""
+        ...
+
+    def losses_by_farm(self) -> Mapping[str, int]:
+        """Those of them that the farm's own lateness caused."""
         ...
 
     def losses_in_words(self) -> Mapping[str, int]:

@@ -8,8 +8,11 @@ in that bus's room, as subclasses of what they are on any bus: an AR that was es
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Literal
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+if TYPE_CHECKING:
+    from pnfarm.station.lateness import Lateness
 
 __all__ = [
     "Booted",
@@ -63,7 +66,7 @@ class Event:
 
     def details(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+        return {one.name: getattr(self, one.name) for one in fields(self)}
 
 
 # -- power -------------------------------------------------------------------------------------------------------------
@@ -121,10 +124,15 @@ class ConnectionEstablished(Event):
 
 @dataclass(frozen=True, slots=True)
 class ConnectionLost(Event):
-    """A connection ended without being released."""
+    """A connection ended without being released; ``lateness`` is the farm's own before it."""
 
     TEXT = "connection lost"
     LEVEL = "warning"
+    lateness: Lateness | None = field(default=None, kw_only=True)
+
+    def details(self) -> dict[str, Any]:
+        values = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "lateness"}
+        return values if self.lateness is None else {**values, **self.lateness.as_dict()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,14 +144,16 @@ class ConnectionReleased(Event):
 
 @dataclass(frozen=True, slots=True)
 class WatchdogExpired(Event):
-    """No valid data came from the controller for too long."""
+    """No valid data came from the controller for too long; ``lateness`` is the farm's own in that time."""
 
     TEXT = "watchdog expired"
     LEVEL = "warning"
     silent_ns: int
+    lateness: Lateness | None = None
 
     def details(self) -> dict[str, Any]:
-        return {"silent_seconds": seconds(self.silent_ns)}
+        own = {} if self.lateness is None else self.lateness.as_dict()
+        return {"silent_seconds": seconds(self.silent_ns), **own}
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pnfarm.table.layout import Field, Layout
 
-__all__ = ["CPM", "DISCARDS", "FRAME_SLOT", "INTERVAL_BUCKETS", "INTERVAL_EDGES_NS", "MAX_IOPS", "MAX_WORDS", "PPM"]
+__all__ = ["CPM", "DISCARDS", "FRAME_SLOT", "INTERVAL_BUCKETS", "INTERVAL_EDGES_NS", "JITTER_BUCKETS", "JITTER_EDGES_NS", "MAX_IOPS", "MAX_WORDS", "PPM"]
 
 #: Octets of one frame's buffer: an Ethernet frame with VLAN tag, rounded up.
 FRAME_SLOT = 1536
@@ -33,6 +33,13 @@ INTERVAL_EDGES_NS = (
     48_000_000, 64_000_000, 96_000_000, 128_000_000, 256_000_000, 512_000_000, 1_024_000_000,
 )  # fmt: skip
 INTERVAL_BUCKETS = len(INTERVAL_EDGES_NS) + 1
+
+#: Upper bounds of the jitter histogram, nanoseconds; a last bucket takes the rest.
+JITTER_EDGES_NS = (
+    1_000, 5_000, 10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000, 2_000_000, 4_000_000, 8_000_000,
+    16_000_000,
+)  # fmt: skip
+JITTER_BUCKETS = len(JITTER_EDGES_NS) + 1
 
 # Header and trailer of the data of a frame (``framing``; :mod:`pnfarm.engine.framing`).
 FRAMING_RTC = 0  # frame id before the data, cycle counter and data status after it
@@ -144,5 +151,16 @@ CPM = Layout(
             "intervals", "i8", "frames", "receive", "histogram of the time between valid frames", (INTERVAL_BUCKETS,)
         ),
         Field("interval_sum_ns", "i8", "ns", "receive", "sum of all intervals"),
+        Field(
+            "jitters", "i8", "frames", "receive", "histogram of the intervals' deviation from the cycle", (JITTER_BUCKETS,)
+        ),
+        Field("jitter_sum_ns", "i8", "ns", "receive", "sum of all deviations"),
+        Field("missed", "i8", "frames", "receive", "frames that the controller left out, by its cycle counter"),
+        Field("impaired", "u4", "frames", "receive", "frames that an impairment dropped since the last valid one"),
+        Field("late", "i8", "frames", "receive", "frames that came more than half a cycle late"),
+        Field("late_own", "i8", "frames", "receive", "those of them before which the engine itself was as late"),
+        Field("late_at_ns", "i8", "ns", "receive", "when the newest late frame came, 0 = none"),
+        Field("late_by_ns", "i8", "ns", "receive", "how late it was"),
+        Field("late_engine_ns", "i8", "ns", "receive", "how late the engine had been"),
     ],
 )

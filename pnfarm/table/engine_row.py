@@ -24,6 +24,7 @@ FAULT_REACTED = 8  # axis row; ns from the fault to the withdrawal of the enable
 PHASE_CHANGED = 9  # program row; old << 8 | new
 WARNING_CHANGED = 10  # axis row; warning number, 0 = none
 PARAMETER_TASK = 11  # axis row; the eight octets of the parameter channel, most significant first
+CONTROL_BIT_CHANGED = 12  # axis row; bit of STW1 << 56 | its new value << 55 | ns since the fault
 
 #: Upper bounds of the lateness histogram, nanoseconds; a last bucket takes the rest.
 LATENESS_EDGES_NS = (
@@ -50,6 +51,10 @@ ENGINE = Layout(
         Field("lateness_sum_ns", "i8", "ns", "engine", "sum of all lateness"),
         Field("lateness_max_ns", "i8", "ns", "engine", "largest lateness"),
         Field("busy_ns", "i8", "ns", "engine", "time spent in ticks"),
+        Field("due_ns", "i8", "ns", "engine", "when the next tick is due, or the present one began; 0 = no real time"),
+        Field("late_head", "i8", "", "engine", "rows of the ring of late times written so far"),
+        Field("late_until_ns", "i8", "ns", "engine", "end of the newest late time"),
+        Field("late_for_ns", "i8", "ns", "engine", "lateness of the newest late tick"),
         Field("received", "i8", "frames", "engine", "cyclic frames taken from the link"),
         Field("unknown", "i8", "frames", "engine", "frames that belong to no channel"),
         Field("malformed", "i8", "frames", "engine", "frames too short, too long or of another type"),

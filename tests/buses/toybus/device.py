@@ -41,7 +41,7 @@ class ToyDevice:
         self.station = station
         self.name = station.configured_name
         self.connects = 0
-        self.watchdog_expirations = 0
+        self.watchdog_expirations = self.watchdog_expirations_by_farm = 0
         self.closed = ClosedChannels()
         self.channel_rows = ((), ())
         self.muted = 0
@@ -153,6 +153,9 @@ class ToyDevice:
 
     def losses(self) -> dict[str, int]:
         return {"silence": self._losses} if self._losses else {}
+
+    def losses_by_farm(self) -> dict[str, int]:
+        return {}
 
     def losses_in_words(self) -> dict[str, int]:
         return {"the controller fell silent": self._losses} if self._losses else {}

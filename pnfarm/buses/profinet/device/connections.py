@@ -29,12 +29,15 @@ from pnfarm.protocols.profinet.events import (
     SubmodulesChanged,
 )
 from pnfarm.station.events import WatchdogExpired
+from pnfarm.station.lateness import Lateness, budget_ns
 from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pnfarm.buses.profinet.device.channels import ArChannels
     from pnfarm.buses.profinet.device.parts import DeviceParts
+    from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.protocols.profinet.events import CmEvent
 
 __all__ = ["SLOWEST_STEP_NS", "StationConnections"]
@@ -50,15 +53,26 @@ def _step_ns(cycle_ns: int) -> int:
     return min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, cycle_ns // 4), cycle_ns * 3 // 4)
 
 
+def _budget(ar: ArChannels) -> int:
+    """How late the farm may be on this connection, ns."""
+    return budget_ns(ar.cycle_ns, ar.watchdog_ns)
+
+
 class StationConnections:
     """See the module's docstring.  The counters survive a power cycle."""
 
-    def __init__(self, station: DeviceParts) -> None:
+    def __init__(self, station: DeviceParts, lateness: LatenessRecord) -> None:
         self._station = station
+        self._lateness = lateness
         self.connects = 0
         #: Number of aborted ARs by ErrorCode1 and ErrorCode2 of the ERR-RTA.
         self.aborts: Counter[tuple[int, int]] = Counter()
         self.watchdog_expirations = 0
+        #: Those of both that the farm's own lateness caused.
+        self.aborts_by_farm: Counter[tuple[int, int]] = Counter()
+        self.watchdog_expirations_by_farm = 0
+        #: The farm's lateness when a watchdog expired, until its AR has ended, by the AR's key.
+        self._expired: dict[int, Lateness] = {}
         #: For injections on the connection: how to hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
         #: Called with (event, now) for each event of context management, after the station has handled it.
@@ -79,6 +93,7 @@ class StationConnections:
     def forget(self) -> None:
         """The supply is off: forget what was held back."""
         self._ready_due.clear()
+        self._expired.clear()
 
     # -- events of context management --------------------------------------------------------------------------------
 
@@ -109,9 +124,12 @@ class StationConnections:
                     self.connects += 1
                     self._station.note(now, happened.ArEstablished(ar.initiator, ar.cycle_ns))
             case ArAborted(key, code1, code2, reason, by_peer):
+                own = self._lateness_of_loss(key, now)
                 self._lost(key)
                 self.aborts[code1, code2] += 1
-                self._station.note(now, happened.ArAborted(reason, code1, code2, by_peer))
+                if own is not None and own.late:
+                    self.aborts_by_farm[code1, code2] += 1
+                self._station.note(now, happened.ArAborted(reason, code1, code2, by_peer, lateness=own))
             case ArReleased(key):
                 self.close(key)
                 self._station.note(now, happened.ArReleased())
@@ -202,6 +220,19 @@ class StationConnections:
         if not self._station.channels.any_cyclic:
             self._station.handle.axis.step_ns = SLOWEST_STEP_NS
 
+    def _lateness_of_loss(self, key: int, now: int) -> Lateness | None:
+        """The farm's lateness before this AR ended; None for an AR without IO data.
+
+        The controller's watchdog may have expired by frames that the farm did not send, and its notice may have waited.
+        """
+        if (told := self._expired.pop(key, None)) is not None:
+            return told
+        ar = self._station.ars.get(key)
+        if ar is None:
+            return None
+        budget = _budget(ar)
+        return self._lateness.between(now - ar.watchdog_ns - 2 * budget, now, budget, by_loop=True)
+
     def _lost(self, key: int) -> None:
         """An established connection ended without a release: raise the drive's own fault unless it is active."""
         ar = self._station.ars.get(key)
@@ -226,6 +257,11 @@ class StationConnections:
         """The data hold timer of this consumer ran out, at ``when`` if that is not now."""
         key = self._station.channels.of_consumer(row)
         if key is not None:
+            at = now if when is None else when
+            budget = _budget(self._station.ars[key])
+            own = self._lateness.between(at - silent_ns, at, budget, loop_ns=now - at)
+            self._expired[key] = own
             self.watchdog_expirations += 1
-            self._station.note(now if when is None else when, WatchdogExpired(silent_ns))
+            self.watchdog_expirations_by_farm += own.late
+            self._station.note(at, WatchdogExpired(silent_ns, own))
             self._station.cm.watchdog_expired(key, now)

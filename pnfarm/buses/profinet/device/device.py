@@ -92,7 +92,7 @@ class ProfinetDevice:
         rows = channel_rows(self.model.limits.io_controllers)
         drift = station.flaws.drift
         self.channels = StationChannels(self.index, self.port, services.channels, services.impairments, rows, drift)
-        self.connections = StationConnections(self)
+        self.connections = StationConnections(self, services.lateness)
         self.budget = ConnectBudget()
         self._pump = DevicePump(self)
         self._built = False
@@ -240,6 +240,11 @@ class ProfinetDevice:
     def watchdog_expirations(self) -> int:
         """Number of expired data hold timers."""
         return self.connections.watchdog_expirations
+
+    @property
+    def watchdog_expirations_by_farm(self) -> int:
+        """See :class:`pnfarm.station.device.Device`."""
+        return self.connections.watchdog_expirations_by_farm
 
     @property
     def powered(self) -> bool:
@@ -408,7 +413,11 @@ class ProfinetDevice:
 
     def losses(self) -> Mapping[str, int]:
         """See :class:`pnfarm.station.device.Device`."""
-        return losses_of(self)
+        return losses_of(self.connections.aborts)
+
+    def losses_by_farm(self) -> Mapping[str, int]:
+        """See :class:`pnfarm.station.device.Device`."""
+        return losses_of(self.connections.aborts_by_farm)
 
     def losses_in_words(self) -> Mapping[str, int]:
         """See :class:`pnfarm.station.device.Device`."""

@@ -11,6 +11,8 @@ from pnfarm.station.device import ConnectionView
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pnfarm.buses.profinet.device.channels import ArChannels
     from pnfarm.buses.profinet.device.parts import DeviceParts
 
@@ -57,9 +59,9 @@ def connection_of(station: DeviceParts) -> ConnectionView | None:
     )
 
 
-def losses_of(station: DeviceParts) -> Counter[str]:
+def losses_of(aborts: Mapping[tuple[int, int], int]) -> Counter[str]:
     """Aborted ARs by the ERR-RTA's codes."""
-    return Counter({abort_label(*codes): count for codes, count in station.aborts.items()})
+    return Counter({abort_label(*codes): count for codes, count in aborts.items()})
 
 
 def losses_in_words(station: DeviceParts) -> dict[str, int]:

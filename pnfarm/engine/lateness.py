@@ -1,0 +1,116 @@
+"""The record of the farm's own lateness: the engine's from the table, the event loop's and stolen time as told.
+
+Nobody tells anything in virtual time, and only the loops of real time write the ring: there the farm is never late.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.station.lateness import Lateness
+from pnfarm.table.compiled import compiled
+from pnfarm.table.late import LATE_ROWS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.engine.columns import Columns
+
+__all__ = ["LATE_NS", "LatenessRecord", "note_late"]
+
+#: Ticks that are less late than this are not recorded: below each budget, and above what a healthy machine has.
+LATE_NS = 200_000
+#: A late tick this soon after another shares its row, unless the row is this long already.
+JOINED_NS = 2_000_000
+LONGEST_NS = 10_000_000
+#: Kept delays of the event loop, and samples of stolen time.
+LOOP_ENTRIES = 1024
+SAMPLES = 4096
+
+
+@compiled
+def note_late(engine: Any, rows: Any, due: int, now: int, waited: int) -> None:
+    """A tick that was due at ``due`` began at ``now``; its oldest frame had waited for ``waited`` ns."""
+    late = max(0, now - due)
+    begin = min(due, now)
+    head = engine.late_head
+    row = rows[(head - 1) % LATE_ROWS]
+    if head > 0 and begin - row.end_ns < JOINED_NS and now - row.begin_ns < LONGEST_NS:
+        row.end_ns = now
+        row.late_ns += late
+        row.waited_ns = max(row.waited_ns, waited)
+    else:
+        row = rows[head % LATE_ROWS]
+        row.begin_ns = begin
+        row.end_ns = now
+        row.late_ns = late
+        row.waited_ns = waited
+        # last: who reads the ring beside the engine sees whole rows
+        engine.late_head = head + 1
+    engine.late_until_ns = now
+    engine.late_for_ns = late
+
+
+class LatenessRecord:
+    """See the module's docstring.  ``sample`` is called before stolen time is read, to bring it up to date."""
+
+    def __init__(self, columns: Columns) -> None:
+        self._columns = columns
+        self._loop: deque[tuple[int, int]] = deque(maxlen=LOOP_ENTRIES)
+        self._stolen: deque[tuple[int, int]] = deque(maxlen=SAMPLES)
+        self.sample: Callable[[], None] | None = None
+
+    def loop_late(self, now: int, late_ns: int) -> None:
+        """The event loop did at ``now`` what had been due ``late_ns`` before."""
+        if late_ns > LATE_NS:
+            self._loop.append((now, late_ns))
+
+    def stolen(self, now: int, total_ns: int) -> None:
+        """Stolen time so far, as read at ``now``."""
+        self._stolen.append((now, total_ns))
+
+    def between(self, begin: int, end: int, budget_ns: int, *, by_loop: bool = False, loop_ns: int = 0) -> Lateness:
+        """How late the farm was from ``begin`` to ``end``; ``loop_ns`` is a delay of the event loop known besides."""
+        if self.sample is not None:
+            self.sample()
+        engine_ns, receive_ns = self._engine(begin, end)
+        loop = max((min(late, end - (now - late)) for now, late in self._loop if _overlap(now - late, now, begin, end)),
+                   default=0)  # fmt: skip
+        stolen = self._stolen_between(begin, end)
+        return Lateness(budget_ns, engine_ns, receive_ns, max(loop, loop_ns, 0), stolen, by_loop)
+
+    def _engine(self, begin: int, end: int) -> tuple[int, int]:
+        """Lateness of ticks, and the longest wait of a frame beyond a tick."""
+        engine = self._columns.engine[0]
+        total = waited = 0
+        due, head = int(engine.due_ns), int(engine.late_head)
+        counted = 0
+        for place in range(head - 1, max(-1, head - 1 - LATE_ROWS), -1):
+            row = self._columns.late[place % LATE_ROWS]
+            first, last = int(row.begin_ns), int(row.end_ns)
+            if last < begin:
+                break
+            counted = max(counted, last)
+            if first < end:
+                total += min(int(row.late_ns), min(last, end) - max(first, begin))
+                waited = max(waited, int(row.waited_ns) - int(engine.tick_ns))
+        # a tick that is overdue, or that began and has not ended, stands in no row yet
+        if due and end - max(due, begin, counted) > LATE_NS:
+            total += end - max(due, begin, counted)
+        return total, max(0, waited)
+
+    def _stolen_between(self, begin: int, end: int) -> int:
+        """From the last sample before ``begin`` to the first one after ``end``: at least what was stolen."""
+        first = last = None
+        for when, total in self._stolen:
+            if when <= begin or first is None:
+                first = total
+            last = total
+            if when >= end:
+                break
+        return last - first if first is not None and last is not None else 0
+
+
+def _overlap(first: int, last: int, begin: int, end: int) -> bool:
+    return first < end and last > begin

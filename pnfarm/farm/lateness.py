@@ -1,0 +1,66 @@
+"""Whether the farm itself was late: for verdicts, and the sources of stolen time.
+
+A scenario asks :func:`farm_lateness` about the time of an expectation that failed; if the farm was later than its
+budget then, the verdict is "inconclusive".
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pnfarm.station.lateness import Lateness, budget_ns
+
+if TYPE_CHECKING:
+    from pnfarm.farm.core import FarmCore
+
+__all__ = ["StolenTime", "farm_budget_ns", "farm_lateness"]
+
+#: Budget of a farm without a connection: its drives are stepped at least this often.
+IDLE_BUDGET_NS = 4_000_000
+#: Field of the line ``cpu`` in /proc/stat that counts stolen time (proc(5)).
+STEAL = 8
+
+
+def farm_budget_ns(core: FarmCore, drive: str | None = None) -> int:
+    """How late the farm may be, ns: the smallest budget of the open connections, of ``drive`` or of all.
+
+    Raises :class:`~pnfarm.errors.ConfigError` for an unknown drive.
+    """
+    stations = core.stations if drive is None else [core.station(drive)]
+    views = (station.device.connection() for station in stations)
+    budgets = (budget_ns(view.cycle_ns, view.watchdog_ns) for view in views if view is not None and view.cyclic)
+    return min(budgets, default=IDLE_BUDGET_NS)
+
+
+def farm_lateness(
+    core: FarmCore, begin_ns: int, end_ns: int, *, drive: str | None = None, budget: int | None = None
+) -> Lateness:
+    """How late the farm was between two times of its clock; ``late`` tells whether that is more than its budget.
+
+    ``budget`` in ns replaces :func:`farm_budget_ns`.  The event loop's delay counts, because it delays acyclic frames,
+    faults and readings.  In virtual time the farm is never late.
+    """
+    allowed = farm_budget_ns(core, drive) if budget is None else budget
+    return core.lateness.between(begin_ns, end_ns, allowed, by_loop=True)
+
+
+class StolenTime:
+    """Reads how long a thread was ready to run without a CPU, and how long the host gave the machine none."""
+
+    def __init__(self, thread: int) -> None:
+        self._schedule = Path(f"/proc/self/task/{thread}/schedstat")
+        self._stat = Path("/proc/stat")
+        self._tick_ns = 1_000_000_000 // os.sysconf("SC_CLK_TCK")
+
+    def total_ns(self) -> int:
+        """Both together so far; 0 where the kernel has neither (they are compile-time options)."""
+        waited = stolen = 0
+        with contextlib.suppress(OSError, IndexError, ValueError):
+            waited = int(self._schedule.read_text(encoding="ascii").split()[1])
+        with contextlib.suppress(OSError, IndexError, ValueError):
+            with self._stat.open(encoding="ascii") as lines:
+                stolen = int(lines.readline().split()[STEAL]) * self._tick_ns
+        return waited + stolen
