@@ -37,11 +37,11 @@ PROMISED = {
     "pnfarm_ar_state": {"drive"},
     "pnfarm_ar_cycle_seconds": {"drive"},
     "pnfarm_ar_connects_total": {"drive"},
-    "pnfarm_ar_aborts_total": {"drive", "reason"},
+    "pnfarm_ar_aborts_total": {"drive", "reason", "cause"},
     "pnfarm_frames_received_total": {"drive"},
     "pnfarm_frames_sent_total": {"drive"},
     "pnfarm_frames_discarded_total": {"drive", "reason"},
-    "pnfarm_watchdog_expirations_total": {"drive"},
+    "pnfarm_watchdog_expirations_total": {"drive", "cause"},
     "pnfarm_controller_frame_interval_seconds_bucket": {"drive", "le"},
     "pnfarm_controller_fault_reaction_seconds_bucket": {"drive", "le"},
     "pnfarm_controller_reconnect_seconds_bucket": {"drive", "le"},
@@ -196,8 +196,8 @@ def test_lost_connection_is_counted_by_reason_and_its_reconnect_is_timed():
     back = line.world.now
     samples = read(collector)
     drive = {"drive": "axis-01"}
-    assert of(samples, "pnfarm_watchdog_expirations_total", **drive) == 1
-    assert of(samples, "pnfarm_ar_aborts_total", **drive, reason="consumer-dht-expired") == 1
+    assert of(samples, "pnfarm_watchdog_expirations_total", **drive, cause="controller") == 1
+    assert of(samples, "pnfarm_ar_aborts_total", **drive, reason="consumer-dht-expired", cause="controller") == 1
     assert of(samples, "pnfarm_axis_faults_total", **drive, code="702") == 1
     assert of(samples, "pnfarm_frames_discarded_total", **drive, reason="wrong-source") >= 3
     assert of(samples, "pnfarm_ar_connects_total", **drive) == 2

@@ -27,7 +27,8 @@ from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 __all__ = [
-    "TRAILER", "advance", "elapsed", "fits", "locate", "provider_ran", "provider_runs", "refused", "seal", "start", "take",
+    "TRAILER", "advance", "elapsed", "fits", "locate", "provider_ran", "provider_runs", "refused", "seal", "start",
+    "take",
 ]  # fmt: skip
 
 #: Octets before the frame id of an untagged frame, and of a VLAN tag.

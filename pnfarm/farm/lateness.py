@@ -60,7 +60,6 @@ class StolenTime:
         waited = stolen = 0
         with contextlib.suppress(OSError, IndexError, ValueError):
             waited = int(self._schedule.read_text(encoding="ascii").split()[1])
-        with contextlib.suppress(OSError, IndexError, ValueError):
-            with self._stat.open(encoding="ascii") as lines:
-                stolen = int(lines.readline().split()[STEAL]) * self._tick_ns
+        with contextlib.suppress(OSError, IndexError, ValueError), self._stat.open(encoding="ascii") as lines:
+            stolen = int(lines.readline().split()[STEAL]) * self._tick_ns
         return waited + stolen

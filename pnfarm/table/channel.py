@@ -8,7 +8,18 @@ from __future__ import annotations
 
 from pnfarm.table.layout import Field, Layout
 
-__all__ = ["CPM", "DISCARDS", "FRAME_SLOT", "INTERVAL_BUCKETS", "INTERVAL_EDGES_NS", "JITTER_BUCKETS", "JITTER_EDGES_NS", "MAX_IOPS", "MAX_WORDS", "PPM"]
+__all__ = [
+    "CPM",
+    "DISCARDS",
+    "FRAME_SLOT",
+    "INTERVAL_BUCKETS",
+    "INTERVAL_EDGES_NS",
+    "JITTER_BUCKETS",
+    "JITTER_EDGES_NS",
+    "MAX_IOPS",
+    "MAX_WORDS",
+    "PPM",
+]
 
 #: Octets of one frame's buffer: an Ethernet frame with VLAN tag, rounded up.
 FRAME_SLOT = 1536
@@ -152,7 +163,12 @@ CPM = Layout(
         ),
         Field("interval_sum_ns", "i8", "ns", "receive", "sum of all intervals"),
         Field(
-            "jitters", "i8", "frames", "receive", "histogram of the intervals' deviation from the cycle", (JITTER_BUCKETS,)
+            "jitters",
+            "i8",
+            "frames",
+            "receive",
+            "histogram of the intervals' deviation from the cycle",
+            (JITTER_BUCKETS,),
         ),
         Field("jitter_sum_ns", "i8", "ns", "receive", "sum of all deviations"),
         Field("missed", "i8", "frames", "receive", "frames that the controller left out, by its cycle counter"),

@@ -128,7 +128,7 @@ def test_metrics_of_both_are_in_one_scrape(mixed):
     assert mixed.metric("pnfarm_axis_velocity_rpm", drive="toy-01") == pytest.approx(600, abs=5)
     mixed.world.run(1.0)
     assert mixed.metric("pnfarm_ar_state", drive="toy-01") == 0
-    assert mixed.metric("pnfarm_ar_aborts_total", drive="toy-01", reason="silence") == 1
+    assert mixed.metric("pnfarm_ar_aborts_total", drive="toy-01", reason="silence", cause="controller") == 1
     assert mixed.metric("pnfarm_axis_faults_total", drive="toy-01", code="7") == 1
     assert mixed.metric("pnfarm_ar_state", drive="axis-01") > 0
 

@@ -7,6 +7,7 @@ from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device.events import ArAborted
 from pnfarm.engine.lateness import LATE_NS, note_late
+from pnfarm.engine.tick import tick
 from pnfarm.farm.lateness import farm_budget_ns, farm_lateness
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.metrics import FarmCollector
@@ -31,10 +32,12 @@ def silence(line: VirtualLine) -> None:
 
 
 def late_tick(line: VirtualLine, late_ns: int) -> None:
-    """The machine stalls: nobody runs, and then the farm's tick is late."""
+    """The machine stalls: nobody runs, and then the next tick is late, first the farm's."""
     line.world.clock.now += late_ns
-    columns = line.farm.columns
-    note_late(columns.engine[0], columns.late, line.world.now - late_ns, line.world.now, 0)
+    columns, now = line.farm.columns, line.world.now
+    note_late(columns.engine[0], columns.late, now - late_ns, now, 0)
+    tick(columns, 0, now)
+    tick(line.plc.columns, 0, now)
 
 
 def happened(line: VirtualLine, kind: type) -> list:
@@ -62,7 +65,6 @@ def test_silent_controller_is_the_cause_of_an_expired_watchdog():
 def test_farm_that_was_late_is_the_cause_of_an_expired_watchdog():
     line = connected()
     collector = FarmCollector(line.farm)
-    silence(line)
     late_tick(line, 100 * MS)
     line.run(0.05)
     (expired,) = happened(line, WatchdogExpired)
@@ -144,8 +146,8 @@ def test_lateness_counts_only_within_the_time_asked_for():
 def test_ticks_late_one_after_the_other_share_rows_and_keep_their_sum():
     line = connected()
     columns, now = line.farm.columns, line.world.now
-    for tick in range(LATE_ROWS * 2):
-        note_late(columns.engine[0], columns.late, now + tick * MS, now + tick * MS + MS // 2, 0)
+    for step in range(LATE_ROWS * 2):
+        note_late(columns.engine[0], columns.late, now + step * MS, now + step * MS + MS // 2, 0)
     assert 0 < columns.engine[0].late_head <= LATE_ROWS
     assert farm_lateness(line.farm, now, now + LATE_ROWS * 2 * MS).engine_ns == LATE_ROWS * MS
 
