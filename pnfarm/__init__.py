@@ -11,12 +11,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.controller.runtime import Plc
     from pnfarm.farm.farm import Farm
 
 __version__ = "0.1.0"
 
-__all__ = ["Farm", "Plc", "__version__"]
+__all__ = ["AxisProgram", "Farm", "Plc", "__version__"]
 
 
 def __getattr__(name: str) -> Any:
@@ -29,4 +30,8 @@ def __getattr__(name: str) -> Any:
         from pnfarm.controller.runtime import Plc  # noqa: PLC0415 - see above
 
         return Plc
+    if name == "AxisProgram":
+        from pnfarm.controller.axis_program import AxisProgram  # noqa: PLC0415 - see above
+
+        return AxisProgram
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -42,8 +42,8 @@ IDLE = AxisProgram(program.IDLE, enable=False, speed_rpm=0.0, period_ns=1_000_00
 def axis_program(section: Program) -> AxisProgram:
     """The farm file's program."""
     return AxisProgram(
-        kind=_KINDS[section.kind],
-        enable=section.enable and section.kind != "idle",
+        kind=_KINDS[section.kind] if section.python is None else program.PYTHON,
+        enable=section.python is not None or (section.enable and section.kind != "idle"),
         speed_rpm=section.speed_rpm,
         period_ns=section.period_ns,
         acknowledge_after_ns=-1 if section.acknowledge_after_ns is None else section.acknowledge_after_ns,

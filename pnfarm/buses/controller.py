@@ -10,11 +10,12 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
+    from pnfarm.drives.signal_view import AxisSignals
     from pnfarm.engine.columns import Columns
     from pnfarm.links.base import Link, Port
     from pnfarm.station.event_log import EventLog
 
-__all__ = ["Controller", "ControllerHost", "ControllerPlan"]
+__all__ = ["Controller", "ControllerHost", "ControllerPlan", "ProgrammableDevice"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,11 +32,36 @@ class ControllerHost:
     lldp: bool = True
 
 
+class ProgrammableDevice(Protocol):
+    """A device of a plan, as a user's program sees it."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def model(self) -> str: ...
+
+    @property
+    def cycle_ns(self) -> int:
+        """Duration of a cycle."""
+        ...
+
+    @property
+    def signals(self) -> AxisSignals | None:
+        """The signals of its telegram, None for a device that no model describes."""
+        ...
+
+    @property
+    def life(self) -> bool:
+        """Whether the drive expects a sign of life."""
+        ...
+
+
 class ControllerPlan(Protocol):
     """What a controller is to do, derived from the farm file; the rest of it is the bus's own."""
 
     @property
-    def devices(self) -> Sequence[Any]:
+    def devices(self) -> Sequence[ProgrammableDevice]:
         """What each drive is to be, in the order of the drives, and then each device that no model describes."""
         ...
 

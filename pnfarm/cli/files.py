@@ -73,12 +73,22 @@ def check_impairments(config: FarmConfig) -> None:
         raise FarmFileError(issues)
 
 
+def check_program(config: FarmConfig) -> None:
+    """Load the file of the controller's own program, if it has one; raises :class:`ConfigError`."""
+    if config.controller is None or config.controller.program.python is None:
+        return
+    from pnfarm.controller.program_file import program_of
+
+    program_of(config)
+
+
 def validate(file: FarmFile) -> None:
     """Check a farm file: report every error with its line, key and allowed values."""
     from pnfarm.terminal.output import print_line
 
     config = read(file)
     check_impairments(config)
+    check_program(config)
     print_line(f"{file}: OK, {summary(config)}")
 
 

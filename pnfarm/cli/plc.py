@@ -146,7 +146,7 @@ async def _run(
                 with anyio.move_on_after(seconds):
                     await _watch(controller, live)
             if opened:
-                rows = controller.core.snapshot()
+                rows = controller.summary()
                 with anyio.CancelScope(shield=True):
                     await controller.release()
         finally:
@@ -225,15 +225,21 @@ def _cells(row: dict[str, Any]) -> Sequence[object]:
         number(row["frames_sent"]),
         number(row["frames_received"]),
         f"0x{row['zsw1']:04X}",
-        "; ".join(row["unusable"]) or row["last_reason"],
+        _reason(row),
     )
+
+
+def _reason(row: dict[str, Any]) -> str:
+    """What stands in the way of a drive: its program's failure, unusable submodules, or the last lost connection."""
+    failure = row["program"]["failure"] if row["program"] else ""
+    return failure or "; ".join(row["unusable"]) or row["last_reason"]
 
 
 def _live_table(controller: Plc, room: int) -> Table:
     """A table of at most ``room`` drives; those that are not running come first."""
     from pnfarm.terminal.output import make_table, number, seconds
 
-    rows = controller.core.snapshot()
+    rows = controller.summary()
     hidden = len(rows) - room
     if hidden > 0:
         rows = sorted(rows, key=lambda row: row["state"] == "DATA" and row["phase"] == "running")[:room]
@@ -246,7 +252,7 @@ def _live_table(controller: Plc, room: int) -> Table:
             row["losses"],
             row["faults"],
             number(row["frames_received"]),
-            "; ".join(row["unusable"]) or row["last_reason"],
+            _reason(row),
         )
         for row in rows
     ]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from pnfarm.config.links import Link
 from pnfarm.config.section import Section
 from pnfarm.config.values import OFF, Duration, Interface, NamePattern
 from pnfarm.table.program import TARGETS
+from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
@@ -17,6 +18,16 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 __all__ = ["ControllerSection", "Program", "Reconnect"]
+
+
+#: Of one call of a program of one's own.
+LEAST_LIMIT_NS, MOST_LIMIT_NS = 1_000_000, 60_000_000_000
+
+
+def _within_limits(value: int) -> int:
+    if not LEAST_LIMIT_NS <= value <= MOST_LIMIT_NS:
+        raise Problem(f"is {format_duration(value)}", "1ms to 60s")
+    return value
 
 
 class Program(Section):
@@ -48,6 +59,25 @@ class Program(Section):
     acknowledge_after_ns: Duration | None = Field(
         default=None, alias="acknowledge_after", description="Acknowledge a fault after this time; left out, never."
     )
+    python: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="A program of your own, a Python file relative to this one (docs/plc-programs.md); instead of `kind`.",
+    )
+    class_name: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None, alias="class", description="Its class; left out where the file has one only."
+    )
+    limit_ns: Annotated[Duration, AfterValidator(_within_limits)] = Field(
+        default=1_000_000_000,
+        alias="limit",
+        description="Longest duration of one call of that program; its axis is stopped behind it.",
+    )
+
+    @property
+    def beside_python(self) -> list[str]:
+        """Keys that were given and that a program of one's own does not have."""
+        own = {"python", "class_name", "limit_ns"}
+        wrong = self.model_fields_set - own if self.python is not None else self.model_fields_set & own
+        return [field.alias or name for name, field in type(self).model_fields.items() if name in wrong]
 
 
 class Reconnect(Section):

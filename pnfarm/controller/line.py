@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.controller import ControllerHost
 from pnfarm.config.ip import IpController
 from pnfarm.controller.plan import plan_controller
+from pnfarm.controller.program_file import program_of
+from pnfarm.controller.program_runner import ProgramRunner, ProgrammedNode
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore
@@ -40,9 +42,13 @@ class VirtualLine:
         self.farm = farm
         self.farm_link = farm_link
         self._plc = plc
+        #: The users' programs of the controller's axes, None where the file has none.
+        self.programs: ProgramRunner | None = None
 
     async def close(self) -> None:
-        """Close the farm's link, and with it a capture."""
+        """End the users' programs, close the farm's link, and with it a capture."""
+        if self.programs is not None:
+            self.programs.close()
         await self.farm.link.close()
 
     @property
@@ -101,9 +107,16 @@ class VirtualLine:
         plc_link = world.link()
         (port,) = await plc_link.open([PortSpec(section.name, mac or b"")])
         bus, plan = plan_controller(config, drives)
-        plc = bus.controller(
-            plan, ControllerHost(plc_link, port, plc_log or EventLog(quiet=True), seed=b"plc", lldp=config.lldp)
-        )
-        world.join(plc, [port])
+        records = plc_log or EventLog(quiet=True)
+        plc = bus.controller(plan, ControllerHost(plc_link, port, records, seed=b"plc", lldp=config.lldp))
+        kind, runner = program_of(config), None
+        if kind is not None:
+            limit = section.program.limit_ns
+            runner = ProgramRunner(
+                plc.columns, plan.devices, kind, records.record, limit_ns=limit, in_real_time=False
+            )
+        world.join(plc if runner is None else ProgrammedNode(plc, runner), [port])
         plc.start(world.now)
-        return cls(config, world, farm, link, plc)
+        line = cls(config, world, farm, link, plc)
+        line.programs = runner
+        return line

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import os
 import time
 from typing import TYPE_CHECKING, Any, Self
@@ -13,6 +15,9 @@ from pnfarm.config.links import MacvlanLink as MacvlanSection
 from pnfarm.config.links import TapLink as TapSection
 from pnfarm.config.links import VethLink as VethSection
 from pnfarm.controller.plan import plan_controller
+from pnfarm.controller.program_file import program_of
+from pnfarm.controller.program_runner import ProgramRunner
+from pnfarm.controller.program_thread import ProgramThread
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
 from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import realtime_settings
@@ -35,10 +40,12 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from pnfarm.buses.controller import Controller
+    from pnfarm.buses.controller import Controller, ProgrammableDevice
+    from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.engine.realtime import RealTimeSettings
     from pnfarm.links.base import Link
+    from pnfarm.station.events import Event
 
 __all__ = ["Plc"]
 
@@ -96,6 +103,8 @@ class Plc:
         self._driver: RealTimeDriver | None = None
         self._held: list[socket.socket] = []
         self._core: Controller | None = None
+        self._runner: ProgramRunner | None = None
+        self._programs: ProgramThread | None = None
 
     @classmethod
     def from_file(cls, path: str | Path, *, interface: str | None = None, **overrides: Any) -> Self:
@@ -121,6 +130,7 @@ class Plc:
     async def open(self) -> None:
         """Take the port, start the engine, begin to search for the drives."""
         bus, plan = plan_controller(self.config, self.drives)
+        kind = program_of(self.config)
         address, ports = plan.udp_ports
         self._lock.acquire()
         try:
@@ -137,9 +147,27 @@ class Plc:
             await self._driver.start()
             self._core.start(time.monotonic_ns())
             self._driver.poke()
+            if kind is not None:
+                self._start_programs(kind, plan.devices)
         except BaseException:
             await self.close()
             raise
+
+    def _start_programs(self, kind: type[AxisProgram], devices: Sequence[ProgrammableDevice]) -> None:
+        loop = asyncio.get_running_loop()
+
+        def note(now: int, drive: str, event: Event) -> None:
+            with contextlib.suppress(RuntimeError):  # the loop is closed: there is no log to write to
+                loop.call_soon_threadsafe(self.log.record, now, drive, event)
+
+        def failed(exc: Exception) -> None:
+            with contextlib.suppress(RuntimeError):
+                loop.call_soon_threadsafe(self.driver.fail, exc)
+
+        limit = self.section.program.limit_ns
+        self._runner = ProgramRunner(self.core.columns, devices, kind, note, limit_ns=limit, in_real_time=True)
+        self._programs = ProgramThread(self._runner, failed)
+        self._programs.start()
 
     async def release(self, seconds: float = RELEASE_SECONDS) -> bool:
         """Release every connection; false when a drive did not confirm in time."""
@@ -153,6 +181,9 @@ class Plc:
 
     async def close(self) -> None:
         try:
+            if self._programs is not None:
+                await asyncio.to_thread(self._programs.close)
+                self._programs = None
             if self._driver is not None:
                 await self._driver.close()
         finally:
@@ -201,8 +232,12 @@ class Plc:
                 return None
         return self.core.parameter_answer(name)
 
-    def summary(self) -> Sequence[dict[str, Any]]:
-        return self.core.snapshot()
+    def summary(self) -> list[dict[str, Any]]:
+        """The controller's drives; ``program``: counts of a user's program, None without one."""
+        runner = self._runner
+        return [
+            row | {"program": None if runner is None else runner.snapshot(row["name"])} for row in self.core.snapshot()
+        ]
 
     async def __aenter__(self) -> Self:
         await self.open()

@@ -114,14 +114,18 @@ class RealTimeDriver:
         """The node was changed from outside: process the consequences now."""
         self._guard(self._service)
 
+    def fail(self, exc: Exception) -> None:
+        """Something beside the node failed: :meth:`wait` raises it."""
+        if self._failed is not None and not self._failed.done():
+            self._failed.set_exception(exc)
+
     # -- callbacks ---------------------------------------------------------------------------------------------------
 
     def _guard(self, action: Callable[[], None]) -> None:
         try:
             action()
         except Exception as exc:  # noqa: BLE001 - carried to wait(), which ends the farm with it
-            if self._failed is not None and not self._failed.done():
-                self._failed.set_exception(exc)
+            self.fail(exc)
 
     def _received(self, port: int, frame: bytes, now: int) -> None:
         self._guard(lambda: self.node.receive(port, frame, now))

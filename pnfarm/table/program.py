@@ -12,6 +12,7 @@ CONSTANT = 1
 RAMP = 2  # triangle between +speed and -speed
 SINE = 3
 POSITIONS = 4  # homes the axis and takes it from target to target, position mode
+PYTHON = 5  # a program of the user's writes the set points
 
 #: Targets of a program.
 TARGETS = 8
@@ -36,7 +37,7 @@ PROGRAM = Layout(
     "One axis of the built-in controller.",
     [
         Field("active", "u1", "", "station", "row in use"),
-        Field("kind", "u1", "", "station", "IDLE, CONSTANT, RAMP or SINE"),
+        Field("kind", "u1", "", "station", "IDLE .. PYTHON"),
         Field("enable", "u1", "", "station", "1 = switch the drive on, 0 = leave it ready"),
         Field("speed", "f8", "rpm", "station", "speed, or amplitude"),
         Field("period_ns", "i8", "ns", "station", "of ramp and sine"),

@@ -19,6 +19,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shown
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pnfarm.config.controller import Program
     from pnfarm.config.drive import DriveGroup
     from pnfarm.config.known import Known, ModelFacts
     from pnfarm.farm.file.sections import FarmSections
@@ -60,8 +61,15 @@ def check(
     controller = sections.controller
     if controller is not None:
         bus = bus_of_controller(controller)
+        _check_program(controller.program, report)
         own = [placed for placed in groups if bus_of(placed.group) is bus]
         bus.farm_file.check_controller(controller, own, known, report)
+
+
+def _check_program(program: Program, report: Report) -> None:
+    for key in program.beside_python:
+        what = "does not go with `python`" if program.python is not None else "is a key of a program with `python` only"
+        report(("controller", "program", key), what, "python, class and limit, or the keys of a built-in program")
 
 
 def _check_sections(sections: FarmSections, report: Report) -> None:

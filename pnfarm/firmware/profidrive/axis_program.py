@@ -23,6 +23,7 @@ from pnfarm.table.program import (
     LEG_STARTED,
     OFFLINE,
     POSITIONS,
+    PYTHON,
     RAMP,
     RUNNING,
     SINE,
@@ -161,8 +162,59 @@ def _position(program: Any, image: Any, zsw1: int, now: int) -> int:
 
 
 @compiled
+def _measure(program: Any, image: Any, stw1: int, zsw1: int, now: int) -> None:
+    """The times from a changed control word to the drive's changed status; keeps both words."""
+    if program.asked_ns != 0 and (zsw1 ^ int(program.zsw1)) & STATE_BITS:
+        program.reaction_ns = now - program.asked_ns
+        program.reaction_max_ns = max(program.reaction_max_ns, program.reaction_ns)
+        program.asked_ns = 0
+    if stw1 != program.stw1 and image.valid:
+        program.asked_ns = now
+    program.zsw1 = zsw1
+    program.stw1 = stw1
+
+
+@compiled
+def _runs(program: Any, now: int) -> None:
+    """The axis came into operation."""
+    program.run_ns = now
+    if program.fault_ns != 0:
+        program.recovery_ns = now - program.fault_ns
+        program.fault_ns = 0
+    _enter(program, RUNNING, now)
+
+
+@compiled
+def _follow(program: Any, image: Any, now: int) -> None:
+    """Phase and measures of an axis whose set points a user's program writes."""
+    stw1 = image.sent[STW1] & 0xFFFF
+    zsw1 = 0
+    if not image.valid:
+        _enter(program, OFFLINE, now)
+    else:
+        zsw1 = image.received[ZSW1] & 0xFFFF
+        if zsw1 & 0x0008:
+            if program.phase not in (FAULTED, ACKNOWLEDGING):
+                program.faults += 1
+                if program.fault_ns == 0:
+                    program.fault_ns = now
+            _enter(program, ACKNOWLEDGING if stw1 & ACKNOWLEDGE else FAULTED, now)
+        elif zsw1 & 0x0004:
+            if program.phase != RUNNING:
+                _runs(program, now)
+        elif stw1 & 0x0001:
+            _enter(program, SWITCHING_ON, now)
+        else:
+            _enter(program, STOPPED, now)
+    _measure(program, image, stw1, zsw1, now)
+
+
+@compiled
 def step_program(program: Any, image: Any, now: int) -> None:
     """Evaluate ZSW1, write STW1 and the velocity set points; count the sign of life with each frame sent."""
+    if program.kind == PYTHON:
+        _follow(program, image, now)
+        return
     stw1 = READY
     speed = 0.0
     if not image.valid:
@@ -189,13 +241,9 @@ def step_program(program: Any, image: Any, now: int) -> None:
         elif zsw1 & 0x0004:
             stw1 = RUN
             if program.phase != RUNNING:
-                program.run_ns = now
                 _leg(program, LEG_HOMING, now)
                 program.start_bit = 0
-                if program.fault_ns != 0:
-                    program.recovery_ns = now - program.fault_ns
-                    program.fault_ns = 0
-                _enter(program, RUNNING, now)
+                _runs(program, now)
             if program.kind == POSITIONS:
                 stw1 = _position(program, image, zsw1, now)
             else:
@@ -208,14 +256,7 @@ def step_program(program: Any, image: Any, now: int) -> None:
                 stw1 = POSITION if program.kind == POSITIONS else RUN
             elif zsw1 & 0x0001:
                 stw1 = ON
-    if program.asked_ns != 0 and (zsw1 ^ int(program.zsw1)) & STATE_BITS:
-        program.reaction_ns = now - program.asked_ns
-        program.reaction_max_ns = max(program.reaction_max_ns, program.reaction_ns)
-        program.asked_ns = 0
-    if stw1 != program.stw1 and image.valid:
-        program.asked_ns = now
-    program.zsw1 = zsw1
-    program.stw1 = stw1
+    _measure(program, image, stw1, zsw1, now)
     image.sent[STW1] = stw1
     image.sent[NSOLL_A] = clamp16(speed / program.velocity_step) if program.velocity_step > 0.0 else 0
     step = long_step(program.velocity_step, program.velocity_step_b)

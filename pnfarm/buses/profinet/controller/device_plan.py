@@ -5,16 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from pnfarm.firmware.profidrive.telegram import long_step
 from pnfarm.protocols.profinet.cmctl_events import Timeouts
 from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT
 from pnfarm.table.axis_codes import TASKS_NONE
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from ipaddress import IPv4Address, IPv4Interface
 
     from pnfarm.buses.axis_program import AxisProgram
+    from pnfarm.drives.signal_view import AxisSignals
     from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 
@@ -39,6 +42,16 @@ class SignalSteps:
     task_deceleration_step: float = 1.0
     task_ramps_signed: bool = False
     ramp_step: float = 1.0
+
+    def units(self) -> dict[str, tuple[float, str]]:
+        """Increment and unit of each signal of speed and of a target."""
+        speed, long_speed = self.velocity_step, long_step(self.velocity_step, self.velocity_step_b)
+        return {
+            **dict.fromkeys(("NSOLL_A", "NIST_A", "REF_SPEED", "ACT_SPEED"), (speed, "rpm")),
+            **dict.fromkeys(("NSOLL_B", "NIST_B"), (long_speed, "rpm")),
+            **dict.fromkeys(("MDI_TARPOS", "TARPOS_A"), (self.target_step, "rev")),
+            **dict.fromkeys(("MDI_VELOCITY", "VELOCITY_A"), (self.task_velocity_step, "rpm")),
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +91,12 @@ class DevicePlan:
     takeover_allowed: bool = False
     #: The device's own texts for its diagnoses.
     texts: DescribedDiagnosis | None = None
+    #: The signals of the drive's telegram, for a program of the user's.
+    signals: AxisSignals | None = None
+
+    @property
+    def cycle_ns(self) -> int:
+        return self.send_clock_factor * self.reduction_ratio * SEND_CLOCK_NS
 
 
 @dataclass(frozen=True, slots=True)

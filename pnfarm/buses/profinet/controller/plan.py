@@ -11,6 +11,7 @@ from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, ProfinetPlan, SignalSteps
 from pnfarm.buses.profinet.controller.gsdml import load_gsdml
 from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.drives.signal_view import axis_signals
 from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
@@ -226,6 +227,7 @@ def plan_devices(
                 input_words=model.profidrive.telegrams[number].input_words,
                 steps=steps,
                 texts=DescribedDiagnosis(*describe_diagnosis(model)),
+                signals=axis_signals(model.profidrive, number, steps.units()),
                 life=model.profidrive.sign_of_life is not None,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,

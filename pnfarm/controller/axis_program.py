@@ -1,0 +1,106 @@
+"""A PLC program of one's own: the class that a file named by ``program: {python: FILE}`` derives from.
+
+::
+
+    from pnfarm import AxisProgram
+
+
+    class MyProgram(AxisProgram):
+        def cycle(self, inputs, outputs, now):
+            outputs.stw1 = 0x047F if inputs.zsw1.ready_to_switch_on else 0x0476
+            outputs.velocity = 60.0
+
+There is one object for each axis.  ``cycle`` is called once in each cycle of its axis, behind the telegram that went
+out; what it writes goes with the next one.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import ConfigError
+from pnfarm.vocabulary.quoting import did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pnfarm.drives.signal_view import Inputs, Outputs
+
+__all__ = ["AxisProgram", "Line", "make_program"]
+
+
+class Line:
+    """All axes of the controller: ``line["axis-02"].inputs``, ``for axis in line``."""
+
+    def __init__(self) -> None:
+        self._axes: dict[str, AxisProgram] = {}
+
+    def add(self, axis: AxisProgram) -> None:
+        """Called by the controller, when it makes the program."""
+        self._axes[axis.name] = axis
+
+    def __getitem__(self, name: str) -> AxisProgram:
+        if name not in self._axes:
+            raise KeyError(f"the controller has no axis {name!r}{did_you_mean(name, self._axes)}")
+        return self._axes[name]
+
+    def __iter__(self) -> Iterator[AxisProgram]:
+        return iter(self._axes.values())
+
+    def __len__(self) -> int:
+        return len(self._axes)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._axes
+
+
+class AxisProgram:
+    """Base class; see the module's docstring.  ``__init__`` takes no argument and may use the attributes below."""
+
+    #: Whether the controller counts the sign of life (STW2, bits 12 to 15) with each call of ``cycle``.
+    counts_sign_of_life = True
+
+    #: The drive's name in the farm file, and its model.
+    name: str = ""
+    model: str = ""
+    #: All axes of the controller, this one too.
+    line: Line
+    #: As ``cycle`` gets them.
+    inputs: Inputs
+    outputs: Outputs
+    #: Of the controller's clock, ns: when ``cycle`` was called first, and last.
+    began_ns: int = 0
+    now_ns: int = 0
+    #: Duration of a cycle, ns.
+    cycle_ns: int = 0
+
+    def cycle(self, inputs: Inputs, outputs: Outputs, now: int) -> None:
+        """One cycle; ``now`` is the controller's clock in ns.  Values in ``outputs`` stay until they are changed."""
+        raise NotImplementedError
+
+    @property
+    def connected(self) -> bool:
+        """Whether the drive exchanges data with the controller."""
+        return self.inputs.valid
+
+    @property
+    def seconds(self) -> float:
+        """Since the first call of ``cycle``."""
+        return (self.now_ns - self.began_ns) / 1e9
+
+
+def make_program(
+    kind: type[AxisProgram], line: Line, *, name: str, model: str, cycle_ns: int, inputs: Inputs, outputs: Outputs
+) -> AxisProgram:
+    """An axis' program, ready to be called.  Raises :class:`ConfigError` where its ``__init__`` fails."""
+    program = kind.__new__(kind)
+    program.name, program.model, program.cycle_ns = name, model, cycle_ns
+    program.inputs, program.outputs, program.line = inputs, outputs, line
+    line.add(program)
+    try:
+        kind.__init__(program)
+    except Exception as exc:
+        from pnfarm.controller.program_file import placed  # noqa: PLC0415 - it imports this module
+
+        raise ConfigError(f"the program of axis {name} cannot be made: {placed(exc, kind.__module__)}") from exc
+    return program

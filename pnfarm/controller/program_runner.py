@@ -1,0 +1,266 @@
+"""Calls the users' programs of a controller's axes, each once a cycle, and puts what they write into the telegrams.
+
+No clock and no task of its own: :meth:`ProgramRunner.service` makes the calls that are due, in virtual time from the
+world (:class:`ProgrammedNode`), in real time from a thread (:class:`pnfarm.controller.program_thread.ProgramThread`).
+A program that raises, or that takes longer than the limit, is not called again; its axis gets OFF1 and no set points,
+and its sign of life goes on, so that the drive stops along its ramp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pnfarm.controller.axis_program import AxisProgram, Line, make_program
+from pnfarm.controller.program_file import error_text, place_of
+from pnfarm.controller.program_worker import Call, Worker
+from pnfarm.drives.signal_view import Inputs, Outputs
+from pnfarm.firmware.profidrive.axis_program import READY
+from pnfarm.station.events import Event
+from pnfarm.table.channel import IDLE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.buses.controller import Controller, ProgrammableDevice
+    from pnfarm.engine.columns import Columns
+
+__all__ = ["Note", "ProgramFailed", "ProgramLate", "ProgramRunner", "ProgrammedNode"]
+
+#: ``note(now, drive, event)``.
+Note = Callable[[int, str, Event], None]
+
+#: The first cycle that is too slow is told, and then each that multiplies their number by this.
+TOLD_AGAIN = 10
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramFailed(Event):
+    """A user's program raised an exception or did not return: its axis is stopped for good."""
+
+    TEXT = "axis program failed"
+    LEVEL = "error"
+    error: str
+    file: str
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramLate(Event):
+    """A user's program takes longer than the cycle: telegrams went out with old set points."""
+
+    TEXT = "axis program late"
+    LEVEL = "warning"
+    duration_seconds: float
+    cycle_seconds: float
+    missed_cycles: int
+
+
+class _Axis:
+    """One axis; ``row`` is that of its image."""
+
+    def __init__(self, row: int, device: ProgrammableDevice, kind: type[AxisProgram], line: Line) -> None:
+        assert device.signals is not None
+        self.row = row
+        self.name = device.name
+        self.signals = device.signals
+        self.cycle_ns = device.cycle_ns
+        self.counts_life = device.life and kind.counts_sign_of_life and "stw2" in device.signals.setpoints
+        self.inputs = Inputs(device.signals.actuals)
+        self.outputs = Outputs(device.signals.setpoints)
+        self.slots = sorted({form.slot for form in device.signals.setpoints.values()})
+        self.program = make_program(
+            kind,
+            line,
+            name=device.name,
+            model=device.model,
+            cycle_ns=device.cycle_ns,
+            inputs=self.inputs,
+            outputs=self.outputs,
+        )
+        self.due_ns = 0
+        #: Telegrams filled when it was called last; None without a connection.
+        self.filled: int | None = None
+        self.life = 0
+        self.calls = 0
+        self.missed = 0
+        self.errors = 0
+        self.longest_ns = 0
+        self.told = 0
+        self.failure = ""
+
+    def read(self, image: Any) -> None:
+        """A copy of what the drive sent, of one telegram."""
+        for _ in range(8):
+            frames = int(image.frames)
+            values = image.received.tolist()
+            valid = bool(image.valid)
+            if int(image.frames) == frames:
+                break
+        self.inputs._values = values  # noqa: SLF001 - the view is this axis' own
+        self.inputs.valid = valid
+
+    def write(self, image: Any) -> None:
+        """What the program wrote, with the sign of life; OFF1 and no set points of an axis that is stopped."""
+        stopped = bool(self.failure)
+        values = self.outputs._values  # noqa: SLF001 - the view is this axis' own
+        if self.counts_life:
+            self.life = 1 + self.life % 15
+        stw1 = self.signals.setpoints["stw1"].slot if "stw1" in self.signals.setpoints else None
+        stw2 = self.signals.setpoints["stw2"].slot if self.counts_life else None
+        for slot in self.slots:
+            value = (READY if slot == stw1 else 0) if stopped else values[slot]
+            image.sent[slot] = value & 0x0FFF | self.life << 12 if slot == stw2 else value
+
+    def snapshot(self) -> dict[str, Any]:
+        return {
+            "calls": self.calls,
+            "missed_cycles": self.missed,
+            "errors": self.errors,
+            "longest_seconds": self.longest_ns / 1e9,
+            "failure": self.failure,
+        }
+
+
+class ProgramRunner:
+    """``devices`` of the controller's plan, row by row; those without signals (foreign devices) have no program.
+
+    ``in_real_time``: whether a call that takes longer than its cycle is late; in virtual time none is.
+    Raises :class:`ConfigError` where a program's ``__init__`` fails.
+    """
+
+    def __init__(
+        self,
+        columns: Columns,
+        devices: Sequence[ProgrammableDevice],
+        kind: type[AxisProgram],
+        note: Note,
+        *,
+        limit_ns: int,
+        in_real_time: bool,
+    ) -> None:
+        self._columns = columns
+        self._note = note
+        self._limit_ns = limit_ns
+        self._in_real_time = in_real_time
+        self._worker = Worker()
+        self._abandoned: list[Worker] = []
+        self.line = Line()
+        self._axes = [
+            _Axis(row, device, kind, self.line) for row, device in enumerate(devices) if device.signals is not None
+        ]
+        self._by_name = {axis.name: axis for axis in self._axes}
+
+    def program(self, name: str) -> AxisProgram:
+        """The object of an axis; raises :class:`KeyError`."""
+        return self.line[name]
+
+    def next_deadline(self) -> int | None:
+        return min((axis.due_ns for axis in self._axes), default=None)
+
+    def service(self, now: int) -> None:
+        """Make the calls that are due."""
+        due = [axis for axis in self._axes if axis.due_ns <= now]
+        if not due:
+            return
+        providers = self._columns.ppm
+        active = np.flatnonzero(providers["active"])
+        rows = dict(zip(providers["image"][active].tolist(), active.tolist(), strict=True))
+        called = [axis for axis in due if self._is_due(axis, rows.get(axis.row), now)]
+        waiting = [axis for axis in called if not axis.failure]
+        for axis in waiting:
+            axis.read(self._columns.image[axis.row])
+            axis.program.now_ns = now
+            axis.program.began_ns = axis.program.began_ns or now
+        self._call(waiting, now)
+        for axis in called:
+            axis.write(self._columns.image[axis.row])
+
+    def _is_due(self, axis: _Axis, row: int | None, now: int) -> bool:
+        """Whether a telegram went out since the last call (without a connection: a cycle passed); sets the next time."""
+        if row is None or int(self._columns.ppm[row].state) == IDLE:
+            axis.filled = None
+            axis.due_ns = now + axis.cycle_ns
+            return True
+        next_ns = int(self._columns.ppm[row].next_ns)
+        axis.due_ns = next_ns if next_ns > now else now + max(20_000, axis.cycle_ns // 16)
+        filled = int(self._columns.image[axis.row].filled)
+        gone = 1 if axis.filled is None else (filled - axis.filled) & 0xFFFFFFFF
+        axis.filled = filled
+        if gone > 1:
+            axis.missed += gone - 1
+            self._tell_late(axis, now)
+        return gone > 0
+
+    def _tell_late(self, axis: _Axis, now: int) -> None:
+        if not self._in_real_time or axis.failure or axis.missed < max(1, axis.told * TOLD_AGAIN):
+            return
+        axis.told = axis.missed
+        self._note(now, axis.name, ProgramLate(axis.longest_ns / 1e9, axis.cycle_ns / 1e9, axis.missed))
+
+    def _call(self, axes: Sequence[_Axis], now: int) -> None:
+        calls = [Call(partial(axis.program.cycle, axis.inputs, axis.outputs, now)) for axis in axes]
+        begun = 0
+        while begun < len(calls):
+            stuck = self._worker.run(calls[begun:], self._limit_ns)
+            if stuck is None:
+                break
+            # the others go on with another thread
+            self._abandoned.append(self._worker)
+            self._worker = Worker()
+            begun = calls.index(stuck) + 1
+            axis = axes[begun - 1]
+            text = f"cycle() did not return within {self._limit_ns / 1e9:g} s"
+            self._fail(axis, text, type(axis.program).cycle.__code__.co_filename, _first_line(axis.program), now)
+        for axis, call in zip(axes, calls, strict=True):
+            if call.duration_ns is None:
+                continue
+            axis.calls += 1
+            axis.longest_ns = max(axis.longest_ns, call.duration_ns)
+            if call.error is not None:
+                file, line = place_of(call.error, type(axis.program).cycle.__code__.co_filename)
+                self._fail(axis, error_text(call.error), file, line, now)
+
+    def _fail(self, axis: _Axis, text: str, file: str, line: int, now: int) -> None:
+        axis.errors += 1
+        axis.failure = f"{file}:{line}: {text}"
+        self._note(now, axis.name, ProgramFailed(text, file, line))
+
+    def snapshot(self, name: str) -> dict[str, Any] | None:
+        """Counts of one axis, and why it is stopped; None for one without a program."""
+        axis = self._by_name.get(name)
+        return None if axis is None else axis.snapshot()
+
+    def close(self) -> None:
+        """End the threads; one that waits in the kernel ends with the process."""
+        for worker in (self._worker, *self._abandoned):
+            worker.close()
+
+
+def _first_line(program: AxisProgram) -> int:
+    return type(program).cycle.__code__.co_firstlineno
+
+
+class ProgrammedNode:
+    """A controller together with the users' programs of its axes: a :class:`~pnfarm.farm.core.Node`."""
+
+    def __init__(self, controller: Controller, runner: ProgramRunner) -> None:
+        self._controller = controller
+        self._runner = runner
+        self.columns = controller.columns
+        self.link = controller.link
+
+    def receive(self, port: int, frame: bytes, now: int) -> None:
+        self._controller.receive(port, frame, now)
+
+    def service(self, now: int) -> None:
+        self._controller.service(now)
+        self._runner.service(now)
+
+    def next_deadline(self) -> int | None:
+        deadlines = (self._controller.next_deadline(), self._runner.next_deadline())
+        return min((due for due in deadlines if due is not None), default=None)

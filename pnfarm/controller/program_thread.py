@@ -1,0 +1,44 @@
+"""The users' programs of a controller in real time: a thread that waits for each axis' next cycle."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.controller.program_runner import ProgramRunner
+
+__all__ = ["ProgramThread"]
+
+
+class ProgramThread:
+    """``failed`` is called, in this thread, with an exception of the runner itself, which ends the thread."""
+
+    def __init__(self, runner: ProgramRunner, failed: Callable[[Exception], None]) -> None:
+        self._runner = runner
+        self._failed = failed
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="pnfarm axis programs", daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop between two calls."""
+        self._stop.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+        self._runner.close()
+
+    def _run(self) -> None:
+        try:
+            while True:
+                self._runner.service(time.monotonic_ns())
+                due = self._runner.next_deadline()
+                if self._stop.wait(None if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)):
+                    return
+        except Exception as exc:  # noqa: BLE001 - carried to the controller, which ends with it
+            self._failed(exc)
