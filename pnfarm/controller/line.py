@@ -112,9 +112,7 @@ class VirtualLine:
         kind, runner = program_of(config), None
         if kind is not None:
             limit = section.program.limit_ns
-            runner = ProgramRunner(
-                plc.columns, plan.devices, kind, records.record, limit_ns=limit, in_real_time=False
-            )
+            runner = ProgramRunner(plc.columns, plan.devices, kind, records.record, limit_ns=limit, in_real_time=False)
         world.join(plc if runner is None else ProgrammedNode(plc, runner), [port])
         plc.start(world.now)
         line = cls(config, world, farm, link, plc)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 __all__ = ["Note", "ProgramFailed", "ProgramLate", "ProgramRunner", "ProgrammedNode"]
 
 #: ``note(now, drive, event)``.
-Note = Callable[[int, str, Event], None]
+Note = Callable[[int, str, Event], object]
 
 #: The first cycle that is too slow is told, and then each that multiplies their number by this.
 TOLD_AGAIN = 10
