@@ -1,4 +1,4 @@
-"""Wrong on purpose: does not watch the drive's sign of life (ZSW2, bits 12 to 15): a drive that froze goes on "running"."""
+"""Wrong on purpose: does not watch the drive's sign of life (ZSW2, bits 12 to 15): a drive that froze stays enabled."""
 
 from pnfarm import AxisProgram
 

@@ -61,7 +61,8 @@ class Program(Section):
     )
     python: Annotated[str, Field(min_length=1)] | None = Field(
         default=None,
-        description="A program of your own, a Python file relative to this one (docs/plc-programs.md); instead of `kind`.",
+        description="A program of your own, a Python file relative to this one (docs/plc-programs.md), instead of "
+        "`kind`.",
     )
     class_name: Annotated[str, Field(min_length=1)] | None = Field(
         default=None, alias="class", description="Its class; left out where the file has one only."

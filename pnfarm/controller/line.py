@@ -8,7 +8,7 @@ from pnfarm.buses.controller import ControllerHost
 from pnfarm.config.ip import IpController
 from pnfarm.controller.plan import plan_controller
 from pnfarm.controller.program_file import program_of
-from pnfarm.controller.program_runner import ProgramRunner, ProgrammedNode
+from pnfarm.controller.program_runner import ProgrammedNode, ProgramRunner
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore

@@ -49,7 +49,7 @@ class Worker:
         self._thread: threading.Thread | None = None
 
     def run(self, calls: Sequence[Call], limit_ns: int) -> Call | None:
-        """Make the calls in turn and wait.  Returns the one that exceeded the limit: the worker is of no more use then."""
+        """Make the calls in turn and wait.  Returns the one that exceeded the limit; the worker is of no use then."""
         if self._thread is None:
             self._thread = threading.Thread(target=self._work, name="pnfarm axis program", daemon=True)
             self._thread.start()

@@ -1,15 +1,15 @@
 """The signals of a telegram by name, for people's code: PLC programs and tests.
 
 A name is the telegram's in lower case (``zsw1``, ``nist_b``).  A word of 16 bits is a :class:`Word`, whose bits are
-attributes under the model's names (``zsw1.fault_present``) or by number (``zsw1.bit_3``); a speed is in rpm, a target in
-revolutions; all others are whole numbers as on the wire.  ``view["NIST_B"]`` is any signal as on the wire.
+attributes under the model's names (``zsw1.fault_present``) or by number (``zsw1.bit_3``); a speed is in rpm, a target
+in revolutions; all others are whole numbers as on the wire.  ``view["NIST_B"]`` is any signal as on the wire.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.table.signals import SLOTS
@@ -117,7 +117,7 @@ class Word(int):
     _form: SignalForm
     _owner: Outputs | None
 
-    def __new__(cls, value: int, form: SignalForm, owner: Outputs | None = None) -> Word:
+    def __new__(cls, value: int, form: SignalForm, owner: Outputs | None = None) -> Self:
         word = super().__new__(cls, value)
         object.__setattr__(word, "_form", form)
         object.__setattr__(word, "_owner", owner)
