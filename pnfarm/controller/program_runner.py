@@ -181,7 +181,7 @@ class ProgramRunner:
             axis.write(self._columns.image[axis.row])
 
     def _is_due(self, axis: _Axis, row: int | None, now: int) -> bool:
-        """Whether a telegram went out since the last call; without a connection, a cycle passed.  Sets the next time."""
+        """Whether a telegram went out since the last call; without a connection, a cycle passed. Sets the next time."""
         if row is None or int(self._columns.ppm[row].state) == IDLE:
             axis.filled = None
             axis.due_ns = now + axis.cycle_ns
