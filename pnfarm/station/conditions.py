@@ -1,0 +1,216 @@
+"""Conditions on drives: the names and units of a parsed condition checked against one model's signals.
+
+``bind("state == S4 and velocity > 1000", model)`` gives a :class:`Condition` whose :meth:`~Condition.holds` reads one
+drive.  The words of a state need no quotes; a fault is compared with its number, name or cause (``fault == 702``,
+``fault == "32-1"``, ``fault == undervoltage``); a number beside a signal may have a unit (``velocity > 1000 rpm``).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import ConfigError
+from pnfarm.station.signals import STATES, DriveSignal, find_parameter, find_signal, signal_names
+from pnfarm.vocabulary.conditions import (
+    Both,
+    Comparison,
+    ConditionError,
+    Either,
+    Name,
+    Not,
+    Number,
+    Text,
+    evaluate,
+    names_in,
+    parse_condition,
+)
+from pnfarm.vocabulary.quoting import did_you_mean, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from pnfarm.drives.model import Model
+    from pnfarm.station.station import Station
+    from pnfarm.vocabulary.conditions import Operand, Tree, Value
+
+__all__ = ["Condition", "bind"]
+
+#: Units of numbers: unit of the signal -> unit as written -> factor.
+_UNITS: Mapping[str, Mapping[str, float]] = {
+    "rpm": {"rpm": 1.0},
+    "revolutions": {"revolutions": 1.0, "rev": 1.0, "deg": 1 / 360, "°": 1 / 360},
+    "A": {"A": 1.0, "mA": 1e-3},
+    "V": {"V": 1.0, "mV": 1e-3},
+    "Nm": {"Nm": 1.0},
+    "1": {"%": 0.01},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0},
+}
+_EQUAL = frozenset({"==", "!="})
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A condition on a drive of one model."""
+
+    text: str
+    tree: Tree
+    signals: Mapping[str, DriveSignal]
+
+    def holds(self, station: Station, known: Mapping[str, Value] | None = None) -> bool:
+        """Whether it holds; ``known`` are values of signals at the moment of an event."""
+
+        def value_of(operand: Operand) -> Value:
+            if not isinstance(operand, Name):
+                return operand.value
+            if known is not None and operand.name in known:
+                return known[operand.name]
+            return self.signals[operand.name].read(station)
+
+        return evaluate(self.tree, value_of)
+
+    def values(self, station: Station) -> dict[str, Any]:
+        """The present value of each of its signals, for a report; a state's word, numbers in the signal's unit."""
+        return {name: signal.read(station) for name, signal in self.signals.items()}
+
+
+def bind(text: str, model: Model) -> Condition:
+    """A condition as drives of ``model`` understand it.  Raises :class:`ConditionError`."""
+    return _Binder(model).bind(text, parse_condition(text))
+
+
+class _Binder:
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        self._signals: dict[str, DriveSignal] = {}
+
+    def bind(self, text: str, tree: Tree) -> Condition:
+        bound = self._tree(tree)
+        if not names_in(bound):
+            raise ConditionError("names no signal, so that it is always the same", 1)
+        return Condition(text, bound, self._signals)
+
+    def _tree(self, tree: Tree) -> Tree:
+        match tree:
+            case Comparison():
+                return self._comparison(tree)
+            case Not():
+                return Not(self._tree(tree.inner))
+            case Both():
+                return Both(tuple(map(self._tree, tree.parts)))
+            case Either():
+                return Either(tuple(map(self._tree, tree.parts)))
+            case Name():
+                name, signal = self._known(tree)
+                if signal.form != "bit":
+                    raise ConditionError(f"{name.name} is no yes or no", tree.column, f"such as `{_example(signal)}`")
+                return name
+            case _:
+                raise ConditionError("is a value, not a condition", tree.column)
+
+    def _comparison(self, tree: Comparison) -> Comparison:
+        left, right = tree.left, tree.right
+        if isinstance(left, Name) and self._find(left) is not None:
+            name, signal = self._known(left)
+            if isinstance(right, Name) and self._find(right) is not None:
+                other, second = self._known(right)
+                if second.form != signal.form or second.unit != signal.unit:
+                    what = f"{name.name} is compared with {other.name}, which is of another kind"
+                    raise ConditionError(what, tree.column, "two signals of the same unit")
+                self._check_sign(tree.sign, signal, tree.column)
+                return dataclasses.replace(tree, left=name, right=other)
+            return dataclasses.replace(tree, left=name, right=self._value(signal, right, tree))
+        if isinstance(right, Name) and self._find(right) is not None:
+            name, signal = self._known(right)
+            return dataclasses.replace(tree, left=self._value(signal, left, tree), right=name)
+        for side in (left, right):
+            if isinstance(side, Name):
+                self._known(side)
+        raise ConditionError("compares two values", tree.column, "a signal on one side")
+
+    def _find(self, name: Name) -> DriveSignal | None:
+        return (find_parameter if name.parameter else find_signal)(self._model, name.name)
+
+    def _known(self, name: Name) -> tuple[Name, DriveSignal]:
+        signal = self._find(name)
+        if signal is None:
+            if name.parameter:
+                hint = did_you_mean(name.name, self._model.parameter_names)
+                what = f"{self._model.name} has no parameter {shown(name.name)}{hint}"
+                raise ConditionError(what, name.column, f"a name or number of `pnfarm models {self._model.name}`")
+            known = signal_names(self._model)
+            what = f"{self._model.name} has no signal {shown(name.name)}{did_you_mean(name.name, known)}"
+            raise ConditionError(what, name.column, _allowed(name.name, known))
+        self._signals[signal.name] = signal
+        return Name(signal.name, name.column, name.parameter), signal
+
+    def _check_sign(self, sign: str, signal: DriveSignal, column: int) -> None:
+        if sign not in _EQUAL and signal.form in {"bit", "state", "fault", "text"}:
+            raise ConditionError(f"{signal.name} has no order, and {sign} compares one", column, "== or !=")
+
+    def _value(self, signal: DriveSignal, side: Operand, tree: Comparison) -> Operand:
+        self._check_sign(tree.sign, signal, tree.column)
+        match signal.form:
+            case "state":
+                return self._state(signal, side)
+            case "fault":
+                return self._fault(signal, side)
+            case _:
+                return self._number(signal, side)
+
+    def _state(self, signal: DriveSignal, side: Operand) -> Operand:
+        word = side.name if isinstance(side, Name) else side.value if isinstance(side, Text) else side.written
+        if isinstance(side, Number) and side.value in {1.0, 2.0, 3.0, 4.0, 5.0} and not side.unit:
+            word = f"S{side.value:.0f}"
+        found = next((state for state in STATES if state.lower() == str(word).lower()), None)
+        if found is None:
+            what = f"{signal.name} is never {shown(str(word))}{did_you_mean(str(word), STATES)}"
+            raise ConditionError(what, side.column, ", ".join(STATES))
+        return Text(found, side.column)
+
+    def _fault(self, signal: DriveSignal, side: Operand) -> Operand:
+        word = side.name if isinstance(side, Name) else side.value if isinstance(side, Text) else side.written
+        if word in {"0", "none"}:
+            return Number(0.0, "", side.column, "0")
+        try:
+            return Number(float(self._model.fault(str(word)).number), "", side.column, str(word))
+        except ConfigError as error:
+            known = [text for fault in self._model.faults.values() for text in (fault.label, fault.name, fault.cause)]
+            hint = did_you_mean(str(word), known)
+            what = f"{self._model.name} has no fault {shown(str(word))}{hint}"
+            raise ConditionError(what, side.column, "0, or a fault of `pnfarm models`: number, name or cause") from error
+
+    def _number(self, signal: DriveSignal, side: Operand) -> Operand:
+        if not isinstance(side, Number):
+            if isinstance(side, Name):
+                self._known(side)
+            raise ConditionError(f"{signal.name} is a number", side.column, _example(signal))
+        if signal.form == "bit" and (side.unit or side.value not in {0.0, 1.0}):
+            raise ConditionError(f"{signal.name} is never {side.written}", side.column, "0, 1, true or false")
+        if not side.unit:
+            return side
+        factor = _UNITS.get(signal.unit, {}).get(side.unit)
+        if factor is None:
+            allowed = "a number in " + ", ".join(_UNITS[signal.unit]) if signal.unit in _UNITS else "a plain number"
+            raise ConditionError(f"{signal.name} is not measured in {side.unit}", side.column, allowed)
+        return Number(side.value * factor, "", side.column, side.written)
+
+
+def _example(signal: DriveSignal) -> str:
+    match signal.form:
+        case "state":
+            return "state == S4"
+        case "fault":
+            return f"{signal.name} == 0"
+        case "bit":
+            return signal.name
+        case _:
+            return f"{signal.name} > 0"
+
+
+def _allowed(wanted: str, known: list[str]) -> str:
+    """The names near to the one that is wanted: the bits of its word, else those of any drive."""
+    word, dot, _ = wanted.lower().partition(".")
+    inside = [name for name in known if dot and name.startswith(f"{word}.")]
+    return ", ".join(inside or [name for name in known if "." not in name]) + ("" if inside else ', param("NAME")')

@@ -1,0 +1,194 @@
+"""Named signals of one drive, for conditions: ``velocity``, ``state``, ``zsw1.fault_present``, ``param("DRV.OPMODE")``.
+
+Every drive has the signals of :data:`SIGNALS`.  The bits of its control and status words have the names of its model's
+manual (of any telegram of the model), else the profile's; ``zsw1.3`` and ``zsw1.bit_3`` is a bit by its number.  What a
+model's manual does not define, its drives do not have.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.firmware.causes import NUMBER_MASK
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from pnfarm.drives.model import Model
+    from pnfarm.station.station import Station
+    from pnfarm.vocabulary.conditions import Value
+
+__all__ = ["EVENT_SIGNALS", "SIGNALS", "STATES", "DriveSignal", "find_signal", "signal_names"]
+
+#: Words of the signal ``state``.
+STATES = ("off", "boot", "S1", "S2", "S3", "S4", "S5")
+#: Signals whose every change is an event, so that none is missed between two readings.
+EVENT_SIGNALS = frozenset({"state", "fault", "faulted", "warning", "connected", "powered"})
+_WORD_BITS: Mapping[str, tuple[str, ...]] = {"stw1": STW1_BITS, "zsw1": ZSW1_BITS}
+_BIT = re.compile(r"(?:bit_)?([0-9]{1,2})")
+
+
+@dataclass(frozen=True, slots=True)
+class DriveSignal:
+    """``form``: ``number``, ``bit``, ``state``, ``fault`` (a number of the manual), ``word``, ``text``."""
+
+    name: str
+    form: str
+    unit: str
+    doc: str
+    read: Callable[[Station], Value]
+
+
+def _state(station: Station) -> str:
+    if not station.powered:
+        return "off"
+    number = int(station.handle.axis.drive.state)
+    return f"S{number}" if number else "boot"
+
+
+def _fault(station: Station) -> int:
+    return next((int(code) & NUMBER_MASK for code in station.handle.axis.faults.code if code), 0)
+
+
+def _connected(station: Station) -> bool:
+    return station.powered and station.device.connected
+
+
+def _cycle(station: Station) -> float:
+    connection = station.device.connection()
+    return connection.cycle_ns / 1e9 if connection is not None and station.powered else 0.0
+
+
+def _axis(*path: str) -> Callable[[Station], Value]:
+    def read(station: Station) -> Value:
+        value: Any = station.handle.axis
+        for step in path:
+            value = getattr(value, step)
+        return float(value)
+
+    return read
+
+
+def _position(station: Station) -> float:
+    axis = station.handle.axis
+    return float(axis.motor.position) - float(axis.homing.origin)
+
+
+def _signal(name: str, form: str, unit: str, doc: str, read: Callable[[Station], Value]) -> DriveSignal:
+    return DriveSignal(name, form, unit, doc, read)
+
+
+#: By name.
+SIGNALS: Mapping[str, DriveSignal] = {
+    signal.name: signal
+    for signal in (
+        _signal("state", "state", "", "state of the drive: off, boot, S1 to S5", _state),
+        _signal("connected", "bit", "", "a connection exchanges cyclic data", _connected),
+        _signal("powered", "bit", "", "the control supply is on", lambda station: station.powered),
+        _signal("faulted", "bit", "", "a fault is active", lambda station: _fault(station) != 0),
+        _signal("fault", "fault", "", "oldest active fault by the manual's number, 0 for none", _fault),
+        _signal(
+            "warning",
+            "fault",
+            "",
+            "active warning by the manual's number, 0 for none",
+            lambda station: int(station.handle.axis.warnings.code) & NUMBER_MASK,
+        ),
+        _signal("setpoint", "number", "rpm", "velocity that the controller requests", _axis("ramp", "setpoint")),
+        _signal("velocity", "number", "rpm", "actual velocity of the shaft", _axis("motor", "velocity")),
+        _signal("position", "number", "revolutions", "actual position, from the home position on", _position),
+        _signal(
+            "following_error",
+            "number",
+            "revolutions",
+            "commanded minus actual position",
+            _axis("positioning", "following_error"),
+        ),
+        _signal("current", "number", "A", "torque-building current", _axis("motor", "current")),
+        _signal("torque", "number", "Nm", "torque of the motor", _axis("motor", "torque")),
+        _signal("bus_voltage", "number", "V", "voltage of the DC link", _axis("supply", "voltage")),
+        _signal("thermal_load", "number", "1", "thermal load, 1 is the limit", _axis("motor", "thermal_load")),
+        _signal("cycle", "number", "s", "agreed cycle of the connection, 0 without one", _cycle),
+        _signal("connects", "number", "", "connections that reached data exchange", lambda s: s.device.connects),
+        _signal(
+            "watchdog_expirations", "number", "", "expired watchdogs", lambda s: s.device.watchdog_expirations
+        ),
+        _signal("telegram", "number", "", "number of the telegram in force", lambda s: s.store.telegram_number),
+        _signal("stw1", "word", "", "control word 1 in force", lambda s: int(s.handle.axis.profidrive.stw1)),
+        _signal("zsw1", "word", "", "status word 1", lambda s: int(s.handle.axis.profidrive.zsw1)),
+    )
+}
+
+
+@lru_cache(maxsize=64)
+def _bits(model: Model, word: str) -> Mapping[str, tuple[tuple[frozenset[int], int], ...]]:
+    """Name of a bit -> where it is: (telegrams, bit); no telegrams: in all others."""
+    found: dict[str, list[tuple[frozenset[int], int]]] = {}
+    tables: list[tuple[frozenset[int], Sequence[str]]] = [
+        (frozenset(bits.telegrams), bits.names) for bits in model.profidrive.word_bits if bits.word == word.upper()
+    ]
+    if not any(not telegrams for telegrams, _ in tables):
+        tables.append((frozenset(), _WORD_BITS[word]))
+    for telegrams, names in tables:
+        for bit, name in enumerate(names):
+            if name:
+                found.setdefault(name, []).append((telegrams, bit))
+    return {name: tuple(places) for name, places in found.items()}
+
+
+def _bit_reader(word: str, places: Sequence[tuple[frozenset[int], int]]) -> Callable[[Station], Value]:
+    """Reads the bit where the telegram in force has it; false where that telegram has no such bit."""
+    own = {telegram for telegrams, _ in places for telegram in telegrams}
+
+    def read(station: Station) -> Value:
+        telegram = station.store.telegram_number
+        value = int(getattr(station.handle.axis.profidrive, word))
+        for telegrams, bit in places:
+            if telegram in telegrams or (not telegrams and telegram not in own):
+                return bool(value >> bit & 1)
+        return False
+
+    return read
+
+
+def signal_names(model: Model) -> list[str]:
+    """Every name that a condition on a drive of this model may use, but for parameters."""
+    return [*SIGNALS, *(f"{word}.{name}" for word in _WORD_BITS for name in _bits(model, word))]
+
+
+def find_signal(model: Model, name: str) -> DriveSignal | None:
+    """The signal of this name (in any case); ``p930`` is a parameter by number.  None if a drive has none."""
+    lower = name.lower()
+    if (known := SIGNALS.get(lower)) is not None:
+        return known
+    word, dot, bit = lower.partition(".")
+    if dot and word in _WORD_BITS:
+        if (places := _bits(model, word).get(bit)) is not None:
+            return DriveSignal(lower, "bit", "", f"bit of {word.upper()}", _bit_reader(word, places))
+        number = _BIT.fullmatch(bit)
+        if number is not None and int(number[1]) < 16:
+            everywhere = ((frozenset[int](), int(number[1])),)
+            return DriveSignal(lower, "bit", "", f"bit of {word.upper()}", _bit_reader(word, everywhere))
+        return None
+    if re.fullmatch(r"p[0-9]+(\.[0-9]+)?", lower):
+        return find_parameter(model, lower[1:])
+    return None
+
+
+def find_parameter(model: Model, name: str) -> DriveSignal | None:
+    """A parameter by number or by the maker's name, as a signal; None if the model has none."""
+    try:
+        parameter, _ = model.resolve(name)
+    except ParameterError:
+        return None
+
+    def read(station: Station) -> Value:
+        return int(station.store.get(name)) if station.powered else 0
+
+    # its value is the raw number, as `pnfarm param get` shows it: a unit beside it would be read wrongly
+    return DriveSignal(f'param("{name}")', "number", "", parameter.name, read)
