@@ -29,7 +29,7 @@ from pnfarm.vocabulary.conditions import (
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from pnfarm.drives.model import Model
     from pnfarm.station.station import Station
@@ -179,7 +179,9 @@ class _Binder:
             known = [text for fault in self._model.faults.values() for text in (fault.label, fault.name, fault.cause)]
             hint = did_you_mean(str(word), known)
             what = f"{self._model.name} has no fault {shown(str(word))}{hint}"
-            raise ConditionError(what, side.column, "0, or a fault of `pnfarm models`: number, name or cause") from error
+            raise ConditionError(
+                what, side.column, "0, or a fault of `pnfarm models`: number, name or cause"
+            ) from error
 
     def _number(self, signal: DriveSignal, side: Operand) -> Operand:
         if not isinstance(side, Number):

@@ -115,9 +115,7 @@ SIGNALS: Mapping[str, DriveSignal] = {
         _signal("thermal_load", "number", "1", "thermal load, 1 is the limit", _axis("motor", "thermal_load")),
         _signal("cycle", "number", "s", "agreed cycle of the connection, 0 without one", _cycle),
         _signal("connects", "number", "", "connections that reached data exchange", lambda s: s.device.connects),
-        _signal(
-            "watchdog_expirations", "number", "", "expired watchdogs", lambda s: s.device.watchdog_expirations
-        ),
+        _signal("watchdog_expirations", "number", "", "expired watchdogs", lambda s: s.device.watchdog_expirations),
         _signal("telegram", "number", "", "number of the telegram in force", lambda s: s.store.telegram_number),
         _signal("stw1", "word", "", "control word 1 in force", lambda s: int(s.handle.axis.profidrive.stw1)),
         _signal("zsw1", "word", "", "status word 1", lambda s: int(s.handle.axis.profidrive.zsw1)),
