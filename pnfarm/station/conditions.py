@@ -155,7 +155,7 @@ class _Binder:
             case "state":
                 return self._state(signal, side)
             case "fault":
-                return self._fault(signal, side)
+                return self._fault(side)
             case _:
                 return self._number(signal, side)
 
@@ -169,7 +169,7 @@ class _Binder:
             raise ConditionError(what, side.column, ", ".join(STATES))
         return Text(found, side.column)
 
-    def _fault(self, signal: DriveSignal, side: Operand) -> Operand:
+    def _fault(self, side: Operand) -> Operand:
         word = side.name if isinstance(side, Name) else side.value if isinstance(side, Text) else side.written
         if word in {"0", "none"}:
             return Number(0.0, "", side.column, "0")

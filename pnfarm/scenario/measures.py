@@ -1,0 +1,80 @@
+"""Metrics as expectations see them: sums of series, increases, quantiles of a histogram over a period."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import ConfigError
+from pnfarm.scenario.steps import QUANTILES
+from pnfarm.vocabulary.quoting import did_you_mean
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.metrics import FarmCollector
+    from pnfarm.scenario.steps import MetricName
+
+__all__ = ["Reading", "check_metric", "measured", "read_metric"]
+
+#: Sum of the matching series by sample name, and for buckets also by upper bound.
+Reading = dict[tuple[str, str], float]
+
+
+def read_metric(collector: FarmCollector, wanted: MetricName) -> Reading:
+    """The samples of a metric whose labels fit, added up."""
+    found: Reading = {}
+    names = {wanted.name, *(f"{wanted.name}_{part}" for part in ("bucket", "sum", "count"))}
+    for family in collector.gather().metrics():
+        if not wanted.name.startswith(family.name):
+            continue
+        for sample in family.samples:
+            if sample.name in names and all(sample.labels.get(key) == value for key, value in wanted.labels.items()):
+                key = (sample.name.removeprefix(wanted.name), sample.labels.get("le", ""))
+                found[key] = found.get(key, 0.0) + sample.value
+    return found
+
+
+def check_metric(collector: FarmCollector, wanted: MetricName, asked: str) -> None:
+    """Raises :class:`ConfigError` for a metric that the farm does not have, or one without quantiles."""
+    families = list(collector.gather().metrics())
+    names = sorted({sample.name for family in families for sample in family.samples} | {f.name for f in families})
+    histograms = {family.name for family in families if family.type == "histogram"}
+    if wanted.name not in names:
+        raise ConfigError(f"there is no metric {wanted.name}{did_you_mean(wanted.name, names)}")
+    if asked in QUANTILES and wanted.name not in histograms:
+        raise ConfigError(f"{wanted.name} has no {asked}: it is not a histogram; histograms are {', '.join(histograms)}")
+    if asked not in QUANTILES and wanted.name in histograms:
+        raise ConfigError(f"{wanted.name} is a histogram: ask for p50, p90 or p99, or for {wanted.name}_count")
+    if not read_metric(collector, wanted):
+        labels = ", ".join(f'{key}="{value}"' for key, value in wanted.labels.items())
+        raise ConfigError(f"{wanted.name} has no series with {labels}")
+
+
+def measured(asked: str, before: Reading, after: Reading) -> float:
+    """What was asked: ``increases``, ``value``, a quantile in the metric's unit; NaN where nothing was counted."""
+    if asked == "value":
+        return after.get(("", ""), math.nan)
+    if asked == "increases":
+        return after.get(("", ""), math.nan) - before.get(("", ""), 0.0)
+    return _quantile(QUANTILES[asked], {
+        float(bound): value - before.get((name, bound), 0.0)
+        for (name, bound), value in after.items()
+        if name == "_bucket"
+    })  # fmt: skip
+
+
+def _quantile(q: float, cumulative: Mapping[float, float]) -> float:
+    """By linear interpolation inside a bucket, as Prometheus's histogram_quantile."""
+    total = cumulative.get(math.inf, 0.0)
+    if total <= 0:
+        return math.nan
+    wanted, low, below = q * total, 0.0, 0.0
+    for bound in sorted(cumulative):
+        if cumulative[bound] >= wanted:
+            if math.isinf(bound):
+                return low
+            inside = cumulative[bound] - below
+            return low + (bound - low) * ((wanted - below) / inside if inside else 1.0)
+        low, below = bound, cumulative[bound]
+    return low

@@ -1,0 +1,51 @@
+"""Runs a scenario against a farm that runs in this process, in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import TYPE_CHECKING
+
+from pnfarm.scenario.run import LOOK_NS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.farm.core import FarmCore
+    from pnfarm.scenario.run import ScenarioRun
+
+__all__ = ["carry_out"]
+
+#: Longest pause between two looks.
+PAUSE_NS = 200_000_000
+
+
+async def carry_out(
+    run: ScenarioRun,
+    core: FarmCore,
+    poke: Callable[[], None],
+    now: Callable[[], int] = time.monotonic_ns,
+) -> None:
+    """Until the scenario has ended; cancelled from outside, it ends at once, with its faults cleared."""
+    woken = asyncio.Event()
+    unsubscribe = core.log.subscribe(lambda entry: woken.set())  # noqa: ARG005 - the entry is in the log
+    try:
+        while not run.finished:
+            woken.clear()
+            due = run.advance(now())
+            # the farm's runtime sends what a step put in force
+            poke()
+            if run.finished:
+                return
+            pause = min(due - now(), LOOK_NS if run.polled else PAUSE_NS)
+            if pause > 0:
+                try:
+                    await asyncio.wait_for(woken.wait(), pause / 1e9)
+                except TimeoutError:
+                    continue
+            else:
+                await asyncio.sleep(0)
+    finally:
+        unsubscribe()
+        run.cancel(now())
+        poke()

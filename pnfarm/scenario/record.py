@@ -1,0 +1,194 @@
+"""What a run recorded: its cases with verdicts, and the timeline for the report; plain JSON values at the end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.scenario.watch import signals_of_event
+from pnfarm.station import events
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pnfarm.faults.manager import Injection
+    from pnfarm.scenario.file import Scenario
+    from pnfarm.scenario.steps import Step
+    from pnfarm.station.event_log import LogEntry
+
+__all__ = ["EXIT_CODES", "Case", "Record", "Verdict"]
+
+#: Most entries of the timeline; later ones are counted only.
+MAX_TIMELINE = 20_000
+
+
+class Verdict(StrEnum):
+    """Of one case, and of the run; ``not run`` is of a case only."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    INCONCLUSIVE = "inconclusive"
+    ERROR = "error"
+    NOT_RUN = "not run"
+
+
+#: Exit code of ``pnfarm run`` by verdict.
+EXIT_CODES: Mapping[Verdict, int] = {
+    Verdict.PASSED: 0,
+    Verdict.FAILED: 1,
+    Verdict.INCONCLUSIVE: 3,
+    Verdict.ERROR: 2,
+}
+
+
+@dataclass(slots=True)
+class Case:
+    """One check.  ``took``: nanoseconds until it held, by drive; ``values``: the signals at its end, by drive."""
+
+    number: int
+    step: Step
+    verdict: Verdict
+    began_ns: int
+    ended_ns: int
+    message: str = ""
+    value: float | None = None
+    took: Mapping[str, int] = field(default_factory=dict)
+    values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def as_dict(self, origin: int) -> dict[str, Any]:
+        """For JSON; times are seconds from the start of the run."""
+        ran = self.verdict is not Verdict.NOT_RUN
+        return {
+            "name": self.step.title,
+            "line": self.step.line,
+            "loop": dict(self.step.loop),
+            "verdict": self.verdict.value,
+            "message": self.message,
+            "began_seconds": (self.began_ns - origin) / 1e9 if ran else None,
+            "ended_seconds": (self.ended_ns - origin) / 1e9 if ran else None,
+            "value": self.value if self.value is not None and self.value == self.value else None,  # noqa: PLR0124 - NaN
+            "held_after_seconds": {name: took / 1e9 for name, took in self.took.items()},
+            "values": {name: dict(values) for name, values in self.values.items()},
+        }
+
+
+class Record:
+    """Grows while the scenario runs; :meth:`as_dict` at any time."""
+
+    def __init__(self, scenario: Scenario, farm: str, drives: Sequence[str], now: int) -> None:
+        self._scenario = scenario
+        self._farm = farm
+        self._drives = list(drives)
+        self._origin = now
+        self._now = now
+        self._ended = False
+        self._why = ""
+        self._lateness: Mapping[str, Any] | None = None
+        self._timeline: list[dict[str, Any]] = []
+        self._left_out = 0
+        self._lost_ns: dict[str, int] = {}
+        self._reactions: dict[str, dict[str, list[float]]] = {}
+        self._injections: dict[str, Injection] = {}
+        self._faults: dict[str, dict[str, Any]] = {}
+        self.cases: list[Case] = []
+
+    @property
+    def verdict(self) -> Verdict:
+        """An error, then a failure, then an inconclusive case decides; a run that was cut short did not pass."""
+        found = {case.verdict for case in self.cases}
+        order = (Verdict.ERROR, Verdict.FAILED, Verdict.INCONCLUSIVE)
+        decided = next((verdict for verdict in order if verdict in found), None)
+        if decided is None and self._why:
+            return Verdict.INCONCLUSIVE
+        return decided or Verdict.PASSED
+
+    def add(self, case: Case) -> None:
+        """A case has its verdict."""
+        self.cases.append(case)
+
+    def step(self, step: Step, now: int) -> None:
+        """A step begins."""
+        self._place({"seconds": self._seconds(now), "what": "step", "text": step.title, "line": step.line})
+
+    def note(self, entry: LogEntry) -> None:
+        """An entry of the farm's log."""
+        changed = signals_of_event(entry)
+        what = entry.what
+        if changed or isinstance(what, (events.ConnectionLost, events.ConnectionReleased, events.WatchdogExpired)):
+            item = {"seconds": self._seconds(entry.now_ns), "what": "event", "drive": entry.drive, "text": entry.event}
+            state = changed.get("state")
+            self._place(item | ({"state": state} if state is not None else {}))
+        match what:
+            case events.FaultReacted(after_ns=after):
+                self._reaction(entry.drive, "reacted_seconds", after)
+            case events.FaultsCleared(after_ns=after):
+                self._reaction(entry.drive, "acknowledged_seconds", after)
+            case events.ConnectionLost():
+                self._lost_ns.setdefault(entry.drive, entry.now_ns)
+            case events.ConnectionEstablished() if entry.drive in self._lost_ns:
+                self._reaction(entry.drive, "reconnected_seconds", entry.now_ns - self._lost_ns.pop(entry.drive))
+            case _:
+                pass
+
+    def _reaction(self, drive: str, what: str, after_ns: int) -> None:
+        found = self._reactions.setdefault(drive, {}).setdefault(what, [])
+        if len(found) < MAX_TIMELINE:
+            found.append(after_ns / 1e9)
+
+    def fault_began(self, injection: Injection, name: str, now: int) -> None:
+        """A fault of the scenario was put in force."""
+        self._injections[injection.id] = injection
+        self._faults[injection.id] = {
+            "name": name,
+            "kind": injection.spec.kind.name,
+            "drives": list(injection.drives),
+            "began_seconds": self._seconds(now),
+            "ended_seconds": None,
+        }
+
+    def fault_ended(self, injection: Injection, name: str, now: int) -> None:
+        """It was cleared, or found to have ended on its own."""
+        del name
+        ends = [run.ended_ns for run in injection.runs.values() if run.ended_ns is not None]
+        self._faults[injection.id]["ended_seconds"] = self._seconds(max(ends, default=now))
+
+    def end(self, now: int, why: str, lateness: Mapping[str, Any] | None) -> None:
+        """The run is over; ``why``: what cut it short."""
+        self._now, self._why, self._lateness, self._ended = now, why, lateness, True
+        # the farm drops the evidence of old injections: what the report has is taken now
+        for key, injection in self._injections.items():
+            self._faults[key]["evidence"] = injection.as_dict()["evidence"]
+        self._injections.clear()
+        self.cases.sort(key=lambda case: case.number)
+
+    def _seconds(self, now: int) -> float:
+        return (now - self._origin) / 1e9
+
+    def _place(self, item: dict[str, Any]) -> None:
+        if len(self._timeline) < MAX_TIMELINE:
+            self._timeline.append(item)
+        else:
+            self._left_out += 1
+
+    def as_dict(self) -> dict[str, Any]:
+        """The whole record, plain JSON values."""
+        counts = {verdict.value: sum(case.verdict is verdict for case in self.cases) for verdict in Verdict}
+        return {
+            "scenario": self._scenario.name,
+            "description": self._scenario.description,
+            "file": str(self._scenario.path) if self._scenario.path is not None else "",
+            "farm": self._farm,
+            "drives": self._drives,
+            "state": "ended" if self._ended else "running",
+            "verdict": self.verdict.value if self._ended else None,
+            "ended_early": self._why,
+            "seconds": self._seconds(self._now),
+            "counts": counts,
+            "cases": [case.as_dict(self._origin) for case in self.cases],
+            "faults": list(self._faults.values()),
+            "plc": self._reactions,
+            "timeline": self._timeline,
+            "timeline_left_out": self._left_out,
+            "lateness": dict(self._lateness) if self._lateness is not None else None,
+        }

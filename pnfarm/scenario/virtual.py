@@ -1,0 +1,64 @@
+"""Runs a scenario in memory in virtual time: the farm of its file with the built-in controller; the same in every run."""
+
+from __future__ import annotations
+
+from contextlib import asynccontextmanager
+from typing import TYPE_CHECKING
+
+from pnfarm.controller.line import VirtualLine
+from pnfarm.errors import ConfigError
+from pnfarm.farm.file.reading import expand
+from pnfarm.farm.injections import add_impairments
+from pnfarm.metrics import FarmCollector
+from pnfarm.scenario.run import LOOK_NS, ScenarioRun
+from pnfarm.station.event_log import EventLog
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+    from pathlib import Path
+
+    from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.scenario.binding import Binding
+    from pnfarm.scenario.run import Tell
+
+__all__ = ["run_virtual"]
+
+#: Longest stretch without a look: the wall time of one keeps progress visible and Ctrl-C quick.
+STRETCH_NS = 10_000_000_000
+
+
+@asynccontextmanager
+async def _line(config: FarmConfig, log: EventLog, pcap: Path | None) -> AsyncIterator[VirtualLine]:
+    line = await VirtualLine.create(config, log=log, pcap=pcap)
+    try:
+        yield line
+    finally:
+        await line.close()
+
+
+async def run_virtual(
+    binding: Binding, config: FarmConfig, *, tell: Tell | None = None, pcap: Path | None = None
+) -> ScenarioRun:
+    """The run, finished.  ``pcap``: a capture of all frames.  Raises :class:`ConfigError`."""
+    if config.controller is None:
+        raise ConfigError("in virtual time the farm needs its own controller: add a `controller:` section to its file")
+    async with _line(config, EventLog(quiet=True), pcap) as line:
+        world = line.world
+        add_impairments(line.farm.injections, expand(config), world.now)
+        collector = FarmCollector(line.farm)
+        try:
+            run = ScenarioRun(binding, line.farm, collector, world.now, tell=tell)
+            while not run.finished:
+                due = min(run.advance(world.now), world.now + STRETCH_NS)
+
+                def looked() -> bool:
+                    # a step that ends may change the farm: the world takes its deadlines anew
+                    begun, cases = run.steps_begun, len(run.record.cases)
+                    run.advance(world.now)
+                    return run.finished or run.steps_begun != begun or len(run.record.cases) != cases
+
+                if not run.finished and due > world.now:
+                    world.run((due - world.now) / 1e9, until=looked, look_ns=LOOK_NS if run.polled else None)
+        finally:
+            collector.close()
+    return run

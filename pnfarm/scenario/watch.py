@@ -1,0 +1,107 @@
+"""Conditions on drives while time passes: no change of state, fault or connection between two looks is missed.
+
+A watch is shown the drives at each look (:meth:`Watch.look`), and each entry of the farm's log (:meth:`Watch.note`), which
+says what a drive's signals were when it happened: a state that lasted less than the time between two looks counts.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.model_parts import fault_label
+from pnfarm.station import events
+from pnfarm.station.signals import EVENT_SIGNALS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.station.conditions import Condition
+    from pnfarm.station.event_log import LogEntry
+    from pnfarm.station.station import Station
+    from pnfarm.vocabulary.conditions import Value
+
+__all__ = ["Watch", "signals_of_event"]
+
+
+def signals_of_event(entry: LogEntry) -> dict[str, Value]:
+    """The signals that an event sets, with their values at its time."""
+    match entry.what:
+        case events.StateChanged(after=after):
+            return {"state": f"S{after}" if after else "boot"}
+        case events.FaultRaised(number=number):
+            return {"fault": number, "faulted": True}
+        case events.FaultsCleared():
+            return {"fault": 0, "faulted": False}
+        case events.WarningChanged(number=number):
+            return {"warning": number}
+        case events.ConnectionEstablished():
+            return {"connected": True}
+        case events.PowerLost():
+            return {"powered": False, "state": "off", "connected": False}
+        case events.PowerReturned():
+            return {"powered": True, "state": "boot"}
+        case _:
+            return {}
+
+
+class Watch:
+    """``conditions`` by drive.  ``held_ns``: when a drive's came true first; ``broken_ns``: when one that must hold did not.
+
+    While :attr:`must_hold` is set, what counts is that none is false.
+    """
+
+    def __init__(self, conditions: Mapping[str, Condition], stations: Mapping[str, Station]) -> None:
+        self._conditions = conditions
+        self._stations = stations
+        self.held_ns: dict[str, int] = {}
+        self.broken_ns: dict[str, int] = {}
+        self.must_hold = False
+        #: Whether all held at the last look.
+        self.all_now = False
+        self._seen: dict[str, dict[str, Value]] = {}
+
+    @property
+    def polled(self) -> bool:
+        """Whether it has a signal whose changes are no events, so that it must be looked at often."""
+        return any(set(condition.signals) - EVENT_SIGNALS for condition in self._conditions.values())
+
+    @property
+    def all_held(self) -> bool:
+        """Whether each drive's condition was true at some time."""
+        return len(self.held_ns) == len(self._conditions)
+
+    def look(self, now: int) -> None:
+        """Read every drive."""
+        self._seen.clear()
+        self.all_now = True
+        for name in self._conditions:
+            self._take(name, now, None)
+
+    def note(self, entry: LogEntry) -> None:
+        """Something happened to a drive, perhaps one of these."""
+        if entry.drive not in self._conditions:
+            return
+        changed = signals_of_event(entry)
+        if changed:
+            # what happened since the last look, in order: the table may show a later moment already
+            known = self._seen.setdefault(entry.drive, {})
+            known.update(changed)
+            self._take(entry.drive, entry.now_ns, known)
+
+    def _take(self, name: str, now: int, known: Mapping[str, Value] | None) -> None:
+        if self._conditions[name].holds(self._stations[name], known):
+            self.held_ns.setdefault(name, now)
+        else:
+            self.all_now = False
+            if self.must_hold:
+                self.broken_ns.setdefault(name, now)
+
+    def values(self) -> dict[str, dict[str, Any]]:
+        """The present values of the signals, by drive; faults as the manual writes them."""
+        return {
+            name: {
+                key: fault_label(int(value)) if condition.signals[key].form == "fault" else value
+                for key, value in condition.values(self._stations[name]).items()
+            }
+            for name, condition in self._conditions.items()
+        }
