@@ -31,6 +31,7 @@ class SchemaOf(StrEnum):
     """Files that have a schema."""
 
     FARM = "farm"
+    SCENARIO = "scenario"
 
 
 def known_names() -> Known:
@@ -83,13 +84,32 @@ def check_program(config: FarmConfig) -> None:
 
 
 def validate(file: FarmFile) -> None:
-    """Check a farm file: report every error with its line, key and allowed values."""
+    """Check a farm file, or a scenario with its farm: report every error with its line, key and allowed values."""
+    from pnfarm.cli.run import is_scenario
     from pnfarm.terminal.output import print_line
 
+    if is_scenario(file):
+        print_line(f"{file}: OK, {_scenario_summary(file)}")
+        return
     config = read(file)
     check_impairments(config)
     check_program(config)
     print_line(f"{file}: OK, {summary(config)}")
+
+
+def _scenario_summary(file: Path) -> str:
+    from pnfarm.cli.run import bound
+    from pnfarm.scenario.file import load_scenario
+
+    scenario = load_scenario(file)
+    steps = list(scenario.every_step())
+    checks = sum(step.kind == "expect" for step in steps)
+    counts = f"{counted(len(steps), 'step')}, {counted(checks, 'expectation')}"
+    if scenario.farm_path is None:
+        # the drives of a running farm are known when it runs
+        return f"{counts}; its drives are not checked: it names no farm file"
+    _, config = bound(scenario)
+    return f"{counts}, {summary(config)}"
 
 
 def summary(config: FarmConfig) -> str:
@@ -129,11 +149,16 @@ def counted(number: int, word: str) -> str:
 
 
 def schema(
-    of: Annotated[SchemaOf, typer.Argument(metavar="farm", help="Kind of file.", show_default=False)],
+    of: Annotated[SchemaOf, typer.Argument(metavar="farm|scenario", help="Kind of file.", show_default=False)],
 ) -> None:
-    """Print the JSON Schema of the farm file, for editors."""
-    from pnfarm.farm.file.schema import farm_schema
+    """Print the JSON Schema of the farm file or the scenario file, for editors."""
     from pnfarm.terminal.output import print_json
 
-    del of
+    if of is SchemaOf.SCENARIO:
+        from pnfarm.scenario.schema import scenario_schema
+
+        print_json(scenario_schema())
+        return
+    from pnfarm.farm.file.schema import farm_schema
+
     print_json(farm_schema(known_names()))

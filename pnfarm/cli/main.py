@@ -14,6 +14,7 @@ import typer
 from pnfarm import __version__
 from pnfarm.buses import registry
 from pnfarm.cli import bench, decode, demo, doctor, fault, files, inspect, models, param, plc, up
+from pnfarm.cli import run as scenario
 from pnfarm.cli.errors import report, silence_stdout
 from pnfarm.farm.address_space import COMMAND, few_threads, require_address_space
 from pnfarm.terminal.command import Command, Panel, arranged
@@ -30,6 +31,7 @@ COMMANDS = (
     Command("up", Panel.FARM, up.up),
     Command("down", Panel.FARM, up.down),
     Command("validate", Panel.FARM, files.validate),
+    Command("run", Panel.FARM, scenario.run),
     Command("inspect", Panel.RUNNING, inspect.inspect),
     Command("fault", Panel.RUNNING, fault.app),
     Command("param", Panel.RUNNING, param.app),

@@ -106,7 +106,9 @@ def parse_scenario(text: str | bytes, path: Path | None = None) -> Scenario:
         document = parse_yaml(text)
     except YamlError as error:
         found = error.problem
-        raise FarmFileError([FileIssue(name, found.line, found.column, found.field, found.what, found.allowed)]) from error
+        raise FarmFileError(
+            [FileIssue(name, found.line, found.column, found.field, found.what, found.allowed)]
+        ) from error
     return _Reader(document, name, path).read()
 
 

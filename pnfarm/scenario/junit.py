@@ -70,4 +70,6 @@ def _values(case: Mapping[str, Any]) -> str:
 
 def _text(value: object) -> str:
     """Without the control characters that XML 1.0 does not allow."""
-    return "".join(c for c in str(value) if c in "\t\n\r" or (c >= " " and not "\ud800" <= c <= "\udfff" and c < "\ufffe"))
+    return "".join(
+        c for c in str(value) if c in "\t\n\r" or (c >= " " and not "\ud800" <= c <= "\udfff" and c < "\ufffe")
+    )

@@ -43,7 +43,9 @@ def check_metric(collector: FarmCollector, wanted: MetricName, asked: str) -> No
     if wanted.name not in names:
         raise ConfigError(f"there is no metric {wanted.name}{did_you_mean(wanted.name, names)}")
     if asked in QUANTILES and wanted.name not in histograms:
-        raise ConfigError(f"{wanted.name} has no {asked}: it is not a histogram; histograms are {', '.join(histograms)}")
+        raise ConfigError(
+            f"{wanted.name} has no {asked}: it is not a histogram; histograms are {', '.join(histograms)}"
+        )
     if asked not in QUANTILES and wanted.name in histograms:
         raise ConfigError(f"{wanted.name} is a histogram: ask for p50, p90 or p99, or for {wanted.name}_count")
     if not read_metric(collector, wanted):

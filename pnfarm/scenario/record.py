@@ -67,7 +67,7 @@ class Case:
             "message": self.message,
             "began_seconds": (self.began_ns - origin) / 1e9 if ran else None,
             "ended_seconds": (self.ended_ns - origin) / 1e9 if ran else None,
-            "value": self.value if self.value is not None and self.value == self.value else None,  # noqa: PLR0124 - NaN
+            "value": self.value if self.value is not None and self.value == self.value else None,
             "held_after_seconds": {name: took / 1e9 for name, took in self.took.items()},
             "values": {name: dict(values) for name, values in self.values.items()},
         }

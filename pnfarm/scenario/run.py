@@ -8,7 +8,7 @@ of their next look, so that branches of ``parallel`` run side by side.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.faults.manager import RunState
@@ -354,5 +354,3 @@ def _asked(step: Step) -> str:
 def _few(names: list[str], most: int = 5) -> str:
     rest = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + rest
-
-

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import asynccontextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
@@ -29,7 +29,7 @@ STRETCH_NS = 10_000_000_000
 
 @asynccontextmanager
 async def _line(config: FarmConfig, log: EventLog, pcap: Path | None) -> AsyncIterator[VirtualLine]:
-    line = await VirtualLine.create(config, log=log, pcap=pcap)
+    line = await VirtualLine.create(config, log=log, pcap=pcap, epoch_ns=0)
     try:
         yield line
     finally:
@@ -38,14 +38,17 @@ async def _line(config: FarmConfig, log: EventLog, pcap: Path | None) -> AsyncIt
 
 async def run_virtual(
     binding: Binding, config: FarmConfig, *, tell: Tell | None = None, pcap: Path | None = None
-) -> ScenarioRun:
-    """The run, finished.  ``pcap``: a capture of all frames.  Raises :class:`ConfigError`."""
+) -> tuple[dict[str, Any], int]:
+    """The record of the run, and the world's time at its start (ns), as a capture stamps frames.
+
+    ``pcap``: a capture of all frames.  Raises :class:`ConfigError`.
+    """
     if config.controller is None:
         raise ConfigError("in virtual time the farm needs its own controller: add a `controller:` section to its file")
     async with _line(config, EventLog(quiet=True), pcap) as line:
         world = line.world
         add_impairments(line.farm.injections, expand(config), world.now)
-        collector = FarmCollector(line.farm)
+        collector, begin = FarmCollector(line.farm), world.now
         try:
             run = ScenarioRun(binding, line.farm, collector, world.now, tell=tell)
             while not run.finished:
@@ -61,4 +64,4 @@ async def run_virtual(
                     world.run((due - world.now) / 1e9, until=looked, look_ns=LOOK_NS if run.polled else None)
         finally:
             collector.close()
-    return run
+    return run.record.as_dict(), begin
