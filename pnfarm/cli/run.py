@@ -63,8 +63,8 @@ def run(
 ) -> int:
     """Run a scenario: faults, expectations, verdict.
 
-    Exit codes: 0 passed, 1 an expectation failed, 2 bad input, 3 inconclusive (the farm itself was late), 4 this machine
-    cannot.
+    Exit codes: 0 passed, 1 an expectation failed, 2 bad input, 3 inconclusive (the farm itself was late), 4 this
+    machine cannot.
     """
     from pnfarm.errors import ConfigError
     from pnfarm.scenario.file import load_scenario
@@ -174,11 +174,13 @@ class _Progress:
         self._task = self._bar.add_task(binding.scenario.name, total=self._total)
 
     def __enter__(self) -> Tell:
-        self._bar.start()
+        if self._out.is_terminal:
+            self._bar.start()
         return self._tell
 
     def __exit__(self, *_: object) -> None:
-        self._bar.stop()
+        if self._out.is_terminal:
+            self._bar.stop()
 
     def _tell(self, step: Step, case: Case | None) -> None:
         from rich.text import Text

@@ -6,6 +6,7 @@ written out when the file is read, with the variables' values in place, so that 
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import re
 from dataclasses import dataclass, field
@@ -34,7 +35,7 @@ KEYS: Mapping[str, str] = {
     "with": "Keys of the farm file that this scenario sets, such as {controller.cycle: 2ms}.",
     "description": "What it shows.",
     "variables": "Values for $name in steps.",
-    "budget": "How late the farm itself may be before a failure is inconclusive; left out, the fastest connection's cycle.",
+    "budget": "How late the farm itself may be before a failure is inconclusive; default: the fastest cycle.",
     "steps": "The steps, in order.",
 }
 _GROUPS = ("parallel", "repeat")
@@ -136,10 +137,8 @@ class _Reader:
     def read(self) -> Scenario:
         values = self._document.root.plain()
         scenario = None
-        try:
+        with contextlib.suppress(_TooManyError):
             scenario = self._whole(values)
-        except _TooManyError:
-            pass
         if self._issues or scenario is None:
             raise FarmFileError(self._issues)
         return scenario

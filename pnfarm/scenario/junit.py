@@ -1,7 +1,7 @@
 """JUnit XML of a run: each expectation a test case, with its measured value.
 
-An inconclusive case is skipped, with a message that begins with ``inconclusive`` and the property ``verdict``: the PLC is not
-to blame, and a build must not turn red for the farm's own lateness; the exit code of ``pnfarm run`` is 3.
+An inconclusive case is skipped, with a message that begins with ``inconclusive`` and the property ``verdict``: the PLC
+is not to blame for the farm's own lateness.  The exit code of ``pnfarm run`` is 3 then.
 """
 
 from __future__ import annotations

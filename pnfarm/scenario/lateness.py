@@ -1,8 +1,8 @@
 """How late the farm itself was: what makes a failed expectation inconclusive.
 
-The engine counts in a histogram how late each tick began.  A failure is inconclusive if, from the beginning of its step to
-its end, a tick was later than the budget: that of the scenario, else the shortest agreed cycle of the farm's connections,
-but at least a millisecond.  A controller may then have missed a frame because of the farm.
+The engine counts in a histogram how late each tick began.  A failure is inconclusive if, from the beginning of its step
+to its end, a tick was later than the budget: that of the scenario, else the shortest agreed cycle of the farm's
+connections, but at least a millisecond.  A controller may then have missed a frame because of the farm.
 """
 
 from __future__ import annotations
@@ -40,7 +40,8 @@ class Lateness:
         """How late a tick may be."""
         if self._budget_ns is not None:
             return self._budget_ns
-        cycles = [c.cycle_ns for s in self._core.stations if (c := s.device.connection()) is not None and c.cycle_ns]
+        connections = (station.device.connection() for station in self._core.stations)
+        cycles = [found.cycle_ns for found in connections if found is not None and found.cycle_ns]
         return max(LEAST_NS, min(cycles, default=LEAST_NS))
 
     def mark(self, now: int) -> object:

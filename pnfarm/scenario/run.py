@@ -1,8 +1,8 @@
 """A scenario at work, without a clock: :meth:`ScenarioRun.advance` carries out what is due and says when to come back.
 
 Its rig (:mod:`pnfarm.scenario.virtual`, :mod:`pnfarm.scenario.realtime`) calls it at that time, after each entry of the
-farm's log, and while :attr:`ScenarioRun.polled` at least every :data:`LOOK_NS`.  Steps are generators that yield the time
-of their next look, so that branches of ``parallel`` run side by side.
+farm's log, and while :attr:`ScenarioRun.polled` at least every :data:`LOOK_NS`.  Steps are generators that yield the
+time of their next look, so that branches of ``parallel`` run side by side.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class ScenarioRun:
         self._core = core
         self._collector = collector
         self._lateness = lateness
-        self._tell = tell or (lambda step, case: None)
+        self._tell = tell or _silent
         self._now = now
         self._watches: list[Watch] = []
         self._faults: dict[str, str] = {}
@@ -345,6 +345,10 @@ class ScenarioRun:
             case.message = f"{message}; the farm was itself {self._lateness.told} late"
         self.record.add(case)
         self._tell(step, case)
+
+
+def _silent(step: Step, case: Case | None) -> None:
+    del step, case
 
 
 def _asked(step: Step) -> str:

@@ -1,4 +1,4 @@
-"""The part of a capture around each case that did not pass, out of a pcapng file that :mod:`pnfarm.links.pcap` wrote."""
+"""The part of a capture around each case that did not pass, out of a pcapng file of :mod:`pnfarm.links.pcap`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The steps of a scenario: their keys, what each key may be, and what it is for; the schema and the docs are made of it."""
+"""The steps of a scenario: their keys, what each may be, and what it is for; schema and docs are made of it."""
 
 from __future__ import annotations
 
@@ -223,8 +223,8 @@ _TITLE = Key(_name, "Title in reports.")
 #: Steps that only act or check; `parallel` and `repeat` hold others and are read by :mod:`pnfarm.scenario.file`.
 STEPS: Mapping[str, StepKind] = {
     "wait": StepKind(
-        "Let time pass, or wait until a condition holds on all drives at once; a condition that does not come true ends "
-        "the scenario.",
+        "Let time pass, or wait until a condition holds on all drives at once; one that does not come true ends the "
+        "scenario.",
         {
             "for": _duration_key("How long."),
             "until": Key(_until, "A condition, or all-connected."),
@@ -250,8 +250,8 @@ STEPS: Mapping[str, StepKind] = {
         example="clear: trip",
     ),
     "expect": StepKind(
-        "A check, and a test case in the report: of drives (`drive`, `that`) or of a metric.  `within`: it comes true on each "
-        "drive in this time.  `for`: it then stays true this long; of a metric, the period that is measured.",
+        "A check, and a test case in the report: of drives (`drive`, `that`) or of a metric.  `within`: it comes true on "
+        "each drive in this time.  `for`: it then stays true this long; of a metric, the period that is measured.",
         {
             "drive": _drives_key("Drives"),
             "that": Key(_condition, "The condition."),

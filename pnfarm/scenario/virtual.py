@@ -1,4 +1,4 @@
-"""Runs a scenario in memory in virtual time: the farm of its file with the built-in controller; the same in every run."""
+"""Runs a scenario in memory in virtual time: the farm of its file with the built-in controller."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Conditions on drives while time passes: no change of state, fault or connection between two looks is missed.
 
-A watch is shown the drives at each look (:meth:`Watch.look`), and each entry of the farm's log (:meth:`Watch.note`), which
-says what a drive's signals were when it happened: a state that lasted less than the time between two looks counts.
+A watch is shown the drives at each look (:meth:`Watch.look`), and each entry of the farm's log (:meth:`Watch.note`),
+which says what a drive's signals were when it happened: a state that ended before the next look counts.
 """
 
 from __future__ import annotations
@@ -45,7 +45,9 @@ def signals_of_event(entry: LogEntry) -> dict[str, Value]:
 
 
 class Watch:
-    """``conditions`` by drive.  ``held_ns``: when a drive's came true first; ``broken_ns``: when one that must hold did not.
+    """``conditions`` by drive.
+
+    ``held_ns``: when a drive's came true first; ``broken_ns``: when one that must hold did not.
 
     While :attr:`must_hold` is set, what counts is that none is false.
     """

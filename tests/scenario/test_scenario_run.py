@@ -1,0 +1,203 @@
+"""Scenarios in virtual time against the built-in controller: green, red, and what the verdict rests on."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from pnfarm.cli.main import main
+from pnfarm.cli.run import bound
+from pnfarm.errors import ConfigError
+from pnfarm.scenario.file import load_scenario, parse_scenario
+from pnfarm.scenario.virtual import run_virtual
+
+LIBRARY = Path(__file__).resolve().parents[2] / "configs" / "scenarios"
+SCENARIOS = sorted(path.name for path in LIBRARY.glob("*.scenario.yml"))
+NO_ACKNOWLEDGE = {"controller.program": {"kind": "constant", "speed_rpm": 600}}
+
+
+def run(name: str, overrides: dict[str, Any] | None = None) -> dict[str, Any]:
+    scenario = load_scenario(LIBRARY / name)
+    scenario.overrides = {**scenario.overrides, **(overrides or {})}
+    record, _ = asyncio.run(run_virtual(*bound(scenario)))
+    return record
+
+
+def run_steps(steps: str, overrides: dict[str, Any] | None = None) -> dict[str, Any]:
+    text = f"scenario: test\nfarm: {LIBRARY / 'line.pnfarm.yml'}\nsteps:\n{steps}"
+    scenario = parse_scenario(text)
+    scenario.overrides = {"drives[0].count": 2, **(overrides or {})}
+    record, _ = asyncio.run(run_virtual(*bound(scenario)))
+    return record
+
+
+def told(record: dict[str, Any]) -> list[tuple[str, str]]:
+    return [(case["verdict"], case["message"]) for case in record["cases"]]
+
+
+UP = "  - wait: {until: state == S4, within: 20s}\n"
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_library_is_green_against_the_built_in_controller(name: str) -> None:
+    record = run(name)
+    assert record["verdict"] == "passed", told(record)
+    assert record["cases"]
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_library_is_red_against_a_controller_that_never_acknowledges(name: str) -> None:
+    record = run(name, NO_ACKNOWLEDGE)
+    assert record["verdict"] == "failed", told(record)
+
+
+def test_an_expectation_measures_when_it_came_true_and_a_failure_says_what_was_there() -> None:
+    record = run_steps(
+        UP
+        + "  - fault: {kind: f702, on: axis-01, as: trip}\n"
+        + "  - expect: {drive: axis-0*, that: fault == 702, within: 100ms}\n"
+        + "  - expect: {drive: axis-01, that: fault == 702, within: 100ms}\n"
+    )
+    assert record["verdict"] == "failed"
+    (red, green) = record["cases"]
+    assert red["verdict"] == "failed"
+    assert red["message"] == "not true within 100ms on axis-02"
+    assert red["values"]["axis-02"] == {"fault": "0"}
+    assert red["ended_seconds"] - red["began_seconds"] == pytest.approx(0.1)
+    assert 0 < red["held_after_seconds"]["axis-01"] < 0.02
+    assert green["verdict"] == "passed"
+    assert green["held_after_seconds"] == {"axis-01": 0.0}
+
+
+def test_a_state_that_lasts_less_than_a_look_is_seen() -> None:
+    # on its way up the drive is in S2 and S3 for a cycle each
+    record = run_steps("  - expect: {drive: all, that: state == S3, within: 10s}\n" + UP)
+    assert record["verdict"] == "passed", told(record)
+
+
+def test_for_fails_at_the_moment_it_is_broken() -> None:
+    record = run_steps(
+        UP
+        + "  - parallel:\n"
+        + "      - expect: {drive: axis-01, that: state == S4, for: 2s}\n"
+        + "      - [wait: 500ms, fault: {kind: f702, on: axis-01}]\n"
+    )
+    ((verdict, message),) = told(record)
+    assert verdict == "failed"
+    assert message.startswith("true, but no longer after 50")
+    assert record["seconds"] < 5
+
+
+def test_a_wait_that_fails_ends_the_run_and_the_rest_is_not_run() -> None:
+    record = run_steps("  - wait: {until: state == S5, within: 1s}\n  - expect: {drive: all, that: connected}\n")
+    assert [verdict for verdict, _ in told(record)] == ["failed", "not run"]
+    assert record["verdict"] == "failed"
+    assert "not true within 1s" in record["ended_early"]
+
+
+def test_metrics_are_measured_over_the_period() -> None:
+    record = run_steps(
+        UP
+        + "  - parallel:\n"
+        + "      - expect: {metric: pnfarm_watchdog_expirations_total, increases: '>= 1', for: 2s}\n"
+        + "      - expect: {metric: 'pnfarm_watchdog_expirations_total{drive=\"axis-02\"}', increases: 0, for: 2s}\n"
+        + "      - expect: {metric: pnfarm_controller_frame_interval_seconds, p50: < 30ms, for: 2s}\n"
+        + "      - fault: {kind: loss, on: axis-01, direction: in, for: 1s}\n"
+    )
+    assert record["verdict"] == "passed", told(record)
+    assert record["cases"][0]["value"] == 1
+
+
+@pytest.mark.parametrize(
+    ("metric", "sentence"),
+    [
+        ("{metric: pnfarm_watchdog_expiration_total, increases: 0}", "did you mean pnfarm_watchdog_expirations_total"),
+        ("{metric: pnfarm_axis_state, p99: 1}", "is not a histogram"),
+        ("{metric: pnfarm_controller_frame_interval_seconds, value: 1}", "is a histogram: ask for p50"),
+        ("{metric: 'pnfarm_axis_state{drive=\"x\"}', value: 1}", "has no series"),
+    ],
+)
+def test_a_metric_that_the_farm_lacks_is_refused_before_time_passes(metric: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        run_steps(f"  - wait: 1h\n  - expect: {metric}\n")
+
+
+def test_what_a_scenario_did_is_undone_at_its_end_and_noted() -> None:
+    record = run_steps(
+        UP
+        + "  - fault: {kind: silence, on: axis-01, as: mute}\n"
+        + "  - power: {off: axis-02}\n"
+        + "  - expect: {drive: axis-02, that: not powered and state == off}\n"
+        + "  - wait: 200ms\n"
+    )
+    (fault,) = record["faults"]
+    assert fault["name"] == "mute"
+    assert fault["ended_seconds"] == record["seconds"]
+    assert record["timeline"][-1]["text"] == "power on"
+
+
+def test_load_switches_drives_on_over_time() -> None:
+    record = run_steps(
+        UP
+        + "  - power: {off: all}\n  - wait: 1s\n  - load: {drives: +2, over: 4s}\n"
+        + "  - expect: {drive: axis-01, that: state == S4}\n"
+        + "  - expect: {drive: axis-02, that: state == S4, within: 10s}\n"
+    )
+    assert record["verdict"] == "passed", told(record)
+    began = {item["drive"]: item["seconds"] for item in record["timeline"] if item["text"] == "power on"}
+    assert began["axis-02"] - began["axis-01"] == pytest.approx(2.0)
+
+
+def test_load_that_finds_too_few_drives_is_an_error_of_the_scenario() -> None:
+    record = run_steps("  - load: +1\n")
+    assert record["verdict"] == "error"
+    assert "only 0 are off" in record["ended_early"]
+
+
+def test_a_run_repeats_itself_to_the_nanosecond() -> None:
+    assert run("f702-recovery.scenario.yml") | {"file": ""} == run("f702-recovery.scenario.yml") | {"file": ""}
+
+
+def test_the_command_writes_its_reports_and_exits_with_the_verdict(tmp_path, capsys) -> None:
+    text = (
+        (LIBRARY / "f702-recovery.scenario.yml")
+        .read_text()
+        .replace("line.pnfarm.yml", str(LIBRARY / "line.pnfarm.yml"))
+    )
+    green = tmp_path / "green.scenario.yml"
+    green.write_text(text)
+    red = tmp_path / "red.scenario.yml"
+    red.write_text(text + "with: {controller.program: {kind: constant}, drives[0].count: 3}\n")
+    files = [f"--{kind}={tmp_path / kind}" for kind in ("junit", "json", "pcap")]
+    assert main(["run", str(green), "--virtual", *files]) == 0
+    assert "PASS  the PLC brings it back: true after" in capsys.readouterr().out
+    assert main(["run", str(red), "--virtual", *files]) == 1
+    assert "FAIL  the PLC acknowledges: not true within 5s on axis-03" in capsys.readouterr().out
+    suite = ElementTree.parse(tmp_path / "junit").getroot().find("testsuite")
+    assert suite is not None
+    assert suite.get("failures") == "2"
+    assert suite.get("tests") == "5"
+    record = json.loads((tmp_path / "json").read_text())
+    assert record["verdict"] == "failed"
+    assert record["pcap_packets"] > 0
+    assert (tmp_path / "pcap").stat().st_size > 60 * record["pcap_packets"]
+
+
+def test_bad_input_is_told_before_anything_starts(tmp_path, capsys) -> None:
+    bad = tmp_path / "bad.scenario.yml"
+    bad.write_text(
+        f"scenario: bad\nfarm: {LIBRARY / 'line.pnfarm.yml'}\nsteps:\n  - expect: {{drive: x, that: connected}}\n"
+    )
+    for command in (["run", str(bad), "--virtual"], ["validate", str(bad)]):
+        assert main(command) == 2
+        assert f"{bad}:4: steps[0].expect.drive: no drive matches 'x'" in capsys.readouterr().err
+    good = LIBRARY / "f702-recovery.scenario.yml"
+    assert main(["run", str(good)]) == 2
+    assert "add --virtual" in capsys.readouterr().err
+    assert main(["run", str(good), "--virtual", "--junit", "/no/such/folder/x"]) == 2
+    assert main(["run", str(tmp_path / "none.scenario.yml")]) == 2
