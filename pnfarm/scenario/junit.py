@@ -27,7 +27,7 @@ def write_junit(record: Mapping[str, Any], path: Path) -> None:
     suite.time = record["seconds"]
     xml = JUnitXml("pnfarm")
     xml.add_testsuite(suite)
-    xml.update_statistics()
+    xml.update_statistics()  # type: ignore[no-untyped-call]  # junitparser types its constructors only
     xml.write(str(path), pretty=True)
 
 
@@ -39,10 +39,10 @@ def _case(record: Mapping[str, Any], case: Mapping[str, Any]) -> TestCase:
         properties["value"] = repr(case["value"])
     for drive, seconds in case["held_after_seconds"].items():
         properties[f"{drive}.held_after_seconds"] = repr(seconds)
-    held = Properties()
+    held = Properties()  # type: ignore[no-untyped-call]  # likewise
     for name, value in properties.items():
         held.add_property(Property(_text(name), _text(value)))
-    found.append(held)
+    found.append(held)  # type: ignore[no-untyped-call]  # likewise
     message = _text(case["message"])
     match case["verdict"]:
         case "failed":

@@ -50,7 +50,7 @@ class Lateness:
         return self._counts()
 
     def was_late(self, mark: object, now: int) -> bool:
-        """Whether a tick since ``mark`` was later than the budget, or the engine has not ticked for longer than that."""
+        """Whether a tick since ``mark`` was later than the budget, or the engine stands still for longer."""
         assert isinstance(mark, list)
         standing = now - int(self._core.columns.engine[0].now_ns)
         self._last_ns = max(_latest(mark, self._counts()), standing)

@@ -35,8 +35,6 @@ async def carry_out(
             due = run.advance(now())
             # the farm's runtime sends what a step put in force
             poke()
-            if run.finished:
-                return
             pause = min(due - now(), LOOK_NS if run.polled else PAUSE_NS)
             if pause > 0:
                 try:

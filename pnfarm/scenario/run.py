@@ -114,12 +114,12 @@ class ScenarioRun:
     def _finish(self, why: str) -> None:
         self.finished = True
         self._life.close()
-        self._unsubscribe()
         self._watches.clear()
         for name in list(self._own):
             self._clear(name)
         for name in list(self._off):
             self._power(name, on=True)
+        self._unsubscribe()
         reached = {case.number for case in self.record.cases}
         for number, step in enumerate(self.binding.scenario.every_step()):
             if step.kind == "expect" and number not in reached:

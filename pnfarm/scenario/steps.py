@@ -261,7 +261,7 @@ STEPS: Mapping[str, StepKind] = {
             "increases": Key(read_bound, "By how much it increases: 0, '>= 1'.", _BOUND_JSON),
             "value": Key(read_bound, "Its value at the end: '< 5'; series are added up.", _BOUND_JSON),
             **{
-                name: Key(read_bound, f"Of a histogram, the {name[1:]} % quantile of the period: '< 2ms'.", _BOUND_JSON)
+                name: Key(read_bound, f"The {name[1:]} % quantile of a histogram: '< 2ms'.", _BOUND_JSON)
                 for name in QUANTILES
             },
             "name": _TITLE,

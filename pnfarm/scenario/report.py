@@ -1,0 +1,124 @@
+"""A report of a run for a browser: one file that needs no network.  The timeline is drawn as SVG."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+__all__ = ["report_html"]
+
+#: Width of the timeline's plot and of the names beside it, height of a lane; in pixels of the drawing.
+PLOT, NAMES, LANE = 1000.0, 140.0, 18.0
+#: Most drives that are drawn: those with something to show come first.
+MAX_LANES = 64
+#: Times of a drive's reaction, by the record's key.
+REACTIONS = {
+    "reacted_seconds": "withdrew the enable after",
+    "acknowledged_seconds": "acknowledged after",
+    "reconnected_seconds": "reconnected after",
+}
+
+
+def report_html(record: Mapping[str, Any]) -> str:
+    """The page of a record (:meth:`.Record.as_dict`); all texts in it are escaped."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    environment.filters["seconds"] = _seconds
+    template = environment.get_template("report.html.j2")
+    return template.render(record=record, drawing=_drawing(record), reactions=list(_reactions(record)))
+
+
+def _seconds(value: float | None) -> str:
+    if value is None:
+        return ""
+    return f"{value * 1e3:.3g} ms" if abs(value) < 1 else f"{value:.3f} s"
+
+
+def _reactions(record: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    for drive, found in sorted(record["plc"].items()):
+        for key, text in REACTIONS.items():
+            times = sorted(found.get(key, ()))
+            if times:
+                yield {
+                    "drive": drive, "what": text, "count": len(times), "least": times[0],
+                    "median": times[len(times) // 2], "most": times[-1],
+                }  # fmt: skip
+
+
+def _drawing(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Rectangles and marks of the timeline, in pixels."""
+    total = max(record["seconds"], 1e-9)
+
+    def x(seconds: float) -> float:
+        return round(NAMES + PLOT * min(max(seconds / total, 0.0), 1.0), 2)
+
+    busy: dict[str, None] = {}
+    for fault in record["faults"]:
+        busy.update(dict.fromkeys(fault["drives"]))
+    for case in record["cases"]:
+        if case["verdict"] not in {"passed", "not run"}:
+            busy.update(dict.fromkeys(case["values"]))
+    order = [*busy, *(drive for drive in record["drives"] if drive not in busy)][:MAX_LANES]
+    lane = {drive: number + 2 for number, drive in enumerate(order)}
+    boxes = [_states(record, drive, lane[drive], x) for drive in order]
+    faults = [
+        {
+            "x": x(fault["began_seconds"]),
+            "width": max(2.0, x(fault["ended_seconds"] or record["seconds"]) - x(fault["began_seconds"])),
+            "y": lane[drive] * LANE,
+            "text": f"{fault['kind']} on {drive}",
+        }
+        for fault in record["faults"]
+        for drive in fault["drives"]
+        if drive in lane
+    ]
+    cases = [
+        {
+            "x": x(case["began_seconds"]),
+            "width": max(3.0, x(case["ended_seconds"]) - x(case["began_seconds"])),
+            "verdict": case["verdict"].replace(" ", "-"),
+            "text": f"{case['name']}: {case['message']}",
+        }
+        for case in record["cases"]
+        if case["began_seconds"] is not None
+    ]
+    marks = [
+        {"x": x(item["seconds"]), "y": lane[item["drive"]] * LANE, "text": f"{item['drive']}: {item['text']}"}
+        for item in record["timeline"]
+        if item["what"] == "event" and "state" not in item and item["drive"] in lane
+    ]
+    ticks = [{"x": x(total * part / 10), "text": _seconds(total * part / 10)} for part in range(0, 11, 2)]
+    return {
+        "width": NAMES + PLOT + 60, "height": (len(order) + 3) * LANE, "lane": LANE, "names": NAMES,
+        "lanes": [{"name": drive, "y": lane[drive] * LANE} for drive in order],
+        "states": [box for found in boxes for box in found], "faults": faults, "cases": cases, "marks": marks,
+        "ticks": ticks, "left_out": len(record["drives"]) - len(order),
+    }  # fmt: skip
+
+
+def _states(record: Mapping[str, Any], drive: str, lane: int, x: Any) -> list[dict[str, Any]]:
+    """A drive's states as boxes, from change to change."""
+    found: list[dict[str, Any]] = []
+    state, begin = "", 0.0
+    changes = [item for item in record["timeline"] if item.get("drive") == drive and "state" in item]
+    for item in (*changes, {"seconds": record["seconds"], "state": ""}):
+        if state and item["seconds"] > begin:
+            left = x(begin)
+            text = f"{drive} in {state}, {_seconds(begin)} to {_seconds(item['seconds'])}"
+            found.append(
+                {
+                    "x": left,
+                    "width": round(x(item["seconds"]) - left, 2),
+                    "y": lane * LANE,
+                    "state": state,
+                    "text": text,
+                }
+            )
+        state, begin = item["state"], item["seconds"]
+    return found
