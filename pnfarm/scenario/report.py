@@ -53,7 +53,7 @@ def _reactions(record: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
 
 def _drawing(record: Mapping[str, Any]) -> dict[str, Any]:
     """Rectangles and marks of the timeline, in pixels."""
-    total = max(record["seconds"], 1e-9)
+    total: float = max(record["seconds"], 1e-9)
 
     def x(seconds: float) -> float:
         return round(NAMES + PLOT * min(max(seconds / total, 0.0), 1.0), 2)

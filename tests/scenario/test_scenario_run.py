@@ -209,6 +209,7 @@ def test_the_report_is_one_file_without_links_and_escapes_what_it_shows() -> Non
     record = run_steps(
         UP
         + "  - fault: {kind: f702, on: axis-01, for: 1s}\n"
+        + "  - expect: {drive: axis-01, that: fault == 702, within: 1s}\n"
         + "  - expect: {drive: axis-01, that: state == S4, within: 5s, for: 1s, name: <script>alert(1)</script>}\n"
         + "  - expect: {drive: axis-01, that: fault == 702}\n"
     )
