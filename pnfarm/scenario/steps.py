@@ -250,8 +250,8 @@ STEPS: Mapping[str, StepKind] = {
         example="clear: trip",
     ),
     "expect": StepKind(
-        "A check, and a test case in the report: of drives (`drive`, `that`) or of a metric.  `within`: it comes true on "
-        "each drive in this time.  `for`: it then stays true this long; of a metric, the period that is measured.",
+        "A check, and a test case in the report: of drives (`drive`, `that`) or of a metric.  `within`: it comes true "
+        "on each drive in this time.  `for`: it then stays true this long; of a metric, the period that is measured.",
         {
             "drive": _drives_key("Drives"),
             "that": Key(_condition, "The condition."),
