@@ -71,10 +71,15 @@ def quantile(share: float, buckets: str, by: str = "le") -> str:
     return f"histogram_quantile({share}, sum by ({by}) (rate({buckets}[{RATE}])))"
 
 
+def grown(counter: str, span: str) -> str:
+    """Growth of a counter whose series appear when they first count: a new series has grown by its whole value."""
+    return f"(({counter} unless {counter} offset {span}) or increase({counter}[{span}]))"
+
+
 def mean(histogram: str, selector: str) -> str:
     """Mean of a histogram's values in the shown range."""
-    total = f"sum(increase({histogram}_sum{selector}[$__range]))"
-    return f"{total} / (sum(increase({histogram}_count{selector}[$__range])) > 0)"
+    total, count = (f"sum({grown(f'{histogram}_{part}{selector}', '$__range')})" for part in ("sum", "count"))
+    return f"{total} / ({count} > 0)"
 
 
 def spaced(name: str) -> str:
@@ -98,12 +103,12 @@ def annotations(board: Board, *, of_drive: bool) -> None:
     """Marks for injected faults, the drives' own, and lost connections."""
     select = drive if of_drive else farm
     if of_drive:
-        expression = f"sum by (kind) (increase({select('pnfarm_fault_activations_total')}[10s])) > 0"
+        expression = f"sum by (kind) ({grown(select('pnfarm_fault_activations_total'), '10s')}) > 0"
         board.annotation("Injected fault acts", expression, "{{kind}}", "an injected fault acted on $drive", PURPLE)
     else:
         expression = f"sum by (kind) ({select('pnfarm_faults_active')}) > 0"
         board.annotation("Injected faults", expression, "{{kind}}", "fault {{kind}} active", PURPLE)
-    expression = f"sum by (drive, code) (increase({select('pnfarm_axis_faults_total')}[10s])) > 0"
+    expression = f"sum by (drive, code) ({grown(select('pnfarm_axis_faults_total'), '10s')}) > 0"
     board.annotation("Drive faults", expression, "F{{code}}", "fault {{code}} of {{drive}}", RED)
     expression = f"sum by (drive, reason) (increase({select('pnfarm_ar_aborts_total')}[10s])) > 0"
     board.annotation("Connections lost", expression, "{{drive}}", "connection of {{drive}} aborted: {{reason}}", ORANGE)

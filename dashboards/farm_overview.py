@@ -16,6 +16,7 @@ from common import (
     annotations,
     farm,
     farm_variable,
+    grown,
     mean,
     quantile,
 )
@@ -232,18 +233,22 @@ def _overview_wire(board: Board) -> None:
         8,
         8,
     )
-    lost = f"sum(increase({farm('pnfarm_watchdog_expirations_total')}[{RATE}]))"
+    lost = f"sum by (cause) (increase({farm('pnfarm_watchdog_expirations_total')}[{RATE}]))"
     aborted = f"sum by (reason) (increase({farm('pnfarm_ar_aborts_total')}[{RATE}])) > 0"
     connects = f"sum(increase({farm('pnfarm_ar_connects_total')}[{RATE}]))"
     board.add(
         timeseries(
             "Connections",
-            targets((connects, "established"), (lost, "watchdog expired"), (aborted, "aborted: {{reason}}")),
-            "Connections established and lost.",
+            targets((connects, "established"), (lost, "watchdog expired: {{cause}}"), (aborted, "aborted: {{reason}}")),
+            "Connections established and lost; cause farm: the farm itself was late.",
             unit="none",
             minimum=0,
             steps=True,
-            overrides=[override("established", color=color(GREEN)), override("watchdog expired", color=color(RED))],
+            overrides=[
+                override("established", color=color(GREEN)),
+                override("watchdog expired: controller", color=color(RED)),
+                override("watchdog expired: farm", color=color(GREY)),
+            ],
         ),
         8,
         8,
@@ -252,12 +257,12 @@ def _overview_wire(board: Board) -> None:
 
 def _overview_controller(board: Board) -> None:
     board.row("Controller")
-    interval = farm("pnfarm_controller_frame_interval_seconds_bucket")
+    jitter = farm("pnfarm_controller_jitter_seconds_bucket")
     board.add(
         timeseries(
-            "Frame interval, p99: the ten worst drives",
-            targets((f"topk(10, {quantile(0.99, interval, 'drive, le')})", "{{drive}}")),
-            "Time between two frames of the controller. The bucket limits determine the resolution.",
+            "Jitter, p99: the ten worst drives",
+            targets((f"topk(10, {quantile(0.99, jitter, 'drive, le')})", "{{drive}}")),
+            "Deviation of the controller's frames from the agreed cycle. The bucket limits determine the resolution.",
             unit="s",
             minimum=0,
             links=[link("This drive", BY_LABEL)],
@@ -279,7 +284,7 @@ def _overview_controller(board: Board) -> None:
             "From a fault or a lost connection until the drive runs again.",
         ),
     ):
-        buckets = f"sum by (le) (increase({name}_bucket{selector}[$__range]))"
+        buckets = f"sum by (le) ({grown(f'{name}_bucket{selector}', '$__range')})"
         board.add(
             stat(
                 title,
@@ -287,7 +292,7 @@ def _overview_controller(board: Board) -> None:
                     target(mean(name, selector), "mean", ref="A", instant=True),
                     target(f"histogram_quantile(0.5, {buckets})", "p50", ref="B", instant=True),
                     target(f"histogram_quantile(0.99, {buckets})", "p99", ref="C", instant=True),
-                    target(f"sum(increase({name}_count{selector}[$__range]))", "times", ref="D", instant=True),
+                    target(f"sum({grown(f'{name}_count{selector}', '$__range')})", "times", ref="D", instant=True),
                 ],
                 f"{what} Over the shown range.",
                 unit="s",
@@ -298,7 +303,7 @@ def _overview_controller(board: Board) -> None:
             8,
         )
         board.panels[-1]["fieldConfig"]["overrides"] = [override("times", unit="none", decimals=0)]
-    acts = f"sum by (kind) (increase({farm('pnfarm_fault_activations_total')}[{RATE}])) > 0"
+    acts = f"sum by (kind) ({grown(farm('pnfarm_fault_activations_total'), RATE)}) > 0"
     board.add(
         timeseries(
             "Activity of injected faults",

@@ -15,6 +15,7 @@ from common import (
     drive,
     farm,
     farm_variable,
+    grown,
     mean,
     quantile,
     spaced,
@@ -139,7 +140,7 @@ def _drive_now(board: Board) -> None:
     board.add(
         stat(
             "Watchdog",
-            [target(drive("pnfarm_watchdog_expirations_total"))],
+            [target(f"sum({drive('pnfarm_watchdog_expirations_total')})")],
             "Number of times that the controller's frames stopped.",
             steps=NONE_IS_GOOD,
         ),
@@ -154,14 +155,19 @@ def _drive_motor(board: Board) -> None:
         timeseries(
             "Speed",
             targets(
-                (drive("pnfarm_axis_setpoint_rpm"), "set point (NSOLL_A)"),
-                (drive("pnfarm_axis_velocity_rpm"), "shaft (VL.FB)"),
+                (drive("pnfarm_axis_velocity_max_rpm"), "shaft (VL.FB), largest"),
+                (drive("pnfarm_axis_velocity_min_rpm"), "shaft (VL.FB), smallest"),
+                (drive("pnfarm_axis_setpoint_max_rpm"), "set point (NSOLL_A), largest"),
+                (drive("pnfarm_axis_setpoint_min_rpm"), "set point (NSOLL_A), smallest"),
             ),
-            "Set point of the controller, and velocity of the shaft.",
+            "Extremes of the shaft's speed and of the controller's set point in the last 5 to 10 s, measured by the "
+            "engine at each step: what moves faster than the scrapes shows as a band, not as a slow wave.",
             unit="rotrpm",
             overrides=[
-                override("set point (NSOLL_A)", color=color(BLUE), custom__lineInterpolation="stepAfter"),
-                override("shaft (VL.FB)", color=color(GREEN)),
+                override("shaft (VL.FB), largest", color=color(GREEN)),
+                override("shaft (VL.FB), smallest", color=color(GREEN), custom__fillBelowTo="shaft (VL.FB), largest"),
+                override("set point (NSOLL_A), largest", color=color(BLUE), custom__lineInterpolation="stepAfter"),
+                override("set point (NSOLL_A), smallest", color=color(BLUE), custom__lineInterpolation="stepAfter"),
             ],
         ),
         12,
@@ -260,7 +266,36 @@ def _drive_connection(board: Board) -> None:
             f"sum by (le) (increase({interval}[{RATE}]))",
             "Time between two valid frames.",
         ),
-        9,
+        8,
+        8,
+    )
+    jitter = drive("pnfarm_controller_jitter_seconds_bucket")
+    board.add(
+        timeseries(
+            "Jitter",
+            [
+                *targets(*((quantile(share, jitter), name) for share, name in ((0.5, "p50"), (0.99, "p99")))),
+                target(f"rate({drive('pnfarm_controller_missed_updates_total')}[{RATE}])", "missed updates", ref="C"),
+            ],
+            "Deviation of the controller's frames from the agreed cycle; missed updates per second on the right.",
+            unit="s",
+            minimum=0,
+            overrides=[override("missed updates", unit="pps", custom__axisPlacement="right", color=color(RED))],
+        ),
+        8,
+        8,
+    )
+    board.add(
+        timeseries(
+            "Cause of expired watchdogs",
+            targets((f"sum by (cause) (increase({drive('pnfarm_watchdog_expirations_total')}[{RATE}]))", "{{cause}}")),
+            "Expired watchdogs; cause farm: the farm itself was later than its budget.",
+            unit="none",
+            minimum=0,
+            steps=True,
+            overrides=[override("controller", color=color(RED)), override("farm", color=color(GREY))],
+        ),
+        8,
         8,
     )
     board.add(
@@ -275,7 +310,7 @@ def _drive_connection(board: Board) -> None:
             minimum=0,
             overrides=[override("agreed cycle", color=color(GREY), custom__lineStyle={"fill": "dash", "dash": [8, 8]})],
         ),
-        7,
+        12,
         8,
     )
     board.add(
@@ -293,16 +328,16 @@ def _drive_connection(board: Board) -> None:
             unit="pps",
             minimum=0,
         ),
-        8,
+        12,
         8,
     )
 
 
 def _drive_faults(board: Board) -> None:
     board.row("Faults and recovery")
-    codes = f"sum by (code) (increase({drive('pnfarm_axis_faults_total')}[$__range])) > 0"
+    codes = f"sum by (code) ({grown(drive('pnfarm_axis_faults_total'), '$__range')}) > 0"
     aborts = f"sum by (reason) (increase({drive('pnfarm_ar_aborts_total')}[$__range])) > 0"
-    acts = f"sum by (kind) (increase({drive('pnfarm_fault_activations_total')}[$__range])) > 0"
+    acts = f"sum by (kind) ({grown(drive('pnfarm_fault_activations_total'), '$__range')}) > 0"
     for title, expression, legend, what in (
         ("Faults", codes, "F{{code}}", "Faults of the drive in the shown range, by number."),
         ("Connections lost", aborts, "{{reason}}", "Aborted connections in the shown range, by reason."),
@@ -335,7 +370,7 @@ def _drive_faults(board: Board) -> None:
                 title,
                 [
                     target(mean(name, selector), "mean", ref="A", instant=True),
-                    target(f"sum(increase({name}_count{selector}[$__range]))", "times", ref="B", instant=True),
+                    target(f"sum({grown(f'{name}_count{selector}', '$__range')})", "times", ref="B", instant=True),
                 ],
                 f"{what} Over the shown range.",
                 unit="s",

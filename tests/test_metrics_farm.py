@@ -43,17 +43,22 @@ PROMISED = {
     "pnfarm_frames_discarded_total": {"drive", "reason"},
     "pnfarm_watchdog_expirations_total": {"drive", "cause"},
     "pnfarm_controller_frame_interval_seconds_bucket": {"drive", "le"},
-    "pnfarm_controller_fault_reaction_seconds_bucket": {"drive", "le"},
+    "pnfarm_controller_jitter_seconds_bucket": {"drive", "le"},
+    "pnfarm_controller_missed_updates_total": {"drive"},
+    "pnfarm_axis_velocity_min_rpm": {"drive"},
+    "pnfarm_axis_velocity_max_rpm": {"drive"},
+    "pnfarm_axis_setpoint_min_rpm": {"drive"},
+    "pnfarm_axis_setpoint_max_rpm": {"drive"},
+    "pnfarm_sign_of_life_errors_total": {"drive"},
     "pnfarm_controller_reconnect_seconds_bucket": {"drive", "le"},
     "pnfarm_engine_lateness_seconds_bucket": {"le"},
     "pnfarm_engine_cycles_total": set(),
     "pnfarm_engine_overruns_total": set(),
     "pnfarm_faults_active": {"kind"},
-    "pnfarm_fault_activations_total": {"kind", "drive"},
 }
 HISTOGRAMS = (
     "pnfarm_controller_frame_interval_seconds",
-    "pnfarm_controller_fault_reaction_seconds",
+    "pnfarm_controller_jitter_seconds",
     "pnfarm_controller_reconnect_seconds",
 )
 
@@ -94,7 +99,7 @@ def test_every_promised_series_is_there_from_the_start_at_zero():
     assert set(counters) == {0.0}
     for drive in ("axis-01", "axis-02"):
         assert of(samples, "pnfarm_axis_faults_total", drive=drive, code="702") == 0
-        assert all(of(samples, "pnfarm_fault_activations_total", drive=drive, kind=kind) == 0 for kind in fault_kinds())
+    assert all(of(samples, "pnfarm_faults_active", kind=kind) == 0 for kind in fault_kinds())
 
 
 def test_metrics_of_a_running_drive_say_what_its_snapshot_says():
@@ -219,9 +224,10 @@ def test_fault_reaction_of_the_controller_is_timed():
     drive = {"drive": "axis-01"}
     assert of(samples, "pnfarm_axis_fault_active", **drive) == 502
     assert of(samples, "pnfarm_axis_faults_total", **drive, code="502") == 1
-    assert of(samples, "pnfarm_controller_fault_reaction_seconds_count", **drive) == 1
+    labels = {**drive, "code": "502", "kind": "none"}
+    assert of(samples, "pnfarm_controller_fault_reaction_seconds_count", **labels) == 1
     # one cycle out and one back
-    assert 0.001 < of(samples, "pnfarm_controller_fault_reaction_seconds_sum", **drive) < 0.064
+    assert 0.001 < of(samples, "pnfarm_controller_fault_reaction_seconds_sum", **labels) < 0.064
     assert of(samples, "pnfarm_controller_reconnect_seconds_count", **drive) == 0
     line.enable(5.0)
     line.run(0.1)
@@ -230,6 +236,99 @@ def test_fault_reaction_of_the_controller_is_timed():
     # the program acknowledges after 200 ms and takes the drive up again
     assert of(samples, "pnfarm_controller_reconnect_seconds_count", **drive) == 1
     assert 0.2 < of(samples, "pnfarm_controller_reconnect_seconds_sum", **drive) < 1.0
+
+
+def test_reaction_is_counted_by_what_was_injected_and_by_the_drive_s_fault():
+    line = VirtualLine(1)
+    collector = FarmCollector(line.farm)
+    line.connect()
+    line.enable()
+    for kind, code in (("f702", "702"), ("undervoltage", "502"), ("f702", "702")):
+        line.farm.injections.inject({"kind": kind, "on": "axis-01", "for": "1s"}, line.world.now)
+        line.run(2.0)
+        line.enable(10.0)
+        samples = read(collector)
+        found = {key[1] for key in samples if key[0] == "pnfarm_controller_fault_reaction_seconds_count"}
+        assert any(("code", code) in labels and ("kind", kind) in labels for labels in found), (kind, found)
+
+
+def test_series_of_reactions_do_not_grow_without_bound():
+    line = VirtualLine(1)
+    collector = FarmCollector(line.farm)
+    line.connect()
+    line.enable()
+    for number in (702, 502, 501, 436, 439, 3003):
+        if number in line.farm.stations[0].model.faults:
+            line.farm.stations[0].raise_fault(number, hold=False)
+            line.run(1.0)
+            line.enable(10.0)
+    samples = read(collector)
+    counts = {
+        key: value for key, value in samples.items() if key[0] == "pnfarm_controller_fault_reaction_seconds_count"
+    }
+    assert len(counts) <= 4
+    assert sum(counts.values()) >= 4
+
+
+@pytest.mark.parametrize("model", ["akd-profinet", "akd-profinet-2012", "hiwin-e1", "moog-msd"])
+def test_series_per_drive_stay_below_200(model):
+    line = VirtualLine(1, model=model, limits="lax")
+    collector = FarmCollector(line.farm)
+    line.connect()
+    line.enable(20.0)
+    for kind in ("undervoltage", "timeout", "loss", "sto", "silence", "iops-bad"):
+        line.farm.injections.inject({"kind": kind, "on": "axis-01", "for": "100ms"}, line.world.now)
+        line.run(1.0)
+    series = [line for line in collector.gather().text().decode().splitlines() if 'drive="axis-01"' in line]
+    assert len(series) < 200
+
+
+def test_jitter_of_a_controller_on_time_is_none_and_a_lost_frame_is_a_missed_update():
+    line = VirtualLine(1)
+    collector = FarmCollector(line.farm)
+    line.connect()
+    line.run(1.0)
+    samples = read(collector)
+    drive = {"drive": "axis-01"}
+    name = "pnfarm_controller_jitter_seconds"
+    intervals = of(samples, "pnfarm_controller_frame_interval_seconds_count", **drive)
+    assert of(samples, f"{name}_bucket", **drive, le="1e-06") == of(samples, f"{name}_count", **drive) == intervals > 50
+    assert of(samples, f"{name}_sum", **drive) == 0
+    # the controller's counter goes on while a frame is lost on its way
+    row = line.farm.columns.cpm[line.farm.stations[0].device.channel_rows[1][0]]
+    source, row.source = int(row.source), 1
+    line.run(0.016)
+    row.source = source
+    line.run(0.1)
+    samples = read(collector)
+    assert of(samples, "pnfarm_controller_missed_updates_total", **drive) == 1
+    assert of(samples, f"{name}_sum", **drive) == 0
+
+
+def test_frame_that_the_farm_itself_dropped_is_no_missed_update():
+    line = VirtualLine(1)
+    collector = FarmCollector(line.farm)
+    line.connect()
+    fields = {"kind": "loss", "on": "axis-01", "probability": 0.2, "seed": 1, "direction": "in"}
+    line.farm.injections.inject(fields, line.world.now)
+    line.run(0.5)
+    samples = read(collector)
+    assert of(samples, "pnfarm_frames_discarded_total", drive="axis-01", reason="impaired") > 0
+    assert of(samples, "pnfarm_controller_missed_updates_total", drive="axis-01") == 0
+
+
+def test_extremes_of_the_speed_show_a_sine_that_the_scrapes_miss():
+    line = VirtualLine(1, program="{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 200ms}")
+    collector = FarmCollector(line.farm)
+    line.connect()
+    line.enable()
+    line.run(10.0)
+    for _ in range(6):
+        line.run(2.0)
+        samples = read(collector)
+        for what in ("velocity", "setpoint"):
+            assert of(samples, f"pnfarm_axis_{what}_max_rpm", drive="axis-01") == pytest.approx(600, abs=15)
+            assert of(samples, f"pnfarm_axis_{what}_min_rpm", drive="axis-01") == pytest.approx(-600, abs=15)
 
 
 def test_release_by_the_controller_is_no_loss():
@@ -263,9 +362,10 @@ def test_calls_that_were_answered_are_no_discards_of_a_healthy_drive():
 
 def test_closed_collector_listens_no_more():
     line = VirtualLine(1, controller=False)
+    before = list(line.log._subscribers)
     collector = FarmCollector(line.farm)
     collector.close()
-    assert line.log._subscribers == []  # nothing is fed any more
+    assert line.log._subscribers == before  # nothing is fed any more
 
 
 def test_label_values_are_escaped():

@@ -20,6 +20,8 @@ from pnfarm.farm.address_space import ENGINE, require_address_space
 
 __all__ = ["command"]
 
+#: A drive drops the connection after 16 cycles without a frame, 64 ms with the shortest cycle of 4 ms: a machine may
+#: stall for 20 ms, as many virtual ones do, and no connection is lost.
 FILE = """
 farm: demo
 link: {link}
@@ -30,7 +32,7 @@ controller:
   ip: 10.77.255.1/16
   {where}
   cycle: 16ms
-  watchdog_factor: 6
+  watchdog_factor: 16
   program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 500ms}}
   reconnect: {{after: 200ms}}
 """

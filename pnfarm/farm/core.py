@@ -19,6 +19,7 @@ from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.lateness import LatenessRecord
 from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, InternalError
+from pnfarm.farm.controller_record import ControllerRecords
 from pnfarm.farm.events import EngineEventsLost
 from pnfarm.farm.injections import make_manager
 from pnfarm.farm.realism import imperfections
@@ -27,6 +28,7 @@ from pnfarm.links.base import unwrap
 from pnfarm.links.memory import MemoryLink
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.station.events import (
+    ControlBitChanged,
     FaultRaised,
     FaultReacted,
     FaultsCleared,
@@ -111,6 +113,8 @@ class FarmCore:
             impairments=count * IMPAIRMENTS_PER_DRIVE + 8,
         )
         self.columns.engine[0].tick_ns = tick_ns
+        #: What the drives' controllers did.
+        self.controllers = ControllerRecords(log, [config.name for config in drives])
         self.columns.image.lost[:] = LOST_NEVER
         self.impairments = ImpairmentTable(self.columns)
         self.channels = ChannelTable(self.columns)
@@ -269,6 +273,9 @@ class FarmCore:
                 self.log.record(when, name, FaultsCleared(value))
             case engine_row.FAULT_REACTED:
                 self.log.record(when, name, FaultReacted(value))
+            case engine_row.CONTROL_BIT_CHANGED:
+                after = value & ((1 << 55) - 1)
+                self.log.record(when, name, ControlBitChanged(value >> 56, value >> 55 & 1, after))
             case engine_row.WARNING_CHANGED:
                 self.log.record(when, name, WarningChanged(value))
             case engine_row.PARAMETER_TASK:

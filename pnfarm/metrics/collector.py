@@ -7,6 +7,7 @@ another thread (:meth:`Scrape.text`).  :class:`FarmCollector` is also a collecto
 from __future__ import annotations
 
 import threading
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -19,9 +20,10 @@ from pnfarm.drives.model_parts import fault_label
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.metrics.families import Family, Histogram, Values
-from pnfarm.metrics.recovery import REACTION_EDGES_NS, Recovery
-from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS
+from pnfarm.metrics.recovery import REACTION_EDGES_NS, RECONNECT_EDGES_NS, Recovery
+from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS, JITTER_BUCKETS, JITTER_EDGES_NS
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
+from pnfarm.table.observed import PEAK_WINDOW_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -35,6 +37,16 @@ if TYPE_CHECKING:
 Counts: TypeAlias = "dict[tuple[str, ...], int]"
 
 __all__ = ["FarmCollector", "Scrape", "connection_numbers"]
+
+#: Bounds of the intervals' histogram that are shown: how exact the controller is, the jitter's histogram tells.
+SHOWN_INTERVALS_NS = (
+    500_000, 1_000_000, 1_250_000, 2_000_000, 4_000_000, 5_000_000, 8_000_000, 12_000_000, 16_000_000, 20_000_000,
+    32_000_000, 64_000_000, 128_000_000, 512_000_000,
+)  # fmt: skip
+#: First bucket of the table's histogram in each shown one.
+_STARTS = (0, *(INTERVAL_EDGES_NS.index(edge) + 1 for edge in SHOWN_INTERVALS_NS))
+#: A model with more faults than this has the series of each from its first occurrence on.
+MOST_FAULTS = 24
 
 
 def connection_numbers(bus_name: str) -> dict[str, int]:
@@ -148,9 +160,9 @@ class FarmCollector(Collector):
         )
         for station in self._core.stations:
             name = station.configured_name
-            for fault in station.model.faults.values():
-                if not fault.warning:
-                    self._fault_total.add(name, str(fault.number))
+            faults = [fault for fault in station.model.faults.values() if not fault.warning]
+            for fault in faults if len(faults) <= MOST_FAULTS else ():
+                self._fault_total.add(name, str(fault.number))
             for reason in bus(station.model.bus).usual_losses:
                 self._aborts.add(name, reason, "controller")
             for slug in DISCARDS:
@@ -167,17 +179,39 @@ class FarmCollector(Collector):
         self._interval = self._drive_histogram(
             "controller_frame_interval_seconds",
             "Time between two valid frames of the controller: how regular it is.",
-            INTERVAL_EDGES_NS,
+            SHOWN_INTERVALS_NS,
         )
-        self._reaction = self._drive_histogram(
-            "controller_fault_reaction_seconds",
-            "Time from a fault to the controller's withdrawal of the enable (STW1).",
+        self._jitter = self._drive_histogram(
+            "controller_jitter_seconds",
+            "Deviation of the time between two valid frames from the agreed cycle; missing frames are not counted.",
+            JITTER_EDGES_NS,
+        )
+        self._missed = drive(
+            "controller_missed_updates_total", "counter", "Frames that the controller left out, by its cycle counter."
+        )
+        self._peaks = [
+            (
+                drive(
+                    f"axis_{name}_{extreme}_rpm",
+                    "gauge",
+                    f"{word} {title} of the last {PEAK_WINDOW_NS // 1_000_000_000} s at least.",
+                ),
+                f"{name}_{extreme}",
+                choose,
+            )
+            for name, title in (("velocity", "shaft speed of the motor"), ("setpoint", "velocity set point"))
+            for extreme, word, choose in (("min", "Smallest", np.minimum), ("max", "Largest", np.maximum))
+        ]
+        self._reaction = Histogram(
+            "pnfarm_controller_fault_reaction_seconds",
+            "Time from a fault to the controller's withdrawal of the enable (STW1), by fault and by what was injected.",
             REACTION_EDGES_NS,
+            ("drive", "code", "kind"),
         )
         self._reconnect = self._drive_histogram(
             "controller_reconnect_seconds",
             "Time from a fault or the loss of a connection until the controller had brought the drive back.",
-            REACTION_EDGES_NS,
+            RECONNECT_EDGES_NS,
         )
         self._lateness = Histogram(
             "pnfarm_engine_lateness_seconds", "How late the engine's ticks began.", LATENESS_EDGES_NS
@@ -194,8 +228,6 @@ class FarmCollector(Collector):
         )
         for kind in self._core.injections.kinds:
             self._faults_active.add(kind)
-            for name in self._names:
-                self._activations.add(kind, name)
 
     # -- current values --------------------------------------------------------------------------------------------
 
@@ -207,6 +239,11 @@ class FarmCollector(Collector):
         axis = core.columns.axis[:count]
         parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._info, [1] * count)]
         parts += [(family, AXIS.read(axis, column).tolist()) for family, column in self._axis]
+        observed = core.columns.observed[:count]
+        parts += [
+            (family, choose(observed[column], observed[f"last_{column}"]).tolist())
+            for family, column, choose in self._peaks
+        ]
         parts.append((self._life_errors, axis.life.errors.tolist()))
         parts.append((self._fault_active, (axis.faults.code[:, 0] & NUMBER_MASK).tolist()))
         parts.append((self._fault_total, self._labelled(self._fault_total, self._fault_counts())))
@@ -214,7 +251,7 @@ class FarmCollector(Collector):
         parts += self._channels(stations)
         recovery = self._recovery
         parts += [
-            (self._reaction, self._reaction.values(recovery.reactions, recovery.reaction_sums_ns)),
+            self._reactions(),
             (self._reconnect, self._reconnect.values(recovery.reconnects, recovery.reconnect_sums_ns)),
         ]
         engine = core.columns.engine
@@ -245,6 +282,17 @@ class FarmCollector(Collector):
         for place, number in places:
             values[place] = number
         return values
+
+    def _reactions(self) -> tuple[Family, Values]:
+        """Histograms by fault; one that is new is made."""
+        found = sorted(
+            ((self._reaction.add(*labels), reaction) for labels, reaction in self._recovery.reactions.items()),
+            key=itemgetter(0),
+        )
+        counts = np.array([reaction.counts for _, reaction in found], np.int64)
+        sums = np.array([reaction.sum_ns for _, reaction in found], np.int64)
+        shape = (len(found), len(REACTION_EDGES_NS) + 1)
+        return self._reaction, self._reaction.values(counts.reshape(shape), sums)
 
     def _fault_counts(self) -> Counts:
         return {
@@ -286,6 +334,9 @@ class FarmCollector(Collector):
         engine = columns.engine[0]
         intervals: Any = np.zeros((count, INTERVAL_BUCKETS), np.int64)
         interval_sums: Any = np.zeros(count, np.int64)
+        jitters: Any = np.zeros((count, JITTER_BUCKETS), np.int64)
+        jitter_sums: Any = np.zeros(count, np.int64)
+        missed: Any = np.zeros(count, np.int64)
         discarded: Any = np.zeros((count, len(DISCARDS)), np.int64)
         sent: Any = np.zeros(count, np.int64)
         received: Any = np.zeros(count, np.int64)
@@ -295,6 +346,9 @@ class FarmCollector(Collector):
             received[index] = closed.received
             intervals[index] = closed.intervals
             interval_sums[index] = closed.interval_sum_ns
+            jitters[index] = closed.jitters
+            jitter_sums[index] = closed.jitter_sum_ns
+            missed[index] = closed.missed
             discarded[index] = closed.discarded
         providers = columns.ppm[: int(engine.ppm_rows)]
         live = providers["active"] != 0
@@ -305,6 +359,9 @@ class FarmCollector(Collector):
         np.add.at(received, drive, consumers["received"][live])
         np.add.at(intervals, drive, consumers["intervals"][live])
         np.add.at(interval_sums, drive, consumers["interval_sum_ns"][live])
+        np.add.at(jitters, drive, consumers["jitters"][live])
+        np.add.at(jitter_sums, drive, consumers["jitter_sum_ns"][live])
+        np.add.at(missed, drive, consumers["missed"][live])
         np.add.at(discarded, drive, consumers["discarded"][live])
         by_reason: Counts = {}
         for station, cyclic in zip(stations, discarded.tolist(), strict=True):
@@ -317,5 +374,7 @@ class FarmCollector(Collector):
             (self._received, received.tolist()),
             (self._sent, sent.tolist()),
             (self._discarded, self._labelled(self._discarded, by_reason)),
-            (self._interval, self._interval.values(intervals, interval_sums)),
+            (self._interval, self._interval.values(np.add.reduceat(intervals, _STARTS, axis=1), interval_sums)),
+            (self._jitter, self._jitter.values(jitters, jitter_sums)),
+            (self._missed, missed.tolist()),
         ]

@@ -32,16 +32,33 @@ if TYPE_CHECKING:
     from pnfarm.station.event_log import LogEntry
     from pnfarm.station.station import Station
 
-__all__ = ["REACTION_EDGES_NS", "Recovery"]
+__all__ = ["REACTION_EDGES_NS", "RECONNECT_EDGES_NS", "Reaction", "Recovery"]
 
-#: Upper bounds of both histograms, nanoseconds; a last bucket takes the rest.
+#: Upper bounds of the reactions' histogram, nanoseconds; a last bucket takes the rest.  The programs of controllers
+#: react within a few cycles, hence the fine steps up to 64 ms.
 REACTION_EDGES_NS = (
-    1_000_000, 2_000_000, 4_000_000, 8_000_000, 16_000_000, 32_000_000, 64_000_000, 128_000_000, 256_000_000,
-    512_000_000, 1_000_000_000, 2_000_000_000, 4_000_000_000, 8_000_000_000, 16_000_000_000, 32_000_000_000,
+    1_000_000, 2_000_000, 4_000_000, 8_000_000, 12_000_000, 16_000_000, 24_000_000, 32_000_000, 48_000_000, 64_000_000,
+    128_000_000, 256_000_000, 1_000_000_000, 4_000_000_000,
 )  # fmt: skip
+#: The same for reconnects.
+RECONNECT_EDGES_NS = (
+    32_000_000, 64_000_000, 128_000_000, 256_000_000, 512_000_000, 1_000_000_000, 2_000_000_000, 4_000_000_000,
+    8_000_000_000, 16_000_000_000, 32_000_000_000, 64_000_000_000,
+)  # fmt: skip
+#: Histograms of reactions that one drive may have, by fault and injected kind; further ones are counted as OTHER.
+MOST_REACTIONS = 3
+OTHER = "other"
 
 #: State S4, operation.
 OPERATION = 4
+
+
+class Reaction:
+    """Histogram of the reactions to one fault."""
+
+    def __init__(self) -> None:
+        self.counts: Any = np.zeros(len(REACTION_EDGES_NS) + 1, np.int64)
+        self.sum_ns = 0
 
 
 @dataclass(slots=True)
@@ -57,14 +74,18 @@ class _Drive:
 
 
 class Recovery:
-    """Listens to what happens in a farm; ``reactions`` and ``reconnects`` are counts ``(drives, buckets)``."""
+    """Listens to what happens in a farm; ``reconnects`` are counts ``(drives, buckets)``.
+
+    ``reactions`` are histograms by drive, code of the fault and injected kind.
+    """
 
     def __init__(self, core: FarmCore) -> None:
         count = len(core.stations)
-        self._edges = np.array(REACTION_EDGES_NS, np.int64)
-        self.reactions: Any = np.zeros((count, len(REACTION_EDGES_NS) + 1), np.int64)
-        self.reaction_sums_ns: Any = np.zeros(count, np.int64)
-        self.reconnects: Any = np.zeros((count, len(REACTION_EDGES_NS) + 1), np.int64)
+        self._reaction_edges = np.array(REACTION_EDGES_NS, np.int64)
+        self._reconnect_edges = np.array(RECONNECT_EDGES_NS, np.int64)
+        self._controllers = core.controllers
+        self.reactions: dict[tuple[str, str, str], Reaction] = {}
+        self.reconnects: Any = np.zeros((count, len(RECONNECT_EDGES_NS) + 1), np.int64)
         self.reconnect_sums_ns: Any = np.zeros(count, np.int64)
         self._by_name = {station.configured_name: station for station in core.stations}
         self._drives = [self._look(station) for station in core.stations]
@@ -105,8 +126,7 @@ class Recovery:
                 drive.faulted = False
                 self._judge(index, drive, when)
             case FaultReacted(after_ns):
-                self.reactions[index, self._bucket(after_ns)] += 1
-                self.reaction_sums_ns[index] += after_ns
+                self._reacted(entry.drive, after_ns)
             case WatchdogExpired():
                 if drive.connected:
                     self._begin(drive, when)
@@ -131,8 +151,14 @@ class Recovery:
 
     # -- what follows ------------------------------------------------------------------------------------------------
 
-    def _bucket(self, value_ns: int) -> int:
-        return int(np.searchsorted(self._edges, value_ns))
+    def _reacted(self, drive: str, after_ns: int) -> None:
+        situation = self._controllers.of(drive).situation
+        labels = (drive, situation.code, situation.kind) if situation is not None else (drive, OTHER, OTHER)
+        if labels not in self.reactions and sum(key[0] == drive for key in self.reactions) >= MOST_REACTIONS:
+            labels = (drive, OTHER, OTHER)
+        reaction = self.reactions.setdefault(labels, Reaction())
+        reaction.counts[int(np.searchsorted(self._reaction_edges, after_ns))] += 1
+        reaction.sum_ns += after_ns
 
     @staticmethod
     def _begin(drive: _Drive, when: int) -> None:
@@ -149,5 +175,5 @@ class Recovery:
             return
         duration = max(0, when - drive.lost_ns)
         drive.lost_ns = None
-        self.reconnects[index, self._bucket(duration)] += 1
+        self.reconnects[index, int(np.searchsorted(self._reconnect_edges, duration))] += 1
         self.reconnect_sums_ns[index] += duration

@@ -21,6 +21,7 @@ __all__ = [
     "ConnectionOpened",
     "ConnectionRefused",
     "ConnectionReleased",
+    "ControlBitChanged",
     "ControllerModeChanged",
     "Event",
     "FaultRaised",
@@ -217,6 +218,20 @@ class FaultReacted(Event):
 
     def details(self) -> dict[str, Any]:
         return {"after_seconds": seconds(self.after_ns)}
+
+
+@dataclass(frozen=True, slots=True)
+class ControlBitChanged(Event):
+    """A bit of control word 1 changed for the first time since the fault; ``after_ns`` from the fault."""
+
+    TEXT = "control word changed after fault"
+    LEVEL = "debug"
+    bit: int
+    value: int
+    after_ns: int
+
+    def details(self) -> dict[str, Any]:
+        return {"bit": self.bit, "value": self.value, "after_seconds": seconds(self.after_ns)}
 
 
 @dataclass(frozen=True, slots=True)
