@@ -272,7 +272,7 @@ def test_series_of_reactions_do_not_grow_without_bound():
 
 @pytest.mark.parametrize("model", ["akd-profinet", "akd-profinet-2012", "hiwin-e1", "moog-msd"])
 def test_series_per_drive_stay_below_200(model):
-    line = VirtualLine(1, model=model, limits="lax")
+    line = VirtualLine(1, model=model, limits="lax", telegram=3 if model == "hiwin-e1" else 1)
     collector = FarmCollector(line.farm)
     line.connect()
     line.enable(20.0)
