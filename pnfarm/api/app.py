@@ -22,6 +22,7 @@ from pnfarm.api.events import event_stream, start_of
 from pnfarm.api.faults import add_faults
 from pnfarm.api.guard import Guard
 from pnfarm.api.problems import install_handlers
+from pnfarm.api.scenarios import add_scenarios
 from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version
 from pnfarm.api.throttle import Throttle
 from pnfarm.buses.registry import BUSES
@@ -80,6 +81,7 @@ def make_app(
     for one in BUSES.values():
         one.add_routes(app, context)
     add_faults(app, context)
+    add_scenarios(app, context)
     _add_farm(app, context)
     _add_outside(app, context)
     _describe_problems(app)

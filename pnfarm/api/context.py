@@ -32,6 +32,8 @@ class ApiContext:
     poke: Callable[[], None]
     closing: bool = False
     streams: set[Callable[[], None]] = field(default_factory=set)
+    #: Called when the API stops.
+    on_close: list[Callable[[], None]] = field(default_factory=list)
     rendering: anyio.Lock = field(default_factory=anyio.Lock)
     messages: Messages = field(default_factory=Messages)
 
@@ -52,7 +54,9 @@ class ApiContext:
         self.poke()
 
     def close(self) -> None:
-        """End every open stream."""
+        """End every open stream, and what else runs for clients."""
         self.closing = True
+        for end in self.on_close:
+            end()
         for wake in list(self.streams):
             wake()

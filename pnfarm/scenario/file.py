@@ -35,7 +35,7 @@ KEYS: Mapping[str, str] = {
     "with": "Keys of the farm file that this scenario sets, such as {controller.cycle: 2ms}.",
     "description": "What it shows.",
     "variables": "Values for $name in steps.",
-    "budget": "How late the farm itself may be before a failure is inconclusive; default: the fastest cycle.",
+    "budget": "How late the farm itself may be before a failure is inconclusive; left out, the farm's own budget.",
     "steps": "The steps, in order.",
 }
 _GROUPS = ("parallel", "repeat")

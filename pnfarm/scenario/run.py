@@ -124,7 +124,7 @@ class ScenarioRun:
         for number, step in enumerate(self.binding.scenario.every_step()):
             if step.kind == "expect" and number not in reached:
                 self.record.add(Case(number, step, Verdict.NOT_RUN, 0, 0, message=why or "not reached"))
-        self.record.end(self._now, why, self._lateness.report() if self._lateness is not None else None)
+        self.record.end(self._now, why, self._lateness.report(self._now) if self._lateness is not None else None)
 
     def _note(self, entry: LogEntry) -> None:
         self.record.note(entry)
@@ -247,7 +247,6 @@ class ScenarioRun:
     def _wait_until(self, step: Step) -> _Life:
         begin = self._now
         end = begin + step.get("within", DEFAULT_WITHIN_NS)
-        mark = self._mark()
         watch = self._open(step)
         try:
             while True:
@@ -262,7 +261,7 @@ class ScenarioRun:
         missing = [name for name in watch.values() if name not in watch.held_ns]
         waited = format_duration(end - begin)
         message = f"not true within {waited} on {_few(missing or list(watch.values()))}"
-        self._case(step, self._failure(mark), begin, message, watch=watch)
+        self._case(step, self._failure(begin), begin, message, watch=watch)
         raise _EndedError(f"{step.title}: {message}")
 
     def _open(self, step: Step) -> Watch:
@@ -271,7 +270,7 @@ class ScenarioRun:
         return watch
 
     def _expect(self, step: Step) -> _Life:
-        begin, mark = self._now, self._mark()
+        begin = self._now
         within, hold = step.get("within", 0), step.get("for", 0)
         watch = self._open(step)
         try:
@@ -282,14 +281,14 @@ class ScenarioRun:
             if not watch.all_held:
                 missing = [name for name in watch.values() if name not in watch.held_ns]
                 limit = f"within {format_duration(within)}" if within else "at once"
-                self._case(step, self._failure(mark), begin, f"not true {limit} on {_few(missing)}", watch=watch)
+                self._case(step, self._failure(begin), begin, f"not true {limit} on {_few(missing)}", watch=watch)
                 return
             if hold:
                 yield from self._hold(watch, hold)
             if watch.broken_ns:
                 after = format_duration(min(watch.broken_ns.values()) - begin)
                 message = f"true, but no longer after {after} on {_few(list(watch.broken_ns))}"
-                self._case(step, self._failure(mark), begin, message, watch=watch)
+                self._case(step, self._failure(begin), begin, message, watch=watch)
                 return
             took = max(watch.held_ns.values()) - begin
             self._case(step, Verdict.PASSED, begin, f"true after {format_duration(took)}", watch=watch)
@@ -305,23 +304,20 @@ class ScenarioRun:
             watch.look(self._now)
 
     def _expect_metric(self, step: Step) -> _Life:
-        begin, mark = self._now, self._mark()
+        begin = self._now
         metric, asked = step.values["metric"], _asked(step)
         before = read_metric(self._collector, metric)
         yield from self._sleep(step.get("for", 0))
         value = measured(asked, before, read_metric(self._collector, metric))
         bound = step.values[asked]
-        verdict = Verdict.PASSED if bound.holds(value) else self._failure(mark)
+        verdict = Verdict.PASSED if bound.holds(value) else self._failure(begin)
         message = f"{asked} {value:g}, wanted {bound.sign} {bound.value:g}"
         self._case(step, verdict, begin, message, value=value)
 
     # -- cases
 
-    def _mark(self) -> object:
-        return self._lateness.mark(self._now) if self._lateness is not None else None
-
-    def _failure(self, mark: object) -> Verdict:
-        if self._lateness is not None and self._lateness.was_late(mark, self._now):
+    def _failure(self, begin: int) -> Verdict:
+        if self._lateness is not None and self._lateness.was_late(begin, self._now):
             return Verdict.INCONCLUSIVE
         return Verdict.FAILED
 

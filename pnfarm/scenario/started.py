@@ -44,7 +44,7 @@ async def run_started(
     async with farm:
         now = time.monotonic_ns()
         epoch = time.time_ns()
-        lateness = Lateness(farm.core, binding.scenario.budget_ns)
+        lateness = Lateness(farm.core, binding.scenario.budget_ns, now)
         run = ScenarioRun(binding, farm.core, collectors[0], now, lateness=lateness, tell=tell)
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(farm.wait)

@@ -1,0 +1,80 @@
+"""Scenarios that the farm carries out itself: start, list, look at, cancel."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
+
+from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
+from pydantic import Field
+
+from pnfarm.errors import ConfigError
+from pnfarm.scenario.running import RunningScenarios
+from pnfarm.vocabulary.issues import FarmFileError
+from pnfarm.web.bodies import PREFIX, Json, Schema, body_of, checked, read_object
+from pnfarm.web.errors import NotFoundError, RequestError
+
+if TYPE_CHECKING:
+    from enum import Enum
+
+    from fastapi import FastAPI
+
+    from pnfarm.api.context import ApiContext
+
+__all__ = ["ScenarioText", "add_scenarios"]
+
+
+class ScenarioText(Schema):
+    """A scenario to run."""
+
+    text: str = Field(description="A scenario file's text (YAML); `farm:` in it is ignored.")
+
+
+def add_scenarios(app: FastAPI, context: ApiContext) -> None:
+    """Handlers under ``/scenarios``."""
+    tags: list[str | Enum] = ["scenarios"]
+    scenarios = RunningScenarios(context.core, context.collector, context.now, context.poke)
+    context.on_close.append(scenarios.close)
+
+    @app.get(f"{PREFIX}/scenarios", tags=tags, summary="Scenarios at work, and the last that ended")
+    async def get_scenarios() -> Json:
+        return Json({"scenarios": [found.summary() for found in scenarios.list()]})
+
+    @app.post(
+        f"{PREFIX}/scenarios",
+        tags=tags,
+        summary="Check a scenario against the farm and begin it",
+        status_code=201,
+        openapi_extra=body_of(ScenarioText),
+    )
+    async def post_scenario(request: Request) -> Json:
+        wanted = checked(await read_object(request), ScenarioText, hint='send {"text": a scenario file as text}')
+        try:
+            found = scenarios.start(wanted.text)
+        except FarmFileError as exc:
+            errors = [{"field": issue.field, "what": issue.what, "allowed": issue.allowed} for issue in exc.issues]
+            raise RequestError(str(exc).replace("\n", "; "), errors) from exc
+        place = f"{PREFIX}/scenarios/{found.id}"
+        return Json(found.as_dict(), HTTPStatus.CREATED, headers={"Location": place})
+
+    @app.get(
+        f"{PREFIX}/scenarios/{{scenario_id}}",
+        tags=tags,
+        summary="One scenario: verdict, cases, timeline; while it runs, what there is so far",
+    )
+    async def get_scenario(scenario_id: str) -> Json:
+        return Json(_known(scenario_id))
+
+    @app.delete(f"{PREFIX}/scenarios/{{scenario_id}}", tags=tags, summary="End a scenario: its faults are cleared")
+    async def delete_scenario(scenario_id: str) -> Json:
+        _known(scenario_id)
+        return Json(scenarios.cancel(scenario_id).as_dict())
+
+    def _known(scenario_id: str) -> dict[str, Any]:
+        try:
+            found = scenarios.get(scenario_id)
+        except ConfigError as exc:
+            raise NotFoundError(str(exc)) from exc
+        if (failure := found.failure) is not None:
+            raise failure
+        return found.as_dict()

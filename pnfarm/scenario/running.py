@@ -1,0 +1,111 @@
+"""The scenarios of a running farm: a bounded number at work, the last ones kept with their records."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.registry import fault_kinds
+from pnfarm.errors import ConfigError
+from pnfarm.scenario.binding import bind_scenario
+from pnfarm.scenario.file import parse_scenario
+from pnfarm.scenario.lateness import Lateness
+from pnfarm.scenario.realtime import carry_out
+from pnfarm.scenario.run import ScenarioRun
+from pnfarm.vocabulary.quoting import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.farm.core import FarmCore
+    from pnfarm.metrics import FarmCollector
+
+__all__ = ["RunningScenario", "RunningScenarios"]
+
+#: Scenarios at work at once, and those kept altogether.
+MOST_AT_WORK = 4
+MOST_KEPT = 32
+
+
+@dataclass(slots=True)
+class RunningScenario:
+    """One scenario; ``task`` carries it out."""
+
+    id: str
+    run: ScenarioRun
+    task: asyncio.Task[None]
+
+    @property
+    def failure(self) -> BaseException | None:
+        """What broke the run itself, if anything did."""
+        return self.task.exception() if self.task.done() and not self.task.cancelled() else None
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON: the record so far."""
+        return {"id": self.id, **self.run.record.as_dict()}
+
+    def summary(self) -> dict[str, Any]:
+        """The same without cases and timeline."""
+        record = self.as_dict()
+        return {key: record[key] for key in ("id", "scenario", "state", "verdict", "seconds", "counts")}
+
+
+class RunningScenarios:
+    """``now`` is the farm's clock, ``poke`` makes its runtime send what a step put in force."""
+
+    def __init__(
+        self, core: FarmCore, collector: FarmCollector, now: Callable[[], int], poke: Callable[[], None]
+    ) -> None:
+        self._core = core
+        self._collector = collector
+        self._now = now
+        self._poke = poke
+        self._kept: dict[str, RunningScenario] = {}
+        self._numbers = 0
+
+    def start(self, text: str) -> RunningScenario:
+        """Check a scenario against the farm and begin it.  Raises :class:`ConfigError`."""
+        scenario = parse_scenario(text)
+        if scenario.overrides:
+            raise ConfigError("with: sets keys of a farm file, and this farm runs already; leave it out")
+        drives = {station.configured_name: station.model for station in self._core.stations}
+        binding = bind_scenario(scenario, drives, fault_kinds())
+        at_work = [found.id for found in self._kept.values() if not found.run.finished]
+        if len(at_work) >= MOST_AT_WORK:
+            raise ConfigError(f"{len(at_work)} scenarios are at work ({', '.join(at_work)}); end one of them first")
+        now = self._now()
+        lateness = Lateness(self._core, scenario.budget_ns, now)
+        run = ScenarioRun(binding, self._core, self._collector, now, lateness=lateness)
+        self._numbers += 1
+        task = asyncio.get_running_loop().create_task(carry_out(run, self._core, self._poke, self._now))
+        found = RunningScenario(f"scenario-{self._numbers}", run, task)
+        self._kept[found.id] = found
+        for old in [old.id for old in self._kept.values() if old.run.finished][: max(0, len(self._kept) - MOST_KEPT)]:
+            del self._kept[old]
+        return found
+
+    def list(self) -> list[RunningScenario]:
+        """Those at work and those kept, oldest first."""
+        return list(self._kept.values())
+
+    def get(self, wanted: str) -> RunningScenario:
+        """Raises :class:`ConfigError` for an unknown id."""
+        if wanted not in self._kept:
+            known = ", ".join(self._kept) or "none"
+            raise ConfigError(f"there is no scenario {shown(wanted)}; there are {known}")
+        return self._kept[wanted]
+
+    def cancel(self, wanted: str) -> RunningScenario:
+        """End one; its faults are cleared.  Raises :class:`ConfigError` for an unknown id."""
+        found = self.get(wanted)
+        found.run.cancel(self._now())
+        found.task.cancel()
+        self._poke()
+        return found
+
+    def close(self) -> None:
+        """End all of them: the farm stops."""
+        for found in self._kept.values():
+            found.run.cancel(self._now(), "the farm stopped")
+            found.task.cancel()
