@@ -21,7 +21,13 @@ steps:
   - clear: trip
   - expect: {drive: axis-01, that: fault == 0, within: 5s}
 """
-LONG = "scenario: long\nsteps:\n  - fault: {kind: silence, on: axis-01}\n  - wait: 1h\n  - expect: {drive: all, that: connected}\n"
+LONG = """
+scenario: long
+steps:
+  - fault: {kind: silence, on: axis-01}
+  - wait: 1h
+  - expect: {drive: all, that: connected}
+"""
 
 
 @pytest.fixture
