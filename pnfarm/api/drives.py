@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import anyio.lowlevel
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 
-from pnfarm.api.schemas import Drive, FarmView, ParameterValue, ParameterWrite
+from pnfarm.api.schemas import ControllerView, Drive, FarmView, ParameterValue, ParameterWrite
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.farm.controller_view import controller_view
 from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot, injected_faults
 from pnfarm.web.bodies import PREFIX, Json, body_of, checked, read_object
 
@@ -52,6 +53,15 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
         station = context.station(name)
         log = context.core.log.entries(station.configured_name)
         return Json({**context.view(station), "events": [entry.as_dict() for entry in log]})
+
+    @app.get(
+        f"{PREFIX}/drives/{{name}}/controller",
+        tags=tags,
+        summary="What the drive's controller did, seen from the drive",
+        responses={200: {"model": ControllerView}},
+    )
+    async def get_controller(name: str) -> Json:
+        return Json(controller_view(context.core, context.station(name), context.now()))
 
     @app.post(
         f"{PREFIX}/drives/{{name}}/power-cycle",

@@ -47,7 +47,7 @@ def inspect(
         elif events:
             _follow(farm.events(name, follow=follow), output)
         elif name is not None:
-            _one(drive, output)
+            _one(drive, farm.get("drives", name, "controller"), output)
         else:
             _all(farm.get("drives"), output)
 
@@ -123,12 +123,12 @@ def _last_fault(drive: dict[str, Any]) -> str:
     return _fault_text(fault) + (" (active)" if drive["fault"] else "")
 
 
-def _one(drive: dict[str, Any], output: Format) -> None:
+def _one(drive: dict[str, Any], controller: dict[str, Any], output: Format) -> None:
     from pnfarm.farm.discard_texts import discard_text
     from pnfarm.terminal.output import number, print_json, print_line, print_table
 
     if output is Format.JSON:
-        print_json(drive)
+        print_json({**drive, "controller_record": controller})
         return
     events = drive.pop("events", [])
     discards = drive.get("frames_discarded") or {}
@@ -142,10 +142,45 @@ def _one(drive: dict[str, Any], output: Format) -> None:
         most = sorted(discards.items(), key=lambda entry: (-entry[1], entry[0]))
         table = [(number(count), reason, discard_text(reason)) for reason, count in most]
         print_table((">DISCARDED", "REASON", "~WHAT IT MEANS"), table)
+    print_line()
+    print_table(("CONTROLLER DID", "~VALUE"), _controller_rows(controller))
     if events:
         print_line()
         for entry in events[-LAST_EVENTS:]:
             print_line(_event_line(entry))
+
+
+def _controller_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
+    """What the controller did, and its newest start-up and reaction."""
+    from pnfarm.terminal.output import number, seconds
+
+    def mean(distribution: dict[str, Any]) -> str:
+        value = distribution["mean_seconds"]
+        return "-" if value is None else seconds(value)
+
+    rows = [
+        ("mean interval", mean(record["intervals"])),
+        ("mean jitter", mean(record["jitter"])),
+        ("missed updates", number(record["missed_updates"])),
+        ("late frames", _cell("", record["late_frames"])),
+        ("watchdog expirations", _cell("", record["watchdog_expirations"])),
+        ("connects", f"{record['connects']} of {record['attempts']} attempts"),
+    ]
+    if record["start_ups"]:
+        newest = record["start_ups"][-1]
+        rows.append(("last start-up", ", ".join(f"{name} {seconds(t)}" for name, t in newest["phases"].items()) or "-"))
+    if record["faults"]:
+        fault = record["faults"][-1]
+        bits = ", ".join(f"{bit['name']}={bit['value']} {seconds(bit['after_seconds'])}" for bit in fault["stw1"])
+        done = fault["acknowledged_seconds"]
+        rows += [
+            ("last fault", f"F{fault['code']}, injected: {fault['kind']}"),
+            ("STW1 after it", bits or "no change"),
+            ("acknowledged after", "-" if done is None else seconds(done)),
+        ]
+    if record["sign_of_life"] is not None:
+        rows.append(("sign of life", _cell("", record["sign_of_life"])))
+    return rows
 
 
 def _cell(key: str, value: Any) -> str:

@@ -23,6 +23,7 @@ from pnfarm.station.events import (
     FaultReacted,
     FaultsCleared,
     PowerLost,
+    StartUpPhase,
     WatchdogExpired,
 )
 
@@ -37,6 +38,8 @@ NOT_INJECTED = "none"
 AFTERWARDS_NS = 100_000_000
 #: Kept situations, start-ups, and injections in force.
 KEPT = 16
+#: The last phase of a start-up.
+DATA = "data"
 INJECTIONS = 64
 
 
@@ -55,13 +58,31 @@ class Situation:
 
 @dataclass(slots=True)
 class StartUp:
-    """One way to data exchange; times in ns of the farm's clock."""
+    """One way to data exchange.
 
-    connect_ns: int
-    established_ns: int | None = None
+    ``phases`` in the order in which they ended, with the farm's time, ns: ``identify`` (the controller looked for the
+    drive by name), ``address``, ``connect``, ``parameters``, ``ready`` (ApplicationReady confirmed), ``data``.
+    """
+
     #: When the connection before it was lost, if it was.
-    lost_ns: int | None = None
-    attempts: int = 1
+    lost_ns: int | None
+    phases: dict[str, int] = field(default_factory=dict)
+    attempts: int = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether data are exchanged."""
+        return DATA in self.phases
+
+    def seconds(self) -> dict[str, float]:
+        """Duration of each phase, from the end of the one before or from the loss; the first one may have none."""
+        before = self.lost_ns
+        found = {}
+        for name, when in self.phases.items():
+            if before is not None:
+                found[name] = (when - before) / 1e9
+            before = when
+        return found
 
 
 class ControllerRecord:
@@ -75,7 +96,6 @@ class ControllerRecord:
         self.refused = 0
         self._active: Situation | None = None
         self._starting: StartUp | None = None
-        self._tries = 0
         self._lost_ns: int | None = None
         self._injected: dict[str, str] = {}
         self._ended: tuple[str, int] | None = None
@@ -106,24 +126,36 @@ class ControllerRecord:
             case ConnectionRefused():
                 self.attempts += 1
                 self.refused += 1
-                self._tries += 1
+                self._start().attempts += 1
             case ConnectionOpened():
                 self.attempts += 1
-                self._tries += 1
-                self._starting = StartUp(now, lost_ns=self._lost_ns, attempts=self._tries)
-                self.start_ups.append(self._starting)
+                starting = self._start()
+                starting.attempts += 1
+                # an attempt that failed later began anew
+                for phase in ("connect", "parameters", "ready"):
+                    starting.phases.pop(phase, None)
+                starting.phases["connect"] = now
+            case StartUpPhase(phase=phase):
+                if phase in ("identify", "address") or self._starting is not None:
+                    self._start().phases.setdefault(phase, now)
             case ConnectionEstablished():
                 if self._starting is not None:
-                    self._starting.established_ns = now
-                self._starting, self._tries, self._lost_ns = None, 0, None
+                    self._starting.phases[DATA] = now
+                self._starting = self._lost_ns = None
             case WatchdogExpired() | ConnectionLost() | PowerLost():
                 if self._lost_ns is None and self._starting is None:
                     self._lost_ns = now
-                self._starting = None
             case ConnectionReleased():
                 self._starting = self._lost_ns = None
             case _:
                 pass
+
+    def _start(self) -> StartUp:
+        """The start-up at work, a new one if there is none."""
+        if self._starting is None:
+            self._starting = StartUp(self._lost_ns)
+            self.start_ups.append(self._starting)
+        return self._starting
 
     def _kind(self, now: int) -> str:
         """What is injected now, or was just now; the newest of several."""

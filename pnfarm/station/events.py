@@ -33,6 +33,7 @@ __all__ = [
     "ParametersSaved",
     "PowerLost",
     "PowerReturned",
+    "StartUpPhase",
     "StateChanged",
     "TelegramChanged",
     "WarningChanged",
@@ -114,6 +115,15 @@ class ConnectionRefused(Event):
 
     TEXT = "connection refused"
     LEVEL = "warning"
+
+
+@dataclass(frozen=True, slots=True)
+class StartUpPhase(Event):
+    """A controller finished a step on its way to data exchange, for which its bus has no event of its own."""
+
+    TEXT = "start-up phase"
+    LEVEL = "debug"
+    phase: Literal["identify", "address", "parameters", "ready"]
 
 
 @dataclass(frozen=True, slots=True)

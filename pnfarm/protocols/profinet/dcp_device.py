@@ -166,6 +166,8 @@ class DcpDevice:
         self.dropped: Counter[str] = Counter()
         self._client: tuple[bytes, int] | None = None  # the client of the client hold time, and its end
         self._transaction: int | None = None  # qualifier of the open one
+        #: Requests for this station by its name so far: controllers look for it.
+        self.sought = 0
         self._pending: dict[bytes, tuple[int, bytes]] = {}  # asking station: due time, frame
         self._signal_end: int | None = None
         self._hello: tuple[int, int] | None = None  # when the next one is due, how many are left
@@ -279,6 +281,7 @@ class DcpDevice:
         if not identify_matches(pdu, self):
             self.dropped["filter"] += 1
             return
+        self.sought += any(isinstance(block, NameBlock) for block in pdu.blocks)
         blocks = self._identify_blocks()
         blocks += [AliasBlock(block.alias) for block in pdu.blocks if isinstance(block, AliasBlock)][:1]
         answer = self._response(source_mac, pdu, tuple(blocks))

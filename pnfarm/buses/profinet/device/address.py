@@ -26,6 +26,7 @@ from pnfarm.protocols.profinet.dcp_rules import (
     SignalEnded,
 )
 from pnfarm.protocols.profinet.wire.fsu import FSU_DATA_ADJUST_INDEX, parse_fsu_data_adjust
+from pnfarm.station.events import StartUpPhase
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -113,6 +114,7 @@ class StationAddress:
                 self._keep(now, "gateway", str(gateway) if gateway and permanent else "")
                 self._keep(now, "dns", [str(ip) for ip in dns] if permanent and dns != NO_DNS else None)
                 self._note(now, events.AddressSet(interface, permanent))
+                self._note(now, StartUpPhase("address"))
             case SignalBegan():
                 self._note(now, events.SignalBegan())
             case SignalEnded():

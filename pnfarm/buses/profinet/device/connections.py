@@ -28,7 +28,7 @@ from pnfarm.protocols.profinet.events import (
     RecordWritten,
     SubmodulesChanged,
 )
-from pnfarm.station.events import WatchdogExpired
+from pnfarm.station.events import StartUpPhase, WatchdogExpired
 from pnfarm.station.lateness import Lateness, budget_ns
 from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 
@@ -73,6 +73,8 @@ class StationConnections:
         self.watchdog_expirations_by_farm = 0
         #: The farm's lateness when a watchdog expired, until its AR has ended, by the AR's key.
         self._expired: dict[int, Lateness] = {}
+        #: A controller has looked for the drive since its last connection.
+        self._sought = False
         #: For injections on the connection: how to hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
         #: Called with (event, now) for each event of context management, after the station has handled it.
@@ -94,6 +96,7 @@ class StationConnections:
         """The supply is off: forget what was held back."""
         self._ready_due.clear()
         self._expired.clear()
+        self._sought = False
 
     # -- events of context management --------------------------------------------------------------------------------
 
@@ -104,6 +107,7 @@ class StationConnections:
             case ConnectRefused(ip, status, detail):
                 self._station.note(now, happened.ConnectRefused(ip, status, detail))
             case PrmEndReceived(key, sequence):
+                self._station.note(now, StartUpPhase("parameters"))
                 if self.ready_delay_ns is None:
                     self._station.note(now, happened.ApplicationReadyWithheld())
                 elif self.ready_delay_ns == 0:
@@ -116,7 +120,7 @@ class StationConnections:
                 place = event.slot, event.subslot
                 self._station.note(now, happened.AlarmAcknowledged(event.alarm_type, *place, event.status))
             case ApplicationReadyConfirmed():
-                pass
+                self._station.note(now, StartUpPhase("ready"))
             case ArEstablished(key):
                 ar = self._station.ars.get(key)
                 if ar is not None and not ar.established:
@@ -206,7 +210,14 @@ class StationConnections:
             return
         self._station.note(now, happened.SubmodulesChanged(frozenset(unusable)))
 
+    def sought(self, now: int) -> None:
+        """A controller looks for the drive by its name; it may do so again and again."""
+        if not self._sought and not self._station.ars:
+            self._sought = True
+            self._station.note(now, StartUpPhase("identify"))
+
     def close(self, key: int) -> None:
+        self._sought = False
         self._station.parameter_records.reset(key)
         if key in self._station.ars and self._station.ars[key].feeds:
             self._station.store.channels_closed()
