@@ -278,6 +278,8 @@ def run_firmware(columns: Columns, now: int) -> None:
         _step(axis, columns.image[number], own)
         if axis.drive.state != state:
             emit(engine, events, STATE_CHANGED, number, now, (int(state) << 8) | int(axis.drive.state))
+        # before the faults are over: the acknowledgement is the change that ends them
+        observe(engine, events, columns.observed[number], axis, columns.image[number], number, now)
         if axis.faults.ends != fault_ends and faults:
             emit(engine, events, FAULTS_CLEARED, number, now, own - fault_ns)
             fault_ended(columns.observed[number])
@@ -289,7 +291,6 @@ def run_firmware(columns: Columns, now: int) -> None:
             emit(engine, events, FAULT_REACTED, number, now, own - axis.faults.since_ns)
         if axis.warnings.code != warning:
             emit(engine, events, WARNING_CHANGED, number, now, int(axis.warnings.code))
-        observe(engine, events, columns.observed[number], axis, columns.image[number], number, now)
     for number in range(engine.program_rows):
         program = columns.program[number]
         if program.active == 0:
