@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.buses.controller import Controller
+    from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.links.base import Link
@@ -68,11 +69,12 @@ class VirtualLine:
         plc_log: EventLog | None = None,
         pcap: Path | None = None,
         epoch_ns: int | None = None,
+        program: type[AxisProgram] | None = None,
     ) -> VirtualLine:
         """Power the drives on, and the controller where the file has one.  Nothing runs before ``world.run``.
 
         ``pcap`` captures all frames of the drives, stamped with the world's time plus ``epoch_ns`` (default: such that
-        the world begins now); :meth:`close` ends it.  Raises :class:`~pnfarm.errors.EnvironmentError_`.
+        the world begins now); :meth:`close` ends it.  ``program`` replaces the file of a program of one's own.  Raises :class:`~pnfarm.errors.EnvironmentError_`.
         """
         drives = expand(config)
         world = VirtualWorld()
@@ -109,7 +111,7 @@ class VirtualLine:
         bus, plan = plan_controller(config, drives)
         records = plc_log or EventLog(quiet=True)
         plc = bus.controller(plan, ControllerHost(plc_link, port, records, seed=b"plc", lldp=config.lldp))
-        kind, runner = program_of(config), None
+        kind, runner = program or program_of(config), None
         if kind is not None:
             limit = section.program.limit_ns
             runner = ProgramRunner(plc.columns, plan.devices, kind, records.record, limit_ns=limit, in_real_time=False)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.firmware.profidrive.telegram import long_step
 from pnfarm.table.signals import SLOTS
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.profiles.profidrive.part import Profidrive
     from pnfarm.drives.telegram import Signal
 
-__all__ = ["AxisSignals", "Inputs", "Outputs", "SignalForm", "Word", "axis_signals"]
+__all__ = ["AxisSignals", "Inputs", "Outputs", "SignalForm", "Word", "axis_signals", "signal_units"]
 
 #: Signals that carry the speed, the finest first.
 _SPEEDS = ("nsoll_b", "ref_speed", "nsoll_a", "nist_b", "act_speed", "nist_a")
@@ -83,9 +84,30 @@ class AxisSignals:
     actuals: Mapping[str, SignalForm]
 
 
-def axis_signals(profidrive: Profidrive, telegram: int, units: Mapping[str, tuple[float, str]]) -> AxisSignals:
-    """The signals of a telegram; ``units``: step and unit of those that have one, by the telegram's names."""
+def signal_units(
+    *, velocity_step: float, velocity_step_b: float, target_step: float, task_velocity_step: float
+) -> dict[str, tuple[float, str]]:
+    """Increment and unit of each signal of speed and of a target; the steps are rpm and rev, as in the axis record."""
+    return {
+        **dict.fromkeys(("NSOLL_A", "NIST_A", "REF_SPEED", "ACT_SPEED"), (velocity_step, "rpm")),
+        **dict.fromkeys(("NSOLL_B", "NIST_B"), (long_step(velocity_step, velocity_step_b), "rpm")),
+        **dict.fromkeys(("MDI_TARPOS", "TARPOS_A"), (target_step, "rev")),
+        **dict.fromkeys(("MDI_VELOCITY", "VELOCITY_A"), (task_velocity_step, "rpm")),
+    }
+
+
+def axis_signals(
+    profidrive: Profidrive,
+    telegram: int,
+    units: Mapping[str, tuple[float, str]],
+    mapped: tuple[Sequence[Signal | None], Sequence[Signal | None]] | None = None,
+) -> AxisSignals:
+    """The signals of a telegram; ``units``: step and unit of those that have one, by the telegram's names.
+
+    ``mapped``: set points and actual values of a telegram that is mapped freely.
+    """
     found = profidrive.telegrams[telegram]
+    output, inputs = mapped or (found.output, found.input)
 
     def forms(signals: Iterable[Signal | None]) -> dict[str, SignalForm]:
         return {
@@ -102,7 +124,7 @@ def axis_signals(profidrive: Profidrive, telegram: int, units: Mapping[str, tupl
             if signal is not None
         }
 
-    return AxisSignals(forms(found.output), forms(found.input))
+    return AxisSignals(forms(output), forms(inputs))
 
 
 def _names(profidrive: Profidrive, word: str, telegram: int) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from pnfarm.firmware.profidrive.telegram import long_step
+from pnfarm.drives.signal_view import signal_units
 from pnfarm.protocols.profinet.cmctl_events import Timeouts
 from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT
@@ -45,13 +45,12 @@ class SignalSteps:
 
     def units(self) -> dict[str, tuple[float, str]]:
         """Increment and unit of each signal of speed and of a target."""
-        speed, long_speed = self.velocity_step, long_step(self.velocity_step, self.velocity_step_b)
-        return {
-            **dict.fromkeys(("NSOLL_A", "NIST_A", "REF_SPEED", "ACT_SPEED"), (speed, "rpm")),
-            **dict.fromkeys(("NSOLL_B", "NIST_B"), (long_speed, "rpm")),
-            **dict.fromkeys(("MDI_TARPOS", "TARPOS_A"), (self.target_step, "rev")),
-            **dict.fromkeys(("MDI_VELOCITY", "VELOCITY_A"), (self.task_velocity_step, "rpm")),
-        }
+        return signal_units(
+            velocity_step=self.velocity_step,
+            velocity_step_b=self.velocity_step_b,
+            target_step=self.target_step,
+            task_velocity_step=self.task_velocity_step,
+        )
 
 
 @dataclass(frozen=True, slots=True)

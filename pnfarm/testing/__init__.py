@@ -1,0 +1,26 @@
+"""For tests: drives and a controller in memory, in virtual time; an hour takes seconds.
+
+::
+
+    from pnfarm.testing import Line
+
+
+    def test_the_plc_brings_the_axis_back():
+        with Line("axis-01", program="my_plc.py") as line:
+            axis = line.drive("axis-01")
+            line.wait_until(lambda: axis.state == "S4", within=5)
+            with axis.inject("drive-fault", fault=702, count=1):
+                line.wait_until(lambda: axis.fault == 702, within=0.1)
+            line.wait_until(lambda: axis.state == "S4", within=2)
+
+With pytest, the fixture ``pnfarm_farm`` makes lines and closes them (docs/testing.md).
+"""
+
+from __future__ import annotations
+
+from pnfarm.testing.drive import Drive, FaultReading
+from pnfarm.testing.fault import Fault
+from pnfarm.testing.line import Line
+from pnfarm.testing.wait import NotInTime
+
+__all__ = ["Drive", "Fault", "FaultReading", "Line", "NotInTime"]

@@ -1,0 +1,79 @@
+"""An injection as a test holds it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import TracebackType
+
+    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.manager import Injection
+
+__all__ = ["Fault", "fields_of"]
+
+#: What belongs to every injection; all other keywords are parameters of its kind.
+_COMMON = {"probability", "seed", "direction", "after_cycles", "after", "count", "for", "cycles", "name", "params"}
+
+
+def fields_of(kind: str, on: str | list[str], options: dict[str, Any]) -> dict[str, Any]:
+    """The fields of an injection; ``for_`` stands for ``for``, seconds may be numbers."""
+    given = {key.removesuffix("_"): value for key, value in options.items()}
+    common = {key: value for key, value in given.items() if key in _COMMON}
+    for key in ("after", "for"):
+        if isinstance(common.get(key), (int, float)) and not isinstance(common[key], bool):
+            common[key] = f"{round(common[key] * 1e9)}ns"
+    params = {key: value for key, value in given.items() if key not in _COMMON} | dict(common.pop("params", {}))
+    return {"kind": kind, "on": on, "params": params, **common}
+
+
+class Fault:
+    """An injection in force: a context manager that ends it, with its evidence."""
+
+    def __init__(self, injection: Injection, clear: Callable[[str], object]) -> None:
+        self._injection = injection
+        self._clear = clear
+
+    @property
+    def id(self) -> str:
+        return self._injection.id
+
+    @property
+    def kind(self) -> str:
+        return self._injection.spec.kind.name
+
+    @property
+    def drives(self) -> tuple[str, ...]:
+        """Names of the drives that it is on."""
+        return self._injection.drives
+
+    @property
+    def state(self) -> str:
+        """``waiting``, ``active`` or ``ended``."""
+        return self._injection.state.value
+
+    @property
+    def is_active(self) -> bool:
+        return self.state == "active"
+
+    @property
+    def evidence(self) -> Evidence:
+        """What happened so far: ``checks``, ``activations``, ``first_ns``, ``last_ns``, ``confirmed``."""
+        return self._injection.evidence()
+
+    def clear(self) -> None:
+        """End it; does nothing if it has ended."""
+        if self.state != "ended":
+            self._clear(self.id)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.clear()
+
+    def __repr__(self) -> str:
+        return f"<Fault {self.id} {self.kind} on {', '.join(self.drives)}: {self.state}, {self.evidence}>"
