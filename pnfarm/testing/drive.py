@@ -190,7 +190,7 @@ class Drive:
     def parameter(self, name: str | int) -> int:
         """A parameter by number or by the manual's name, ``NAME.SUB`` for an element: the number as on the wire.
 
-        Raises :class:`~pnfarm.errors.ConfigError` for a name that the model does not have.
+        Raises the drive's own error (:class:`pnfarm.drives.parameter.ParameterError`), which says what is wrong.
         """
         self._check_powered()
         return self._station.store.get(name)
@@ -217,7 +217,7 @@ class Drive:
         self._do(self._station.power_cycle)
 
     def events(self, text: str | None = None) -> list[LogEntry]:
-        """What happened to it, oldest first (the last 64), or only entries with this text: ``fault raised``."""
+        """What happened to it, oldest first (the last 64), or only entries with this text: ``fault``."""
         found = self._host.core.log.entries(self.name)
         return found if text is None else [entry for entry in found if entry.event == text]
 
@@ -263,6 +263,9 @@ class Drive:
             )
             mapped = (store.mapping(setpoint=True), store.mapping(setpoint=False))
             self._signals = key, axis_signals(
-                self._station.model.profidrive, store.telegram_number, units, mapped if store.telegram.free_mapping else None
+                self._station.model.profidrive,
+                store.telegram_number,
+                units,
+                mapped if store.telegram.free_mapping else None,
             )
         return self._signals[1]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import pnfarm
-from pnfarm.errors import ConfigError
+from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.testing import Line, NotInTime
 
 PROGRAMS = Path(__file__).parents[2] / "configs" / "programs"
@@ -32,7 +32,7 @@ def test_a_fault_reads_as_the_manual_writes_it_and_the_drive_comes_back(model, f
         assert line.wait_until(lambda: axis.state == "S4", within=5) > 0.1
         assert axis.fault is None
         assert axis.last_fault == fault
-        assert axis.events("fault raised")
+        assert [entry.event for entry in axis.events("fault")] == ["fault"]
 
 
 def test_signals_words_and_parameters_have_names_and_units():
@@ -45,7 +45,7 @@ def test_signals_words_and_parameters_have_names_and_units():
         assert axis.stw1.enable_operation
         assert axis.zsw1.operation_enabled
         assert axis.velocity == pytest.approx(60, abs=1)
-        with pytest.raises(ConfigError):
+        with pytest.raises(PnfarmError, match="no parameter 'NO.SUCH'"):
             axis.parameter("NO.SUCH")
     with Line("axis-01") as line:
         axis = line["axis-01"]
@@ -60,12 +60,12 @@ def test_a_wait_in_vain_shows_the_drives_and_leaves_no_time_over():
         assert line.now == pytest.approx(0.25)
 
 
-def test_an_hour_passes(capsys):
+def test_ten_minutes_pass_at_once():
     with Line("axis-01") as line:
         line.wait_running()
-        line.run(3600)
+        line.run(600)
         assert line["axis-01"].state == "S4"
-        assert line.now > 3600
+        assert line.now > 600
 
 
 def test_a_program_may_be_a_class_of_the_test_and_be_looked_at():
