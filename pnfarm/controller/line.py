@@ -74,7 +74,8 @@ class VirtualLine:
         """Power the drives on, and the controller where the file has one.  Nothing runs before ``world.run``.
 
         ``pcap`` captures all frames of the drives, stamped with the world's time plus ``epoch_ns`` (default: such that
-        the world begins now); :meth:`close` ends it.  ``program`` replaces the file of a program of one's own.  Raises :class:`~pnfarm.errors.EnvironmentError_`.
+        the world begins now); :meth:`close` ends it.
+        ``program`` replaces the file of a program of one's own.  Raises :class:`~pnfarm.errors.EnvironmentError_`.
         """
         drives = expand(config)
         world = VirtualWorld()

@@ -262,10 +262,13 @@ class Drive:
                 task_velocity_step=float(settings.task_velocity_step) or 1.0,
             )
             mapped = (store.mapping(setpoint=True), store.mapping(setpoint=False))
-            self._signals = key, axis_signals(
-                self._station.model.profidrive,
-                store.telegram_number,
-                units,
-                mapped if store.telegram.free_mapping else None,
+            self._signals = (
+                key,
+                axis_signals(
+                    self._station.model.profidrive,
+                    store.telegram_number,
+                    units,
+                    mapped if store.telegram.free_mapping else None,
+                ),
             )
         return self._signals[1]

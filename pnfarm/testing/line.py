@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.config.known import catalogue
-from pnfarm.controller.axis_program import AxisProgram
 from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Mapping
     from types import TracebackType
 
+    from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.station.event_log import LogEntry
@@ -50,7 +50,7 @@ class Line:
         *names: str,
         model: str = "akd-profinet",
         cycle: str | None = None,
-        program: Mapping[str, Any] | str | Path | type[AxisProgram] | None = RIGHT,  # type: ignore[assignment]  # a mapping that nobody changes
+        program: Mapping[str, Any] | str | Path | type[AxisProgram] | None = RIGHT,
         controller: Mapping[str, Any] | None = None,
         **options: Any,
     ) -> None:
@@ -59,11 +59,14 @@ class Line:
         kind = program if isinstance(program, type) else None
         text: dict[str, Any] = {"farm": "test", "link": {"kind": "memory"}, "drives": drives}
         if program is not None:
-            if kind is not None:
-                program = {"python": _IN_MEMORY}
+            given: Mapping[str, Any]
+            if isinstance(program, type):
+                given = {"python": _IN_MEMORY}
             elif isinstance(program, (str, Path)):
-                program = {"python": str(Path(program).absolute())}
-            text["controller"] = {"ip": "10.77.255.250/16", "program": dict(program), **(controller or {})}  # type: ignore[call-overload]  # a mapping by now
+                given = {"python": str(Path(program).absolute())}
+            else:
+                given = program
+            text["controller"] = {"ip": "10.77.255.250/16", "program": dict(given), **(controller or {})}
             if cycle is not None:
                 text["controller"]["cycle"] = cycle
         # JSON is YAML

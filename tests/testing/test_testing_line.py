@@ -45,7 +45,7 @@ def test_signals_words_and_parameters_have_names_and_units():
         assert axis.stw1.enable_operation
         assert axis.zsw1.operation_enabled
         assert axis.velocity == pytest.approx(60, abs=1)
-        with pytest.raises(PnfarmError, match="no parameter 'NO.SUCH'"):
+        with pytest.raises(PnfarmError, match=r"no parameter 'NO.SUCH'"):
             axis.parameter("NO.SUCH")
     with Line("axis-01") as line:
         axis = line["axis-01"]
