@@ -32,6 +32,7 @@ from pnfarm.table.image import IMAGE
 from pnfarm.table.impairment import IMPAIRMENT
 from pnfarm.table.layout import WRITERS
 from pnfarm.table.program import PROGRAM
+from pnfarm.table.trace import PROBE, TRACE
 
 DOCS = Path(__file__).resolve().parent
 
@@ -46,7 +47,7 @@ def table() -> str:
         "One party writes each field; everybody may read. Writers: " + ", ".join(f"`{w}`" for w in WRITERS) + ".",
         "",
     ]
-    for layout in (AXIS, IMAGE, PROGRAM, PPM, CPM, IMPAIRMENT, ENGINE, EVENT):
+    for layout in (AXIS, IMAGE, PROGRAM, PPM, CPM, IMPAIRMENT, ENGINE, EVENT, TRACE, PROBE):
         lines += [f"A row of `{layout.name}` has {layout.dtype.itemsize} octets.", "", layout.markdown()]
     return "\n".join(lines)
 

@@ -16,6 +16,7 @@ from pnfarm.table.impairment import IMPAIRMENT
 from pnfarm.table.late import LATE, LATE_ROWS
 from pnfarm.table.observed import OBSERVED
 from pnfarm.table.program import PROGRAM
+from pnfarm.table.trace import MAX_PROBES, MAX_TRACES, PROBE, RING_VALUES, TRACE
 
 __all__ = ["RX_BATCH", "Columns", "allocate", "lookup_find", "lookup_rebuild"]
 
@@ -38,6 +39,10 @@ class Columns(NamedTuple):
     ``rx_port``     (RX_BATCH,)                 their ports
     ``rx_ns``       (RX_BATCH,)                 their arrival, ns
     ``tx_row``      (providers * 2,)            rows of ``frames`` to send, in order
+    ``trace_ring``  (RING_VALUES,)              samples of the traces, float64
+    ``axis_reals``  (axes * words of a row,)    the memory of ``axis`` as float64, for traces
+    ``axis_words``  (axes * words of a row,)    the same as int64
+    ``image_words`` (stations * words,)         the memory of ``image`` as int64
     ==============  ==========================  ======================================================
     """
 
@@ -58,23 +63,32 @@ class Columns(NamedTuple):
     tx_row: Any
     late: Any
     observed: Any
+    trace: Any
+    probe: Any
+    trace_ring: Any
+    axis_reals: Any
+    axis_words: Any
+    image_words: Any
 
 
-def allocate(*, stations: int, axes: int = 0, programs: int = 0, channels: int = 0, impairments: int = 0) -> Columns:
+def allocate(
+    *, stations: int, axes: int = 0, programs: int = 0, channels: int = 0, impairments: int = 0, traces: bool = False
+) -> Columns:
     """A zeroed table.
 
     ``stations`` process images, ``axes`` drives and ``programs`` (both index images), ``channels``
-    providers and as many consumers, ``impairments`` rows for faults.  Compiles what takes a table, if it is not cached.
+    providers and as many consumers, ``impairments`` rows for faults, with ``traces`` the room for these.  Compiles what takes a table, if it is not cached.
     """
     link()
     channels = max(1, channels)
     size = 64
     while size < channels * 4:
         size *= 2
+    axis, image = AXIS.allocate(max(1, axes)), IMAGE.allocate(max(1, stations))
     columns = Columns(
         engine=ENGINE.allocate(1),
-        axis=AXIS.allocate(max(1, axes)),
-        image=IMAGE.allocate(max(1, stations)),
+        axis=axis,
+        image=image,
         program=PROGRAM.allocate(max(1, programs)),
         ppm=PPM.allocate(channels),
         cpm=CPM.allocate(channels),
@@ -89,6 +103,12 @@ def allocate(*, stations: int, axes: int = 0, programs: int = 0, channels: int =
         tx_row=np.zeros(channels * 2, np.int32),
         late=LATE.allocate(LATE_ROWS),
         observed=OBSERVED.allocate(max(1, axes)),
+        trace=TRACE.allocate(MAX_TRACES if traces else 1),
+        probe=PROBE.allocate(MAX_PROBES if traces else 1),
+        trace_ring=np.zeros(RING_VALUES if traces else 1),
+        axis_reals=axis.view(np.ndarray).view(np.float64),
+        axis_words=axis.view(np.ndarray).view(np.int64),
+        image_words=image.view(np.ndarray).view(np.int64),
     )
     engine = columns.engine[0]
     engine.axis_rows = axes

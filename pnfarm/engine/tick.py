@@ -13,6 +13,7 @@ from pnfarm.engine.columns import Columns, lookup_find
 from pnfarm.engine.impair import impair_received, impair_sent
 from pnfarm.engine.intervals import measure_interval
 from pnfarm.engine.observe import fault_began, fault_ended, observe
+from pnfarm.engine.tracing import sample
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.drive_clock import drive_time
@@ -130,6 +131,9 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
             iops = IOXS_BAD
     image = images[consumer.image]
     first = consumer.state != RUN
+    if consumer.feeds:
+        image.interval_ns = 0 if first else arrival - consumer.last_ns
+        image.frame_ns = arrival
     if first:
         consumer.state = RUN
         emit(engine, events, FIRST_FRAME, number, arrival, consumer.generation)
@@ -385,6 +389,18 @@ def tick(columns: Columns, count: int, now: int) -> int:
     receive(columns, count)
     _watch(columns, now)
     run_firmware(columns, now)
+    if engine.trace_rows != 0:
+        sample(
+            engine,
+            columns.events,
+            columns.trace,
+            columns.probe,
+            columns.trace_ring,
+            columns.axis_reals,
+            columns.axis_words,
+            columns.image_words,
+            now,
+        )
     engine.now_ns = now
     engine.cycles += 1
     return transmit(columns, now)

@@ -111,6 +111,7 @@ class FarmCore:
             axes=count,
             channels=sum(bus(model.bus).channel_rows(model) for model in known),
             impairments=count * IMPAIRMENTS_PER_DRIVE + 8,
+            traces=True,
         )
         self.columns.engine[0].tick_ns = tick_ns
         #: What the drives' controllers did.

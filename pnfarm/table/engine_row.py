@@ -25,6 +25,8 @@ PHASE_CHANGED = 9  # program row; old << 8 | new
 WARNING_CHANGED = 10  # axis row; warning number, 0 = none
 PARAMETER_TASK = 11  # axis row; the eight octets of the parameter channel, most significant first
 CONTROL_BIT_CHANGED = 12  # axis row; bit of STW1 << 56 | its new value << 55 | ns since the fault
+TRACE_TRIGGERED = 15  # trace row; when it was triggered, ns
+TRACE_ENDED = 16  # trace row; samples taken
 
 #: Upper bounds of the lateness histogram, nanoseconds; a last bucket takes the rest.
 LATENESS_EDGES_NS = (
@@ -41,6 +43,7 @@ ENGINE = Layout(
         Field("cpm_rows", "i4", "", "station", "rows of the consumer table in use"),
         Field("axis_rows", "i4", "", "station", "rows of the axis table in use"),
         Field("program_rows", "i4", "", "station", "rows of the program table in use"),
+        Field("trace_rows", "i4", "", "station", "rows of the trace table in use, 0 = no trace runs"),
         Field("lookup", "i4", "", "station", "which of the look-up tables is in force"),
         Field("tick_ns", "i8", "ns", "station", "longest time between two ticks"),
         Field("stop", "u1", "", "station", "1 asks the engine's thread to return"),

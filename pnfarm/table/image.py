@@ -25,6 +25,9 @@ IMAGE = Layout(
         Field("received", "i4", "", "receive", "signals that the peer sends", (SLOTS,)),
         Field("frames", "u4", "", "receive", "set point frames taken so far"),
         Field("filled", "u4", "", "transmit", "frames filled so far"),
+        Field("frame_ns", "i8", "ns", "receive", "arrival of the last frame with set points, 0 = none yet"),
+        Field("interval_ns", "i8", "ns", "receive", "time between the last two of one connection, 0 = only one yet"),
+        Field("injected", "u1", "", "fault", "injections in force on the station"),
         Field("valid", "u1", "", "receive", "1 while a peer in RUN sends them with good status"),
         Field("lost", "u1", "", "receive", "why they are not valid: LOST_* below"),
         Field(

@@ -1,0 +1,86 @@
+"""Traces: the values of chosen fields, sampled in the engine's ticks into a ring.
+
+A *trace* is one recording.  Its *probes* are the fields that it samples, and those that its trigger watches.  The ring
+holds numbers of double precision; a trace has a part of it, as a ring of samples.  A sample is the time since
+``started_ns``, ns, and the value of each probe.
+"""
+
+from __future__ import annotations
+
+from pnfarm.table.layout import Field, Layout
+
+__all__ = ["MAX_PROBES", "MAX_TRACES", "PROBE", "RING_VALUES", "TRACE"]
+
+#: Rows of traces; a row is used again only after the engine has seen that its trace is over.
+MAX_TRACES = 32
+#: Rows of probes, for all traces.
+MAX_PROBES = 8192
+#: Numbers in the ring, for all traces: 32 MiB, of which the kernel provides only what was used.
+RING_VALUES = 1 << 22
+
+# States of a trace (``TRACE.state``).
+IDLE = 0  # no trace, or one that the engine has not seen
+ARMED = 1  # it samples, and waits for its trigger
+TRIGGERED = 2
+ENDED = 3  # complete; the ring keeps its samples
+
+# How a trace is triggered (``TRACE.trigger``): by its first step, a probe's value and a level, or by the event loop.
+TRIGGER_NOW = 0
+TRIGGER_RISING = 1  # from below the level to the level or above
+TRIGGER_FALLING = 2  # from above the level to the level or below
+TRIGGER_CHANGES = 3  # another value than in the step before
+TRIGGER_ABOVE = 4
+TRIGGER_AT_LEAST = 5
+TRIGGER_BELOW = 6
+TRIGGER_AT_MOST = 7
+TRIGGER_EQUAL = 8
+TRIGGER_UNEQUAL = 9
+TRIGGER_EVENT = 10
+
+# Where a probe's value comes from (``PROBE.source``).
+SOURCE_AXIS_REAL = 0  # a field f8 of the axis table
+SOURCE_AXIS_INTEGER = 1  # a whole number in it
+SOURCE_IMAGE_INTEGER = 2  # a whole number in the image table
+SOURCE_IMAGE_AGE = 3  # the time since the time in a field of the image table, ns; -1 if that is 0
+
+TRACE = Layout(
+    "trace",
+    "A recording: which probes, when, and how far it is.",
+    [
+        Field("active", "u1", "", "station", "set last when a row is ready, cleared first when it goes"),
+        Field("first_probe", "i4", "", "station", "first row of the probes that it samples"),
+        Field("probes", "i4", "", "station", "number of those"),
+        Field("first_watched", "i4", "", "station", "first row of the probes that the trigger watches"),
+        Field("watched", "i4", "", "station", "number of those; the first that fulfils the condition triggers"),
+        Field("ring_start", "i8", "", "station", "first number of its part of the ring"),
+        Field("capacity", "i8", "", "station", "samples that its part of the ring holds"),
+        Field("interval_ns", "i8", "ns", "station", "time between samples: the first tick at or after each multiple"),
+        Field("length_ns", "i8", "ns", "station", "how long it samples from the trigger on"),
+        Field("trigger", "u1", "", "station", "how it is triggered: TRIGGER_*"),
+        Field("level", "f8", "", "station", "level of the trigger, in the probes' unit"),
+        Field("fire_ns", "i8", "ns", "station", "when the event happened that triggers it, 0 = not yet"),
+        Field("started_ns", "i8", "ns", "station", "the times of its samples count from here"),
+        Field("state", "u1", "", "engine", "IDLE, ARMED, TRIGGERED or ENDED"),
+        Field("head", "i8", "", "engine", "samples taken so far"),
+        Field("next_ns", "i8", "ns", "engine", "when the next sample is due"),
+        Field("missed", "i8", "", "engine", "samples that were due while no tick ran"),
+        Field("trigger_ns", "i8", "ns", "engine", "when it was triggered"),
+        Field("trigger_probe", "i4", "", "engine", "row of the probe that triggered it, -1 = none"),
+    ],
+)
+
+PROBE = Layout(
+    "probe",
+    "Where one sampled value comes from: a field of a row, as a place in the table's 64-bit words.",
+    [
+        Field("source", "u1", "", "station", "SOURCE_*"),
+        Field("word", "i4", "", "station", "64-bit word of the table that holds the field"),
+        Field("less", "i4", "", "station", "word whose number is subtracted (f8 only), -1 = none"),
+        Field("shift", "u1", "bits", "station", "lowest bit of the field in the word"),
+        Field("mask", "i8", "", "station", "bits of the field, after the shift"),
+        Field("sign", "i8", "", "station", "its sign bit, after the shift; 0 = unsigned"),
+        Field("scale", "f8", "", "station", "factor of the field in the unit shown", default=1.0),
+        Field("before", "f8", "", "engine", "of a watched probe: its value in the tick before"),
+        Field("seen", "u1", "", "engine", "1 = before is set"),
+    ],
+)

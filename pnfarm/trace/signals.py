@@ -1,0 +1,248 @@
+"""The signals of a drive that a trace can sample, with their units.
+
+Names are lower-case.  A drive has
+
+* its motor and its state, whatever its model and bus;
+* the words of its telegram, by the signals' own names (``nsoll_a``), as they are on the wire;
+* the control and status words, and each of their bits by the name that the model's manual gives it
+  (``zsw1.fault_present``), or by its number (``zsw1.3``).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.model_parts import fault_label
+from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.errors import ConfigError
+from pnfarm.firmware.axis import AXIS
+from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.table.axis_codes import FAULT_SLOTS
+from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_NEVER, LOST_NOT, LOST_STOP
+from pnfarm.table.signals import ACTUAL_SLOTS, PKW_HEAD, PKW_VALUE, SETPOINT_SLOTS
+from pnfarm.table.trace import SOURCE_IMAGE_AGE, SOURCE_IMAGE_INTEGER
+from pnfarm.trace.places import Place, place_of
+from pnfarm.vocabulary.quoting import did_you_mean, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from pnfarm.drives.telegram import Signal
+    from pnfarm.station.station import Station
+
+__all__ = ["TraceSignal", "choose_signals", "label_of", "signals_of"]
+
+#: Words of which each bit is a signal, by the name of the word's signal; with the names for a model that has none.
+_BIT_WORDS: Mapping[str, Sequence[str]] = {"STW1": STW1_BITS, "ZSW1": ZSW1_BITS}
+_STATES = {0: "boot", **{number: f"S{number}" for number in range(1, 6)}}
+_CONNECTION = {
+    LOST_NOT: "exchanging",
+    LOST_NEVER: "never",
+    LOST_EXPIRED: "expired",
+    LOST_STOP: "stop",
+    LOST_CLOSED: "closed",
+}
+#: What a value of a signal of this ``form`` is called; numbers of faults are named as their manual does.
+_LABELS: Mapping[str, Mapping[int, str]] = {"state": _STATES, "connection": _CONNECTION}
+_NS = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class TraceSignal:
+    """One signal of a drive.
+
+    ``unit`` is empty for words, codes and counts.  ``bit`` selects a bit of the word at ``place``.  ``form``: ``real``,
+    ``word``, ``bit``, or a code: ``state``, ``connection``, ``fault``.
+    """
+
+    name: str
+    unit: str
+    doc: str
+    place: Place
+    form: str = "real"
+    bit: int | None = None
+    #: Further names under which it is found.
+    aliases: tuple[str, ...] = field(default=())
+
+    @property
+    def is_real(self) -> bool:
+        """Whether it is a quantity, not a word, a bit or a code."""
+        return self.form == "real"
+
+    def as_dict(self) -> dict[str, str]:
+        """For JSON."""
+        return {"signal": self.name, "unit": self.unit, "form": self.form, "doc": self.doc}
+
+
+def label_of(form: str, value: int) -> str | None:
+    """The name of a code: ``S4``, ``closed``, ``702``, ``32-1``; None for a form without names."""
+    if form == "fault":
+        return fault_label(value)
+    names = _LABELS.get(form)
+    return None if names is None else names.get(value, str(value))
+
+
+def code_of(form: str, text: str) -> int | None:
+    """The code of a name (:func:`label_of`), in any case; None if there is none."""
+    return next((code for code, name in _LABELS.get(form, {}).items() if name.lower() == text.lower()), None)
+
+
+def _image(key: str, *, scale: float = 1.0, source: int = SOURCE_IMAGE_INTEGER) -> Place:
+    return place_of(IMAGE, key, source=source, scale=scale)
+
+
+def _fault_signals() -> Iterator[TraceSignal]:
+    for slot in range(FAULT_SLOTS):
+        name, doc = (f"fault_{slot + 1}", f"active fault number {slot + 1}, 0 = none") if slot else (
+            "fault",
+            "oldest active fault, by the manual's number; 0 = none",
+        )  # fmt: skip
+        yield TraceSignal(name, "", doc, place_of(AXIS, "faults.code", element=slot, mask=NUMBER_MASK), "fault")
+
+
+#: Signals of every drive.
+_ALWAYS: tuple[TraceSignal, ...] = (
+    TraceSignal(
+        "setpoint", "rpm", "velocity that the controller requests", place_of(AXIS, "ramp.setpoint"), aliases=("set_velocity",)
+    ),
+    TraceSignal("command", "rpm", "velocity command behind the ramp", place_of(AXIS, "ramp.command")),
+    TraceSignal(
+        "velocity", "rpm", "actual velocity of the shaft", place_of(AXIS, "motor.velocity"), aliases=("actual_velocity",)
+    ),
+    TraceSignal(
+        "position",
+        "revolutions",
+        "actual position, from the home position on",
+        place_of(AXIS, "motor.position", less="homing.origin"),
+    ),
+    TraceSignal(
+        "following_error",
+        "revolutions",
+        "commanded minus actual position, in position mode",
+        place_of(AXIS, "positioning.following_error"),
+    ),
+    TraceSignal("current", "A", "torque-building current", place_of(AXIS, "motor.current")),
+    TraceSignal("torque", "N m", "torque of the motor", place_of(AXIS, "motor.torque")),
+    TraceSignal("bus_voltage", "V", "voltage of the DC bus", place_of(AXIS, "supply.voltage")),
+    TraceSignal("thermal_load", "", "thermal load of the motor, 1 = its limit", place_of(AXIS, "motor.thermal_load")),
+    TraceSignal("state", "", "state of the drive, S1 to S5 as 1 to 5, 0 while it boots", place_of(AXIS, "drive.state"), "state"),
+    TraceSignal("powered", "", "1 while the control supply is on", place_of(AXIS, "powered"), "bit"),
+    *_fault_signals(),
+    TraceSignal("warning", "", "active warning, by the manual's number; 0 = none", place_of(AXIS, "warnings.code"), "fault"),
+    TraceSignal("connected", "", "1 while a controller in RUN sends valid set points", _image("valid"), "bit"),
+    TraceSignal("connection", "", "why there are no valid set points, or that there are", _image("lost"), "connection"),
+    TraceSignal(
+        "frame_age",
+        "s",
+        "time since the last frame with set points; -1 before the first",
+        _image("frame_ns", scale=_NS, source=SOURCE_IMAGE_AGE),
+    ),
+    TraceSignal(
+        "frame_interval", "s", "time between the last two of them, 0 after the first", _image("interval_ns", scale=_NS)
+    ),
+    TraceSignal("injected", "", "number of injected faults in force", _image("injected"), "word"),
+)
+
+
+def signals_of(station: Station) -> dict[str, TraceSignal]:
+    """Every signal of a drive by its name, with the telegram that is in force now."""
+    found = {signal.name: signal for signal in _ALWAYS}
+    words: dict[str, TraceSignal] = {
+        "STW1": TraceSignal("stw1", "", "control word 1 in force", place_of(AXIS, "profidrive.stw1"), "word"),
+        "ZSW1": TraceSignal("zsw1", "", "status word 1", place_of(AXIS, "profidrive.zsw1"), "word"),
+    }
+    for signal in _mapped(station):
+        name = signal.name.lower()
+        if signal.name == "STW1":
+            words["STW1_RECEIVED"] = _word(station, signal, "stw1_received", "control word 1 as received")
+        elif signal.name not in words and name not in found:
+            doc = "set point of the telegram" if signal.setpoint else "actual value of the telegram"
+            words[signal.name] = _word(station, signal, name, f"{doc}, {signal.bits} bits as on the wire")
+    for word, traced in words.items():
+        found[traced.name] = traced
+        for bit in _bits(station, word, traced):
+            found[bit.name] = bit
+    return found
+
+
+def _mapped(station: Station) -> list[Signal]:
+    """The signals of the telegram, both directions, each once, without the parameter channel."""
+    every = (*station.store.mapping(setpoint=True), *station.store.mapping(setpoint=False))
+    unique = {signal.name: signal for signal in every if signal is not None}
+    return [signal for signal in unique.values() if signal.slot not in {PKW_HEAD, PKW_VALUE}]
+
+
+def _word(station: Station, signal: Signal, name: str, doc: str) -> TraceSignal:
+    slots = SETPOINT_SLOTS if signal.setpoint else ACTUAL_SLOTS
+    place = place_of(
+        IMAGE,
+        "received" if signal.setpoint else "sent",
+        source=SOURCE_IMAGE_INTEGER,
+        element=slots[signal.name],
+        mask=(1 << signal.bits) - 1,
+        signed=_is_signed(station, signal),
+    )
+    return TraceSignal(name, "", doc, place, "word")
+
+
+def _is_signed(station: Station, signal: Signal) -> bool:
+    """Whether the signal is a signed number: its own row says so, or a parameter of its name."""
+    if signal.signed:
+        return True
+    names = station.model.parameter_names
+    pnu = names.get(signal.name.upper(), names.get(signal.drive_signal.upper()) if signal.drive_signal else None)
+    known = station.model.parameters.get(pnu) if pnu is not None else None
+    return known is not None and known.signed
+
+
+def _bits(station: Station, word: str, traced: TraceSignal) -> Iterator[TraceSignal]:
+    """The bits of a word: of those that the manual names bits of, and of all control and status words."""
+    known = word.removesuffix("_RECEIVED")
+    names = station.model.profidrive.bit_names(known, station.store.telegram_number) or _BIT_WORDS.get(known, ())
+    if not names and not re.search("STW|ZSW", known):
+        return
+    if word == "STW1_RECEIVED":
+        names = names or STW1_BITS
+    used: set[str] = set()
+    for bit in range(16):
+        name = names[bit] if bit < len(names) and names[bit] and names[bit] not in used else f"bit_{bit}"
+        used.add(name)
+        aliases = (f"{traced.name}.{bit}", *((f"{traced.name}.bit_{bit}",) if name != f"bit_{bit}" else ()))
+        doc = f"bit {bit} of {traced.name}"
+        yield TraceSignal(f"{traced.name}.{name}", "", doc, traced.place, "bit", bit, aliases)
+
+
+def choose_signals(station: Station, wanted: Sequence[str]) -> list[TraceSignal]:
+    """The signals that names and globs (``zsw1.*``) choose, in their order, each once.
+
+    Raises :class:`ConfigError` for one that the drive does not have, with what it has.
+    """
+    known = signals_of(station)
+    aliases = {alias: signal for signal in known.values() for alias in signal.aliases}
+    chosen: dict[str, TraceSignal] = {}
+    for text in wanted:
+        name = text.strip().lower()
+        if re.search(r"[*?\[]", name):
+            found = [signal for signal in known.values() if fnmatchcase(signal.name, name)]
+        else:
+            one = known.get(name) or aliases.get(name)
+            found = [] if one is None else [one]
+        if not found:
+            raise ConfigError(
+                f"{station.configured_name} has no signal {shown(text)}{did_you_mean(name, [*known, *aliases])}; "
+                f"allowed are {_allowed(known)}"
+            )
+        chosen |= {signal.name: signal for signal in found}
+    return list(chosen.values())
+
+
+def _allowed(known: Mapping[str, TraceSignal]) -> str:
+    """The names, with the bits of a word as ``zsw1.*``."""
+    return ", ".join(f"{name} and {name}.*" if f"{name}.*" in _globs(known) else name for name in known if "." not in name)
+
+
+def _globs(known: Mapping[str, TraceSignal]) -> set[str]:
+    return {f"{name.partition('.')[0]}.*" for name in known if "." in name}
