@@ -39,6 +39,7 @@ from pnfarm.station.station import Station
 from pnfarm.table import engine_row
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import LOST_NEVER
+from pnfarm.trace import TraceManager
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -156,6 +157,7 @@ class FarmCore:
         self.injections = make_manager(
             self.stations, self.columns, self.impairments, gate, settle=self.settle, log=log, clock=clock
         )
+        self.traces = TraceManager(self.stations, self.columns, log)
         gate.set_receiver(self.receive)
         if isinstance(innermost := unwrap(link), MemoryLink):
             innermost.set_audience(self._audience)
@@ -224,9 +226,10 @@ class FarmCore:
         self.injections.handle_timeout(now)
         for happened in self.injections.events():
             self.log.record(happened.now, happened.drive, happened.event)
+        self.traces.handle_timeout(now)
 
     def next_deadline(self) -> int | None:
-        deadlines = (self._deadlines.first(), self.injections.next_deadline())
+        deadlines = (self._deadlines.first(), self.injections.next_deadline(), self.traces.next_deadline())
         return min((due for due in deadlines if due is not None), default=None)
 
     # -- the engine's events -----------------------------------------------------------------------------------------
@@ -261,6 +264,12 @@ class FarmCore:
         if kind in _OF_CONSUMERS:
             station = self.stations[int(self.columns.cpm[row].image)]
             return station if station.device.channel_event(kind, row, when, value, now) else None
+        if kind == engine_row.TRACE_TRIGGERED:
+            self.traces.triggered(row, when)
+            return None
+        if kind == engine_row.TRACE_ENDED:
+            self.traces.ended(row, when)
+            return None
         station = self.stations[row]
         name = station.configured_name
         match kind:

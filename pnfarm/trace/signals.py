@@ -48,6 +48,14 @@ _CONNECTION = {
 #: What a value of a signal of this ``form`` is called; numbers of faults are named as their manual does.
 _LABELS: Mapping[str, Mapping[int, str]] = {"state": _STATES, "connection": _CONNECTION}
 _NS = 1e-9
+#: Signals that the profile and the manuals define as signed numbers, where no parameter of the model says so.
+_SIGNED = frozenset(
+    {
+        "NSOLL_A", "NSOLL_B", "NIST_A", "NIST_B", "ITIST_GLATT", "XERR", "XSOLL_A", "XIST_A", "XIST_ERROR", "TARPOS_A",
+        "MDI_TARPOS", "HOME_DIST", "REF_SPEED", "ACT_SPEED", "REF_TORQUE", "ACT_TORQUE", "IL_CMD_FIELDBUS",
+        "JOG_SPEED_1", "JOG_SPEED_2",
+    }
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,11 +114,19 @@ def _fault_signals() -> Iterator[TraceSignal]:
 #: Signals of every drive.
 _ALWAYS: tuple[TraceSignal, ...] = (
     TraceSignal(
-        "setpoint", "rpm", "velocity that the controller requests", place_of(AXIS, "ramp.setpoint"), aliases=("set_velocity",)
+        "setpoint",
+        "rpm",
+        "velocity that the controller requests",
+        place_of(AXIS, "ramp.setpoint"),
+        aliases=("set_velocity",),
     ),
     TraceSignal("command", "rpm", "velocity command behind the ramp", place_of(AXIS, "ramp.command")),
     TraceSignal(
-        "velocity", "rpm", "actual velocity of the shaft", place_of(AXIS, "motor.velocity"), aliases=("actual_velocity",)
+        "velocity",
+        "rpm",
+        "actual velocity of the shaft",
+        place_of(AXIS, "motor.velocity"),
+        aliases=("actual_velocity",),
     ),
     TraceSignal(
         "position",
@@ -128,10 +144,14 @@ _ALWAYS: tuple[TraceSignal, ...] = (
     TraceSignal("torque", "N m", "torque of the motor", place_of(AXIS, "motor.torque")),
     TraceSignal("bus_voltage", "V", "voltage of the DC bus", place_of(AXIS, "supply.voltage")),
     TraceSignal("thermal_load", "", "thermal load of the motor, 1 = its limit", place_of(AXIS, "motor.thermal_load")),
-    TraceSignal("state", "", "state of the drive, S1 to S5 as 1 to 5, 0 while it boots", place_of(AXIS, "drive.state"), "state"),
+    TraceSignal(
+        "state", "", "state of the drive, S1 to S5 as 1 to 5, 0 while it boots", place_of(AXIS, "drive.state"), "state"
+    ),
     TraceSignal("powered", "", "1 while the control supply is on", place_of(AXIS, "powered"), "bit"),
     *_fault_signals(),
-    TraceSignal("warning", "", "active warning, by the manual's number; 0 = none", place_of(AXIS, "warnings.code"), "fault"),
+    TraceSignal(
+        "warning", "", "active warning, by the manual's number; 0 = none", place_of(AXIS, "warnings.code"), "fault"
+    ),
     TraceSignal("connected", "", "1 while a controller in RUN sends valid set points", _image("valid"), "bit"),
     TraceSignal("connection", "", "why there are no valid set points, or that there are", _image("lost"), "connection"),
     TraceSignal(
@@ -189,8 +209,8 @@ def _word(station: Station, signal: Signal, name: str, doc: str) -> TraceSignal:
 
 
 def _is_signed(station: Station, signal: Signal) -> bool:
-    """Whether the signal is a signed number: its own row says so, or a parameter of its name."""
-    if signal.signed:
+    """Whether the signal is a signed number: its own row says so, a parameter of its name, or the profile."""
+    if signal.signed or signal.name.removesuffix("_BACK") in _SIGNED:
         return True
     names = station.model.parameter_names
     pnu = names.get(signal.name.upper(), names.get(signal.drive_signal.upper()) if signal.drive_signal else None)
@@ -241,7 +261,9 @@ def choose_signals(station: Station, wanted: Sequence[str]) -> list[TraceSignal]
 
 def _allowed(known: Mapping[str, TraceSignal]) -> str:
     """The names, with the bits of a word as ``zsw1.*``."""
-    return ", ".join(f"{name} and {name}.*" if f"{name}.*" in _globs(known) else name for name in known if "." not in name)
+    return ", ".join(
+        f"{name} and {name}.*" if f"{name}.*" in _globs(known) else name for name in known if "." not in name
+    )
 
 
 def _globs(known: Mapping[str, TraceSignal]) -> set[str]:

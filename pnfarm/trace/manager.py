@@ -1,0 +1,524 @@
+"""Starts traces in the engine, notices their triggers and their ends, and reads their samples.
+
+One :class:`TraceManager` serves a farm.  It knows no clock: the farm's runtime passes the time.  The engine samples
+(:mod:`pnfarm.engine.tracing`); number, memory and time of the traces are bounded here.  A trace that nobody asks for
+ends after its ``keep`` time, so that a client that is gone leaves nothing behind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pnfarm.errors import ConfigError
+from pnfarm.faults.errors import InjectionError
+from pnfarm.faults.events import InjectionBegan, InjectionEnded
+from pnfarm.faults.plan import matching
+from pnfarm.station.events import FaultRaised, WarningChanged
+from pnfarm.table import trace as codes
+from pnfarm.trace.events import TraceEnded, TraceTriggered
+from pnfarm.trace.recording import Column, Recording
+from pnfarm.trace.request import TraceError, TraceRequest
+from pnfarm.trace.segments import Segments
+from pnfarm.trace.signals import choose_signals, code_of
+from pnfarm.trace.trigger import EVENTS, TRIGGER, EventTrigger, SignalTrigger, read_number
+from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.globs import means
+from pnfarm.vocabulary.quoting import did_you_mean, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from pnfarm.engine.columns import Columns
+    from pnfarm.station.event_log import EventLog, LogEntry
+    from pnfarm.station.station import Station
+    from pnfarm.trace.places import Place
+    from pnfarm.trace.signals import TraceSignal
+
+__all__ = ["MOST_TRACES", "MOST_VALUES", "Trace", "TraceManager"]
+
+#: Traces at once, running or complete.
+MOST_TRACES = 16
+#: Numbers in the ring for one trace: a quarter of it.
+MOST_VALUES = codes.RING_VALUES // 4
+#: Columns of one trace.
+MOST_COLUMNS = 2048
+#: Time that the event loop may need to pass an event on to the engine; so much more is kept from before the trigger.
+EVENT_NS = 250_000_000
+#: When to look again whether the engine has seen that a trace is over.
+SEEN_NS = 10_000_000
+_STATES = {codes.IDLE: "waiting", codes.ARMED: "waiting", codes.TRIGGERED: "running", codes.ENDED: "complete"}
+
+
+@dataclass(frozen=True, slots=True)
+class _Chosen:
+    """A column: where its value is among the probes, counted from the trace's first."""
+
+    drive: str
+    signal: TraceSignal
+    probe: int
+
+
+@dataclass(slots=True)
+class Trace:
+    """One trace; ``row`` of the trace table, its probes from ``first_probe`` on, its part of the ring."""
+
+    manager: TraceManager
+    id: str
+    request: TraceRequest
+    row: int
+    first_probe: int
+    ring_start: int
+    columns: tuple[_Chosen, ...]
+    #: Drives whose events and signals trigger.
+    watched: frozenset[str]
+    #: Row of a probe that the trigger watches -> its drive.
+    watched_probes: dict[int, str]
+    #: Number of the fault or warning that an event trigger waits for.
+    number: int | None
+    interval_ns: int
+    touched_ns: int
+    triggered_by: str = ""
+    deleted: bool = False
+    #: Called once the trace is complete or deleted.
+    on_end: list[Callable[[], None]] = field(default_factory=list)
+
+    @property
+    def state(self) -> str:
+        """``waiting`` for the trigger, ``running`` or ``complete``; ``deleted`` for one that is gone."""
+        return "deleted" if self.deleted else _STATES[int(self._table.state)]
+
+    @property
+    def complete(self) -> bool:
+        return self.state == "complete"
+
+    @property
+    def _table(self) -> Any:
+        return self.manager.columns.trace[self.row]
+
+    def as_dict(self) -> dict[str, Any]:
+        """What it is and how far it is, for JSON; without the samples."""
+        row = self._table
+        return {
+            "id": self.id,
+            "state": self.state,
+            "triggered": self.state in {"running", "complete"},
+            "triggered_by": self.triggered_by,
+            "samples": min(int(row.head), int(row.capacity)),
+            "missed": int(row.missed),
+            "interval_seconds": self.interval_ns / 1e9,
+            "drives": list(dict.fromkeys(column.drive for column in self.columns)),
+            "request": self.request.as_dict(),
+        }
+
+    def recording(self) -> Recording:
+        """The samples so far, from the time before the trigger on.  Raises :class:`ConfigError` for a deleted trace."""
+        if self.deleted:
+            raise ConfigError(f"trace {self.id} was deleted")
+        row = self._table
+        state = int(row.state)
+        triggered = state in {codes.TRIGGERED, codes.ENDED}
+        samples = self._samples()
+        start = (int(row.trigger_ns) if triggered else int(row.started_ns)) - int(row.started_ns)
+        since = samples[:, 0] - start
+        if triggered:
+            samples = samples[since >= -self.request.pre_ns]
+            since = since[since >= -self.request.pre_ns]
+        columns = []
+        for chosen in self.columns:
+            values = samples[:, 1 + chosen.probe]
+            if not chosen.signal.is_real:
+                values = values.astype(np.int64)
+                if chosen.signal.bit is not None:
+                    values = values >> chosen.signal.bit & 1
+            name, unit, form = chosen.signal.name, chosen.signal.unit, chosen.signal.form
+            columns.append(Column(chosen.drive, name, unit, form, values))
+        return Recording(
+            id=self.id,
+            state=_STATES[state],
+            triggered=triggered,
+            triggered_by=self.triggered_by,
+            trigger=self.request.trigger.text,
+            interval_seconds=self.interval_ns / 1e9,
+            missed=int(row.missed),
+            time=since / 1e9,
+            columns=tuple(columns),
+        )
+
+    def _samples(self) -> Any:
+        """A copy of the samples in the ring, oldest first.  The engine may write meanwhile."""
+        row = self._table
+        width, capacity = int(row.probes) + 1, int(row.capacity)
+        ring = self.manager.columns.trace_ring
+        part = ring[self.ring_start : self.ring_start + capacity * width].reshape(capacity, width)
+        head = int(row.head)
+        places = np.arange(max(0, head - capacity), head)
+        copied = part[places % capacity]
+        # the engine has begun to overwrite the oldest ones if it went on
+        overwritten = max(0, int(row.head) + 1 - capacity) if int(row.state) != codes.ENDED else 0
+        return copied[places >= overwritten]
+
+
+class TraceManager:
+    """``columns`` with room for traces; ``log`` takes their events and tells those of the drives."""
+
+    def __init__(self, stations: Sequence[Station], columns: Columns, log: EventLog) -> None:
+        self.columns = columns
+        self._stations = {station.configured_name: station for station in stations}
+        self._log = log
+        self._traces: dict[str, Trace] = {}
+        #: Rows whose end the engine has not seen -> first probe and part of the ring.
+        self._closing: dict[int, tuple[int, int]] = {}
+        self._probes = Segments(columns.probe.shape[0])
+        self._ring = Segments(columns.trace_ring.shape[0])
+        self._numbers = 0
+        #: When to look whether the engine has seen the ends.
+        self._look_ns = 0
+        log.subscribe(self._happened)
+
+    # -- for users ---------------------------------------------------------------------------------------------------
+
+    def start(self, fields: Mapping[str, Any], now: int, *, keep_ns: int | None = None) -> Trace:
+        """A trace from plain values as :meth:`.TraceRequest.parse` takes them; raises :class:`ConfigError`.
+
+        ``keep_ns``: how long it stays while nobody asks for it, unless ``keep`` says so; None: for ever.
+        """
+        request = TraceRequest.parse(fields, keep_ns=keep_ns)
+        stations = self._chosen(request)
+        if len(self._traces) >= MOST_TRACES:
+            raise ConfigError(f"the farm keeps {MOST_TRACES} traces at most: delete one of {', '.join(self._traces)}")
+        if request.name is not None and request.name in self._traces:
+            raise TraceError([("as", f"there is a trace {request.name} already", "another name")])
+        places: list[tuple[int, Place]] = []
+        columns = tuple(self._columns(request, stations, places))
+        watched, level, number, stations_watched = self._trigger(request, stations)
+        trace = self._allocate(request, columns, places, watched, now)
+        trace.number = number
+        trace.watched = frozenset(station.configured_name for station in stations_watched)
+        row = self.columns.trace[trace.row]
+        row.level = level
+        row.active = 1
+        engine = self.columns.engine[0]
+        engine.trace_rows = max(int(engine.trace_rows), trace.row + 1)
+        self._traces[trace.id] = trace
+        return trace
+
+    def get(self, trace_id: str, now: int) -> Trace:
+        """A trace, which stays from now on; raises :class:`ConfigError` for an unknown id."""
+        if trace_id not in self._traces:
+            known = ", ".join(self._traces) or "no trace"
+            raise ConfigError(
+                f"there is no trace {shown(trace_id)}{did_you_mean(trace_id, self._traces)}; there is {known}"
+            )
+        trace = self._traces[trace_id]
+        trace.touched_ns = now
+        return trace
+
+    def list(self) -> list[Trace]:
+        """Every trace, oldest first."""
+        return list(self._traces.values())
+
+    def fire(self, trace_id: str, now: int) -> Trace:
+        """Trigger a trace that waits; nothing happens to one that was triggered."""
+        trace = self.get(trace_id, now)
+        row = self.columns.trace[trace.row]
+        if trace.state == "waiting" and not row.fire_ns:
+            row.fire_ns = now
+        return trace
+
+    def delete(self, trace_id: str, now: int) -> Trace:
+        """End a trace and forget its samples; raises :class:`ConfigError` for an unknown id."""
+        trace = self.get(trace_id, now)
+        self._remove(trace)
+        self._look_ns = now + SEEN_NS
+        return trace
+
+    # -- for the runtime ---------------------------------------------------------------------------------------------
+
+    def handle_timeout(self, now: int) -> None:
+        """Remove the traces that nobody has asked for in their time, and free what the engine no longer uses."""
+        self._look_ns = now + SEEN_NS
+        for trace in list(self._traces.values()):
+            keep = trace.request.keep_ns
+            if keep is not None and now - trace.touched_ns >= keep:
+                self._remove(trace)
+        self._collect()
+
+    def next_deadline(self) -> int | None:
+        """When :meth:`handle_timeout` is due."""
+        due = [
+            trace.touched_ns + trace.request.keep_ns
+            for trace in self._traces.values()
+            if trace.request.keep_ns is not None
+        ]
+        if self._closing:
+            due.append(self._look_ns)
+        return min(due, default=None)
+
+    def triggered(self, row: int, now: int) -> None:
+        """The engine triggered the trace in this row."""
+        trace = self._in_row(row)
+        if trace is None:
+            return
+        probe = int(self.columns.trace[row].trigger_probe)
+        trace.triggered_by = trace.watched_probes.get(probe, trace.triggered_by)
+        self._log.record(now, "", TraceTriggered(trace.id, trace.triggered_by))
+
+    def ended(self, row: int, now: int) -> None:
+        """The trace in this row is complete."""
+        trace = self._in_row(row)
+        if trace is None:
+            return
+        table = self.columns.trace[row]
+        self._log.record(now, "", TraceEnded(trace.id, min(int(table.head), int(table.capacity))))
+        self._tell(trace)
+
+    # -- inside ------------------------------------------------------------------------------------------------------
+
+    def _in_row(self, row: int) -> Trace | None:
+        return next((trace for trace in self._traces.values() if trace.row == row), None)
+
+    @staticmethod
+    def _tell(trace: Trace) -> None:
+        waiting, trace.on_end[:] = list(trace.on_end), []
+        for call in waiting:
+            call()
+
+    def _chosen(self, request: TraceRequest) -> list[Station]:
+        known = {
+            name: (
+                (name, *([station.device.name] if station.device.name else [])),
+                (station.model.name, *station.model.aliases),
+            )
+            for name, station in self._stations.items()
+        }
+        try:
+            return [self._stations[name] for name in matching(request.on, known)]
+        except InjectionError as exc:
+            raise TraceError(list(exc.issues)) from exc
+
+    def _columns(
+        self, request: TraceRequest, stations: Sequence[Station], places: list[tuple[int, Place]]
+    ) -> list[_Chosen]:
+        """The columns; ``places`` (row, place) gets each field that is sampled once, also if several bits are in it."""
+        found: list[_Chosen] = []
+        numbers: dict[tuple[int, Place], int] = {}
+        for station in stations:
+            try:
+                signals = choose_signals(station, request.signals)
+            except ConfigError as exc:
+                raise TraceError([("signals", str(exc), "")]) from exc
+            for signal in signals:
+                key = (station.index, signal.place)
+                if key not in numbers:
+                    numbers[key] = len(places)
+                    places.append(key)
+                found.append(_Chosen(station.configured_name, signal, numbers[key]))
+            if len(found) > MOST_COLUMNS:
+                what = f"gives more than {MOST_COLUMNS} columns on {len(stations)} drives"
+                raise TraceError([("signals", what, "fewer drives or signals")])
+        return found
+
+    def _trigger(
+        self, request: TraceRequest, stations: Sequence[Station]
+    ) -> tuple[list[tuple[Station, Place]], float, int | None, list[Station]]:
+        """What the trigger watches: fields of drives, its level, the number of a fault, the drives."""
+        trigger = request.trigger
+        watched = list(stations)
+        if trigger.on:
+            # not only drives that are traced: what one drive does may be seen at another
+            watched = [
+                station
+                for name, station in self._stations.items()
+                if means(trigger.on, (name, station.device.name or name), (station.model.name, *station.model.aliases))
+            ]
+            if not watched:
+                what = f"no drive matches {shown(trigger.on)}{did_you_mean(trigger.on, self._stations)}"
+                raise TraceError([("trigger", what, "a drive or a glob behind `on`")])
+        if isinstance(trigger, EventTrigger):
+            return [], 0.0, self._fault_number(trigger, watched), watched
+        if not isinstance(trigger, SignalTrigger):
+            return [], 0.0, None, watched
+        places: list[tuple[Station, Place]] = []
+        levels: set[float] = set()
+        for station in watched:
+            try:
+                (signal,) = choose_signals(station, [trigger.signal])
+            except ConfigError as exc:
+                raise TraceError([("trigger", str(exc), "")]) from exc
+            levels.add(_level(trigger, signal, station))
+            places.append((station, _bit_place(signal)))
+        if len(levels) > 1:
+            what = f"{shown(trigger.text)} is not the same value on all drives"
+            raise TraceError([("trigger", what, "drives of one model, or `on DRIVE`")])
+        return places, levels.pop(), None, watched
+
+    @staticmethod
+    def _fault_number(trigger: EventTrigger, stations: Sequence[Station]) -> int | None:
+        if trigger.event not in {"fault", "warning"} or not trigger.argument:
+            return None
+        numbers: set[int] = set()
+        for station in stations:
+            try:
+                numbers.add(station.model.fault(trigger.argument).number)
+            except ConfigError as exc:
+                raise TraceError([("trigger", str(exc), "")]) from exc
+        if len(numbers) > 1:
+            what = f"{shown(trigger.text)} is not the same fault on all drives"
+            raise TraceError([("trigger", what, "drives of one model, or `on DRIVE`")])
+        return numbers.pop()
+
+    def _allocate(
+        self,
+        request: TraceRequest,
+        columns: tuple[_Chosen, ...],
+        places: Sequence[tuple[int, Place]],
+        watched: Sequence[tuple[Station, Place]],
+        now: int,
+    ) -> Trace:
+        """A row, with its probes and its part of the ring; raises :class:`ConfigError` if there is no room."""
+        interval = request.step_ns(int(self.columns.engine[0].tick_ns))
+        margin = EVENT_NS if request.trigger.kind == codes.TRIGGER_EVENT else 0
+        # one more at each end, one for the trigger's own step, one that the engine may be writing
+        capacity = (request.pre_ns + request.length_ns + margin) // interval + 4
+        width = len(places) + 1
+        if capacity * width > MOST_VALUES:
+            what = (
+                f"{format_duration(request.pre_ns + request.length_ns)} every {format_duration(interval)} of "
+                f"{width} values are {capacity * width:,} numbers"
+            )
+            raise TraceError([("length", what, f"{MOST_VALUES:,}: a shorter time, a longer interval or fewer signals")])
+        self._collect()
+        traces = self.columns.trace
+        used = {trace.row for trace in self._traces.values()} | set(self._closing)
+        row = next((row for row in range(traces.shape[0]) if row not in used and traces[row].state == codes.IDLE), None)
+        first = self._probes.allocate(len(places) + len(watched))
+        start = self._ring.allocate(capacity * width)
+        if row is None or first is None or start is None:
+            if first is not None:
+                self._probes.release(first)
+            if start is not None:
+                self._ring.release(start)
+            raise ConfigError(f"the traces {', '.join(self._traces)} fill the farm's memory for them: delete one")
+        for number, (station_row, place) in enumerate(places, start=first):
+            self._write_probe(number, station_row, place)
+        for number, (station, place) in enumerate(watched, start=first + len(places)):
+            self._write_probe(number, station.index, place)
+        table = traces[row]
+        table.first_probe, table.probes = first, len(places)
+        table.first_watched, table.watched = first + len(places), len(watched)
+        table.ring_start, table.capacity = start, capacity
+        table.interval_ns, table.length_ns = interval, request.length_ns
+        table.trigger, table.fire_ns, table.started_ns = request.trigger.kind, 0, now
+        # the engine sets them in its first step; nobody is to read those of the trace before
+        table.head = table.missed = table.trigger_ns = 0
+        probes = {first + len(places) + place: station.configured_name for place, (station, _) in enumerate(watched)}
+        return Trace(
+            self,
+            self._new_id(request.name),
+            request,
+            row,
+            first,
+            start,
+            columns,
+            frozenset(),
+            probes,
+            None,
+            interval,
+            now,
+        )
+
+    def _write_probe(self, number: int, row: int, place: Place) -> None:
+        probe = self.columns.probe[number]
+        probe.source = place.source
+        probe.word, probe.less = place.of_row(row)
+        probe.shift, probe.mask, probe.sign, probe.scale = place.shift, place.mask, place.sign, place.scale
+        probe.seen = 0
+
+    def _new_id(self, wanted: str | None) -> str:
+        if wanted is not None:
+            return wanted
+        self._numbers += 1
+        while f"trace-{self._numbers}" in self._traces:
+            self._numbers += 1
+        return f"trace-{self._numbers}"
+
+    def _remove(self, trace: Trace) -> None:
+        self.columns.trace[trace.row].active = 0
+        del self._traces[trace.id]
+        trace.deleted = True
+        self._closing[trace.row] = (trace.first_probe, trace.ring_start)
+        self._tell(trace)
+
+    def _collect(self) -> None:
+        """Free the rows that the engine has seen closed.  Without a trace it looks at none of them any more."""
+        traces = self.columns.trace
+        for row in [row for row in self._closing if traces[row].state == codes.IDLE]:
+            first, start = self._closing.pop(row)
+            self._probes.release(first)
+            self._ring.release(start)
+        rows = [trace.row for trace in self._traces.values()] + list(self._closing)
+        self.columns.engine[0].trace_rows = max(rows, default=-1) + 1
+
+    def _happened(self, entry: LogEntry) -> None:
+        """An entry of the farm's log: count the injections on a drive, and trigger what waits for it."""
+        what = entry.what
+        station = self._stations.get(entry.drive)
+        if station is not None and isinstance(what, InjectionBegan | InjectionEnded):
+            image = self.columns.image[station.index]
+            image.injected = max(0, min(255, int(image.injected) + (1 if isinstance(what, InjectionBegan) else -1)))
+        for trace in self._traces.values():
+            trigger = trace.request.trigger
+            if not isinstance(trigger, EventTrigger) or entry.drive not in trace.watched:
+                continue
+            row = self.columns.trace[trace.row]
+            if trace.state == "waiting" and not row.fire_ns and _matches(trigger, trace.number, what):
+                trace.triggered_by = entry.drive
+                # an event from before the start counts from there
+                row.fire_ns = max(entry.now_ns, int(row.started_ns))
+
+
+def _matches(trigger: EventTrigger, number: int | None, what: Any) -> bool:
+    if trigger.event not in EVENTS or not isinstance(what, EVENTS[trigger.event]):
+        return False
+    if isinstance(what, FaultRaised | WarningChanged):
+        return bool(what.number) if number is None else what.number == number
+    if isinstance(what, InjectionBegan | InjectionEnded):
+        return trigger.argument in {"", what.kind, what.id}
+    return True
+
+
+def _bit_place(signal: TraceSignal) -> Place:
+    """The place of a signal alone, also of a bit."""
+    if signal.bit is None:
+        return signal.place
+
+    return replace(signal.place, shift=signal.place.shift + signal.bit, mask=1, sign=0)
+
+
+def _level(trigger: SignalTrigger, signal: TraceSignal, station: Station) -> float:
+    """The level in the signal's unit; raises :class:`TraceError`."""
+    edge = trigger.kind in {codes.TRIGGER_RISING, codes.TRIGGER_FALLING}
+    if trigger.level is None:
+        if edge and signal.is_real:
+            what = f"{signal.name} needs a level in {signal.unit or 'its unit'}"
+            raise TraceError([("trigger", what, f"such as `{signal.name} {trigger.text.split()[1]} 100`")])
+        # between 0 and 1
+        return 0.5
+    if signal.form == "fault":
+        number = read_number(trigger.level)
+        if number is not None:
+            return number
+        try:
+            return float(station.model.fault(trigger.level).number)
+        except ConfigError as exc:
+            raise TraceError([("trigger", str(exc), "")]) from exc
+    if (code := code_of(signal.form, trigger.level)) is not None:
+        return float(code)
+    value = read_number(trigger.level)
+    if value is None:
+        what = f"{shown(trigger.level)} is not a value of {signal.name}"
+        raise TraceError([("trigger", what, "a number" if signal.is_real else f"a number or a name; {TRIGGER}")])
+    return value
