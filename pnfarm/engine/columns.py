@@ -77,7 +77,8 @@ def allocate(
     """A zeroed table.
 
     ``stations`` process images, ``axes`` drives and ``programs`` (both index images), ``channels``
-    providers and as many consumers, ``impairments`` rows for faults, with ``traces`` the room for these.  Compiles what takes a table, if it is not cached.
+    providers and as many consumers, ``impairments`` rows for faults, with ``traces`` the room for these.
+    Compiles what takes a table, if it is not cached.
     """
     link()
     channels = max(1, channels)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import InternalError
 from pnfarm.table.trace import SOURCE_AXIS_INTEGER, SOURCE_AXIS_REAL
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from pnfarm.table.layout import Layout
 
 __all__ = ["Place", "place_of"]
@@ -80,7 +82,7 @@ def place_of(
     )
 
 
-def _offset(layout: Layout, key: str, element: int):  # type: ignore[no-untyped-def]  # NumPy's dtype of any field
+def _offset(layout: Layout, key: str, element: int) -> tuple[int, np.dtype[Any]]:
     """Octets from the start of a row to the field, and its type."""
     kind, offset = layout.dtype, 0
     for name in layout.path(key):

@@ -139,7 +139,7 @@ class Recording:
         )
 
     def csv_lines(self) -> Iterator[str]:
-        """CSV in pieces of some lines: a head line, then one for each sample; codes by their names (``S4``, ``702``)."""
+        """CSV in pieces of some lines: a head line, then one for each sample; codes by names (``S4``, ``702``)."""
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(["time [s]", *(column.title for column in self.columns)])
