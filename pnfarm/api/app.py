@@ -25,6 +25,7 @@ from pnfarm.api.problems import install_handlers
 from pnfarm.api.scenarios import add_scenarios
 from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version
 from pnfarm.api.throttle import Throttle
+from pnfarm.api.traces import add_traces
 from pnfarm.buses.registry import BUSES
 from pnfarm.errors import EnvironmentError_
 from pnfarm.metrics import CONTENT_TYPE, FarmCollector
@@ -82,6 +83,7 @@ def make_app(
         one.add_routes(app, context)
     add_faults(app, context)
     add_scenarios(app, context)
+    add_traces(app, context)
     _add_farm(app, context)
     _add_outside(app, context)
     _describe_problems(app)

@@ -55,7 +55,7 @@ class Column:
             "signal": self.signal,
             "unit": self.unit,
             "form": self.form,
-            "values": self.values.tolist(),
+            "values": np.nan_to_num(self.values).tolist(),
             **({"labels": labels} if labels else {}),
         }
 

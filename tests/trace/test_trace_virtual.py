@@ -66,7 +66,13 @@ def test_the_samples_are_what_the_table_holds_at_each_step() -> None:
         motor = axis.motor
         position = float(motor.position) - float(axis.homing.origin)
         seen.append(
-            (float(motor.velocity), position, float(motor.current), int(axis.profidrive.zsw1), float(axis.ramp.setpoint))
+            (
+                float(motor.velocity),
+                position,
+                float(motor.current),
+                int(axis.profidrive.zsw1),
+                float(axis.ramp.setpoint),
+            )
         )
         return False
 
