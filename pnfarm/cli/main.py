@@ -13,7 +13,7 @@ import typer
 
 from pnfarm import __version__
 from pnfarm.buses import registry
-from pnfarm.cli import bench, decode, demo, doctor, fault, files, inspect, models, param, plc, up
+from pnfarm.cli import bench, decode, demo, doctor, fault, files, inspect, models, param, plc, trace, up
 from pnfarm.cli import run as scenario
 from pnfarm.cli.errors import report, silence_stdout
 from pnfarm.farm.address_space import COMMAND, few_threads, require_address_space
@@ -33,6 +33,7 @@ COMMANDS = (
     Command("validate", Panel.FARM, files.validate),
     Command("run", Panel.FARM, scenario.run),
     Command("inspect", Panel.RUNNING, inspect.inspect),
+    Command("trace", Panel.RUNNING, trace.trace),
     Command("fault", Panel.RUNNING, fault.app),
     Command("param", Panel.RUNNING, param.app),
     Command("plc", Panel.CONTROLLER, plc.plc),

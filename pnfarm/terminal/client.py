@@ -82,6 +82,10 @@ class FarmClient:
         """Read ``path``; its parts are quoted and may hold any characters."""
         return self._ask("GET", path)
 
+    def ask(self, *path: str, query: Mapping[str, Any]) -> Any:
+        """Read ``path`` with a query."""
+        return self._ask("GET", path, query=query)
+
     def put(self, *path: str, body: Mapping[str, Any]) -> Any:
         return self._ask("PUT", path, body)
 

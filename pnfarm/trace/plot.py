@@ -1,0 +1,256 @@
+"""A recording drawn: as text for a terminal, as SVG, and as a page of HTML that opens without a network.
+
+Quantities of one unit share a chart; words and codes have one each; bits are drawn as lanes, as a logic analyser
+does.  Every chart has the same time axis, with the trigger at 0.
+"""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from pnfarm.trace.recording import Column, Recording
+
+__all__ = ["as_html", "as_svg", "as_text"]
+
+#: Charts of one drawing, and lines of one chart: more cannot be told apart.
+MAX_CHARTS, MAX_LINES = 64, 16
+_BLOCKS = " ▁▂▃▄▅▆▇█"
+_COLOURS = ("#1f5fbf", "#c2410c", "#15803d", "#7c3aed", "#b91c1c", "#0e7490", "#a16207", "#be185d")
+_WIDTH, _LEFT, _RIGHT, _HEIGHT, _LANE, _GAP = 960, 84, 16, 150, 22, 34
+
+
+@dataclass(frozen=True, slots=True)
+class _Chart:
+    """Lines that share one scale; ``lanes``: bits, each in a lane of its own."""
+
+    title: str
+    columns: tuple[Column, ...]
+    lanes: bool = False
+
+
+def _charts(recording: Recording) -> tuple[list[_Chart], int]:
+    """The charts, and how many columns are left out."""
+    reals: dict[str, list[Column]] = {}
+    others: list[_Chart] = []
+    bits: list[Column] = []
+    for column in recording.columns:
+        if column.form == "real":
+            reals.setdefault(column.unit or column.signal, []).append(column)
+        elif column.form == "bit":
+            bits.append(column)
+        else:
+            others.append(_Chart(column.title, (column,)))
+    charts = [
+        _Chart(unit, tuple(columns[start : start + MAX_LINES]))
+        for unit, columns in reals.items()
+        for start in range(0, len(columns), MAX_LINES)
+    ]
+    charts += others
+    charts += [_Chart("bits", tuple(bits[at : at + 2 * MAX_LINES]), True) for at in range(0, len(bits), 2 * MAX_LINES)]
+    left_out = sum(len(chart.columns) for chart in charts[MAX_CHARTS:])
+    return charts[:MAX_CHARTS], left_out
+
+
+def _span(recording: Recording) -> tuple[float, float]:
+    if not len(recording.time):
+        return 0.0, 1.0
+    first, last = float(recording.time[0]), float(recording.time[-1])
+    return (first, last) if last > first else (first, first + 1e-3)
+
+
+def _bounds(columns: Sequence[Column]) -> tuple[float, float]:
+    values = [column.values for column in columns if len(column.values)]
+    if not values:
+        return 0.0, 1.0
+    low, high = float(min(map(np.min, values))), float(max(map(np.max, values)))
+    return (low, high) if high > low else (low - 0.5, low + 0.5)
+
+
+# -- text --------------------------------------------------------------------------------------------------------------
+
+
+def as_text(recording: Recording, width: int = 80) -> str:
+    """One line of blocks for each column, with its smallest and largest value; ``width`` in characters."""
+    titles = [column.title for column in recording.columns]
+    ranges = [_range(column) for column in recording.columns]
+    # a narrow terminal shortens the names, not the drawing
+    name = min(max(map(len, titles), default=0), max(8, width // 3))
+    side = max(map(len, ranges), default=0)
+    cells = max(10, width - name - side - 4)
+    first, last = _span(recording)
+    edges = np.searchsorted(recording.time, np.linspace(first, last, cells + 1))
+    lines = []
+    for column, title, text in zip(recording.columns, titles, ranges, strict=True):
+        short = title if len(title) <= name else title[: name - 1] + "…"
+        lines.append(f"{short:<{name}}  {_blocks(column, edges)}  {text}".rstrip())
+    zero = round((0.0 - first) / (last - first) * (cells - 1)) if first <= 0.0 <= last else -1
+    ruler = "".join("┼" if place == zero else "─" for place in range(cells))
+    lines.append(f"{'':<{name}}  {ruler}")
+    begin, end = f"{first:.6g} s", f"{last:.6g} s"
+    lines.append(f"{'':<{name}}  {begin}{end:>{max(len(end) + 1, cells - len(begin))}}")
+    return "\n".join(lines)
+
+
+def _range(column: Column) -> str:
+    if not len(column.values):
+        return "no samples"
+    low, high = column.values.min(), column.values.max()
+    labels = column.labels
+    shown = [labels.get(int(v), "") if labels else f"{v:.4g}" if column.form == "real" else str(v) for v in (low, high)]
+    return shown[0] if low == high else f"{shown[0]} … {shown[1]}"
+
+
+def _blocks(column: Column, edges: NDArray[Any]) -> str:
+    """For each cell, the mean of its samples; a cell without a sample repeats the one before."""
+    low, high = _bounds([column])
+    cells = []
+    last = " "
+    for start, end in zip(edges[:-1], np.maximum(edges[1:], edges[:-1]), strict=True):
+        part = column.values[start:end]
+        if len(part):
+            # of bits and codes the largest, so that a short pulse is seen
+            value = float(part.mean() if column.form == "real" else part.max())
+            last = _BLOCKS[1 + round((value - low) / (high - low) * (len(_BLOCKS) - 2))]
+        cells.append(last)
+    return "".join(cells)
+
+
+# -- SVG ---------------------------------------------------------------------------------------------------------------
+
+
+def as_svg(recording: Recording) -> str:
+    """One picture with a chart below another; long recordings are drawn by their extremes, so that no pulse is lost."""
+    charts, left_out = _charts(recording)
+    parts: list[str] = []
+    top = 46
+    first, last = _span(recording)
+    for chart in charts:
+        height = _LANE * len(chart.columns) if chart.lanes else _HEIGHT
+        parts += _draw(chart, recording, first, last, top, height)
+        top += height + _GAP + (0 if chart.lanes else 14 * ((len(chart.columns) + 2) // 3))
+    foot = f"{left_out} more columns are not drawn" if left_out else ""
+    by = f" on {recording.triggered_by}" if recording.triggered_by and " on " not in recording.trigger else ""
+    head = f"{recording.id}: trigger {recording.trigger}{by}" + ("" if recording.triggered else " (not yet)")
+    total = top + 20
+    return "\n".join(
+        [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {total}" width="{_WIDTH}" height="{total}" '
+            'font-family="system-ui, sans-serif" font-size="11">',
+            f'<rect width="{_WIDTH}" height="{total}" fill="#fff"/>',
+            f'<text x="{_LEFT}" y="20" font-size="14">{html.escape(head)}</text>',
+            *parts,
+            f'<text x="{_LEFT}" y="{total - 6}" fill="#555">{html.escape(foot)}</text>',
+            "</svg>",
+            "",
+        ]
+    )
+
+
+def _draw(chart: _Chart, recording: Recording, first: float, last: float, top: int, height: int) -> Iterator[str]:
+    right = _WIDTH - _RIGHT
+
+    def x_of(time: float) -> float:
+        return _LEFT + (time - first) / (last - first) * (right - _LEFT)
+
+    yield f'<rect x="{_LEFT}" y="{top}" width="{right - _LEFT}" height="{height}" fill="#f8fafc" stroke="#cbd5e1"/>'
+    for time in _ticks(first, last):
+        x = x_of(time)
+        yield f'<line x1="{x:.1f}" y1="{top}" x2="{x:.1f}" y2="{top + height}" stroke="#e2e8f0"/>'
+        yield f'<text x="{x:.1f}" y="{top + height + 12}" text-anchor="middle" fill="#555">{time:.6g} s</text>'
+    if recording.triggered and first <= 0.0 <= last:
+        x = x_of(0.0)
+        yield f'<line x1="{x:.1f}" y1="{top}" x2="{x:.1f}" y2="{top + height}" stroke="#dc2626" stroke-dasharray="4 3"/>'
+    low, high = _bounds(chart.columns)
+    if not chart.lanes:
+        for value, y in ((high, top + 10), (low, top + height - 2)):
+            text = chart.columns[0].labels.get(int(value), "") if chart.columns[0].labels else ""
+            yield f'<text x="{_LEFT - 6}" y="{y}" text-anchor="end" fill="#555">{html.escape(text or f"{value:.5g}")}</text>'
+        yield f'<text x="{_LEFT - 6}" y="{top + height / 2:.0f}" text-anchor="end">{html.escape(chart.title[:14])}</text>'
+    for place, column in enumerate(chart.columns):
+        colour = _COLOURS[place % len(_COLOURS)]
+        title = html.escape(column.title)
+        if chart.lanes:
+            base, room = top + _LANE * (place + 1) - 4, _LANE - 8
+            points = _points(recording.time, column.values, x_of, lambda v, b=base, r=room: b - v * r, steps=True)
+            name = html.escape(column.title[-14:])
+            yield f'<text x="{_LEFT - 6}" y="{base}" text-anchor="end"><title>{title}</title>{name}</text>'
+        else:
+            scale = (height - 8) / (high - low)
+            points = _points(
+                recording.time,
+                column.values,
+                x_of,
+                lambda v, s=scale: top + height - 4 - (v - low) * s,
+                steps=column.form != "real",
+            )
+            at_x, at_y = _LEFT + 290 * (place % 3), top + height + 28 + 14 * (place // 3)
+            yield f'<text x="{at_x}" y="{at_y}" fill="{colour}">{title}</text>'
+        yield (
+            f'<polyline fill="none" stroke="{colour}" stroke-width="1.3" points="{points}"><title>{title}</title></polyline>'
+        )
+
+
+def _ticks(first: float, last: float) -> list[float]:
+    """Round times, about eight."""
+    rough = (last - first) / 8
+    power = 10.0 ** np.floor(np.log10(rough))
+    step = float(power * next(m for m in (1, 2, 5, 10) if m * power >= rough))
+    return [round(number * step, 12) + 0.0 for number in range(int(np.ceil(first / step)), int(np.floor(last / step)) + 1)]
+
+
+def _points(time: NDArray[Any], values: NDArray[Any], x_of: Any, y_of: Any, *, steps: bool) -> str:
+    """The points of a line; of more samples than the picture has columns, the smallest and largest of each column."""
+    chosen = np.arange(len(time))
+    columns = _WIDTH - _LEFT - _RIGHT
+    if len(time) > 4 * columns:
+        kept: set[int] = set()
+        for part in np.array_split(chosen, columns):
+            kept |= {int(part[0]), int(part[-1]), int(part[np.argmin(values[part])]), int(part[np.argmax(values[part])])}
+        chosen = np.array(sorted(kept))
+    points: list[str] = []
+    before: float | None = None
+    for place in chosen.tolist():
+        x, y = x_of(float(time[place])), y_of(float(values[place]))
+        if steps and before is not None and before != y:
+            points.append(f"{x:.1f},{before:.1f}")
+        points.append(f"{x:.1f},{y:.1f}")
+        before = y
+    return " ".join(points)
+
+
+# -- HTML --------------------------------------------------------------------------------------------------------------
+
+
+def as_html(recording: Recording) -> str:
+    """A page with the picture, what was recorded, and the samples to download; nothing is loaded from elsewhere."""
+    title = html.escape(f"Trace {recording.id}")
+    facts = [
+        ("trigger", recording.trigger + (f" ({recording.triggered_by})" if recording.triggered_by else "")),
+        ("state", recording.state),
+        ("samples", f"{len(recording.time)}, one every {recording.interval_seconds * 1e3:.6g} ms"),
+        ("samples missed", str(recording.missed)),
+    ]
+    rows = "".join(f"<tr><th>{html.escape(k)}</th><td>{html.escape(v)}</td></tr>" for k, v in facts)
+    ranges = "".join(
+        f"<tr><td>{html.escape(c.drive)}</td><td>{html.escape(c.signal)}</td><td>{html.escape(c.unit)}</td>"
+        f"<td>{html.escape(_range(c))}</td></tr>"
+        for c in recording.columns
+    )
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>\n<style>\n'
+        "body{font:14px system-ui,sans-serif;margin:2em;max-width:1000px}svg{max-width:100%;height:auto}\n"
+        "table{border-collapse:collapse;margin:1em 0}th,td{text-align:left;padding:2px 12px 2px 0;"
+        "border-bottom:1px solid #ddd}pre{max-height:24em;overflow:auto;background:#f8fafc;padding:1em}\n"
+        f"</style></head><body>\n<h1>{title}</h1>\n<table>{rows}</table>\n{as_svg(recording)}"
+        f"<table><tr><th>drive</th><th>signal</th><th>unit</th><th>range</th></tr>{ranges}</table>\n"
+        f"<details><summary>Samples (CSV)</summary><pre>{html.escape(recording.csv())}</pre></details>\n</body></html>\n"
+    )
