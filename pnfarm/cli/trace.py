@@ -28,7 +28,8 @@ _FORMS = (".csv", ".json", ".svg", ".html")
 
 def trace(
     drives: Annotated[
-        list[str], typer.Argument(metavar="DRIVES", help="Drives: names or globs, model:NAME, or all.", show_default=False)
+        list[str],
+        typer.Argument(metavar="DRIVES", help="Drives: names or globs, model:NAME, or all.", show_default=False),
     ],
     signals: Annotated[
         list[str] | None,

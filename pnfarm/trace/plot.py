@@ -204,7 +204,9 @@ def _ticks(first: float, last: float) -> list[float]:
     rough = (last - first) / 8
     power = 10.0 ** np.floor(np.log10(rough))
     step = float(power * next(m for m in (1, 2, 5, 10) if m * power >= rough))
-    return [round(number * step, 12) + 0.0 for number in range(int(np.ceil(first / step)), int(np.floor(last / step)) + 1)]
+    return [
+        round(number * step, 12) + 0.0 for number in range(int(np.ceil(first / step)), int(np.floor(last / step)) + 1)
+    ]
 
 
 def _points(time: NDArray[Any], values: NDArray[Any], x_of: Any, y_of: Any, *, steps: bool) -> str:
@@ -214,7 +216,12 @@ def _points(time: NDArray[Any], values: NDArray[Any], x_of: Any, y_of: Any, *, s
     if len(time) > 4 * columns:
         kept: set[int] = set()
         for part in np.array_split(chosen, columns):
-            kept |= {int(part[0]), int(part[-1]), int(part[np.argmin(values[part])]), int(part[np.argmax(values[part])])}
+            kept |= {
+                int(part[0]),
+                int(part[-1]),
+                int(part[np.argmin(values[part])]),
+                int(part[np.argmax(values[part])]),
+            }
         chosen = np.array(sorted(kept))
     points: list[str] = []
     before: float | None = None
