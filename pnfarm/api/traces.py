@@ -67,7 +67,7 @@ def add_traces(app: FastAPI, context: ApiContext) -> None:
     @app.get(f"{PREFIX}/traces", tags=tags, summary="Every trace and how far it is, without samples")
     async def get_traces() -> Json:
         limits = {"traces": MOST_TRACES, "values": MOST_VALUES}
-        return Json({"traces": [trace.as_dict() for trace in context.core.traces.list()], "limits": limits})
+        return Json({"traces": [trace.as_dict() for trace in context.core.traces.kept()], "limits": limits})
 
     @app.post(f"{PREFIX}/traces", tags=tags, summary="Start a trace", status_code=201, openapi_extra=_BODY)
     async def post_trace(request: Request) -> Json:

@@ -199,6 +199,20 @@ def firmware(seconds: float) -> list[Result]:
     return results
 
 
+def trace(seconds: float) -> list[Result]:
+    """Trace 8 signals of 64 drives at 1 ms, in memory: what it adds, beside the whole engine without a trace."""
+    del seconds
+    from pnfarm.cli.bench_trace import cost_of_a_trace
+
+    floor, traced = cost_of_a_trace(_in_memory(64, "1ms", 3))
+    added = (traced - floor) * 100
+    unit = "% of a core"
+    return [
+        Result("trace-64x8", added, unit, traced / floor, "<= 3", added <= 3),
+        Result("trace-64x8-floor", floor * 100, unit, 1.0, "none", True),
+    ]
+
+
 @dataclass(frozen=True, slots=True)
 class Benchmark:
     """``seconds`` is the usual length of one measurement, ``figures`` are the names that ``run`` measures."""
@@ -237,6 +251,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "akd-1024": Benchmark(akd_1024, 10.0, _figures("akd-1024", "cpu", "expirations")),
     "virtual": Benchmark(virtual_64, 0.0, ("virtual-64",)),
     "scrape": Benchmark(scrape, 0.0, ("scrape-256",)),
+    "trace": Benchmark(trace, 0.0, ("trace-64x8", "trace-64x8-floor")),
     "firmware": Benchmark(firmware, 0.0, _figures("firmware", "speed", "position", "position-16-khz")),
 }
 

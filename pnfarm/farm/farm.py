@@ -34,6 +34,7 @@ from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.state import FarmState
+from pnfarm.farm.tracing import FarmTrace, trace_fields
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link
 from pnfarm.links.interfaces import remove_leftovers, remove_leftovers_now
@@ -44,7 +45,7 @@ from pnfarm.links.veth import VethLink
 from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
 
@@ -185,6 +186,13 @@ class Farm:
         cleared = self.injections.clear(injection_id, time.monotonic_ns())
         self.driver.poke()
         return cleared
+
+    def trace(self, on: str | Sequence[str], signals: Sequence[str] | str, **fields: Any) -> FarmTrace:
+        """Record signals of drives around a trigger; use it with ``async with`` (:mod:`pnfarm.farm.tracing`).
+
+        ``fields`` are the others of :class:`~pnfarm.trace.TraceRequest`: ``trigger="fault 702", pre="200ms"``.
+        """
+        return FarmTrace(self, trace_fields(on, signals, fields))
 
     def check_rights(self) -> None:
         """Raises :class:`EnvironmentError_` where this process may not do what the farm's link needs."""

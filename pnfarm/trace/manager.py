@@ -126,7 +126,7 @@ class Trace:
         if triggered:
             samples = samples[since >= -self.request.pre_ns]
             since = since[since >= -self.request.pre_ns]
-        columns = []
+        columns: list[Column] = []
         for chosen in self.columns:
             values = samples[:, 1 + chosen.probe]
             if not chosen.signal.is_real:
@@ -216,7 +216,7 @@ class TraceManager:
         trace.touched_ns = now
         return trace
 
-    def list(self) -> list[Trace]:
+    def kept(self) -> list[Trace]:
         """Every trace, oldest first."""
         return list(self._traces.values())
 

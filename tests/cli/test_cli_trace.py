@@ -68,7 +68,7 @@ def farm(monkeypatch):
 def test_a_trace_is_written_in_every_form_and_plotted_plainly(farm, pnfarm, tmp_path):
     files = [tmp_path / f"run.{form}" for form in ("csv", "json", "svg", "html")]
     outputs = [word for file in files for word in ("-o", file)]
-    farm.next = [lambda: None, farm.inject]
+    farm.next = [lambda: None, lambda: None, lambda: None, farm.inject]
     done = pnfarm(
         "trace", "axis-*", "--signals", "velocity,zsw1.fault_present", "-s", "state", "--trigger", "fault 702",
         "--pre", "0.2s", "--length", "300ms", *outputs,
@@ -90,7 +90,7 @@ def test_a_trace_is_written_in_every_form_and_plotted_plainly(farm, pnfarm, tmp_
     assert "<svg" in page
     assert "http" not in page.replace("http://www.w3.org/2000/svg", "")
     # nothing is left on the farm
-    assert farm.line.farm.traces.list() == []
+    assert farm.line.farm.traces.kept() == []
 
 
 def test_the_signals_are_listed_with_their_units(farm, pnfarm):
@@ -108,11 +108,11 @@ def test_the_signals_are_listed_with_their_units(farm, pnfarm):
     [
         (("axis-01", "-s", "velocty"), "did you mean velocity?"),
         (("axis-01",), "--signals is missing"),
-        (("axis-9", "-s", "velocity"), "did you mean axis-01?"),
+        (("axis-9", "-s", "velocity"), "no drive matches 'axis-9', did you mean axis-0"),
         (("axis-9", "--list"), "no drive matches axis-9"),
         (("axis-01", "-s", "velocity", "-o", "run.xls"), ".csv, .json, .svg, .html"),
         (("axis-01", "-s", "velocity", "-o", "/nowhere/at/all/run.csv"), "there is no folder"),
-        (("axis-01", "-s", "velocity", "--within", "3"), "no unit"),
+        (("axis-01", "-s", "velocity", "--within", "3"), "--within '3' is not a duration"),
         (("axis-01", "-s", "velocity", "--trigger", "velocity ~ 3"), "is not a trigger"),
     ],
 )
@@ -120,7 +120,7 @@ def test_wrong_input_is_one_sentence_and_exit_code_2(farm, pnfarm, arguments, wo
     done = pnfarm("trace", *arguments)
     assert done.code == 2
     assert words in " ".join(done.err.split())
-    assert farm.line.farm.traces.list() == []
+    assert farm.line.farm.traces.kept() == []
 
 
 def test_a_trigger_that_never_comes_ends_with_exit_code_1_and_leaves_nothing(farm, pnfarm):
@@ -128,7 +128,7 @@ def test_a_trigger_that_never_comes_ends_with_exit_code_1_and_leaves_nothing(far
     assert done.code == 1
     assert "was not triggered within 3 s" in " ".join(done.err.split())
     assert "waiting for the trigger: fault" in done.err
-    assert farm.line.farm.traces.list() == []
+    assert farm.line.farm.traces.kept() == []
 
 
 def test_ctrl_c_deletes_the_trace(farm, pnfarm):
@@ -138,4 +138,4 @@ def test_ctrl_c_deletes_the_trace(farm, pnfarm):
     farm.next = [interrupted]
     done = pnfarm("trace", "all", "-s", "velocity", "--trigger", "fault")
     assert done.code == 130
-    assert farm.line.farm.traces.list() == []
+    assert farm.line.farm.traces.kept() == []

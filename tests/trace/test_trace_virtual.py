@@ -330,7 +330,7 @@ def test_a_wrong_request_is_refused_with_what_is_allowed(
         start(line, **fields)
     for word in words:
         assert word in str(caught.value)
-    assert not line.farm.traces.list()
+    assert not line.farm.traces.kept()
     assert line.farm.columns.engine[0].trace_rows == 0
     assert line.farm.traces._ring.free == RING_VALUES
 
