@@ -15,6 +15,7 @@ from pnfarm.table.trace import (
     ARMED,
     ENDED,
     IDLE,
+    NO_AGE,
     SOURCE_AXIS_INTEGER,
     SOURCE_AXIS_REAL,
     SOURCE_IMAGE_AGE,
@@ -36,31 +37,36 @@ __all__ = ["sample"]
 
 
 @compiled
-def _value(probe: Any, axis_reals: Any, axis_words: Any, image_words: Any, now: int) -> float:
-    """A probe's value now; 0 of a place that its table does not have."""
-    word = int(probe.word)
-    source = probe.source
-    if source == SOURCE_AXIS_REAL:
-        less = int(probe.less)
-        if not 0 <= word < axis_reals.shape[0] or less >= axis_reals.shape[0]:
-            return 0.0
-        real = float(axis_reals[word])
-        if less >= 0:
-            real -= float(axis_reals[less])
-        return real * float(probe.scale)
-    if source == SOURCE_AXIS_INTEGER:
-        if not 0 <= word < axis_words.shape[0]:
-            return 0.0
-        bits = int(axis_words[word])
-    else:
-        if not 0 <= word < image_words.shape[0]:
-            return 0.0
-        bits = int(image_words[word])
-    if source == SOURCE_IMAGE_AGE:
-        return float(now - bits) * float(probe.scale) if bits != 0 else -1.0
-    number = (bits >> int(probe.shift)) & int(probe.mask)
-    sign = int(probe.sign)
-    return float((number ^ sign) - sign) * float(probe.scale)
+def _read(probes: Any, first: int, count: int, axis_reals: Any, axis_words: Any, image_words: Any, now: int) -> None:
+    """The present values of ``count`` probes; 0 of a place that its table does not have.
+
+    One loop for all of them: a call for each value, with three arrays, would cost more than the value.
+    """
+    for number in range(first, first + count):
+        probe = probes[number]
+        word = int(probe.word)
+        source = probe.source
+        value = 0.0
+        if source == SOURCE_AXIS_REAL:
+            less = int(probe.less)
+            if 0 <= word < axis_reals.shape[0] and less < axis_reals.shape[0]:
+                value = float(axis_reals[word])
+                if less >= 0:
+                    value -= float(axis_reals[less])
+        else:
+            bits = 0
+            if source == SOURCE_AXIS_INTEGER:
+                if 0 <= word < axis_words.shape[0]:
+                    bits = int(axis_words[word])
+            elif 0 <= word < image_words.shape[0]:
+                bits = int(image_words[word])
+            if source == SOURCE_IMAGE_AGE:
+                value = float(now - bits) if bits != 0 else NO_AGE
+            else:
+                sign = int(probe.sign)
+                bits = (bits >> int(probe.shift)) & int(probe.mask)
+                value = float((bits ^ sign) - sign)
+        probe.value = value * float(probe.scale)
 
 
 @compiled
@@ -98,9 +104,11 @@ def _watch_trigger(trace: Any, probes: Any, axis_reals: Any, axis_words: Any, im
     if trigger == TRIGGER_EVENT:
         return False
     found = -1
-    for number in range(trace.first_watched, trace.first_watched + trace.watched):
+    first = int(trace.first_watched)
+    _read(probes, first, int(trace.watched), axis_reals, axis_words, image_words, now)
+    for number in range(first, first + trace.watched):
         probe = probes[number]
-        value = _value(probe, axis_reals, axis_words, image_words, now)
+        value = float(probe.value)
         if found < 0 and _fulfils(trigger, float(probe.before), int(probe.seen), value, float(trace.level)):
             found = number
         probe.before = value
@@ -123,8 +131,9 @@ def _take_sample(
         return
     ring[place] = float(now - trace.started_ns)
     first = int(trace.first_probe)
-    for number in range(trace.probes):
-        ring[place + 1 + number] = _value(probes[first + number], axis_reals, axis_words, image_words, now)
+    _read(probes, first, int(trace.probes), axis_reals, axis_words, image_words, now)
+    for number in range(width - 1):
+        ring[place + 1 + number] = probes[first + number].value
     if now - trace.next_ns >= trace.interval_ns:
         trace.missed += (now - trace.next_ns) // trace.interval_ns
     trace.next_ns = now - now % trace.interval_ns + trace.interval_ns

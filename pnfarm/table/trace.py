@@ -41,7 +41,9 @@ TRIGGER_EVENT = 10
 SOURCE_AXIS_REAL = 0  # a field f8 of the axis table
 SOURCE_AXIS_INTEGER = 1  # a whole number in it
 SOURCE_IMAGE_INTEGER = 2  # a whole number in the image table
-SOURCE_IMAGE_AGE = 3  # the time since the time in a field of the image table, ns; -1 if that is 0
+SOURCE_IMAGE_AGE = 3  # the time since the time in a field of the image table, ns
+#: That time if the field is 0: none; -1 s.
+NO_AGE = -1e9
 
 TRACE = Layout(
     "trace",
@@ -80,6 +82,7 @@ PROBE = Layout(
         Field("mask", "i8", "", "station", "bits of the field, after the shift"),
         Field("sign", "i8", "", "station", "its sign bit, after the shift; 0 = unsigned"),
         Field("scale", "f8", "", "station", "factor of the field in the unit shown", default=1.0),
+        Field("value", "f8", "", "engine", "its value when it was read last"),
         Field("before", "f8", "", "engine", "of a watched probe: its value in the tick before"),
         Field("seen", "u1", "", "engine", "1 = before is set"),
     ],

@@ -141,10 +141,10 @@ def as_svg(recording: Recording) -> str:
     by = f" on {recording.triggered_by}" if recording.triggered_by and " on " not in recording.trigger else ""
     head = f"{recording.id}: trigger {recording.trigger}{by}" + ("" if recording.triggered else " (not yet)")
     total = top + 20
+    size = f'viewBox="0 0 {_WIDTH} {total}" width="{_WIDTH}" height="{total}"'
     return "\n".join(
         [
-            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {total}" width="{_WIDTH}" height="{total}" '
-            'font-family="system-ui, sans-serif" font-size="11">',
+            f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="system-ui, sans-serif" font-size="11">',
             f'<rect width="{_WIDTH}" height="{total}" fill="#fff"/>',
             f'<text x="{_LEFT}" y="20" font-size="14">{html.escape(head)}</text>',
             *parts,
@@ -168,13 +168,16 @@ def _draw(chart: _Chart, recording: Recording, first: float, last: float, top: i
         yield f'<text x="{x:.1f}" y="{top + height + 12}" text-anchor="middle" fill="#555">{time:.6g} s</text>'
     if recording.triggered and first <= 0.0 <= last:
         x = x_of(0.0)
-        yield f'<line x1="{x:.1f}" y1="{top}" x2="{x:.1f}" y2="{top + height}" stroke="#dc2626" stroke-dasharray="4 3"/>'
+        place = f'x1="{x:.1f}" y1="{top}" x2="{x:.1f}" y2="{top + height}"'
+        yield f'<line {place} stroke="#dc2626" stroke-dasharray="4 3"/>'
     low, high = _bounds(chart.columns)
     if not chart.lanes:
         for value, y in ((high, top + 10), (low, top + height - 2)):
             text = chart.columns[0].labels.get(int(value), "") if chart.columns[0].labels else ""
-            yield f'<text x="{_LEFT - 6}" y="{y}" text-anchor="end" fill="#555">{html.escape(text or f"{value:.5g}")}</text>'
-        yield f'<text x="{_LEFT - 6}" y="{top + height / 2:.0f}" text-anchor="end">{html.escape(chart.title[:14])}</text>'
+            shown = html.escape(text or f"{value:.5g}")
+            yield f'<text x="{_LEFT - 6}" y="{y}" text-anchor="end" fill="#555">{shown}</text>'
+        middle, name = top + height // 2, html.escape(chart.title[:14])
+        yield f'<text x="{_LEFT - 6}" y="{middle}" text-anchor="end">{name}</text>'
     for place, column in enumerate(chart.columns):
         colour = _COLOURS[place % len(_COLOURS)]
         title = html.escape(column.title)
@@ -194,9 +197,8 @@ def _draw(chart: _Chart, recording: Recording, first: float, last: float, top: i
             )
             at_x, at_y = _LEFT + 290 * (place % 3), top + height + 28 + 14 * (place // 3)
             yield f'<text x="{at_x}" y="{at_y}" fill="{colour}">{title}</text>'
-        yield (
-            f'<polyline fill="none" stroke="{colour}" stroke-width="1.3" points="{points}"><title>{title}</title></polyline>'
-        )
+        line = f'fill="none" stroke="{colour}" stroke-width="1.3" points="{points}"'
+        yield f"<polyline {line}><title>{title}</title></polyline>"
 
 
 def _ticks(first: float, last: float) -> list[float]:
@@ -259,5 +261,6 @@ def as_html(recording: Recording) -> str:
         "border-bottom:1px solid #ddd}pre{max-height:24em;overflow:auto;background:#f8fafc;padding:1em}\n"
         f"</style></head><body>\n<h1>{title}</h1>\n<table>{rows}</table>\n{as_svg(recording)}"
         f"<table><tr><th>drive</th><th>signal</th><th>unit</th><th>range</th></tr>{ranges}</table>\n"
-        f"<details><summary>Samples (CSV)</summary><pre>{html.escape(recording.csv())}</pre></details>\n</body></html>\n"
+        f"<details><summary>Samples (CSV)</summary><pre>{html.escape(recording.csv())}</pre></details>\n"
+        "</body></html>\n"
     )

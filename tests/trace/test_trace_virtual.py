@@ -45,7 +45,7 @@ def test_a_ramp_is_sampled_at_each_millisecond_with_the_ramps_own_values(line: V
     assert got.at(0.0, "command") > 0.0
     assert got.at(-0.001, "command") == 0.0
     ramp = float(axis.ramp.up) or float(axis.ramp.settings.acceleration)
-    # the firmware steps every 4 ms at this cycle; its ramp rises as much in each step, up to the 60 rpm of the set point
+    # the firmware steps every 4 ms at this cycle; its ramp rises as much in each step, up to 60 rpm
     rise = ramp * 0.004
     assert rise < 60.0
     for millisecond in range(31):
