@@ -15,7 +15,7 @@ __all__ = ["SIGNALS", "cost_of_a_trace"]
 #: Eight signals of each drive, of every kind.
 SIGNALS = ("setpoint", "velocity", "position", "current", "stw1", "zsw1", "state", "frame_age")
 #: Farm time of one measurement, s, and how many there are of each kind; the shortest counts.
-SECONDS, TURNS = 5.0, 6
+SECONDS, TURNS = 1.0, 25
 
 
 def _measured(line: VirtualLine) -> float:
