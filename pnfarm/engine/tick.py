@@ -36,6 +36,7 @@ from pnfarm.table.channel import (
 )
 from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import (
+    ACKNOWLEDGE_REFUSED,
     EXPIRED,
     FAULT_RAISED,
     FAULT_REACTED,
@@ -279,6 +280,7 @@ def run_firmware(columns: Columns, now: int) -> None:
         fault_ends = axis.faults.ends
         reacted = axis.faults.reacted
         warning = axis.warnings.code
+        refused = axis.faults.refused
         _step(axis, columns.image[number], own)
         if axis.drive.state != state:
             emit(engine, events, STATE_CHANGED, number, now, (int(state) << 8) | int(axis.drive.state))
@@ -293,6 +295,8 @@ def run_firmware(columns: Columns, now: int) -> None:
             fault_began(columns.observed[number], now)
         if axis.faults.reacted and not reacted and axis.faults.since_ns != 0:
             emit(engine, events, FAULT_REACTED, number, now, own - axis.faults.since_ns)
+        if axis.faults.refused != refused:
+            emit(engine, events, ACKNOWLEDGE_REFUSED, number, now, int(axis.faults.refused))
         if axis.warnings.code != warning:
             emit(engine, events, WARNING_CHANGED, number, now, int(axis.warnings.code))
     for number in range(engine.program_rows):

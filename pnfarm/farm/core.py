@@ -28,6 +28,7 @@ from pnfarm.links.base import unwrap
 from pnfarm.links.memory import MemoryLink
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.station.events import (
+    AcknowledgeRefused,
     ControlBitChanged,
     FaultRaised,
     FaultReacted,
@@ -288,6 +289,9 @@ class FarmCore:
                 self.log.record(when, name, ControlBitChanged(value >> 56, value >> 55 & 1, after))
             case engine_row.WARNING_CHANGED:
                 self.log.record(when, name, WarningChanged(value))
+            case engine_row.ACKNOWLEDGE_REFUSED:
+                station.refused_ns = when
+                self.log.record(when, name, AcknowledgeRefused(value))
             case engine_row.PARAMETER_TASK:
                 station.device.parameter_task(value, now)
             case _:

@@ -23,6 +23,7 @@ from pnfarm.table.axis_codes import (
     FAULT_SLOTS,
     LACKS_ENABLE,
     LACKS_SUPPLY,
+    RAMP_ABSENT,
     WARNING_SLOTS,
 )
 
@@ -57,6 +58,11 @@ class ServoStation(Protocol):
     @property
     def powered(self) -> bool:
         """Whether the control supply is on."""
+        ...
+
+    @property
+    def refused_ns(self) -> int:
+        """When it last ignored a request to acknowledge, because of an injection."""
         ...
 
     @property
@@ -95,6 +101,8 @@ class Servo(DrivePart):
         self._limits: Counter[str] = Counter()
         self._lacks: Counter[str] = Counter()
         self._inputs: Counter[int] = Counter()
+        self._refusals: list[int] = []
+        self._slow_ramps: list[float] = []
         #: Torque, inertia and friction of each load that is put on the shaft.
         self._loads: list[tuple[float, float, float]] = []
 
@@ -105,7 +113,15 @@ class Servo(DrivePart):
     def in_force(self) -> list[Any]:
         counted: list[Counter[Any]] = [self._held, self._limits, self._lacks, self._inputs]
         off = ["power off"] * self._off
-        return [*off, *(key for counter in counted for key in +counter), *self._warnings, *self._loads, *self._commands]
+        return [
+            *off,
+            *(key for counter in counted for key in +counter),
+            *self._warnings,
+            *self._loads,
+            *self._commands,
+            *self._refusals,
+            *self._slow_ramps,
+        ]
 
     # the control supply
 
@@ -179,6 +195,24 @@ class Servo(DrivePart):
     def fault_count(self, fault: Fault) -> int:
         """How often it has begun a fault situation."""
         return self._station.fault_counts.get(fault.number, 0)
+
+    @property
+    def acknowledgements_refused(self) -> tuple[int, int]:
+        """How many requests to acknowledge it has ignored since the farm started, and when the last one."""
+        return int(self._station.handle.axis.faults.refused), self._station.refused_ns
+
+    def refuse_acknowledging(self, until: int) -> None:
+        """Ignore requests to acknowledge until so many have been ignored since the farm started."""
+        self._refusals.append(until)
+        self._put_refusals()
+
+    def allow_acknowledging(self, until: int) -> None:
+        """Undo one :meth:`refuse_acknowledging` of the same number."""
+        self._refusals.remove(until)
+        self._put_refusals()
+
+    def _put_refusals(self) -> None:
+        self._station.handle.axis.faults.settings.refuse_until = max(self._refusals, default=0)
 
     def warn(self, fault: Fault) -> None:
         """Show a warning in front of the others; raises :class:`ConfigError` when there is no room for it."""
@@ -276,6 +310,29 @@ class Servo(DrivePart):
         axis.load.settings.added_torque = math.fsum(torque for torque, _, _ in self._loads)
         axis.load.settings.added_inertia = math.fsum(inertia for _, inertia, _ in self._loads)
         axis.load.settings.added_friction = math.fsum(friction for _, _, friction in self._loads)
+
+    # the ramps
+
+    @property
+    def lacks_ramp(self) -> bool:
+        """Whether the drive has no ramp generator: its controller makes the ramps."""
+        return int(self._station.handle.axis.ramp.settings.generator) == RAMP_ABSENT
+
+    def slow_ramps(self, factor: float) -> None:
+        """Let every ramp take ``factor`` times as long; factors of several callers multiply."""
+        self._slow_ramps.append(factor)
+        self._put_ramps()
+
+    def hasten_ramps(self, factor: float) -> None:
+        """Undo one :meth:`slow_ramps` of the same factor; after the last one ramps are as asked."""
+        self._slow_ramps.remove(factor)
+        self._put_ramps()
+
+    def _put_ramps(self) -> None:
+        axis = self._station.handle.axis
+        slowness = math.prod(self._slow_ramps) - 1.0
+        axis.ramp.settings.slowness = slowness
+        axis.profile.settings.slowness = slowness
 
 
 SERVO: Part[Servo] = Part("servo")

@@ -149,8 +149,27 @@ def _clear_history(faults: Any) -> None:
 
 
 @compiled
-def acknowledge(faults: Any, positioning: Any) -> bool:
-    """Clear the situation unless a cause is still present; true when it was cleared."""
+def _refuses(faults: Any, positioning: Any, begins: bool) -> bool:
+    """Whether an injection has the drive ignore this request; each is counted once, however long it lasts."""
+    if begins:
+        faults.refusing = 0
+    if faults.refused < faults.settings.refuse_until and not faults.refusing:
+        if faults.code[0] == 0 and positioning.error == 0:
+            # there is nothing to acknowledge
+            return False
+        faults.refused += 1
+        faults.refusing = 1
+    return faults.refusing != 0
+
+
+@compiled
+def acknowledge(faults: Any, positioning: Any, begins: bool) -> bool:
+    """Clear the situation unless a cause is still present; true when it was cleared.
+
+    ``begins``: the request is new, not one that lasts.
+    """
+    if _refuses(faults, positioning, begins):
+        return False
     positioning.error = 0
     if faults.code[0] == 0:
         return False
@@ -245,6 +264,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.faults.counter = 0
     axis.faults.kept = _situations(axis.faults)
     axis.faults.changes = 0
+    axis.faults.refusing = 0
 
 
 @compiled
@@ -285,7 +305,7 @@ def take_commands(axis: Any, now: int) -> bool:
         elif code == CMD_RELEASE_FAULT:
             _release(axis.faults, argument & NUMBER_MASK)
         elif code == CMD_ACKNOWLEDGE:
-            acknowledge(axis.faults, axis.positioning)
+            acknowledge(axis.faults, axis.positioning, True)
         elif code == CMD_POWER_ON:
             _power_on(axis, now)
             switched_on = True

@@ -65,7 +65,7 @@ def take_interlocks(axis: Any) -> None:
     if axis.machine.stop_input:
         lacks |= LACKS_RELEASE
     if axis.drive.settings.enable_acknowledges and int(axis.drive.lacks) & ~lacks & LACKS_ENABLE:
-        acknowledge(axis.faults, axis.positioning)
+        acknowledge(axis.faults, axis.positioning, True)
     axis.drive.lacks = lacks
     if (int(axis.orders.power) & RUN) != RUN or axis.drive.state < 2 or axis.drive.state > 3:
         axis.drive.enable_rose = 0

@@ -37,8 +37,8 @@ def _trapezoid(profile: Any, seconds: float) -> None:
     velocity = profile.raw_velocity
     target = profile.target
     top = profile.top * PER_SECOND
-    up = profile.acceleration * PER_SECOND
-    down = profile.deceleration * PER_SECOND
+    up = profile.acceleration * PER_SECOND / (1.0 + profile.settings.slowness)
+    down = profile.deceleration * PER_SECOND / (1.0 + profile.settings.slowness)
     left = seconds
     for _ in range(PIECES):
         if left <= NO_TIME:
@@ -93,8 +93,8 @@ def _trapezoid(profile: Any, seconds: float) -> None:
 def _run_up(profile: Any, target: float, seconds: float) -> None:
     """Move by ``seconds`` towards a velocity of ``target`` rev/s, and continue at it."""
     velocity = profile.raw_velocity
-    up = profile.acceleration * PER_SECOND
-    down = profile.deceleration * PER_SECOND
+    up = profile.acceleration * PER_SECOND / (1.0 + profile.settings.slowness)
+    down = profile.deceleration * PER_SECOND / (1.0 + profile.settings.slowness)
     position = profile.raw_position
     left = seconds
     for _ in range(3):

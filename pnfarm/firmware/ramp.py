@@ -105,6 +105,8 @@ def _servo(axis: Any, seconds: float) -> None:
 @compiled
 def _advance_ramp(axis: Any, seconds: float) -> None:
     """One step of ``axis.ramp.command``; ``axis.ramp.setpoint`` is the controller's set point."""
+    # positioning has ramps of its own, which are slow in :mod:`pnfarm.firmware.profile_generator`
+    ramped = seconds / (1.0 + axis.ramp.settings.slowness)
     if axis.drive.state == 5:
         axis.ramp.jogging = 0
         # a drive without a ramp generator has a single ramp for all stops
@@ -118,7 +120,7 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
                 axis.ramp.command = 0.0
                 return
             down = quick_stop_ramp(axis.drive, axis.ramp, down)
-        axis.ramp.command = approach(axis.ramp.command, 0.0, down, down, seconds)
+        axis.ramp.command = approach(axis.ramp.command, 0.0, down, down, ramped)
         return
     if axis.drive.state != 4 or torque_controlled(axis.drive, axis.brake):
         # the axis coasts, stands or is torque controlled: a later start begins at its present speed
@@ -136,10 +138,10 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
         )
         return
     if axis.interpolation.settings.servo_control and axis.drive.settings.opmode == 2:
-        _servo(axis, seconds)
+        _servo(axis, ramped)
         return
     if axis.drive.settings.opmode != 1:
-        axis.ramp.command = approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, seconds)
+        axis.ramp.command = approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, ramped)
         return
     if axis.ramp.settings.generator == RAMP_ABSENT:
         axis.ramp.command = limited(axis.motor, axis.travel, axis.ramp.setpoint)
@@ -150,18 +152,18 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
             limited(axis.motor, axis.travel, service_setpoint(axis.service)),
             axis.ramp.settings.acceleration,
             axis.ramp.settings.deceleration,
-            seconds,
+            ramped,
         )
         return
     if _jogs(axis.orders, axis.motor, axis.ramp, axis.jog):
-        _jog_command(axis.motor, axis.ramp, axis.travel, axis.jog, seconds)
+        _jog_command(axis.motor, axis.ramp, axis.travel, axis.jog, ramped)
         return
     if not axis.orders.ramp:
         # a ramp generator that is switched off gives zero; the axis decelerates along its jog or stop ramp
         off = (
             0.0
             if axis.ramp.settings.off_at_once
-            else approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, seconds)
+            else approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, ramped)
         )
         axis.ramp.command = off
         return
@@ -172,7 +174,7 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
         # the controller interpolates (Moog MSD manual, table 10.1: the set point acts directly on the control)
         axis.ramp.command = target
         return
-    axis.ramp.command = approach(axis.ramp.command, target, axis.ramp.up, axis.ramp.down, seconds)
+    axis.ramp.command = approach(axis.ramp.command, target, axis.ramp.up, axis.ramp.down, ramped)
 
 
 @compiled

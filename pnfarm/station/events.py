@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pnfarm.station.lateness import Lateness
 
 __all__ = [
+    "AcknowledgeRefused",
     "Booted",
     "ConnectionEstablished",
     "ConnectionLost",
@@ -253,6 +254,15 @@ class FaultsCleared(Event):
 
     def details(self) -> dict[str, Any]:
         return {"after_seconds": seconds(self.after_ns)}
+
+
+@dataclass(frozen=True, slots=True)
+class AcknowledgeRefused(Event):
+    """An injection had the drive ignore a request to acknowledge; ``number`` of them since the farm started."""
+
+    TEXT = "acknowledgement ignored"
+    LEVEL = "warning"
+    number: int
 
 
 @dataclass(frozen=True, slots=True)

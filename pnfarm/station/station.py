@@ -96,6 +96,8 @@ class Station:
         self.flaws = flaws
         self.latency = flaws.latency()
         self.fault_counts: dict[int, int] = {}
+        #: When the drive last ignored a request to acknowledge, because of an injection, ns; 0: never.
+        self.refused_ns = 0
         #: When its lamp was last made to flash.
         self.signalled_ns: int | None = None
         #: Contents of non-volatile memory; :meth:`save` writes them.

@@ -101,7 +101,7 @@ def _take_word(axis: Any, image: Any, now: int) -> None:
     if word & FAULT_ACKNOWLEDGE and (
         axis.profidrive.settings.acknowledges_by_level or axis.profidrive.stw1_changed & FAULT_ACKNOWLEDGE
     ):
-        acknowledge(axis.faults, axis.positioning)
+        acknowledge(axis.faults, axis.positioning, axis.profidrive.stw1_changed & FAULT_ACKNOWLEDGE != 0)
     axis.profidrive.stw1_seen = word
     axis.profidrive.stw1 = word
     if (

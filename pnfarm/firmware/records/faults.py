@@ -48,6 +48,7 @@ FAULTS_RECORD = subject(
         ),
         Field("sto_fault", "u4", "", "parameter", "fault of safe torque off, 0 = none"),
         Field("ignored", "u4", "", "parameter", "numbers of faults that are not raised, 0 = none", (FAULT_ACTIONS,)),
+        Field("refuse_until", "i8", "", "fault", "acknowledgements are refused while refused is below it"),
         Field("places", "u1", "", "parameter", "faults of one situation in the buffer, 0 = FAULT_SLOTS"),
         Field(
             "stays", "u1", "", "parameter", "1 = the buffer begins with the newest situation, 0 = with the active one"
@@ -56,12 +57,14 @@ FAULTS_RECORD = subject(
     ],
     state=[
         Field("since_ns", "i8", "ns", "firmware", "when the active situation began, 0 = none"),
+        Field("refused", "i8", "", "firmware", "acknowledgements refused because of refuse_until"),
         Field("code", "u4", "", "firmware", "active faults, oldest first, 0 = none", (FAULT_SLOTS,)),
         Field("held", "u4", "", "firmware", "faults whose cause is present, with reaction", (FAULT_SLOTS,)),
         Field("counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
         Field("kept", "u2", "", "firmware", "situations that the fault buffer held at power-on"),
         Field("changes", "u2", "", "firmware", "changes of the fault buffer since power-on"),
         Field("ends", "u2", "", "firmware", "number of situations that ended"),
+        Field("refusing", "u1", "", "firmware", "1 = the present request to acknowledge is refused until it ends"),
         Field("reacted", "u1", "", "firmware", "1 once the controller withdrew the enable after a fault"),
         Field("buffer", "u4", "", "firmware", "PNU 947: situations, newest first", (FAULT_SLOTS * FAULT_SITUATIONS,)),
     ],

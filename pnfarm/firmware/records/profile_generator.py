@@ -12,6 +12,7 @@ PROFILE_RECORD = subject(
     "The profile generator of positioning: a trapezoid, averaged over the jerk time.",
     settings=[
         Field("jerk_time", "f8", "s", "parameter", "how long the trapezoid is averaged, 0 = not at all"),
+        Field("slowness", "f8", "", "fault", "by how much longer its ramps take than asked: 1 = twice the time"),
     ],
     state=[
         Field("position", "f8", "rev", "firmware", "integral of the velocity command while enabled (PL.CMD)"),

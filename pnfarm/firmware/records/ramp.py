@@ -24,6 +24,7 @@ RAMP_RECORD = subject(
         Field("velocity_window", "f8", "rpm", "parameter", "window of ZSW1.8 and ZSW1.10"),
         Field("additive_speed", "f8", "rpm", "parameter", "added to the speed set point in operation"),
         Field("speed_override", "f8", "", "parameter", "factor of every requested speed", default=1.0),
+        Field("slowness", "f8", "", "fault", "by how much longer ramps take than asked: 1 = twice the time"),
         Field("generator_set", "u4", "", "parameter", "how often a parameter has set generator"),
         Field("generator", "u1", "", "parameter", "use of the ramp generator: RAMP_*"),
         Field("off_at_once", "u1", "", "parameter", "1 = STW1.4 = 0 makes the set point zero at once, not by a ramp"),

@@ -1,0 +1,69 @@
+"""fault-not-acknowledging: requests to acknowledge are ignored."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.faults.connection import Status
+from pnfarm.faults.kind import InjectionKind
+from pnfarm.faults.shown import ShownEffect
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effect import Window
+    from pnfarm.faults.given import GivenInjection
+    from pnfarm.faults.parts import InjectedDrive
+
+__all__ = ["KINDS"]
+
+#: More requests than any farm gets.
+_FOREVER = 1 << 62
+
+
+class NotAcknowledging(ShownEffect):
+    """The firmware ignores the requests and counts them; a frame that still reports the fault confirms it."""
+
+    status = Status.FAULT
+
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._until: int | None = None
+        self._seen = 0
+
+    def begin(self, window: Window, now: int) -> None:
+        del window, now
+        self._seen, _ = self._servo.acknowledgements_refused
+        self._until = _FOREVER if self.spec.count is None else self._seen + self.spec.count
+        self._servo.refuse_acknowledging(self._until)
+
+    def check(self, now: int) -> None:
+        refused, last_ns = self._servo.acknowledgements_refused
+        if self._until is not None:
+            refused = min(refused, self._until)
+        for _ in range(self._seen, refused):
+            self._tally.note(last_ns)
+            self._look_since = last_ns
+        self._seen = refused
+        self._look(now)
+        # with a connection the next frame tells whether the fault is still reported
+        self.finished = self._until is not None and refused >= self._until and self._due is None
+
+    def end(self, now: int) -> None:
+        self.check(now)
+        self._due = None
+        if self._until is not None:
+            self._servo.allow_acknowledging(self._until)
+            self._until = None
+
+
+KINDS = (
+    InjectionKind(
+        "fault-not-acknowledging",
+        "drive",
+        "A fault stays although it is acknowledged: requests to acknowledge are ignored, whether they come by "
+        "STW1.7, by a parameter or by the hardware enable.  Switching the supply off and on still clears the fault.",
+        "a request that is ignored while there is something to acknowledge",
+        NotAcknowledging,
+        takes=frozenset({"count", "for", "cycles"}),
+        place=35,
+    ),
+)
