@@ -20,12 +20,14 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
     from pnfarm.wire.direction import Direction
 
-__all__ = ["EVERY_FRAME", "DelayRule", "FrameClass", "FrameClasses", "GateRule", "GatedLink", "LateRule"]
+__all__ = ["EVERY_FRAME", "DelayRule", "FrameClass", "FrameClasses", "GateRule", "GatedLink", "LateRule", "Listener"]
 
 #: Classifies a frame; the classes are the bus's: ``rpc``, ``dcp`` ...
 FrameClass = Callable[[bytes], str]
 #: Classes that a rule acts on.
 FrameClasses = Container[str]
+#: ``listener(direction, frame, now)``: hears every acyclic frame of a port, before any rule.
+Listener = Callable[["Direction", bytes, int], None]
 
 
 class _Every:
@@ -142,6 +144,7 @@ class GatedLink:
         self._delays: dict[int, list[DelayRule]] = {}
         self._held: dict[int, deque[_Held]] = {}
         self._classes: dict[int, FrameClass] = {}
+        self._listeners: dict[int, list[Listener]] = {}
 
     def classify(self, port: int, frame_class: FrameClass) -> None:
         """Set the port's classifier; until then its frames have no class."""
@@ -153,7 +156,12 @@ class GatedLink:
 
     def in_force(self, port: int) -> list[object]:
         """Rules that act on a port, and frames of it that are held back."""
-        return [*self._rules.get(port, ()), *self._delays.get(port, ()), *self._held.get(port, ())]
+        return [
+            *self._rules.get(port, ()),
+            *self._delays.get(port, ()),
+            *self._held.get(port, ()),
+            *self._listeners.get(port, ()),
+        ]
 
     def add(self, port: int, rule: GateRule) -> None:
         self._rules[port] = [*self._rules.get(port, ()), rule]
@@ -174,6 +182,28 @@ class GatedLink:
         for rule in acting:
             left = None if left is None else rule.instead(left)
         return left
+
+    # a second station at the same port
+
+    def listen(self, port: int, listener: Listener) -> None:
+        """Let ``listener`` hear what the port sends and receives."""
+        self._listeners[port] = [*self._listeners.get(port, ()), listener]
+
+    def unlisten(self, port: int, listener: Listener) -> None:
+        # bound methods are equal, and never the same object
+        remaining = [other for other in self._listeners.get(port, ()) if other != listener]
+        if remaining:
+            self._listeners[port] = remaining
+        else:
+            self._listeners.pop(port, None)
+
+    def send_beside(self, port: int, frame: bytes) -> None:
+        """Send a frame that is not the drive's: no rule acts on it."""
+        self.inner.send(port, frame)
+
+    def deliver(self, port: int, frame: bytes, now: int) -> None:
+        """Hand the drive a frame of a station at its own port, which no link brings back."""
+        self._receive(port, frame, now)
 
     # frames held back
 
@@ -241,6 +271,8 @@ class GatedLink:
         await self.inner.close()
 
     def send(self, port_index: int, frame: bytes) -> None:
+        for listener in self._listeners.get(port_index, ()):
+            listener("out", frame, self._clock())
         if port_index in self._rules:
             left = self._passed(port_index, "out", frame, self._clock())
             if left is None:
@@ -251,6 +283,8 @@ class GatedLink:
         self.inner.send(port_index, frame)
 
     def _receive(self, port_index: int, frame: bytes, now: int) -> None:
+        for listener in self._listeners.get(port_index, ()):
+            listener("in", frame, now)
         if port_index in self._rules:
             left = self._passed(port_index, "in", frame, now)
             if left is None:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pnfarm.vocabulary.durations import read_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
+from pnfarm.wire.mac import NIL, is_group, parse_mac
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = ["EACH", "EVERY_DIRECTION", "FRAMES", "HELD", "OCTET", "WORD", "InjectionKind", "ParamSpec", "words_of"]
 
-ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault", "octets"]
+ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault", "octets", "mac"]
 
 #: Common fields of kinds that act on frames, on one occurrence after the other, or that last until they end.
 FRAMES = frozenset({"probability", "seed", "count", "for", "cycles"})
@@ -66,6 +67,8 @@ class ParamSpec:
                 return "a duration such as 500ms or 2s"
             case "word":
                 return ", ".join(self.words)
+            case "mac":
+                return "the MAC address of one station, such as 02:00:5e:00:00:01"
             case "octets":
                 most = "" if self.high is None else f", at most {self.high:g} octets"
                 return f"octets in hexadecimal, such as 0a1bff or hex:0102{most}"
@@ -94,12 +97,23 @@ class ParamSpec:
                 return value
             case "octets":
                 return self._octets(value)
+            case "mac":
+                return self._mac(value)
             case "fault":
                 if isinstance(value, bool) or not isinstance(value, (int, str)) or value == "":
                     raise Problem(f"is {shown(value)}", self.allowed)
                 return value
             case _:
                 return self._number(value)
+
+    def _mac(self, value: Any) -> bytes:
+        try:
+            mac = parse_mac(value) if isinstance(value, str) else b""
+        except ValueError as exc:
+            raise Problem(f"is {shown(value)}", self.allowed) from exc
+        if mac in {b"", NIL} or is_group(mac):
+            raise Problem(f"is {shown(value)}", self.allowed)
+        return mac
 
     def _octets(self, value: Any) -> bytes:
         # digits alone come as a number from a command line or a YAML file, which loses leading zeros

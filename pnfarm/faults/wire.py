@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from pnfarm.engine.impairments import CyclicEvidence, ImpairmentTable
     from pnfarm.faults.carrier import Carriers
-    from pnfarm.faults.gate import DelayRule, GatedLink, GateRule
+    from pnfarm.faults.gate import DelayRule, GatedLink, GateRule, Listener
     from pnfarm.wire.direction import Direction
 
 __all__ = ["WIRE", "Wire"]
@@ -123,6 +123,24 @@ class Wire(DrivePart):
     def undelay(self, rule: DelayRule) -> None:
         """Remove it; frames that no other rule holds back leave at once."""
         self._gate.undelay(self._port, rule)
+
+    # a second station at the drive's port
+
+    def listen(self, listener: Listener) -> None:
+        """Let ``listener`` hear every acyclic frame that the drive sends or gets."""
+        self._gate.listen(self._port, listener)
+
+    def unlisten(self, listener: Listener) -> None:
+        """Remove it."""
+        self._gate.unlisten(self._port, listener)
+
+    def send_beside(self, frame: bytes) -> None:
+        """Send a frame of another station at the drive's port."""
+        self._gate.send_beside(self._port, frame)
+
+    def deliver(self, frame: bytes, now: int) -> None:
+        """Hand the drive a frame of such a station."""
+        self._gate.deliver(self._port, frame, now)
 
     # the cable
 

@@ -61,6 +61,8 @@ def value_of(rng: Random, kind: InjectionKind, name: str, spec: ParamSpec, fault
             return rng.choice(sorted(spec.words))
         case "octets":
             return rng.randbytes(rng.randint(0, 8)).hex()
+        case "mac":
+            return "02:" + rng.randbytes(5).hex(":")
         case "fault":
             return rng.choice(faults)
     if kind.name == "load":

@@ -11,6 +11,7 @@ from pnfarm.buses.profinet.faults.frame_class import frame_class
 from pnfarm.buses.profinet.faults.frames import PROFINET_FRAMES
 from pnfarm.buses.profinet.faults.modules import MODULES, Modules
 from pnfarm.buses.profinet.faults.records import RECORDS, Records
+from pnfarm.buses.profinet.faults.second_station import NEIGHBOUR, Neighbour
 from pnfarm.buses.profinet.faults.set_up import SET_UP, SetUp
 from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
@@ -44,6 +45,7 @@ def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDriv
         WIRE: wire,
         PROFINET_FRAMES: wire,
         CONNECTION: ProfinetConnection(station, host.columns, keys, host.settle),
+        NEIGHBOUR: Neighbour(station),
         SET_UP: SetUp(station, host.settle),
         MODULES: Modules(station, keys, host.settle, diagnoses.put),
         DIAGNOSES: diagnoses,

@@ -1,0 +1,49 @@
+"""duplicate-ip: a second station has the drive's IP address."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.faults.second_station import MAC, SecondHost
+from pnfarm.faults.kind import InjectionKind, ParamSpec
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from pnfarm.faults.given import GivenInjection
+
+__all__ = ["KINDS"]
+
+#: Shortest time between two announcements, ns.
+_SHORTEST_NS = 10_000_000
+
+
+def _misfits(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+    if "every" not in spec.params:
+        return
+    try:
+        every = spec.values()["every"]
+    except Problem:
+        # the parameter's own error is already reported
+        return
+    if every < _SHORTEST_NS:
+        yield "params.every", Problem(f"is {shown(spec.params['every'])}", "a duration of 10ms or more")
+
+
+KINDS = (
+    InjectionKind(
+        "duplicate-ip",
+        "link",
+        "A second station at the drive's port has the drive's IP address: it announces it by ARP, answers ARP and "
+        "ping, and defends it as RFC 5227 says.  RPC to its MAC address is not answered; a connection that stands "
+        "goes on, because cyclic frames need no IP address.",
+        "a frame of the second station",
+        SecondHost,
+        {"mac": MAC, "every": ParamSpec("duration", "From one announcement to the next.", default="10s")},
+        takes=frozenset({"for"}),
+        misfits=_misfits,
+        place=60,
+    ),
+)

@@ -1,0 +1,22 @@
+"""duplicate-name: a second station has the drive's station name."""
+
+from __future__ import annotations
+
+from pnfarm.buses.profinet.faults.second_station import MAC, SecondName
+from pnfarm.faults.kind import InjectionKind
+
+__all__ = ["KINDS"]
+
+KINDS = (
+    InjectionKind(
+        "duplicate-name",
+        "link",
+        "A second station at the drive's port has the drive's station name and type, and no IP address: it answers "
+        "each DCP Identify that the drive answers.  A connection that stands goes on; the next search finds both.",
+        "an answer of the second station",
+        SecondName,
+        {"mac": MAC},
+        takes=frozenset({"for"}),
+        place=70,
+    ),
+)

@@ -1,0 +1,215 @@
+"""A second station with a drive's address or name, at the drive's own port: an IP host or a DCP responder.
+
+It hears what the drive's port sends and receives, and what it sends reaches the segment and the drive.  Frames to its
+own MAC address arrive only where the link brings them to this port.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from abc import abstractmethod
+from typing import TYPE_CHECKING, ClassVar
+
+from pnfarm.errors import DecodeError
+from pnfarm.faults.effect import Effect, Tally
+from pnfarm.faults.errors import InjectionError
+from pnfarm.faults.kind import ParamSpec
+from pnfarm.faults.parts import DrivePart, Part
+from pnfarm.faults.wire import WIRE
+from pnfarm.protocols.ip.host import IpHost
+from pnfarm.protocols.profinet.dcp_device import DcpDevice
+from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_PROFINET, parse_ethernet
+from pnfarm.wire.mac import format_mac
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Interface
+
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
+    from pnfarm.faults.effect import Needs, Window
+    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.given import GivenInjection
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.protocols.profinet.dcp_rules import DcpIdentity
+    from pnfarm.wire.direction import Direction
+    from pnfarm.wire.ethernet import EthernetFrame
+
+__all__ = ["MAC", "NEIGHBOUR", "Neighbour", "SecondHost", "SecondName"]
+
+MAC = ParamSpec(
+    "mac",
+    "MAC address of the second station; left out, a locally administered one that is always the same for a drive.",
+)
+
+
+class Neighbour(DrivePart):
+    """The drive's address and name, as another station could have them."""
+
+    def __init__(self, station: ProfinetDevice) -> None:
+        self._station = station
+
+    @property
+    def mac(self) -> bytes:
+        return self._station.port.mac
+
+    @property
+    def name(self) -> str:
+        """Its present station name."""
+        return self._station.dcp.name
+
+    @property
+    def address(self) -> IPv4Interface | None:
+        """The address that it uses, or would use if no other station had it."""
+        return self._station.ip.wanted
+
+    @property
+    def conflict_mac(self) -> bytes | None:
+        """The station that the drive has found to use its address."""
+        return self._station.addressing.conflict_mac
+
+    @property
+    def identity(self) -> DcpIdentity:
+        return self._station.dcp.identity
+
+
+NEIGHBOUR: Part[Neighbour] = Part("IP address and station name of PROFINET")
+
+
+class SecondStation(Effect):
+    """Base of both: it hears, speaks, and is counted."""
+
+    needs: ClassVar[Needs] = (WIRE, NEIGHBOUR)
+
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        self._wire = drive.part(WIRE)
+        self._original = drive.part(NEIGHBOUR)
+        self._tally = Tally()
+        self._stands = False
+        #: Frames for the drive itself, handed over when the drive is not in the middle of a step.
+        self._for_drive: list[bytes] = []
+        digest = hashlib.sha256(b"second station" + self._original.mac).digest()
+        self.mac: bytes = self.values["mac"] or b"\x02" + digest[:5]
+        if self.mac == self._original.mac:
+            what = f"{format_mac(self.mac)} is the address of {drive.name} itself"
+            raise InjectionError([("params.mac", what, "that of another station")])
+
+    @abstractmethod
+    def _take(self, frame: EthernetFrame, now: int) -> None:
+        """Pass a frame to the machine."""
+
+    @abstractmethod
+    def _to_send(self, now: int) -> list[bytes]:
+        """What the machine sends now."""
+
+    @abstractmethod
+    def _machine_deadline(self) -> int | None:
+        """When the machine is to be asked again."""
+
+    def begin(self, window: Window, now: int) -> None:
+        del window
+        self._stands = True
+        self._wire.listen(self._hear)
+        self._speak(now)
+
+    def _hear(self, direction: Direction, frame: bytes, now: int) -> None:
+        del direction
+        try:
+            parsed = parse_ethernet(frame)
+        except DecodeError:
+            # the drive counts it
+            return
+        if parsed.source != self.mac and parsed.ethertype in {ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_PROFINET}:
+            self._take(parsed, now)
+            self._speak(now)
+
+    def _speak(self, now: int) -> None:
+        for frame in self._to_send(now):
+            to = frame[:6]
+            if to != self._original.mac:
+                self._wire.send_beside(frame)
+            if to[0] & 1 or to == self._original.mac:
+                self._for_drive.append(frame)
+            self._tally.note(now, confirmed=not self._wire.carrier_off)
+
+    def check(self, now: int) -> None:
+        if not self._stands:
+            return
+        self._speak(now)
+        frames, self._for_drive = self._for_drive, []
+        for frame in frames:
+            self._wire.deliver(frame, now)
+
+    def end(self, now: int) -> None:
+        del now
+        if self._stands:
+            self._stands = False
+            self._wire.unlisten(self._hear)
+            self._for_drive.clear()
+
+    def evidence(self) -> Evidence:
+        return self._tally.seen
+
+    def next_deadline(self) -> int | None:
+        if self._for_drive:
+            # at once
+            return 0
+        return self._machine_deadline()
+
+
+class SecondHost(SecondStation):
+    """Has the drive's IP address: announces it every so often, answers ARP and ping, defends it."""
+
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        address = self._original.address
+        if address is None:
+            raise InjectionError([("kind", f"{drive.name} has no IP address that a second station could have", "")])
+        self._address = address
+        self._host = IpHost(self.mac)
+        self._every: int = self.values["every"]
+        self._announce_ns = 0
+
+    def begin(self, window: Window, now: int) -> None:
+        self._host.set_address(self._address)
+        self._announce_ns = now + self._every
+        super().begin(window, now)
+
+    def _take(self, frame: EthernetFrame, now: int) -> None:
+        if frame.ethertype != ETHERTYPE_PROFINET:
+            self._host.receive(frame, now)
+            self._host.events()
+
+    def _to_send(self, now: int) -> list[bytes]:
+        return self._host.to_send(now)
+
+    def check(self, now: int) -> None:
+        if self._stands and now >= self._announce_ns:
+            self._host.set_address(self._address)
+            self._announce_ns = now + self._every
+        super().check(now)
+
+    def _machine_deadline(self) -> int | None:
+        due = self._host.next_deadline()
+        return self._announce_ns if due is None else min(due, self._announce_ns)
+
+
+class SecondName(SecondStation):
+    """Has the drive's station name, of the same type, without an address: answers DCP Identify."""
+
+    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        if not self._original.name:
+            raise InjectionError([("kind", f"{drive.name} has no station name that a second station could have", "")])
+        self._device = DcpDevice(self.mac, self._original.identity, name=self._original.name)
+
+    def _take(self, frame: EthernetFrame, now: int) -> None:
+        # what is not DCP is not for it
+        if frame.ethertype == ETHERTYPE_PROFINET:
+            self._device.receive(frame, now)
+            self._device.events()
+
+    def _to_send(self, now: int) -> list[bytes]:
+        return self._device.to_send(now)
+
+    def _machine_deadline(self) -> int | None:
+        return self._device.next_deadline()
