@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 
-from pnfarm.api.schemas import Reset
+from pnfarm.api.schemas import Reach, Reset
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
 from pnfarm.web.bodies import PREFIX, Json, read_object
@@ -52,8 +52,17 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
     async def get_faults() -> Json:
         return Json({"faults": [injection.as_dict() for injection in manager().list()]})
 
-    @app.post(f"{PREFIX}/faults", tags=tags, summary="Inject a fault", status_code=201, openapi_extra=_SPEC_BODY)
-    async def post_fault(request: Request) -> Json:
+    @app.post(
+        f"{PREFIX}/faults",
+        tags=tags,
+        summary="Inject a fault; with dry_run only list the drives that it would hit, and why others cannot",
+        status_code=201,
+        responses={200: {"model": Reach}},
+        openapi_extra=_SPEC_BODY,
+    )
+    async def post_fault(request: Request, *, dry_run: bool = False) -> Json:
+        if dry_run:
+            return Json(manager().reach(await read_object(request)).as_dict())
         injection = manager().inject(await read_object(request), context.now())
         context.poke()
         place = f"{PREFIX}/faults/{quote(injection.id, safe='')}"
@@ -65,6 +74,15 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
             return Json(manager().get(fault_id).as_dict())
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
+
+    @app.post(f"{PREFIX}/faults/{{fault_id}}/renew", tags=tags, summary="Begin a fault's time to live (ttl) anew")
+    async def renew_fault(fault_id: str) -> Json:
+        if all(injection.id != fault_id for injection in manager().list()):
+            # told as for an unknown one: its client is to begin it again
+            raise NotFoundError(f"the fault {fault_id!r} is not in force, so that nothing can be renewed")
+        injection = manager().renew(fault_id, context.now())
+        context.poke()
+        return Json(injection.as_dict())
 
     @app.delete(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="End a fault and return its final evidence")
     async def delete_fault(fault_id: str) -> Json:
@@ -79,5 +97,11 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
     async def reset() -> Json:
         cleared = manager().clear(None, context.now())
         context.poke()
-        view: dict[str, Any] = {"cleared": [injection.id for injection in cleared]}
+        view: dict[str, Any] = {
+            "cleared": [injection.id for injection in cleared],
+            "faults": [
+                {"id": injection.id, "kind": injection.spec.kind.name, "drives": list(injection.drives)}
+                for injection in cleared
+            ],
+        }
         return Json(view)

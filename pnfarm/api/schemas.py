@@ -19,6 +19,7 @@ __all__ = [
     "ParameterValue",
     "ParameterWrite",
     "Problem",
+    "Reach",
     "Ready",
     "Reset",
     "Version",
@@ -244,8 +245,29 @@ class ParameterValue(Schema):
     changed: bool = Field(description="Whether the value differs from the model's default.")
 
 
+class ClearedFault(Schema):
+    id: str
+    kind: str
+    drives: list[str]
+
+
 class Reset(Schema):
     cleared: list[str] = Field(description="Ids of the faults that were cleared.")
+    faults: list[ClearedFault] = Field(description="What was cleared, and on which drives.")
+
+
+class Refusal(Schema):
+    drive: str
+    why: str = Field(description="Why this drive refuses the fault.")
+
+
+class Reach(Schema):
+    dry_run: bool = Field(description="Always true: nothing was changed.")
+    kind: str
+    spec: dict[str, Any] = Field(description="The fault as it would be, with the seed that chose the drives.")
+    drives: list[str] = Field(description="Drives that it would hit.")
+    cannot: list[Refusal] = Field(description="Drives that refuse it: with any of them nothing is injected.")
+    left_out: list[str] = Field(description="Drives that match and that share or most leaves out.")
 
 
 class Version(Schema):

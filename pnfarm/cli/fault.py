@@ -11,6 +11,8 @@ from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOptio
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pnfarm.terminal.client import FarmClient
+
 __all__ = ["app"]
 
 app = typer.Typer(help="Inject faults into the drives of the running farm, and clear them.")
@@ -58,6 +60,23 @@ def add(
     direction: Annotated[str | None, typer.Option(help="in, out or both, seen from the drive.")] = None,
     after_cycles: Annotated[int | None, typer.Option(help="Begin after this many healthy cycles.")] = None,
     after: Annotated[str | None, typer.Option(metavar="TIME", help="Begin after this time, such as 1s.")] = None,
+    share: Annotated[
+        str | None, typer.Option(metavar="PERCENT", help="Only this part of the drives, such as 25%, by the seed.")
+    ] = None,
+    most: Annotated[int | None, typer.Option(help="At most so many of the drives, by the seed.")] = None,
+    rate: Annotated[
+        str | None, typer.Option(metavar="RATE", help="Begin again and again at random, so often, such as 2/min.")
+    ] = None,
+    times: Annotated[int | None, typer.Option(help="With --rate: begin so often on each drive.")] = None,
+    ttl: Annotated[
+        str | None, typer.Option(metavar="TIME", help="End after this time unless it is renewed, such as 10s.")
+    ] = None,
+    hold: Annotated[
+        bool, typer.Option("--hold", help="Keep it in force while this command runs; it renews --ttl (5s).")
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Change nothing: list the drives it would hit, and why others cannot.")
+    ] = False,
     name: Annotated[
         str | None, typer.Option("--as", metavar="ID", help="Name for the fault, to list and clear it by.")
     ] = None,
@@ -66,6 +85,7 @@ def add(
     token: TokenOption = None,
 ) -> None:
     """Inject a fault."""
+    from pnfarm.errors import ConfigError
     from pnfarm.terminal.client import FarmClient
     from pnfarm.terminal.output import print_json, print_line
 
@@ -79,15 +99,27 @@ def add(
         "direction": direction,
         "after_cycles": after_cycles,
         "after": after,
+        "share": share,
+        "most": most,
+        "rate": rate,
+        "times": times,
+        "ttl": ttl or ("5s" if hold else None),
         "as": name,
     }
     body |= {key: value for key, value in wanted.items() if value is not None}
+    if hold and dry_run:
+        raise ConfigError("--dry-run injects nothing that --hold could keep: leave one of them out")
     with FarmClient(api, token) as farm:
+        if dry_run:
+            _print_reach(farm.post("faults", body=body, query={"dry_run": "true"}), output)
+            return
         fault = farm.post("faults", body=body)
-    if output is Format.JSON:
-        print_json(fault)
-    else:
-        print_line(f"{fault['id']}: {fault['kind']} {fault['state']} on {_shortened(list(fault['drives']))}")
+        if output is Format.JSON:
+            print_json(fault)
+        else:
+            print_line(f"{fault['id']}: {fault['kind']} {fault['state']} on {_shortened(list(fault['drives']))}")
+        if hold:
+            _keep(farm, fault)
 
 
 @app.command("list")
@@ -148,6 +180,55 @@ def clear(
         return
     cleared = found["cleared"] if fault_id is None else [found["id"]]
     print_line(f"cleared {_shortened(cleared)}" if cleared else "no fault was active")
+    for fault in found.get("faults", []) if fault_id is None else [found]:
+        print_line(f"  {fault['id']}: {fault['kind']} on {_shortened(list(fault['drives']))}")
+
+
+def _print_reach(found: dict[str, Any], output: Format) -> None:
+    from pnfarm.terminal.output import print_json, print_line, print_table
+
+    if output is Format.JSON:
+        print_json(found)
+        return
+    rows = [
+        *((drive, "yes", "") for drive in found["drives"]),
+        *((entry["drive"], "no", entry["why"]) for entry in found["cannot"]),
+        *((drive, "no", "left out by share or most") for drive in found["left_out"]),
+    ]
+    print_table(("DRIVE", "HIT", "~WHY NOT"), rows)
+    seed = found["spec"].get("seed")
+    again = "" if seed is None else f"; --seed {seed} chooses the same"
+    what = f"{found['kind']} would hit {len(found['drives'])} of {len(rows)} drives"
+    refused = ", and is refused as long as a drive cannot" if found["cannot"] else ""
+    print_line(f"{what}{refused}{again}")
+
+
+def _keep(farm: FarmClient, fault: dict[str, Any]) -> None:
+    """Renew a fault's time to live until it ends or this command is stopped, then clear it."""
+    import signal
+    import threading
+
+    from pnfarm.errors import PnfarmError
+    from pnfarm.terminal.output import print_line
+    from pnfarm.vocabulary.durations import parse_duration
+
+    stop = threading.Event()
+    before = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    pause = parse_duration(fault["spec"]["ttl"]) / 3e9
+    try:
+        while fault["state"] != "ended" and not stop.wait(pause):
+            fault = farm.get("faults", fault["id"])
+            if fault["state"] != "ended":
+                fault = farm.post("faults", fault["id"], "renew")
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if fault["state"] != "ended":
+            try:
+                fault = farm.delete("faults", fault["id"])
+            except PnfarmError as exc:
+                print_line(f"{fault['id']} ends by its time to live: {exc}")
+    print_line(f"{fault['id']}: {fault['state']}")
 
 
 def _parameter(text: str) -> tuple[str, Any]:

@@ -21,6 +21,7 @@ class BreakingEffect(Effect):
     """Aborts each connection that reaches data exchange; without ``count`` and ``for`` only one."""
 
     needs: ClassVar[Needs] = (CONNECTION,)
+    ends_by_itself = True
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)

@@ -83,6 +83,8 @@ class Effect(ABC):
     needs: ClassVar[Needs] = ()
     #: Whether the effect itself lets ``after_cycles`` healthy frames pass, exact to the frame.
     counts_frames = False
+    #: Whether it is over after an occurrence without any common field that ends it.
+    ends_by_itself = False
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         self.spec = spec

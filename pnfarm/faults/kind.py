@@ -5,7 +5,9 @@ Such a file has the effect, if it is not another kind's, and ``KINDS``, a tuple 
 
 Common fields, as far as a kind takes them: ``probability`` (of each occurrence) with ``seed``; ``direction``, seen from
 the drive; a start ``after`` a time or ``after_cycles`` healthy cycles of the connection; an end after ``count``
-occurrences, ``for`` a time or ``cycles`` of the connection.  Each kind defines what an occurrence is.
+occurrences, ``for`` a time or ``cycles`` of the connection.  Every kind takes ``share`` and ``most``, which choose some
+of the matching drives by the seed, ``ttl``, after which it ends unless it is renewed, and where it can begin again
+``rate`` and ``times``: at random, exponentially distributed, so often.  Each kind defines what an occurrence is.
 """
 
 from __future__ import annotations
@@ -188,6 +190,12 @@ class InjectionKind:
     misfits: Callable[[GivenInjection], Iterable[tuple[str, Problem]]] = _no_misfits
     place: int = 1000
 
+    @property
+    def common(self) -> tuple[str, ...]:
+        """Fields that any kind has, and those of repetition where it can begin again."""
+        repeats = self.effect.ends_by_itself or not self.takes.isdisjoint({"count", "for", "cycles"})
+        return ("after", "after_cycles", "share", "most", "ttl", *(("rate", "times") if repeats else ()))
+
     def as_dict(self) -> dict[str, Any]:
         """For JSON: the API's ``fault-kinds`` and ``pnfarm fault kinds --format json``."""
         return {
@@ -197,7 +205,7 @@ class InjectionKind:
             "occurrence": self.occurrence,
             "params": {name: spec.as_dict() for name, spec in self.params.items()},
             "directions": list(self.directions),
-            "takes": ["after", "after_cycles", *sorted(self.takes)],
+            "takes": [*self.common, *sorted(self.takes)],
         }
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import heapq
+import math
 import secrets
 from collections import Counter, deque
 from dataclasses import dataclass, field
@@ -23,11 +24,12 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
 from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.effect import Window
+from pnfarm.faults.effect import Window, seed_of
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.events import InjectionBegan, InjectionEnded
 from pnfarm.faults.evidence import NOTHING, Evidence
-from pnfarm.faults.plan import matching
+from pnfarm.faults.reach import check_parts, chosen, reach_of
+from pnfarm.station.splitmix import SplitMix64
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
@@ -39,6 +41,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.gate import GatedLink
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.faults.plan import InjectionSpec
+    from pnfarm.faults.reach import Reach
 
 __all__ = [
     "DriveRun",
@@ -66,6 +69,8 @@ class _RunEvent(StrEnum):
     FINISHED = "count"
     EXPIRED = "time"
     CLEARED = "cleared"
+    LAPSED = "ttl"
+    AGAIN = "again"
     FAILED = "failed"
 
 
@@ -78,6 +83,10 @@ TRANSITIONS: Mapping[tuple[RunState, _RunEvent], RunState] = {
     (RunState.ACTIVE, _RunEvent.FINISHED): RunState.ENDED,
     (RunState.ACTIVE, _RunEvent.EXPIRED): RunState.ENDED,
     (RunState.ACTIVE, _RunEvent.CLEARED): RunState.ENDED,
+    (RunState.WAITING, _RunEvent.LAPSED): RunState.ENDED,
+    (RunState.ACTIVE, _RunEvent.LAPSED): RunState.ENDED,
+    # with a rate, until `times` are over
+    (RunState.ACTIVE, _RunEvent.AGAIN): RunState.WAITING,
 }
 
 
@@ -105,9 +114,13 @@ class DriveRun:
     stop_ns: int = 0
     reason: str = ""
     key: int = 0
+    #: With a rate: evidence of the occurrences before the present one, how often it began, when it begins next.
+    done: Evidence = NOTHING
+    starts: int = 0
+    random: SplitMix64 | None = None
 
     def evidence(self) -> Evidence:
-        return self.effect.evidence() if self.state is not RunState.WAITING else NOTHING
+        return self.done if self.state is RunState.WAITING else self.done + self.effect.evidence()
 
 
 @dataclass(slots=True, eq=False)
@@ -120,6 +133,8 @@ class Injection:
     runs: dict[str, DriveRun] = field(default_factory=dict)
     #: Runs that have ended; counted, because each frame of a drive asks whether its injections are over.
     over: int = 0
+    #: When its time to live ends, 0: it has none.
+    expires_ns: int = 0
 
     @property
     def drives(self) -> tuple[str, ...]:
@@ -148,11 +163,13 @@ class Injection:
             "state": self.state.value,
             "spec": self.spec.as_dict(),
             "added_seconds": self.added_ns / 1e9,
+            "expires_seconds": self.expires_ns / 1e9 if self.expires_ns else None,
             "evidence": _evidence_dict(self.evidence()),
             "drives": {
                 name: {
                     "state": run.state.value,
                     "reason": run.reason,
+                    "starts": run.starts,
                     "started_seconds": _seconds(run.started_ns),
                     "ended_seconds": _seconds(run.ended_ns),
                     "evidence": _evidence_dict(run.evidence()),
@@ -209,19 +226,22 @@ class InjectionManager:
         Raises :class:`ConfigError`, with nothing changed on any drive, when no drive matches, when one of them cannot
         do it, or when its name is taken.
         """
-        if spec.seed is None and "seed" in spec.kind.takes:
-            # kept in the spec, so that the run can be repeated
-            spec = spec.model_copy(update={"seed": secrets.randbits(53)})
-        names = matching(spec.on, {name: (d.names, d.models) for name, d in self._drives.items()})
+        spec = _seeded(spec)
+        names, _ = chosen(spec, self._drives)
         for name in names:
-            _check_parts(self._drives[name], spec)
+            check_parts(self._drives[name], spec)
         injection = Injection(self._new_id(spec.name), spec, now)
+        if spec.ttl_ns is not None:
+            injection.expires_ns = now + spec.ttl_ns
         for name in names:
             drive = self._drives[name]
             self._keys += 1
             injection.runs[name] = DriveRun(
                 name, drive, spec.kind.effect(spec, drive), now + spec.after_ns, _cycles(drive), key=self._keys
             )
+            if spec.rate is not None:
+                injection.runs[name].random = SplitMix64(seed_of(spec, f"rate of {name}"))
+                injection.runs[name].not_before += _pause(spec, injection.runs[name])
         self._injections[injection.id] = injection
         for name, run in injection.runs.items():
             self._by_drive.setdefault(name, []).append((injection, run))
@@ -232,6 +252,23 @@ class InjectionManager:
             self._withdraw(injection, now)
             raise
         self._retire(injection)
+        return injection
+
+    def reach(self, fields: Mapping[str, Any]) -> Reach:
+        """Whom :meth:`inject` would hit, and which drives cannot; changes nothing.  Raises as :meth:`add` does."""
+        spec = _seeded(self.catalogue.parse(fields))
+        if spec.name is not None and spec.name in self._injections:
+            raise InjectionError([("as", f"there is an injection {spec.name} already", "another name")])
+        return reach_of(spec, self._drives)
+
+    def renew(self, injection_id: str, now: int) -> Injection:
+        """Begin its time to live anew; raises :class:`ConfigError` for an unknown id, or one without such a time."""
+        injection = self._active(injection_id)
+        if injection.spec.ttl_ns is None:
+            raise InjectionError([("ttl", f"{injection_id} has no time to live that could be renewed", "")])
+        injection.expires_ns = now + injection.spec.ttl_ns
+        for run in injection.runs.values():
+            self._schedule(injection, run, now)
         return injection
 
     def clear(self, injection_id: str | None, now: int) -> list[Injection]:
@@ -368,6 +405,9 @@ class InjectionManager:
 
     def _advance(self, injection: Injection, run: DriveRun, now: int) -> None:
         """Start, check, or end one run; note when it is to be checked again."""
+        if injection.expires_ns and now >= injection.expires_ns:
+            self._transit(injection, run, _RunEvent.LAPSED, now)
+            return
         if run.state is RunState.WAITING:
             window = self._window(injection.spec, run, now)
             if window is not None:
@@ -377,10 +417,13 @@ class InjectionManager:
         elif run.state is RunState.ACTIVE:
             run.effect.check(now)
         if run.state is RunState.ACTIVE:
-            if run.effect.finished:
-                self._transit(injection, run, _RunEvent.FINISHED, now)
-            elif run.stop_ns and now >= run.stop_ns:
-                self._transit(injection, run, _RunEvent.EXPIRED, now)
+            over = _RunEvent.FINISHED if run.effect.finished else None
+            if over is None and run.stop_ns and now >= run.stop_ns:
+                over = _RunEvent.EXPIRED
+            if over is not None and injection.spec.rate is not None and run.starts != injection.spec.times:
+                self._transit(injection, run, _RunEvent.AGAIN, now, over.value)
+            elif over is not None:
+                self._transit(injection, run, over, now)
         self._schedule(injection, run, now)
 
     def _window(self, spec: InjectionSpec, run: DriveRun, now: int) -> Window | None:
@@ -411,12 +454,16 @@ class InjectionManager:
         following = TRANSITIONS.get((run.state, event))
         if following is None:
             return
+        if event is _RunEvent.AGAIN:
+            self._pause(injection, run, now, why)
+            return
         if following is RunState.ENDED:
             if run.state is RunState.ACTIVE:
                 run.effect.end(now)
             run.ended_ns, run.reason = now, why or event.value
         else:
             run.started_ns = now
+            run.starts += 1
         waited = run.state is RunState.WAITING
         run.state = following
         kind = injection.spec.kind.name
@@ -424,11 +471,31 @@ class InjectionManager:
             self._events.append(Happened(now, run.drive, InjectionBegan(injection.id, kind)))
             return
         seen = NOTHING if waited else run.effect.evidence()
-        counts = seen.checks, seen.activations, seen.confirmed
-        self._events.append(Happened(now, run.drive, InjectionEnded(injection.id, kind, run.reason, *counts)))
+        self._tell_end(injection, run, now, run.reason, seen)
         injection.over += 1
-        self._activations[kind, run.drive] += seen.activations
+        self._activations[kind, run.drive] += run.done.activations + seen.activations
         self._forget(run)
+
+    def _tell_end(self, injection: Injection, run: DriveRun, now: int, reason: str, seen: Evidence) -> None:
+        what = InjectionEnded(
+            injection.id, injection.spec.kind.name, reason, seen.checks, seen.activations, seen.confirmed
+        )
+        self._events.append(Happened(now, run.drive, what))
+
+    def _pause(self, injection: Injection, run: DriveRun, now: int, why: str) -> None:
+        """One of the occurrences of a rate is over: wait at random for the next one, with an effect of its own."""
+        run.effect.end(now)
+        seen = run.effect.evidence()
+        run.done += seen
+        run.state = RunState.WAITING
+        run.stop_ns = 0
+        self._tell_end(injection, run, now, why, seen)
+        spec = injection.spec
+        run.not_before = now + _pause(spec, run)
+        run.cycles_before = _cycles(run.injected)
+        # another seed, or each occurrence would lose the same frames
+        again = spec.model_copy(update={"seed": ((spec.seed or 0) + run.starts * 0x9E3779B97F4A7C15) % (1 << 64)})
+        run.effect = spec.kind.effect(again, run.injected)
 
     def _forget(self, run: DriveRun) -> None:
         remaining = [entry for entry in self._by_drive[run.drive] if entry[1] is not run]
@@ -458,7 +525,7 @@ class InjectionManager:
                 deadlines = (run.effect.next_deadline(), run.stop_ns or None)
             case _:
                 return
-        due = min((d for d in deadlines if d is not None), default=None)
+        due = min((d for d in (*deadlines, injection.expires_ns or None) if d is not None), default=None)
         if due is None:
             self._due.pop(run.key, None)
             return
@@ -493,11 +560,15 @@ def _cycles(drive: InjectedDrive) -> int:
     return 0 if part is None else part.cycles()
 
 
-def _check_parts(drive: InjectedDrive, spec: InjectionSpec) -> None:
-    """Raises :class:`InjectionError` for a kind whose parts this drive does not have."""
-    for part in spec.kind.effect.needs:
-        if drive.find(part) is None:
-            raise InjectionError([("kind", f"{drive.name} has no {part.title}, which {spec.kind.name} needs", "")])
-    if (spec.cycles or spec.after_cycles) and drive.find(CONNECTION) is None:
-        field = "cycles" if spec.cycles else "after_cycles"
-        raise InjectionError([(field, f"{drive.name} has no {CONNECTION.title} whose cycles could be counted", "")])
+def _seeded(spec: InjectionSpec) -> InjectionSpec:
+    """With a seed where one counts; it is kept in the spec, so that the run can be repeated."""
+    if spec.seed is None and ("seed" in spec.kind.takes or spec.chooses):
+        return spec.model_copy(update={"seed": secrets.randbits(53)})
+    return spec
+
+
+def _pause(spec: InjectionSpec, run: DriveRun) -> int:
+    """Time to the next occurrence of a rate, ns: exponential."""
+    if spec.rate is None or run.random is None:
+        return 0
+    return int(-math.log(1.0 - run.random.uniform()) / spec.rate[0] * 1e9)

@@ -26,6 +26,7 @@ from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_
 from pnfarm.vocabulary.globs import GLOBS, GLOBS_SCHEMA, is_pattern, means, read_globs
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
+from pnfarm.vocabulary.rates import RATE_PATTERN, SHARE_PATTERN, format_rate, format_share, read_rate, read_share
 from pnfarm.wire.direction import Direction, Directions  # noqa: TC001 - pydantic reads the annotations of fields
 
 if TYPE_CHECKING:
@@ -44,10 +45,14 @@ _ALLOWED = {
     "after_cycles": "a whole number from 0 to 2^32 - 1",
     "count": "a whole number from 1 to 2^32 - 1",
     "cycles": "a whole number from 1 to 2^32 - 1",
+    "most": "a whole number from 1 to 2^32 - 1",
+    "times": "a whole number from 1 to 2^32 - 1",
     "as": "a name: a-z, 0-9, -, _ and ., at most 64 characters",
 }
 #: Most fields of an injection, and most of its parameters: more make no sense, and each wrong one would be reported.
 MAX_FIELDS = 64
+#: A shorter time to live could lapse between two renewals of a client on a busy machine.
+SHORTEST_TTL_NS = 100_000_000
 #: With the longest cycle, this many still fit the table's time.
 _COUNT_END = 1 << 32
 
@@ -83,6 +88,18 @@ Duration = Annotated[
     PlainSerializer(format_duration, return_type=str, when_used="unless-none"),
     WithJsonSchema({"type": "string", "pattern": DURATION_PATTERN}),
 ]
+Share = Annotated[
+    float,
+    PlainValidator(read_share),
+    PlainSerializer(format_share, return_type=str, when_used="unless-none"),
+    WithJsonSchema({"type": "string", "pattern": SHARE_PATTERN}),
+]
+Rate = Annotated[
+    tuple[float, str],
+    PlainValidator(read_rate),
+    PlainSerializer(format_rate, return_type=str, when_used="unless-none"),
+    WithJsonSchema({"type": "string", "pattern": RATE_PATTERN}),
+]
 Params = Annotated[
     dict[str, Any],
     WithJsonSchema({"type": "object", "additionalProperties": {"type": ["number", "string", "boolean"]}}),
@@ -108,6 +125,25 @@ class InjectionSpec(BaseModel):
     count: int | None = Field(default=None, ge=1, lt=_COUNT_END, description="End after this many occurrences.")
     for_ns: Duration | None = Field(default=None, alias="for", description="End after this time.")
     cycles: int | None = Field(default=None, ge=1, lt=_COUNT_END, description="Cycles of the connection, then it ends.")
+    share: Share | None = Field(
+        default=None,
+        description="Only this percentage of the drives that `on` matches, at least one, chosen by the seed.",
+    )
+    most: int | None = Field(
+        default=None, ge=1, lt=_COUNT_END, description="At most so many of the drives that `on` matches, by the seed."
+    )
+    rate: Rate | None = Field(
+        default=None,
+        description="Begin again and again at random, so often on each drive on average (exponential), such as 2/min.",
+    )
+    times: int | None = Field(
+        default=None, ge=1, lt=_COUNT_END, description="With rate: how often it begins on each drive, then it is over."
+    )
+    ttl_ns: Duration | None = Field(
+        default=None,
+        alias="ttl",
+        description="Time to live: it ends after this time unless it is renewed, also when its client is gone.",
+    )
     name: str | None = Field(
         default=None, alias="as", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", description="Name to clear it by."
     )
@@ -140,6 +176,16 @@ class InjectionSpec(BaseModel):
     def without(self, *fields: str) -> Self:
         """A copy without these fields."""
         return self.model_copy(update=dict.fromkeys(fields))
+
+    @property
+    def chooses(self) -> bool:
+        """Whether drives or times are chosen at random, so that the seed counts for any kind."""
+        return self.share is not None or self.most is not None or self.rate is not None
+
+    @property
+    def ends(self) -> bool:
+        """Whether it ends without being cleared."""
+        return self.count is not None or self.for_ns is not None or self.cycles is not None
 
     def values(self) -> dict[str, Any]:
         """Every parameter of the kind as its effect uses it: given, preset or default."""
@@ -194,14 +240,28 @@ def _misfits(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:
         "cycles": spec.cycles,
     }
     for name, common in given.items():
+        if name == "seed" and spec.chooses:
+            continue
         if common is not None and name not in kind.takes:
             yield (
                 name,
-                Problem(f"means nothing for {kind.name}", ", ".join(("after", "after_cycles", *sorted(kind.takes)))),
+                Problem(f"means nothing for {kind.name}", ", ".join((*kind.common, *sorted(kind.takes)))),
             )
     if spec.direction is not None and spec.direction not in kind.directions:
         allowed = ", ".join(kind.directions) or f"none: {kind.name} has no direction"
         yield "direction", Problem(f"is {shown(spec.direction)}", allowed)
+    if spec.times is not None and spec.rate is None:
+        yield "times", Problem("means nothing without rate", "times with rate; count ends after so many occurrences")
+    if spec.rate is not None and not (
+        spec.ends or (kind.effect.ends_by_itself and spec.params.get("hold") is not True)
+    ):
+        ends = ", ".join(sorted({"count", "for", "cycles"} & kind.takes))
+        if ends:
+            yield "rate", Problem(f"needs an end of each {kind.name}, or it would begin once only", f"rate with {ends}")
+        else:
+            yield "rate", Problem(f"means nothing for {kind.name}, which lasts until it is cleared", "leave it out")
+    if spec.ttl_ns is not None and spec.ttl_ns < SHORTEST_TTL_NS:
+        yield "ttl", Problem(f"is {format_duration(spec.ttl_ns)}", "a duration of 100ms or more")
     yield from kind.misfits(spec)
 
 

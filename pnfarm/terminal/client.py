@@ -89,8 +89,8 @@ class FarmClient:
     def put(self, *path: str, body: Mapping[str, Any]) -> Any:
         return self._ask("PUT", path, body)
 
-    def post(self, *path: str, body: Mapping[str, Any] | None = None) -> Any:
-        return self._ask("POST", path, body)
+    def post(self, *path: str, body: Mapping[str, Any] | None = None, query: Mapping[str, Any] | None = None) -> Any:
+        return self._ask("POST", path, body, query)
 
     def delete(self, *path: str, query: Mapping[str, Any] | None = None) -> Any:
         return self._ask("DELETE", path, query=query)

@@ -28,6 +28,8 @@ HOLD = ParamSpec("yes or no", "The cause stays: the fault cannot be acknowledged
 class DriveFault(ShownEffect):
     """Raised once or ``count`` times, or held with its cause."""
 
+    ends_by_itself = True
+
     status = Status.FAULT
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:

@@ -21,6 +21,7 @@ class PowerCycle(Effect):
     """Off at once; further times when the drive is connected again."""
 
     needs = (SERVO, CONNECTION)
+    ends_by_itself = True
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)

@@ -25,6 +25,7 @@ class Timeout(Effect):
     """Mute until the controller's watchdog has expired and the connection is gone; then repeated as ``count`` says."""
 
     needs = (WIRE, CONNECTION)
+    ends_by_itself = True
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)

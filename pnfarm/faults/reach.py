@@ -1,0 +1,96 @@
+"""Which drives an injection hits: those that its globs match, of these a share, of these so many at most.
+
+The choice depends on the seed and the drives' names alone: the same seed chooses the same drives, and a larger share of
+the same drives contains the smaller one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import ConfigError
+from pnfarm.faults.connection import CONNECTION
+from pnfarm.faults.errors import InjectionError
+from pnfarm.faults.plan import matching
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.plan import InjectionSpec
+
+__all__ = ["Reach", "check_parts", "chosen", "reach_of"]
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Whom an injection would hit.  ``cannot``: drive -> why it refuses the kind; ``left_out``: matched, not chosen."""
+
+    spec: InjectionSpec
+    drives: tuple[str, ...]
+    cannot: Mapping[str, str]
+    left_out: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "dry_run": True,
+            "kind": self.spec.kind.name,
+            "spec": self.spec.as_dict(),
+            "drives": list(self.drives),
+            "cannot": [{"drive": drive, "why": why} for drive, why in self.cannot.items()],
+            "left_out": list(self.left_out),
+        }
+
+
+def chosen(spec: InjectionSpec, drives: Mapping[str, InjectedDrive]) -> tuple[list[str], list[str]]:
+    """(the drives that the injection hits, those that its globs match besides), both in the farm's order.
+
+    Raises :class:`InjectionError` for a glob that matches none.
+    """
+    names = matching(spec.on, {name: (drive.names, drive.models) for name, drive in drives.items()})
+    wanted = len(names)
+    if spec.share is not None:
+        # at least one: a share of few drives is not nobody
+        wanted = max(1, math.floor(wanted * spec.share / 100.0 + 0.5))
+    if spec.most is not None:
+        wanted = min(wanted, spec.most)
+    if wanted >= len(names):
+        return names, []
+    first = set(sorted(names, key=lambda name: _rank(spec, name))[:wanted])
+    return [name for name in names if name in first], [name for name in names if name not in first]
+
+
+def _rank(spec: InjectionSpec, name: str) -> bytes:
+    return hashlib.sha256(f"reach\0{spec.seed or 0}\0{name}".encode()).digest()
+
+
+def reach_of(spec: InjectionSpec, drives: Mapping[str, InjectedDrive]) -> Reach:
+    """What putting this injection in force would reach, without changing anything."""
+    names, left_out = chosen(spec, drives)
+    able: list[str] = []
+    cannot: dict[str, str] = {}
+    for name in names:
+        try:
+            check_parts(drives[name], spec)
+            spec.kind.effect(spec, drives[name])
+        except InjectionError as exc:
+            cannot[name] = "; ".join(what for _, what, _ in exc.issues)
+        except ConfigError as exc:
+            cannot[name] = str(exc)
+        else:
+            able.append(name)
+    return Reach(spec, tuple(able), cannot, tuple(left_out))
+
+
+def check_parts(drive: InjectedDrive, spec: InjectionSpec) -> None:
+    """Raises :class:`InjectionError` for a kind whose parts this drive does not have."""
+    for part in spec.kind.effect.needs:
+        if drive.find(part) is None:
+            raise InjectionError([("kind", f"{drive.name} has no {part.title}, which {spec.kind.name} needs", "")])
+    if (spec.cycles or spec.after_cycles) and drive.find(CONNECTION) is None:
+        field = "cycles" if spec.cycles else "after_cycles"
+        raise InjectionError([(field, f"{drive.name} has no {CONNECTION.title} whose cycles could be counted", "")])
