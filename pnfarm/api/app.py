@@ -53,13 +53,14 @@ def make_app(
     now: Callable[[], int] = time.monotonic_ns,
     poke: Callable[[], None] = _nothing,
     token: str | None = None,
+    read_token: str | None = None,
     collector: FarmCollector | None = None,
 ) -> FastAPI:
     """The API of one farm.
 
     ``now`` is the farm's clock and ``poke`` what makes its runtime look at a change
-    (:meth:`~pnfarm.farm.realtime.RealTimeDriver.poke`).  With ``token`` every client must show it; without, only
-    requests for loopback are answered.
+    (:meth:`~pnfarm.farm.realtime.RealTimeDriver.poke`).  With ``token`` every client must show it, or ``read_token``,
+    with which it may change nothing; without, only requests for loopback are answered.
     """
     context = ApiContext(
         core=core,
@@ -87,7 +88,7 @@ def make_app(
     _add_farm(app, context)
     _add_outside(app, context)
     _describe_problems(app)
-    app.add_middleware(Guard, token=token)
+    app.add_middleware(Guard, token=token, read_token=read_token)
     # outermost: a request above the limits is refused before its token is checked
     app.add_middleware(Throttle)
     return app

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import anyio.lowlevel
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 
+from pnfarm.api.changes import ParameterWritten, PowerCycleRequested, who
 from pnfarm.api.schemas import ControllerView, Drive, FarmView, ParameterValue, ParameterWrite
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.farm.controller_view import controller_view
@@ -69,8 +70,9 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
         summary="Switch off and on",
         responses={200: {"model": Drive}},
     )
-    async def power_cycle(name: str) -> Json:
+    async def power_cycle(name: str, request: Request) -> Json:
         station = context.station(name)
+        context.core.log.record(context.now(), station.configured_name, PowerCycleRequested(*who(request)))
         station.power_cycle(context.now())
         context.changed(station)
         return Json(context.view(station))
@@ -96,6 +98,8 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
         station = _powered(context.station(name))
         wanted = checked(body, ParameterWrite, allowed="value: a whole number", hint='send {"value": a whole number}')
         station.store.set(pnu, wanted.value)
+        what = ParameterWritten(*who(request), pnu, wanted.value)
+        context.core.log.record(context.now(), station.configured_name, what)
         context.changed(station)
         return Json(_parameter(station, pnu))
 

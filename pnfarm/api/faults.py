@@ -8,6 +8,7 @@ from urllib.parse import quote
 
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 
+from pnfarm.api.changes import FaultCleared, FaultRequested, shortened, who
 from pnfarm.api.schemas import Reach, Reset
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
@@ -15,12 +16,13 @@ from pnfarm.web.bodies import PREFIX, Json, read_object
 from pnfarm.web.errors import NotFoundError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from enum import Enum
 
     from fastapi import FastAPI
 
     from pnfarm.api.context import ApiContext
-    from pnfarm.faults.manager import InjectionManager
+    from pnfarm.faults.manager import Injection, InjectionManager
 
 __all__ = ["add_faults"]
 
@@ -44,6 +46,11 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
     def manager() -> InjectionManager:
         return context.core.injections
 
+    def told(request: Request, event: type[FaultRequested | FaultCleared], injections: Sequence[Injection]) -> None:
+        for injection in injections:
+            what = event(*who(request), injection.id, injection.spec.kind.name, shortened(injection.drives))
+            context.core.log.record(context.now(), "", what)
+
     @app.get(f"{PREFIX}/fault-kinds", tags=tags, summary="Every kind of fault with its parameters")
     async def get_kinds() -> Json:
         return Json({"kinds": [kind.as_dict() for kind in manager().catalogue.values()]})
@@ -64,6 +71,7 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
         if dry_run:
             return Json(manager().reach(await read_object(request)).as_dict())
         injection = manager().inject(await read_object(request), context.now())
+        told(request, FaultRequested, [injection])
         context.poke()
         place = f"{PREFIX}/faults/{quote(injection.id, safe='')}"
         return Json(injection.as_dict(), HTTPStatus.CREATED, headers={"Location": place})
@@ -85,17 +93,19 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
         return Json(injection.as_dict())
 
     @app.delete(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="End a fault and return its final evidence")
-    async def delete_fault(fault_id: str) -> Json:
+    async def delete_fault(fault_id: str, request: Request) -> Json:
         try:
             (injection,) = manager().clear(fault_id, context.now())
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
+        told(request, FaultCleared, [injection])
         context.poke()
         return Json(injection.as_dict())
 
     @app.post(f"{PREFIX}/reset", tags=tags, summary="End every injected fault", responses={200: {"model": Reset}})
-    async def reset() -> Json:
+    async def reset(request: Request) -> Json:
         cleared = manager().clear(None, context.now())
+        told(request, FaultCleared, cleared)
         context.poke()
         view: dict[str, Any] = {
             "cleared": [injection.id for injection in cleared],

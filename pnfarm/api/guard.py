@@ -1,7 +1,8 @@
 """Access control of the API: an ASGI layer before everything else.
 
 With a token, every client that sends it may: in ``Authorization: Bearer TOKEN``, or for browsers in a cookie, which is
-set by ``/?token=TOKEN`` and by the login page at ``/`` (:mod:`pnfarm.api.login`).
+set by ``/?token=TOKEN`` and by the login page at ``/`` (:mod:`pnfarm.api.login`).  A client with the token for reading
+may read everything and change nothing.
 Without one the farm listens on loopback only; then requests must address this machine, so that a web page
 elsewhere cannot reach the farm through a browser on this machine: the Host header must name loopback
 (against DNS rebinding), and a request from another origin may change nothing.
@@ -26,9 +27,11 @@ if TYPE_CHECKING:
     from starlette.responses import Response
     from starlette.types import ASGIApp, Receive, Scope, Send
 
-__all__ = ["COOKIE", "OPEN_PATHS", "Guard", "is_loopback"]
+__all__ = ["COOKIE", "OPEN_PATHS", "WHO", "Guard", "is_loopback"]
 
 COOKIE = "pnfarm_token"
+#: Key of a request's scope: ``token``, ``read_token``, or ``loopback`` where none is needed.
+WHO = "pnfarm.who"
 #: Open without a token: for orchestrators, or without confidential content.
 OPEN_PATHS = frozenset({"/api/v1/healthz", "/api/v1/readyz", "/openapi.json"})
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
@@ -54,11 +57,15 @@ def _let_in(token: str) -> Response:
 
 
 class Guard:
-    """``token`` None: only requests to loopback are answered."""
+    """``token`` None: only requests to loopback are answered.
 
-    def __init__(self, app: ASGIApp, token: str | None = None) -> None:
+    Handlers find in the request's scope under :data:`WHO` by what a client was let in.
+    """
+
+    def __init__(self, app: ASGIApp, token: str | None = None, read_token: str | None = None) -> None:
         self._app = app
         self._token = token
+        self._read_token = read_token
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         refusal = await self._judge(Request(scope, receive)) if scope["type"] == "http" else None
@@ -70,25 +77,39 @@ class Guard:
         if request.method not in SAFE_METHODS and origin is not None and urlsplit(origin).netloc != host:
             return problem(HTTPStatus.FORBIDDEN, f"a page of {origin} may not change this farm", request)
         if self._token is None:
+            request.scope[WHO] = "loopback"
             return self._judge_host(request, host)
         if self._shows(request, self._token):
+            request.scope[WHO] = "token"
+            return None
+        reads = self._read_token is not None and self._shows(request, self._read_token)
+        if reads and request.method in SAFE_METHODS:
+            request.scope[WHO] = "read_token"
             return None
         if request.scope["path"] == "/":
-            return await self._door(request, self._token)
+            return await self._door(request)
+        if reads:
+            return problem(
+                HTTPStatus.FORBIDDEN, "this token may read, and change nothing: send the farm's token", request
+            )
         sentence = "this farm needs its token: send `Authorization: Bearer TOKEN`, or open /?token=TOKEN in a browser"
         return problem(HTTPStatus.UNAUTHORIZED, sentence, request, headers={"WWW-Authenticate": "Bearer"})
 
-    @staticmethod
-    async def _door(request: Request, token: str) -> Response:
+    async def _door(self, request: Request) -> Response:
         """The response to a browser without a valid token."""
         if request.method == "POST":
             typed = await typed_token(request)
-            return _let_in(token) if typed and _same(typed, token) else login_page(wrong=True)
+            return _let_in(typed) if typed and self._is_one(typed) else login_page(wrong=True)
         asked = parse_qs(request.scope.get("query_string", b"").decode("latin-1")).get("token", [])
-        if request.method == "GET" and asked and _same(asked[0], token):
+        if request.method == "GET" and asked and self._is_one(asked[0]):
             # removes the token from the address bar and the browser's history
-            return _let_in(token)
+            return _let_in(asked[0])
         return login_page()
+
+    def _is_one(self, shown: str) -> bool:
+        """Whether it is one of the farm's tokens; both are compared, so that the time tells nothing."""
+        found = [_same(shown, token) for token in (self._token, self._read_token) if token is not None]
+        return any(found)
 
     @staticmethod
     def _judge_host(request: Request, host: str) -> Response | None:

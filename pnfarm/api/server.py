@@ -165,7 +165,7 @@ async def serve_farm(
         task_status.started(("", 0))
         return
     token = token_of(farm.config)
-    app = make_app(farm.core, poke=farm.driver.poke, token=token.value)
+    app = make_app(farm.core, poke=farm.driver.poke, token=token.value, read_token=token.read)
     token_place: dict[str, str] = {}
     if token.file is not None:
         token_place["token_file"] = str(token.file)

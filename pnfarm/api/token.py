@@ -32,11 +32,15 @@ _NEW = 24
 
 @dataclass(frozen=True, slots=True)
 class FarmToken:
-    """``value`` None: no token is required.  ``file`` holds it; ``in_log`` is a new token without a file."""
+    """``value`` None: no token is required.  ``file`` holds it; ``in_log`` is a new token without a file.
+
+    ``read`` is the token whose holder may read only, if there is one.
+    """
 
     value: str | None = None
     file: Path | None = None
     in_log: str | None = None
+    read: str | None = None
 
 
 def token_of(config: FarmConfig) -> FarmToken:
@@ -49,10 +53,10 @@ def token_of(config: FarmConfig) -> FarmToken:
         return FarmToken()
     file = config.token_path
     if file is None:
-        if section.token is not None or section.is_loopback:
-            return FarmToken(section.token)
+        if section.token is not None or not section.needs_token:
+            return FarmToken(section.token, read=section.read_token)
         made = secrets.token_urlsafe(_NEW)
-        return FarmToken(made, in_log=made)
+        return FarmToken(made, in_log=made, read=section.read_token)
     try:
         kept = _read(file)
         value = section.token or kept or secrets.token_urlsafe(_NEW)
@@ -63,7 +67,9 @@ def token_of(config: FarmConfig) -> FarmToken:
         raise EnvironmentError_(
             f"the token's file {file}: {why}; set another token_file, or a token, under api:"
         ) from exc
-    return FarmToken(value, file)
+    if value == section.read_token:
+        raise EnvironmentError_(f"the token's file {file} holds the read_token, which may change nothing: remove it")
+    return FarmToken(value, file, read=section.read_token)
 
 
 def _read(file: Path) -> str | None:

@@ -180,7 +180,7 @@ def clear(
         return
     cleared = found["cleared"] if fault_id is None else [found["id"]]
     print_line(f"cleared {_shortened(cleared)}" if cleared else "no fault was active")
-    for fault in found.get("faults", []) if fault_id is None else [found]:
+    for fault in found.get("faults", []):
         print_line(f"  {fault['id']}: {fault['kind']} on {_shortened(list(fault['drives']))}")
 
 

@@ -30,6 +30,7 @@ _PANEL = "Capture"
 _SETTINGS: Mapping[str, tuple[str, str, str]] = {
     "api": ("api", "--api", "PNFARM_UP_API"),
     "token": ("api.token", "--api-token", "PNFARM_UP_API_TOKEN"),
+    "read_token": ("api.read_token", "--api-read-token", "PNFARM_UP_API_READ_TOKEN"),
     "parent": ("link.parent", "--parent", "PNFARM_UP_LINK_PARENT"),
     "state": ("state", "--state", "PNFARM_UP_STATE"),
     "cpu": ("realtime.cpu", "--realtime-cpu", "PNFARM_UP_REALTIME_CPU"),
@@ -59,6 +60,16 @@ def up(
             envvar="PNFARM_UP_API_TOKEN",
             show_envvar=False,
             help="Bearer token of the API.",
+        ),
+    ] = None,
+    read_token: Annotated[
+        str | None,
+        typer.Option(
+            "--api-read-token",
+            metavar="TOKEN",
+            envvar="PNFARM_UP_API_READ_TOKEN",
+            show_envvar=False,
+            help="Bearer token that may read and change nothing.",
         ),
     ] = None,
     parent: Annotated[
@@ -186,6 +197,7 @@ def up(
     given = {
         "api": api,
         "token": token,
+        "read_token": read_token,
         "parent": parent,
         "state": state,
         "cpu": cpu,
@@ -228,20 +240,24 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
         if name == "api" and config.api is not None and value != "off":
             # the address changes, the token stays
             config = config.with_overrides({"api": {"listen": value, **_secret(config)}}, origin)
-        elif name == "token":
+        elif name in {"token", "read_token"}:
             listen = "" if config.api is None else f"{_bracketed(config.api.host)}:{config.api.port}"
             if not listen:
                 continue  # no API, no token
-            config = config.with_overrides({"api": {"listen": listen, **_secret(config), "token": value}}, origin)
+            config = config.with_overrides({"api": {"listen": listen, **_secret(config), name: value}}, origin)
         else:
             config = config.with_overrides({key: value}, origin)
     return config
 
 
 def _secret(config: FarmConfig) -> dict[str, str]:
-    """The file's keys of the API's token."""
+    """The file's keys of the API's tokens."""
     section = config.api
-    given = {} if section is None else {"token": section.token, "token_file": section.token_file}
+    given = (
+        {}
+        if section is None
+        else {"token": section.token, "token_file": section.token_file, "read_token": section.read_token}
+    )
     return {key: value for key, value in given.items() if value is not None}
 
 

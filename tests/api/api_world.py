@@ -16,7 +16,9 @@ BASE = "http://127.0.0.1:8702"
 class ApiWorld:
     """``line`` is the farm with its controller; ``get``, ``post`` ... go to ``app``."""
 
-    def __init__(self, drives: int = 2, *, token: str | None = None, **line: Any) -> None:
+    def __init__(
+        self, drives: int = 2, *, token: str | None = None, read_token: str | None = None, **line: Any
+    ) -> None:
         self.line = VirtualLine(drives, **line)
         self.faults = self.line.farm.injections
         self.app = make_app(
@@ -24,6 +26,7 @@ class ApiWorld:
             now=lambda: self.line.world.now,
             poke=lambda: self.line.farm.service(self.line.world.now),
             token=token,
+            read_token=read_token,
         )
         self.context = self.app.state.context
 

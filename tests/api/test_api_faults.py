@@ -49,9 +49,10 @@ def test_reset_ends_every_fault():
     world = ApiWorld(2, controller=False)
     for name in ("a", "b"):
         assert world.post("/api/v1/faults", {"kind": "silence", "on": "all", "as": name}).status_code == 201
-    assert world.post("/api/v1/reset").json() == {"cleared": ["a", "b"]}
+    both = [{"id": name, "kind": "silence", "drives": ["axis-01", "axis-02"]} for name in ("a", "b")]
+    assert world.post("/api/v1/reset").json() == {"cleared": ["a", "b"], "faults": both}
     assert world.get("/api/v1/faults").json() == {"faults": []}
-    assert world.post("/api/v1/reset").json() == {"cleared": []}
+    assert world.post("/api/v1/reset").json() == {"cleared": [], "faults": []}
 
 
 @pytest.mark.parametrize(

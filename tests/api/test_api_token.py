@@ -116,3 +116,22 @@ def test_a_symbolic_link_is_not_followed(tmp_path):
 def test_a_token_that_no_header_can_carry_is_refused(tmp_path, token):
     with pytest.raises(FarmFileError, match=r"api\.token: has characters that no header can carry"):
         config(tmp_path, f"{{listen: '0.0.0.0:1', token: '{token}'}}")
+
+
+def test_a_token_that_reads_asks_every_client_for_one_and_the_other_is_made(tmp_path):
+    found = token_of(config(tmp_path, f"{{listen: '127.0.0.1:1', read_token: {GIVEN}}}"))
+    assert found.read == GIVEN
+    assert found.in_log == found.value
+    kept = token_of(config(tmp_path, f"{{listen: '127.0.0.1:1', read_token: {GIVEN}}}", "state: ./state\n"))
+    assert kept.file == tmp_path / "state" / "api-token"
+    both = token_of(config(tmp_path, f"{{listen: '0.0.0.0:1', token: {GIVEN}-too, read_token: {GIVEN}}}"))
+    assert (both.value, both.read) == (f"{GIVEN}-too", GIVEN)
+
+
+def test_a_token_that_reads_cannot_be_the_one_that_changes(tmp_path):
+    with pytest.raises(FarmFileError, match="read_token: is the same as token"):
+        config(tmp_path, f"{{listen: '127.0.0.1:1', token: {GIVEN}, read_token: {GIVEN}}}")
+    (tmp_path / "secret").write_text(GIVEN)
+    section = f"{{listen: '127.0.0.1:1', token_file: secret, read_token: {GIVEN}}}"
+    with pytest.raises(EnvironmentError_, match="holds the read_token"):
+        token_of(config(tmp_path, section))

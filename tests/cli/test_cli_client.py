@@ -270,6 +270,57 @@ def test_what_is_not_given_is_not_sent(ask, farm):
     assert farm.asked[-1][2] == {"kind": "timeout", "on": ["all"], "params": {}}
 
 
+def test_reach_repetition_and_time_to_live_are_sent_as_given(ask, farm):
+    farm.answer("POST", "faults", FAULT, 201)
+    ask(*"fault add loss --on all --share 25% --most 3 --rate 2/min --times 5 --ttl 10s --for 1s".split())
+    wanted = {"share": "25%", "most": 3, "rate": "2/min", "times": 5, "ttl": "10s", "for": "1s"}
+    assert farm.asked[-1][2] == {"kind": "loss", "on": ["all"], "params": {}} | wanted
+
+
+def test_a_dry_run_shows_whom_the_fault_would_hit_and_why_others_cannot(ask, farm):
+    reach = {
+        "dry_run": True,
+        "kind": "slow-ramp",
+        "spec": {"kind": "slow-ramp", "on": ["all"], "seed": 7},
+        "drives": ["axis-01"],
+        "cannot": [{"drive": "axis-02", "why": "axis-02 has no ramp generator"}],
+        "left_out": ["axis-03"],
+    }
+    farm.answer("POST", "faults?dry_run=true", reach)
+    head, *lines, end = ask("fault", "add", "slow-ramp", "--on", "all", "--dry-run").out.splitlines()
+    assert head.split() == ["DRIVE", "HIT", "WHY", "NOT"]
+    assert [" ".join(line.split()) for line in lines] == [
+        "axis-01 yes",
+        "axis-02 no axis-02 has no ramp generator",
+        "axis-03 no left out by share or most",
+    ]
+    assert end.startswith("slow-ramp would hit 1 of 3 drives, and is refused")
+    assert end.endswith("--seed 7 chooses the same")
+    assert json.loads(ask("fault", "add", "slow-ramp", "--on", "all", "--dry-run", "--format", "json").out) == reach
+    found = ask("fault", "add", "slow-ramp", "--on", "all", "--dry-run", "--hold")
+    assert (found.code, "--hold" in found.err) == (2, True)
+
+
+def test_hold_renews_the_fault_until_it_ends(ask, farm):
+    held = FAULT | {"spec": {"kind": "f702", "on": ["all"], "ttl": "100ms"}}
+    farm.answer("POST", "faults", held, 201)
+    farm.answer("GET", "faults/trip", held)
+    farm.answer("POST", "faults/trip/renew", held | {"state": "ended"})
+    assert ask("fault", "add", "f702", "--on", "all", "--hold").out.splitlines()[-1] == "trip: ended"
+    assert farm.asked[0][2]["ttl"] == "5s"
+    assert [(method, path) for method, path, *_ in farm.asked[1:]] == [
+        ("GET", "/api/v1/faults/trip"),
+        ("POST", "/api/v1/faults/trip/renew"),
+    ]
+
+
+def test_a_hold_whose_fault_lapsed_says_so(ask, farm):
+    held = FAULT | {"spec": {"kind": "f702", "on": ["all"], "ttl": "100ms"}}
+    farm.answer("POST", "faults", held, 201)
+    farm.answer("GET", "faults/trip", held | {"state": "ended"})
+    assert ask("fault", "add", "f702", "--on", "all", "--hold", "--ttl", "100ms").out.splitlines()[-1] == "trip: ended"
+
+
 @pytest.mark.parametrize("number", ["nan", "inf", "-1", "1.5"])
 def test_a_probability_that_is_none_is_bad_input_and_nothing_is_asked(ask, farm, number):
     found = ask("fault", "add", "loss", "--on", "all", "--probability", number)
@@ -308,6 +359,9 @@ def test_fault_clear_ends_one_or_all(ask, farm):
     farm.answer("POST", "reset", {"cleared": ["a", "b"]})
     assert ask("fault", "clear", "trip").out == "cleared trip\n"
     assert ask("fault", "clear").out == "cleared a b\n"
+    whole = [{"id": "a", "kind": "loss", "drives": ["axis-01", "axis-02"]}]
+    farm.answer("POST", "reset", {"cleared": ["a"], "faults": whole})
+    assert ask("fault", "clear").out == "cleared a\n  a: loss on axis-01 axis-02\n"
     farm.answer("POST", "reset", {"cleared": []})
     assert ask("fault", "clear").out == "no fault was active\n"
 

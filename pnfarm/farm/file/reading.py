@@ -95,7 +95,7 @@ class FarmConfig(FarmSections):
         if section.token_file is not None:
             base = self._path.parent if self._path is not None else Path()
             return base / Path(section.token_file).expanduser()
-        if section.token is not None or section.is_loopback or (state := self.state_directory) is None:
+        if section.token is not None or not section.needs_token or (state := self.state_directory) is None:
             return None
         return state / "api-token"
 

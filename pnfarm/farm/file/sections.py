@@ -57,12 +57,31 @@ class Api(Section):
         "`token` where that is given. Left out, api-token in the folder of `state`, for a port beyond loopback.",
     )
 
-    @field_validator("token")
+    read_token: str | None = Field(
+        default=None,
+        min_length=8,
+        max_length=512,
+        description="Further bearer token, which may read and change nothing; with it, every client needs a token.",
+    )
+
+    @field_validator("token", "read_token")
     @classmethod
     def _can_be_sent(cls, token: str | None) -> str | None:
         if token is not None and not all("!" <= letter <= "~" for letter in token):
             raise Problem("has characters that no header can carry", "letters, digits and signs of ASCII, no blanks")
         return token
+
+    @field_validator("read_token")
+    @classmethod
+    def _reads_only(cls, read_token: str | None, info: ValidationInfo) -> str | None:
+        if read_token is not None and read_token == info.data.get("token"):
+            raise Problem("is the same as token, which may change everything", "another token")
+        return read_token
+
+    @property
+    def needs_token(self) -> bool:
+        """Whether clients must show a token: beyond loopback, or where one may read only."""
+        return not self.is_loopback or self.read_token is not None
 
     @property
     def host(self) -> str:
