@@ -272,27 +272,8 @@ def test_what_is_not_given_is_not_sent(ask, farm):
 
 def test_reach_repetition_and_time_to_live_are_sent_as_given(ask, farm):
     farm.answer("POST", "faults", FAULT, 201)
-    ask(
-        *[
-            "fault",
-            "add",
-            "loss",
-            "--on",
-            "all",
-            "--share",
-            "25%",
-            "--most",
-            "3",
-            "--rate",
-            "2/min",
-            "--times",
-            "5",
-            "--ttl",
-            "10s",
-            "--for",
-            "1s",
-        ]
-    )
+    reach = ["--share", "25%", "--most", "3", "--rate", "2/min", "--times", "5", "--ttl", "10s"]
+    ask("fault", "add", "loss", "--on", "all", *reach, "--for", "1s")
     wanted = {"share": "25%", "most": 3, "rate": "2/min", "times": 5, "ttl": "10s", "for": "1s"}
     assert farm.asked[-1][2] == {"kind": "loss", "on": ["all"], "params": {}} | wanted
 
