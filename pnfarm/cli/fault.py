@@ -152,7 +152,7 @@ def show(
             fault["state"],
             fault["evidence"]["checks"],
             fault["evidence"]["activations"],
-            "yes" if fault["evidence"]["confirmed"] else "no",
+            _confirmation(fault["evidence"]),
             _shortened(list(fault["drives"])),
         )
         for fault in found["faults"]
@@ -182,6 +182,14 @@ def clear(
     print_line(f"cleared {_shortened(cleared)}" if cleared else "no fault was active")
     for fault in found.get("faults", []):
         print_line(f"  {fault['id']}: {fault['kind']} on {_shortened(list(fault['drives']))}")
+
+
+def _confirmation(evidence: dict[str, Any]) -> str:
+    if evidence["confirmed"]:
+        return "yes"
+    # a farm of an earlier version says yes or no only
+    found: str = evidence.get("confirmation", "no")
+    return found
 
 
 def _print_reach(found: dict[str, Any], output: Format) -> None:

@@ -8,6 +8,7 @@ once; ending undoes what it did.  Bases of effects that several kinds share are 
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
@@ -45,7 +46,11 @@ class Tally:
 
     def confirm(self) -> None:
         """Note that it was seen on the wire."""
-        self.seen += Evidence(confirmed=True)
+        self.seen = dataclasses.replace(self.seen, confirmed=True, contradicted="")
+
+    def contradict(self, what: str) -> None:
+        """Note that the wire shows something else."""
+        self.seen = dataclasses.replace(self.seen, confirmed=False, contradicted=what)
 
 
 class Chance:

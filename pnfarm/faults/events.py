@@ -23,7 +23,7 @@ class InjectionBegan(Event):
 class InjectionEnded(Event):
     """An injection ended on a drive, with its evidence.
 
-    ``reason``: ``count``, ``time``, ``cleared``, or why it failed.
+    ``reason``: ``count``, ``time``, ``cleared``, ``ttl``, or why it failed; ``why`` it was not confirmed.
     """
 
     TEXT = "injected fault ended"
@@ -33,3 +33,5 @@ class InjectionEnded(Event):
     checks: int
     activations: int
     confirmed: bool
+    confirmation: str
+    why: str

@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
-__all__ = ["NOTHING", "Evidence"]
+__all__ = ["NOTHING", "Confirmation", "Evidence"]
+
+
+class Confirmation(StrEnum):
+    """What the farm itself has seen of an injection."""
+
+    CONFIRMED = "confirmed"
+    CONTRADICTED = "contradicted"
+    INCONCLUSIVE = "inconclusive"
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
     """Occurrences that were possible, those that happened, when (ns, None: never).
 
-    ``confirmed``: it was seen on the wire.
+    ``confirmed``: it was seen on the wire.  ``contradicted`` says what was seen there instead, empty: nothing.
     """
 
     checks: int = 0
@@ -19,6 +28,25 @@ class Evidence:
     first_ns: int | None = None
     last_ns: int | None = None
     confirmed: bool = False
+    contradicted: str = ""
+
+    @property
+    def confirmation(self) -> Confirmation:
+        """Confirmed, contradicted, or neither."""
+        if self.contradicted:
+            return Confirmation.CONTRADICTED
+        return Confirmation.CONFIRMED if self.confirmed else Confirmation.INCONCLUSIVE
+
+    @property
+    def reason(self) -> str:
+        """Why it is not confirmed; empty when it is."""
+        if self.contradicted or self.confirmed:
+            return self.contradicted
+        if self.activations:
+            return "it happened, and nothing that left the drive since could show it"
+        if self.checks:
+            return f"it could have happened {self.checks} times, and did not"
+        return "there was nothing yet that it could act on"
 
     def __add__(self, other: Evidence) -> Evidence:
         firsts = [ns for ns in (self.first_ns, other.first_ns) if ns is not None]
@@ -29,6 +57,7 @@ class Evidence:
             min(firsts, default=None),
             max(lasts, default=None),
             self.confirmed or other.confirmed,
+            self.contradicted or other.contradicted,
         )
 
 

@@ -190,6 +190,8 @@ def _evidence_dict(seen: Evidence) -> dict[str, Any]:
         "first_seconds": _seconds(seen.first_ns),
         "last_seconds": _seconds(seen.last_ns),
         "confirmed": seen.confirmed,
+        "confirmation": seen.confirmation.value,
+        "reason": seen.reason,
     }
 
 
@@ -478,7 +480,14 @@ class InjectionManager:
 
     def _tell_end(self, injection: Injection, run: DriveRun, now: int, reason: str, seen: Evidence) -> None:
         what = InjectionEnded(
-            injection.id, injection.spec.kind.name, reason, seen.checks, seen.activations, seen.confirmed
+            injection.id,
+            injection.spec.kind.name,
+            reason,
+            seen.checks,
+            seen.activations,
+            seen.confirmed,
+            seen.confirmation.value,
+            seen.reason,
         )
         self._events.append(Happened(now, run.drive, what))
 

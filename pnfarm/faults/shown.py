@@ -19,11 +19,17 @@ if TYPE_CHECKING:
 __all__ = ["ShownEffect", "StandingEffect"]
 
 
+#: Cycles within which a drive shows in its frames what was done to it: its firmware steps and sends once in each.
+SHOWN_WITHIN = 4
+
+
 class ShownEffect(Effect):
     """Confirmed by a cyclic frame that left since; if there is a ``status``, by one that reports it."""
 
     needs: ClassVar[Needs] = (SERVO, CONNECTION)
     status: Status | None = None
+    #: Whether frames without the status contradict the injection.
+    must_show: ClassVar[bool] = True
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
@@ -31,11 +37,14 @@ class ShownEffect(Effect):
         self._connection = drive.part(CONNECTION)
         self._tally = Tally()
         self._look_since: int | None = None
+        #: When a frame that left since did not report the status, for the first time.
+        self._missed_ns: int | None = None
         self._due: int | None = None
 
     def _occurred(self, now: int) -> None:
         self._tally.note(now)
         self._look_since = now
+        self._missed_ns = None
         self._look(now)
 
     def _look(self, now: int) -> None:
@@ -54,6 +63,10 @@ class ShownEffect(Effect):
             self._look_since = None
             return
         connection = self._connection.now()
+        if connection is not None and self.must_show and self.status is not None and self._connection.sent_data(since):
+            self._missed_ns = now if self._missed_ns is None else self._missed_ns
+            if now - self._missed_ns >= SHOWN_WITHIN * connection.cycle_ns:
+                self._tally.contradict(f"cyclic frames left since, and none reports {self.status.value}")
         if connection is not None:
             self._due = now + max(connection.cycle_ns, 1_000_000)
 

@@ -81,6 +81,7 @@ class DriveFault(ShownEffect):
             self._was_active = True
         elif self._servo.ignores_fault(self._fault):
             # without effect
+            self._tally.contradict(f"a parameter of the drive has it ignore {self._fault.label}")
             self.finished = True
         elif self._was_active or self._servo.fault_count(self._fault) > self._count:
             if seen >= (self.spec.count or 1):

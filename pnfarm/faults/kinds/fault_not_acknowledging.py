@@ -23,6 +23,8 @@ class NotAcknowledging(ShownEffect):
     """The firmware ignores the requests and counts them; a frame that still reports the fault confirms it."""
 
     status = Status.FAULT
+    # an error of positioning is acknowledged as well, and is no fault
+    must_show = False
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
