@@ -23,9 +23,9 @@ FAULTS_CLEARED = 7  # axis row; ns from the fault to its acknowledgement
 FAULT_REACTED = 8  # axis row; ns from the fault to the withdrawal of the enable
 PHASE_CHANGED = 9  # program row; old << 8 | new
 WARNING_CHANGED = 10  # axis row; warning number, 0 = none
-ACKNOWLEDGE_REFUSED = 12  # axis row; how many requests to acknowledge an injection has refused so far
 PARAMETER_TASK = 11  # axis row; the eight octets of the parameter channel, most significant first
 CONTROL_BIT_CHANGED = 12  # axis row; bit of STW1 << 56 | its new value << 55 | ns since the fault
+ACKNOWLEDGE_REFUSED = 13  # axis row; how many requests to acknowledge an injection has refused so far
 TRACE_TRIGGERED = 15  # trace row; when it was triggered, ns
 TRACE_ENDED = 16  # trace row; samples taken
 
