@@ -3,7 +3,8 @@
 ``table.md`` is every column of the table with its unit and its writer; ``states.md`` every state machine as a diagram.
 Both come from the code's own tables, so they cannot say anything else; a test compares them.  ``coverage.md`` is what
 of each manual the drives do (`manual_coverage`), ``behaviour.md`` what the manuals leave open, ``bus.md`` what a bus
-offers (`bus_page`), and ``parameters/MODEL.md`` every parameter with what it does (`model_pages`).
+offers (`bus_page`), ``faults.md`` what can be injected
+(`fault_page`), and ``parameters/MODEL.md`` every parameter with what it does (`model_pages`).
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import bus_page
+import fault_page
 import manual_coverage
 import model_pages
 
@@ -28,6 +30,7 @@ from pnfarm.protocols.ip import claim
 from pnfarm.protocols.profinet import alarm_states, cmctl_rounds, cmctl_states, cmdev_plug, cmdev_states
 from pnfarm.table.channel import CPM, PPM
 from pnfarm.table.engine_row import ENGINE, EVENT
+from pnfarm.table.held import HELD
 from pnfarm.table.image import IMAGE
 from pnfarm.table.impairment import IMPAIRMENT
 from pnfarm.table.layout import WRITERS
@@ -47,7 +50,7 @@ def table() -> str:
         "One party writes each field; everybody may read. Writers: " + ", ".join(f"`{w}`" for w in WRITERS) + ".",
         "",
     ]
-    for layout in (AXIS, IMAGE, PROGRAM, PPM, CPM, IMPAIRMENT, ENGINE, EVENT, TRACE, PROBE):
+    for layout in (AXIS, IMAGE, PROGRAM, PPM, CPM, IMPAIRMENT, HELD, ENGINE, EVENT, TRACE, PROBE):
         lines += [f"A row of `{layout.name}` has {layout.dtype.itemsize} octets.", "", layout.markdown()]
     return "\n".join(lines)
 
@@ -233,6 +236,7 @@ PAGES = {
     "coverage.md": manual_coverage.page,
     "behaviour.md": model_pages.behaviour,
     "bus.md": bus_page.page,
+    "faults.md": fault_page.page,
     **{f"parameters/{name}.md": partial(model_pages.parameters, name) for name in manual_coverage.MANUALS},
 }
 

@@ -11,6 +11,7 @@ from pnfarm.table.by_address import link
 from pnfarm.table.channel import CPM, FRAME_SLOT, PPM
 from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import ENGINE, EVENT, EVENTS
+from pnfarm.table.held import HELD
 from pnfarm.table.image import IMAGE
 from pnfarm.table.impairment import IMPAIRMENT
 from pnfarm.table.late import LATE, LATE_ROWS
@@ -24,6 +25,9 @@ __all__ = ["RX_BATCH", "Columns", "allocate", "lookup_find", "lookup_rebuild"]
 RX_BATCH = 256
 #: Look-up tables in rotation: a rebuild never touches the one in force, nor its two predecessors.
 _LOOKUPS = 4
+#: Slots for held frames, for each direction and channel, and the fewest of all; memory that is not used costs nothing.
+HELD_PER_CHANNEL = 64
+FEWEST_HELD = 256
 
 
 class Columns(NamedTuple):
@@ -32,13 +36,15 @@ class Columns(NamedTuple):
     ==============  ==========================  ======================================================
     field           shape                       meaning
     ==============  ==========================  ======================================================
-    ``frames``      (providers, FRAME_SLOT)     octets of each provider's frame, row for row
+    ``frames``      (providers + held,          octets of each provider's frame, row for row, then of each
+                    FRAME_SLOT)                 held frame
+    ``held_order``  (2, held / 2)               slots of held frames by direction (:mod:`pnfarm.engine.held`)
     ``lookup``      (4, size, 2)                hash tables ``port << 16 | frame id`` -> consumer row + 1
     ``rx_frames``   (RX_BATCH, FRAME_SLOT)      frames received
     ``rx_length``   (RX_BATCH,)                 their lengths, octets
     ``rx_port``     (RX_BATCH,)                 their ports
     ``rx_ns``       (RX_BATCH,)                 their arrival, ns
-    ``tx_row``      (providers * 2,)            rows of ``frames`` to send, in order
+    ``tx_row``      (providers * 2 + held / 2,) rows of ``frames`` to send, in order
     ``trace_ring``  (RING_VALUES,)              samples of the traces, float64
     ``axis_reals``  (axes * words of a row,)    the memory of ``axis`` as float64, for traces
     ``axis_words``  (axes * words of a row,)    the same as int64
@@ -53,6 +59,8 @@ class Columns(NamedTuple):
     ppm: Any
     cpm: Any
     impairment: Any
+    held: Any
+    held_order: Any
     events: Any
     frames: Any
     lookup: Any
@@ -85,6 +93,7 @@ def allocate(
     size = 64
     while size < channels * 4:
         size *= 2
+    waiting = max(FEWEST_HELD, channels * HELD_PER_CHANNEL) if impairments else 1
     axis, image = AXIS.allocate(max(1, axes)), IMAGE.allocate(max(1, stations))
     columns = Columns(
         engine=ENGINE.allocate(1),
@@ -94,14 +103,16 @@ def allocate(
         ppm=PPM.allocate(channels),
         cpm=CPM.allocate(channels),
         impairment=IMPAIRMENT.allocate(max(1, impairments)),
+        held=HELD.allocate(2 * waiting),
+        held_order=np.arange(2 * waiting, dtype=np.int32).reshape(2, waiting),
         events=EVENT.allocate(EVENTS),
-        frames=np.zeros((channels, FRAME_SLOT), np.uint8),
+        frames=np.zeros((channels + 2 * waiting, FRAME_SLOT), np.uint8),
         lookup=np.zeros((_LOOKUPS, size, 2), np.int64),
         rx_frames=np.zeros((RX_BATCH, FRAME_SLOT), np.uint8),
         rx_length=np.zeros(RX_BATCH, np.int32),
         rx_port=np.zeros(RX_BATCH, np.int32),
         rx_ns=np.zeros(RX_BATCH, np.int64),
-        tx_row=np.zeros(channels * 2, np.int32),
+        tx_row=np.zeros(channels * 2 + waiting, np.int32),
         late=LATE.allocate(LATE_ROWS),
         observed=OBSERVED.allocate(max(1, axes)),
         trace=TRACE.allocate(MAX_TRACES if traces else 1),

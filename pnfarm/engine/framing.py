@@ -11,10 +11,14 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.engine import rtc
+from pnfarm.engine.signed import signed
 from pnfarm.table.channel import DISCARD_INVALID, FRAMING_RTC
 from pnfarm.table.compiled import compiled
 
-__all__ = ["advance", "elapsed", "fits", "locate", "provider_ran", "provider_runs", "refused", "seal", "start", "take"]
+__all__ = [
+    "advance", "change_count", "change_id", "change_status", "count_of", "elapsed", "fits", "locate", "provider_ran",
+    "provider_runs", "refused", "resize", "seal", "start", "take",
+]  # fmt: skip
 
 #: How a received frame is found, before its row is known.
 locate = rtc.locate
@@ -76,3 +80,38 @@ def seal(provider: Any, frame: Any) -> None:
     """Complete a frame before it is sent."""
     if provider.framing == FRAMING_RTC:
         rtc.seal(provider, frame)
+
+
+@compiled
+def count_of(provider: Any, frame: Any, length: int) -> int:
+    """The cycle counter of a complete frame."""
+    return rtc.count_of(frame, length) if provider.framing == FRAMING_RTC else 0
+
+
+@compiled
+def change_count(provider: Any, frame: Any, length: int, count: int) -> None:
+    """Write the cycle counter of a complete frame."""
+    if provider.framing == FRAMING_RTC:
+        rtc.change_count(frame, length, count)
+
+
+@compiled
+def change_status(provider: Any, frame: Any, length: int, bit: int) -> None:
+    """Clear a bit of the data status of a complete frame."""
+    if provider.framing == FRAMING_RTC:
+        rtc.change_status(frame, length, bit)
+
+
+@compiled
+def change_id(provider: Any, frame: Any, amount: int, absolute: bool) -> None:
+    """Add to the frame id of a complete frame, or write it."""
+    if provider.framing == FRAMING_RTC:
+        rtc.change_id(frame, signed(provider.data_offset), amount, absolute)
+
+
+@compiled
+def resize(provider: Any, frame: Any, length: int, amount: int) -> int:
+    """Lengthen or cut the data of a complete frame; its new length."""
+    if provider.framing != FRAMING_RTC:
+        return length
+    return rtc.resize(frame, signed(provider.data_offset), length, amount)

@@ -6,16 +6,27 @@ opens is linked to its station's chain.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pnfarm.engine.columns import Columns
 from pnfarm.errors import InternalError
+from pnfarm.table.impairment import ALWAYS
 from pnfarm.wire.direction import Direction
 
-__all__ = ["CyclicEvidence", "ImpairmentTable"]
+__all__ = ["CyclicEvidence", "ImpairmentTable", "threshold"]
 
-ALWAYS = 0xFFFFFFFF
+#: What an impairment that is given no settings has in its row.
+_NO_SETTINGS: Mapping[str, float] = {
+    "model": 0, "burst": 0, "enter": 0, "leave": 0, "hit_good": 0, "hit_bad": 0, "amount": 0, "whole": 0, "slot": 0,
+    "delay_ns": 0, "jitter_ns": 0, "octet_ns": 0.0, "overtakes": 0,
+}  # fmt: skip
+
+
+def threshold(probability: float) -> int:
+    """A probability in the table's unit."""
+    return ALWAYS if probability >= 1.0 else max(0, int(probability * 2**32))
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +61,11 @@ class ImpairmentTable:
         after: int = 0,
         start_ns: int = 0,
         stop_ns: int = 0,
+        settings: Mapping[str, float] | None = None,
     ) -> int:
         """Put an impairment in force; returns its row.  ``count`` and ``stop_ns`` 0 mean without end.
+
+        ``settings`` are further fields of the row, by the kind.
 
         Raises :class:`InternalError` when all rows are in use.
         """
@@ -60,7 +74,11 @@ class ImpairmentTable:
         number = self._free.pop()
         row = self._columns.impairment[number]
         row.kind = kind
-        row.threshold = ALWAYS if probability >= 1.0 else int(probability * 2**32)
+        row.threshold = threshold(probability)
+        for name, value in {**_NO_SETTINGS, **(settings or {})}.items():
+            row[name] = value
+        row.left = row.waiting = row.free_ns = row.overflows = 0
+        row.kept = -1
         row.limit = count
         row.shares = 0
         row.after = after
@@ -85,6 +103,10 @@ class ImpairmentTable:
         if row.shares > 0:
             self._columns.impairment[row.shares - 1].shares = 0
         row.kind = 0
+        # what it still holds goes on at the next tick
+        row.uses = (int(row.uses) + 1) & 0xFFFFFFFF
+        engine = self._columns.engine[0]
+        engine.ended = (int(engine.ended) + 1) & 0xFFFFFFFF
         self._free.insert(0, number)
         return evidence
 
@@ -107,6 +129,10 @@ class ImpairmentTable:
         """Change the number of activations; another row has used up a part of it."""
         # zero would mean no limit
         self._columns.impairment[number].limit = count if count > 0 else -1
+
+    def waiting(self, number: int) -> int:
+        """Frames that it holds at present."""
+        return int(self._columns.impairment[number].waiting)
 
     def evidence(self, number: int) -> CyclicEvidence:
         row = self._columns.impairment[number]

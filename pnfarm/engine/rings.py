@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pnfarm.engine.columns import RX_BATCH, Columns
+from pnfarm.engine.held import sent_length, sent_port
 from pnfarm.engine.libc import CLOCK_MONOTONIC, CLOCK_REALTIME, MSG_DONTWAIT, recvmmsg, sendmmsg, time_ns
 from pnfarm.errors import EnvironmentError_
 from pnfarm.table.channel import FRAME_SLOT
@@ -56,7 +57,7 @@ def make_ring(columns: Columns, channel_socket: socket.socket, *, timestamps: bo
     """
     if np.dtype(np.intp).itemsize != 8:
         raise EnvironmentError_("the engine needs a 64-bit Linux: this one's pointers have 32 bits")
-    providers = columns.frames.shape[0]
+    frames = columns.frames.shape[0]
     ring = Ring(
         descriptor=channel_socket.fileno(),
         rx_vector=np.zeros((RX_BATCH, 8), np.int64),
@@ -64,8 +65,8 @@ def make_ring(columns: Columns, channel_socket: socket.socket, *, timestamps: bo
         rx_address=np.zeros((RX_BATCH, ADDRESS_SLOT), np.uint8),
         rx_control=np.zeros((RX_BATCH, CONTROL_SLOT // 8), np.int64),
         tx_vector=np.zeros((columns.tx_row.shape[0], 8), np.int64),
-        tx_iov=np.zeros((providers, 2), np.int64),
-        tx_address=np.zeros((providers, ADDRESS_SLOT), np.uint8),
+        tx_iov=np.zeros((frames, 2), np.int64),
+        tx_address=np.zeros((frames, ADDRESS_SLOT), np.uint8),
         clock=np.zeros(2, np.int64),
     )
     for i in range(RX_BATCH):
@@ -76,10 +77,9 @@ def make_ring(columns: Columns, channel_socket: socket.socket, *, timestamps: bo
         ring.rx_vector[i, CONTROL] = ring.rx_control.ctypes.data + i * CONTROL_SLOT
     if timestamps:
         channel_socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
-    for i in range(providers):
-        ring.tx_iov[i, 0] = columns.frames.ctypes.data + i * FRAME_SLOT
-        # sockaddr_ll: family, protocol (network order), interface index (filled per frame)
-        ring.tx_address[i, :4] = (socket.AF_PACKET, 0, 0x88, 0x92)
+    ring.tx_iov[:, 0] = columns.frames.ctypes.data + np.arange(frames) * FRAME_SLOT
+    # sockaddr_ll: family, protocol (network order), interface index (filled per frame)
+    ring.tx_address[:, :4] = (socket.AF_PACKET, 0, 0x88, 0x92)
     return ring
 
 
@@ -116,9 +116,8 @@ def send_batch(columns: Columns, ring: Ring, count: int) -> None:
     for i in range(count):
         # a plain integer: interpreted, address arithmetic with the array's int32 would overflow
         row = int(columns.tx_row[i])
-        provider = columns.ppm[row]
-        port = int(provider.port)
-        ring.tx_iov[row, 1] = provider.length
+        port = sent_port(columns.ppm, columns.held, row)
+        ring.tx_iov[row, 1] = sent_length(columns.ppm, columns.held, row)
         address = ring.tx_address[row]
         address[4] = port & 0xFF
         address[5] = (port >> 8) & 0xFF

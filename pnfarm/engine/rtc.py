@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.engine.signed import signed
 from pnfarm.table.channel import (
     DISCARD_COUNTER,
     DISCARD_INVALID,
@@ -27,8 +28,8 @@ from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 __all__ = [
-    "TRAILER", "advance", "elapsed", "fits", "locate", "provider_ran", "provider_runs", "refused", "seal", "start",
-    "take",
+    "TRAILER", "advance", "change_count", "change_id", "change_status", "count_of", "elapsed", "fits", "locate",
+    "provider_ran", "provider_runs", "refused", "resize", "seal", "start", "take",
 ]  # fmt: skip
 
 #: Octets before the frame id of an untagged frame, and of a VLAN tag.
@@ -126,3 +127,50 @@ def seal(provider: Any, frame: Any) -> None:
     frame[trailer + 1] = provider.counter & 0xFF
     frame[trailer + 2] = provider.data_status
     frame[trailer + 3] = 0
+
+
+# changes of a complete frame
+
+
+@compiled
+def count_of(frame: Any, length: int) -> int:
+    """The cycle counter."""
+    return signed(_counter(frame, length - TRAILER))
+
+
+@compiled
+def change_count(frame: Any, length: int, count: int) -> None:
+    """Write the cycle counter."""
+    frame[length - TRAILER] = (count >> 8) & 0xFF
+    frame[length - TRAILER + 1] = count & 0xFF
+
+
+@compiled
+def change_status(frame: Any, length: int, bit: int) -> None:
+    """Clear a bit of the data status."""
+    frame[length - TRAILER + 2] &= 0xFF ^ bit
+
+
+@compiled
+def change_id(frame: Any, data: int, amount: int, absolute: bool) -> None:
+    """Add to the frame id in front of the data, or write it."""
+    place = data - FRAME_ID
+    before = signed((int(frame[place]) << 8) | int(frame[place + 1]))
+    frame_id = amount if absolute else before + amount
+    frame[place] = (frame_id >> 8) & 0xFF
+    frame[place + 1] = frame_id & 0xFF
+
+
+@compiled
+def resize(frame: Any, data: int, length: int, amount: int) -> int:
+    """Lengthen the IO data by octets of zero, or cut them; the frame's new length."""
+    end = max(data, min(length - TRAILER + amount, frame.shape[0] - TRAILER))
+    trailer = length - TRAILER
+    t0, t1, t2, t3 = frame[trailer], frame[trailer + 1], frame[trailer + 2], frame[trailer + 3]
+    for i in range(trailer, end):
+        frame[i] = 0
+    frame[end] = t0
+    frame[end + 1] = t1
+    frame[end + 2] = t2
+    frame[end + 3] = t3
+    return end + TRAILER

@@ -11,7 +11,7 @@ from pnfarm.engine.columns import Columns, lookup_rebuild
 from pnfarm.engine.rtc import TRAILER
 from pnfarm.errors import InternalError
 from pnfarm.firmware.drive_clock import true_duration
-from pnfarm.table.channel import FRAME_SLOT, FRAMING_RTC, IDLE, IOXS_GOOD, MAX_IOPS, MAX_WORDS, STATUS_GOOD
+from pnfarm.table.channel import FRAME_SLOT, FRAMING_RTC, IDLE, IOXS_GOOD, MAX_IOCS, MAX_IOPS, MAX_WORDS, STATUS_GOOD
 from pnfarm.table.signals import PART_HIGH, WORD_NONE
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import SEND_CLOCK_NS
@@ -30,8 +30,8 @@ class ProviderPlan:
 
     ``words``: (code, offset) of each telegram word; ``iops``: own provider status octets that follow the
     process image; ``constants``: (offset, octet) of everything that never changes (IOCS, IOPS of modules without data).
-    ``tag`` is the 802.1Q tag's control information, ``drift`` that of the sender's clock
-    (:mod:`pnfarm.firmware.drive_clock`).
+    ``iocs``: offsets of the IOCS among them.  ``tag`` is the 802.1Q tag's control information, ``drift`` that of the
+    sender's clock (:mod:`pnfarm.firmware.drive_clock`).
     """
 
     image: int
@@ -45,6 +45,7 @@ class ProviderPlan:
     words: Sequence[tuple[int, int]]
     iops: Sequence[int]
     constants: Sequence[tuple[int, int]] = ()
+    iocs: Sequence[int] = ()
     phase: int = 0
     tag: int = RT_TAG
     drift: float = 0.0
@@ -154,6 +155,8 @@ class ChannelTable:
     def open_provider(self, plan: ProviderPlan) -> int:
         """A row that sends from the next tick on."""
         _check(plan.words, plan.iops, plan.data_length)
+        if any(not 0 <= offset < plan.data_length for offset in plan.iocs):
+            raise InternalError(f"a consumer status lies outside of {plan.data_length} octets of IO data")
         start = TAGGED_HEADER + 2
         length = start + plan.data_length + TRAILER
         if length > FRAME_SLOT:
@@ -189,6 +192,9 @@ class ChannelTable:
         row.iops_count = len(plan.iops)
         for i, offset in enumerate(plan.iops):
             row.iops_offset[i] = start + offset
+        row.iocs_count = len(iocs := plan.iocs[:MAX_IOCS])
+        for i, offset in enumerate(iocs):
+            row.iocs_offset[i] = start + offset
         row.data_status = STATUS_GOOD
         row.impairment = 0
         row.sent = 0

@@ -10,7 +10,8 @@ from typing import Any
 
 from pnfarm.engine import framing
 from pnfarm.engine.columns import Columns, lookup_find
-from pnfarm.engine.impair import impair_received, impair_sent
+from pnfarm.engine.held import forget, release_all, take_first
+from pnfarm.engine.impair import GOES_ON, HELD, IS_LOST, WAS_CHANGED, impair_received, impair_sent
 from pnfarm.engine.intervals import measure_interval
 from pnfarm.engine.observe import fault_began, fault_ended, observe
 from pnfarm.engine.tracing import sample
@@ -50,6 +51,7 @@ from pnfarm.table.engine_row import (
     WARNING_CHANGED,
     emit,
 )
+from pnfarm.table.held import INWARD, OUTWARD
 from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
 from pnfarm.table.signals import PART_HIGH, PART_LOW, WORD_NONE
 
@@ -102,6 +104,10 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
     events: Any,
     images: Any,
     impairments: Any,
+    held: Any,
+    orders: Any,
+    frames: Any,
+    store: int,
     number: int,
     consumer: Any,
     frame: Any,
@@ -117,10 +123,45 @@ def _take(  # the arrays one by one: a named tuple of all columns costs 200 ns t
     if _address(frame, 6) != consumer.source:
         consumer.discarded[DISCARD_SOURCE] += 1
         return
-    if consumer.impairment > 0 and impair_received(impairments, consumer.impairment, arrival):
-        consumer.discarded[DISCARD_IMPAIRED] += 1
-        consumer.impaired += 1
-        return
+    if consumer.impairment > 0:
+        outcome = impair_received(
+            engine, impairments, consumer, held, orders, frames, store, number, frame, length, place, data, arrival
+        )
+        if outcome == IS_LOST:
+            consumer.discarded[DISCARD_IMPAIRED] += 1
+        if outcome >= HELD:
+            # the gap that it leaves is not the controller's
+            consumer.impaired += 1
+        if outcome == WAS_CHANGED and not _is_for(consumer, frame, length, place):
+            engine.unknown += 1
+            return
+        if outcome >= HELD:
+            return
+    _accept(engine, events, images, number, consumer, frame, length, data, arrival)
+
+
+@compiled
+def _is_for(consumer: Any, frame: Any, length: int, place: int) -> bool:
+    """Whether a frame that was changed on its way is still one of this consumer."""
+    if framing.locate(frame, length) != place or _address(frame, 6) != consumer.source:
+        return False
+    frame_id = (int(frame[place]) << 8) | int(frame[place + 1])
+    return bool(frame_id == consumer.frame_id and _address(frame, 0) == consumer.destination)
+
+
+@compiled
+def _accept(
+    engine: Any,
+    events: Any,
+    images: Any,
+    number: int,
+    consumer: Any,
+    frame: Any,
+    length: int,
+    data: int,
+    arrival: int,
+) -> None:
+    """Take the data of a frame that has come through, unless the CPM refuses it."""
     why = framing.refused(consumer, frame, length)
     if why >= 0:
         consumer.discarded[why] += 1
@@ -180,6 +221,53 @@ def _stray(columns: Columns, port: int, frame: Any) -> None:
 
 
 @compiled
+def _release_received(columns: Columns, until: int) -> None:
+    """Take the held frames that are due up to ``until``."""
+    engine = columns.engine[0]
+    store = columns.ppm.shape[0]
+    order = columns.held_order[INWARD]
+    while engine.held_in > 0 and columns.held[order[0]].due_ns <= until:
+        slot = take_first(columns.held, order, int(engine.held_in), columns.impairment)
+        engine.held_in -= 1
+        item = columns.held[slot]
+        consumer = columns.cpm[item.row]
+        if consumer.active == 0 or consumer.generation != item.generation:
+            continue
+        frame = columns.frames[store + slot]
+        length = int(item.length)
+        data = framing.fits(consumer, length, int(item.place))
+        if data == 0 or not _is_for(consumer, frame, length, int(item.place)):
+            engine.unknown += 1
+            continue
+        _accept(engine, columns.events, columns.image, int(item.row), consumer, frame, length, data, int(item.due_ns))
+
+
+@compiled
+def _release_sent(columns: Columns, now: int, count: int) -> int:
+    """Send the held frames that are due, behind the ``count`` frames in ``tx_row``; the new count."""
+    engine = columns.engine[0]
+    store = columns.ppm.shape[0]
+    order = columns.held_order[OUTWARD]
+    while engine.held_out > 0 and count < columns.tx_row.shape[0] and columns.held[order[0]].due_ns <= now:
+        slot = take_first(columns.held, order, int(engine.held_out), columns.impairment)
+        engine.held_out -= 1
+        engine.busy_out += 1
+        if columns.held[slot].row >= 0:
+            columns.tx_row[count] = store + slot
+            count += 1
+    return count
+
+
+@compiled
+def _release_ended(columns: Columns, now: int) -> None:
+    """Let frames go on whose impairment has ended."""
+    engine = columns.engine[0]
+    engine.ended_seen = engine.ended
+    release_all(columns.held, columns.held_order[OUTWARD], int(engine.held_out), columns.impairment, now)
+    release_all(columns.held, columns.held_order[INWARD], int(engine.held_in), columns.impairment, now)
+
+
+@compiled
 def receive(columns: Columns, count: int) -> None:
     """Take ``count`` frames out of the receive slots; one with an error is only counted."""
     engine = columns.engine[0]
@@ -189,7 +277,10 @@ def receive(columns: Columns, count: int) -> None:
     events = columns.events
     images = columns.image
     impairments = columns.impairment
+    store = columns.ppm.shape[0]
     for i in range(count):
+        if engine.held_in > 0:
+            _release_received(columns, columns.rx_ns[i])
         frame = columns.rx_frames[i]
         length = int(columns.rx_length[i])
         place = framing.locate(frame, length)
@@ -204,7 +295,10 @@ def receive(columns: Columns, count: int) -> None:
             engine.unknown += 1
             _stray(columns, columns.rx_port[i], frame)
             continue
-        _take(engine, events, images, impairments, number, consumers[number], frame, length, place, columns.rx_ns[i])
+        _take(
+            engine, events, images, impairments, columns.held, columns.held_order, columns.frames, store, number,
+            consumers[number], frame, length, place, columns.rx_ns[i],
+        )  # fmt: skip
 
 
 @compiled
@@ -344,11 +438,16 @@ def transmit(columns: Columns, now: int) -> int:
     engine = columns.engine[0]
     count = 0
     overrun = False
+    engine.busy_out = 0
+    if engine.held_out > 0:
+        count = _release_sent(columns, now, count)
     for number in range(engine.ppm_rows):
         provider = columns.ppm[number]
         if provider.active == 0:
             if provider.state != IDLE:
                 provider.state = IDLE
+                if engine.held_out > 0:
+                    forget(columns.held, columns.held_order[OUTWARD], int(engine.held_out), number)
             continue
         if provider.state == IDLE:
             # first frame on the grid of the cycle, so that all channels of one cycle share their ticks
@@ -373,13 +472,22 @@ def transmit(columns: Columns, now: int) -> int:
         image = columns.image[provider.image]
         _pack(provider, image, frame)
         image.filled = (int(image.filled) + 1) & 0xFFFFFFFF
-        if provider.impairment > 0 and impair_sent(columns.impairment, provider, frame, now):
+        outcome = GOES_ON
+        if provider.impairment > 0:
+            outcome = impair_sent(
+                engine, columns.impairment, provider, columns.held, columns.held_order, columns.frames,
+                columns.ppm.shape[0], number, now,
+            )  # fmt: skip
+        if outcome == IS_LOST:
             provider.suppressed += 1
             continue
         provider.sent += 1
         provider.last_ns = now
-        columns.tx_row[count] = number
-        count += 1
+        if outcome == GOES_ON:
+            columns.tx_row[count] = number
+            count += 1
+    if engine.held_out > 0:
+        count = _release_sent(columns, now, count)
     if overrun:
         engine.overruns += 1
     engine.sent += count
@@ -390,7 +498,11 @@ def transmit(columns: Columns, now: int) -> int:
 def tick(columns: Columns, count: int, now: int) -> int:
     """One whole tick with ``count`` received frames; returns how many frames to send."""
     engine = columns.engine[0]
+    if engine.ended != engine.ended_seen:
+        _release_ended(columns, now)
     receive(columns, count)
+    if engine.held_in > 0:
+        _release_received(columns, now)
     _watch(columns, now)
     run_firmware(columns, now)
     if engine.trace_rows != 0:
@@ -420,4 +532,8 @@ def next_due(columns: Columns, now: int) -> int:
         provider = columns.ppm[number]
         if provider.active != 0 and provider.state != IDLE and provider.next_ns < due:
             due = provider.next_ns
+    if engine.held_out > 0:
+        due = min(due, max(now, columns.held[columns.held_order[OUTWARD, 0]].due_ns))
+    if engine.held_in > 0:
+        due = min(due, max(now, columns.held[columns.held_order[INWARD, 0]].due_ns))
     return due

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.engine.columns import RX_BATCH, Columns
+from pnfarm.engine.held import sent_length
 from pnfarm.engine.tick import next_due, receive, tick
 from pnfarm.table.compiled import compiled
 
@@ -27,7 +28,7 @@ def deliver(sender: Columns, count: int, receiver: Columns, addresses: Any, port
     for i in range(count):
         row = sender.tx_row[i]
         frame = sender.frames[row]
-        length = int(sender.ppm[row].length)
+        length = sent_length(sender.ppm, sender.held, row)
         destination = 0
         for k in range(6):
             destination = (destination << 8) | int(frame[k])

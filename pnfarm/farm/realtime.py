@@ -14,6 +14,7 @@ import time
 from typing import TYPE_CHECKING
 
 from pnfarm.engine.columns import RX_BATCH
+from pnfarm.engine.held import sent_length, sent_port
 from pnfarm.engine.lateness import note_late
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 from pnfarm.engine.tick import next_due, tick
@@ -245,8 +246,8 @@ class _LoopEngine:
         count, self._waiting = self._waiting, 0
         for i in range(tick(columns, count, now)):
             row = int(columns.tx_row[i])
-            provider = columns.ppm[row]
-            self._link.send(int(provider.port), columns.frames[row, : int(provider.length)].tobytes())
+            length, port = (told(columns.ppm, columns.held, row) for told in (sent_length, sent_port))
+            self._link.send(int(port), columns.frames[row, : int(length)].tobytes())
 
     def _tick(self) -> None:
         now = time.monotonic_ns()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pnfarm.engine.held import sent_length, sent_port
 from pnfarm.engine.tick import next_due, receive, tick
 from pnfarm.engine.virtual import deliver, run_alone, run_virtual
 from pnfarm.errors import InternalError
@@ -171,14 +172,14 @@ class VirtualWorld:
             now = min(int(next_due(farm, now)), int(next_due(controller, now)), target)
             sent = tick(controller, waiting, now)
             for row in controller.tx_row[:sent]:
-                frame = controller.frames[row, : int(controller.ppm[row].length)].tobytes()
+                frame = controller.frames[row, : sent_length(controller.ppm, controller.held, int(row))].tobytes()
                 if (port := self._ports.get(frame[:6])) is not None:
                     seen(port, frame, now, "in")
             arrived = deliver(controller, sent, farm, *here, now)
             sent = tick(farm, arrived, now)
             for row in farm.tx_row[:sent]:
-                provider = farm.ppm[row]
-                seen(int(provider.port), farm.frames[row, : int(provider.length)].tobytes(), now, "out")
+                length, port = (told(farm.ppm, farm.held, int(row)) for told in (sent_length, sent_port))
+                seen(int(port), farm.frames[row, : int(length)].tobytes(), now, "out")
             waiting = deliver(farm, sent, controller, *there, now)
         if waiting:
             receive(controller, waiting)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from pnfarm.faults.choice import Choice
 from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.effect import POLL_NS, Effect, Window, seed_of
 from pnfarm.faults.evidence import NOTHING, Evidence
@@ -12,6 +13,8 @@ from pnfarm.faults.wire import WIRE
 from pnfarm.table.impairment import LOSS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
     from pnfarm.faults.effect import Needs
     from pnfarm.faults.gate import FrameClasses
     from pnfarm.faults.given import GivenInjection
@@ -25,8 +28,9 @@ __all__ = ["Frames", "FramesEffect"]
 class Frames:
     """Rows of the engine and a rule of the gate that act together on one drive's frames.
 
-    ``cyclic`` is the action on cyclic frames (:mod:`pnfarm.table.impairment`, None: none), ``acyclic`` the classes of
-    lost acyclic frames (None: none).
+    ``cyclic`` is the action on cyclic frames (:mod:`pnfarm.table.impairment`, None: none) with its ``settings`` for
+    each direction, ``acyclic`` the classes of acyclic frames (None: none), which a ``rule`` of the gate loses or
+    changes.  Frames are chosen by ``choice``; without one, each with the injection's probability.
     """
 
     def __init__(
@@ -38,6 +42,9 @@ class Frames:
         *,
         cyclic: int | None = LOSS,
         acyclic: FrameClasses | None = EVERY_FRAME,
+        settings: Callable[[Direction], Mapping[str, float]] = lambda _: {},
+        choice: Choice | None = None,
+        rule: Callable[..., GateRule] = GateRule,
     ) -> None:
         self._spec = spec
         self._drive = drive
@@ -45,6 +52,9 @@ class Frames:
         self._directions = directions
         self._cyclic = cyclic
         self._acyclic = acyclic
+        self._settings = settings
+        self._choice = choice
+        self._make_rule = rule
         self._rows: dict[int, Direction] = {}
         self._rule: GateRule | None = None
         self._done = NOTHING
@@ -52,6 +62,7 @@ class Frames:
 
     def begin(self, window: Window) -> None:
         probability = 1.0 if self._spec.probability is None else self._spec.probability
+        choice = self._choice or Choice(start=probability)
         seed = seed_of(self._spec, self._drive)
         self._after = window.after
         try:
@@ -59,12 +70,13 @@ class Frames:
                 number = self._wire.impair(
                     direction,
                     self._cyclic or 0,
-                    probability=probability,
+                    probability=choice.start,
                     seed=seed + index,
                     count=self._spec.count or 0,
                     after=window.after,
                     start_ns=window.start_ns,
                     stop_ns=window.stop_ns,
+                    settings={**choice.settings(), **self._settings(direction)},
                 )
                 self._rows[number] = direction
             if self._spec.count and len(self._rows) == 2:
@@ -73,10 +85,10 @@ class Frames:
             self.end()
             raise
         if self._acyclic is not None:
-            self._rule = GateRule(
+            self._rule = self._make_rule(
                 self._directions,
                 self._acyclic,
-                probability=probability,
+                choice=choice,
                 seed=seed + 16,
                 count=self._spec.count or 0,
                 stop_ns=window.stop_ns,
@@ -116,6 +128,12 @@ class Frames:
         return seen if self._rule is None else seen + self._rule.evidence()
 
     @property
+    def waiting(self) -> int:
+        """Frames that are held at present."""
+        waiting = sum(self._wire.waiting(number) for number in self._rows)
+        return waiting if self._rule is None else waiting + self._rule.waiting
+
+    @property
     def remaining(self) -> int:
         """Occurrences left of ``count``; 1 without such a limit."""
         if self._spec.count is None:
@@ -134,7 +152,17 @@ class FramesEffect(Effect):
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._cyclic, acyclic = self.acts_on()
-        self._frames = Frames(spec, drive.name, drive.part(WIRE), spec.directions, cyclic=self._cyclic, acyclic=acyclic)
+        self._frames = Frames(
+            spec,
+            drive.name,
+            drive.part(WIRE),
+            spec.directions,
+            cyclic=self._cyclic,
+            acyclic=acyclic,
+            settings=self.settings,
+            choice=self.choice(),
+            rule=self.rule,
+        )
         self._connection = drive.part(CONNECTION)
         self.counts_frames = self._cyclic is not None
         self._due: int | None = None
@@ -142,6 +170,19 @@ class FramesEffect(Effect):
     def acts_on(self) -> tuple[int | None, FrameClasses | None]:
         """``cyclic`` and ``acyclic`` of this injection."""
         return self.cyclic, self.acyclic
+
+    def settings(self, direction: Direction) -> Mapping[str, float]:
+        """Further fields of the engine's row (:mod:`pnfarm.table.impairment`)."""
+        del direction
+        return {}
+
+    def choice(self) -> Choice | None:
+        """How frames are chosen; None: each with the probability of the injection."""
+        return None
+
+    def rule(self, *args: Any, **fields: Any) -> GateRule:
+        """The rule of the gate for acyclic frames."""
+        return GateRule(*args, **fields)
 
     def begin(self, window: Window, now: int) -> None:
         self._frames.begin(window)
@@ -152,7 +193,8 @@ class FramesEffect(Effect):
         if self.spec.count is None:
             return
         remaining = self._frames.remaining
-        self.finished = remaining <= 0
+        # ending earlier would let the last ones go on before their time
+        self.finished = remaining <= 0 and not self._frames.waiting
         connection = self._connection.now()
         if not self.finished and connection is not None and self._cyclic is not None:
             self._due = now + max(1, remaining) * connection.cycle_ns

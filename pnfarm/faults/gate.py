@@ -1,4 +1,4 @@
-"""The gate between the stations and their link: acyclic frames pass it, rules lose some of them or hold them back.
+"""The gate between the stations and their link: acyclic frames pass it, rules lose, change or hold back some of them.
 
 Cyclic frames do not pass here; the engine acts on them (:mod:`pnfarm.engine.impair`). The gate parses no frame: the
 drive's bus classifies it. Directions are seen from the drive.
@@ -6,17 +6,20 @@ drive's bus classifies it. Directions are seen from the drive.
 
 from __future__ import annotations
 
+import heapq
 from collections import deque
 from collections.abc import Callable, Container
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from pnfarm.faults.choice import Choice, Chooser
 from pnfarm.faults.evidence import Evidence
 from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pnfarm.faults.shaping import Shape
     from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
     from pnfarm.wire.direction import Direction
 
@@ -38,6 +41,8 @@ class _Every:
 
 
 EVERY_FRAME: FrameClasses = _Every()
+#: Frames of one port that rules of the gate hold at most; what comes on top is lost.
+MOST_WAITING = 1024
 
 
 class LateRule(Protocol):
@@ -71,12 +76,17 @@ class _Held:
             rule.left(sent=sent)
 
 
-class GateRule:
-    """Loses frames of ``classes`` in each of ``directions``, or lets something pass ``instead`` of them.
+#: Time, and octets of a frame that goes on then.
+Passing = tuple[int, bytes]
 
-    ``probability`` of each, ``count`` (0: no limit) altogether, of which ``spent()`` happened elsewhere; not before
-    ``armed()`` says so, and none at or after ``stop_ns`` (0: no end).  ``lost()`` is called for each loss. Each
-    direction has its own random sequence, so that they are independent.
+
+class GateRule:
+    """Loses frames of ``classes``, lets something pass ``instead`` of them, or gives them another ``shape``.
+
+    In each of ``directions``, chosen by ``choice``, without one each with ``probability``; ``count`` (0: no limit)
+    altogether, of which ``spent()`` happened elsewhere; not before ``armed()`` says so, and none at or after
+    ``stop_ns`` (0: no end).  ``lost()`` is called for each that is hit. Each direction has its own random sequence,
+    so that they are independent.
     """
 
     def __init__(
@@ -92,30 +102,57 @@ class GateRule:
         spent: Callable[[], int] = lambda: 0,
         lost: Callable[[], None] = lambda: None,
         instead: Callable[[bytes], bytes | None] = lambda _: None,
+        choice: Choice | None = None,
+        shape: Shape | None = None,
     ) -> None:
         self.classes = classes
-        self._probability = probability
         self._count = count
         self._stop_ns = stop_ns
         self._armed = armed
         self._spent = spent
         self._on_loss = lost
         self.instead = instead
-        self._random = {direction: SplitMix64(seed + index) for index, direction in enumerate(directions)}
+        self.shape = shape
+        #: Frames that the gate holds for this rule.
+        self.waiting = 0
+        choice = choice or Choice(start=probability)
+        self._chosen = {
+            direction: Chooser(choice, SplitMix64(seed + index)) for index, direction in enumerate(directions)
+        }
         self._evidence = dict.fromkeys(directions, Evidence())
+
+    def acts(self, direction: Direction, frame_class: str, now: int) -> bool:
+        """Whether it may act on a frame of this class."""
+        if direction not in self._evidence or (self._stop_ns and now >= self._stop_ns):
+            return False
+        return not self.exhausted and frame_class in self.classes and self._armed()
+
+    def chooses(self, direction: Direction, now: int) -> bool:
+        """Whether it acts on the present frame."""
+        del now
+        return self._chosen[direction]()
 
     def loses(self, direction: Direction, frame_class: str, now: int) -> bool:
         """Whether a frame of this class is lost, or another one passed instead. Counts the evidence."""
-        seen = self._evidence.get(direction)
-        if seen is None or (self._stop_ns and now >= self._stop_ns):
+        if not self.acts(direction, frame_class, now):
             return False
-        if self.exhausted or frame_class not in self.classes or not self._armed():
-            return False
-        lost = self._random[direction].uniform() < self._probability
+        seen = self._evidence[direction]
+        lost = self.chooses(direction, now)
         self._evidence[direction] = seen + (Evidence(1, 1, now, now, confirmed=True) if lost else Evidence(1))
         if lost:
             self._on_loss()
         return lost
+
+    def left(self, direction: Direction, frame_class: str, frame: bytes, due: int, *, hit: bool) -> list[Passing]:
+        """What goes on instead of a frame that would at ``due``."""
+        if not hit:
+            if self.shape is not None and direction in self._evidence and frame_class in self.classes:
+                due = self.shape.passes(direction, due)
+            return [(due, frame)]
+        if self.shape is not None:
+            return self.shape.hit(direction, frame, due)
+        other = self.instead(frame)
+        return [] if other is None else [(due, other)]
 
     def evidence(self, direction: Direction | None = None) -> Evidence:
         """Evidence of one direction, or of both."""
@@ -145,6 +182,10 @@ class GatedLink:
         self._held: dict[int, deque[_Held]] = {}
         self._classes: dict[int, FrameClass] = {}
         self._listeners: dict[int, list[Listener]] = {}
+        #: Frames that a shape delays, as a heap: time, number, port, direction, octets, rule.
+        self._waiting: list[tuple[int, int, int, Direction, bytes, GateRule]] = []
+        self._waits: dict[int, int] = {}
+        self._number = 0
 
     def classify(self, port: int, frame_class: FrameClass) -> None:
         """Set the port's classifier; until then its frames have no class."""
@@ -156,32 +197,75 @@ class GatedLink:
 
     def in_force(self, port: int) -> list[object]:
         """Rules that act on a port, and frames of it that are held back."""
+        waiting = [entry for entry in self._waiting if entry[2] == port]
         return [
             *self._rules.get(port, ()),
             *self._delays.get(port, ()),
             *self._held.get(port, ()),
             *self._listeners.get(port, ()),
+            *waiting,
         ]
 
     def add(self, port: int, rule: GateRule) -> None:
         self._rules[port] = [*self._rules.get(port, ()), rule]
 
     def remove(self, port: int, rule: GateRule) -> None:
+        """Remove a rule; what it holds goes on at once."""
         remaining = [other for other in self._rules.get(port, ()) if other is not rule]
         if remaining:
             self._rules[port] = remaining
         else:
             self._rules.pop(port, None)
+        for entry in self._take(lambda entry: entry[2] == port and entry[5] is rule):
+            self._go_on(entry[2], entry[3], entry[4], self._clock())
 
-    def _passed(self, port: int, direction: Direction, frame: bytes, now: int) -> bytes | None:
-        """The frame after all rules; None when it is lost."""
+    def _passed(self, port: int, direction: Direction, frame: bytes, now: int) -> list[bytes]:
+        """What goes on now of a frame and its copies after all rules; the rest waits."""
         # every rule sees every frame, so that its sequence does not depend on the other rules
         frame_class = self._class_of(port, frame)
-        acting = [rule for rule in self._rules.get(port, ()) if rule.loses(direction, frame_class, now)]
-        left: bytes | None = frame
-        for rule in acting:
-            left = None if left is None else rule.instead(left)
-        return left
+        rules = [(rule, rule.loses(direction, frame_class, now)) for rule in self._rules.get(port, ())]
+        left: list[Passing] = [(now, frame)]
+        holder: GateRule | None = None
+        for rule, hit in rules:
+            latest = max((due for due, _ in left), default=now)
+            left = [
+                passing for due, octets in left for passing in rule.left(direction, frame_class, octets, due, hit=hit)
+            ]
+            if any(due > latest for due, _ in left):
+                holder = rule
+        for due, octets in left:
+            if due > now and holder is not None:
+                self._wait(due, port, direction, octets, holder)
+        return [octets for due, octets in left if due <= now]
+
+    def _wait(self, due: int, port: int, direction: Direction, frame: bytes, rule: GateRule) -> None:
+        if self._waits.get(port, 0) >= MOST_WAITING:
+            return
+        self._waits[port] = self._waits.get(port, 0) + 1
+        rule.waiting += 1
+        self._number += 1
+        heapq.heappush(self._waiting, (due, self._number, port, direction, frame, rule))
+
+    def _take(
+        self, which: Callable[[tuple[int, int, int, Direction, bytes, GateRule]], bool]
+    ) -> list[tuple[int, int, int, Direction, bytes, GateRule]]:
+        """Take waiting frames out, in the order of their times."""
+        taken = sorted((entry for entry in self._waiting if which(entry)), key=lambda entry: entry[:2])
+        if taken:
+            self._waiting = [entry for entry in self._waiting if not which(entry)]
+            heapq.heapify(self._waiting)
+        for entry in taken:
+            self._waits[entry[2]] -= 1
+            entry[5].waiting -= 1
+        return taken
+
+    def _go_on(self, port: int, direction: Direction, frame: bytes, now: int) -> None:
+        """Behind the rules."""
+        if direction == "in":
+            if self._receiver is not None:
+                self._receiver(port, frame, now)
+        elif port not in self._delays or not self._hold(port, frame, now):
+            self.inner.send(port, frame)
 
     # a second station at the same port
 
@@ -224,12 +308,17 @@ class GatedLink:
         """Drop what is held back: its sender has lost its supply."""
         for held in self._held.pop(port, ()):
             held.left(sent=False)
+        self._take(lambda entry: entry[2] == port and entry[3] == "out")
 
     def next_deadline(self) -> int | None:
         """When the next frame is to leave."""
-        return min((queue[0].due_ns for queue in self._held.values()), default=None)
+        waiting = [self._waiting[0][0]] if self._waiting else []
+        return min([*waiting, *(queue[0].due_ns for queue in self._held.values())], default=None)
 
     def handle_timeout(self, now: int) -> None:
+        if self._waiting and self._waiting[0][0] <= now:
+            for _, _, port, direction, frame, _ in self._take(lambda entry: entry[0] <= now):
+                self._go_on(port, direction, frame, now)
         for port, queue in list(self._held.items()):
             while queue and queue[0].due_ns <= now:
                 self._release(port, queue.popleft())
@@ -274,23 +363,19 @@ class GatedLink:
         for listener in self._listeners.get(port_index, ()):
             listener("out", frame, self._clock())
         if port_index in self._rules:
-            left = self._passed(port_index, "out", frame, self._clock())
-            if left is None:
-                return
-            frame = left
-        if port_index in self._delays and self._hold(port_index, frame, self._clock()):
-            return
-        self.inner.send(port_index, frame)
+            now = self._clock()
+            for left in self._passed(port_index, "out", frame, now):
+                self._go_on(port_index, "out", left, now)
+        elif port_index not in self._delays or not self._hold(port_index, frame, self._clock()):
+            self.inner.send(port_index, frame)
 
     def _receive(self, port_index: int, frame: bytes, now: int) -> None:
         for listener in self._listeners.get(port_index, ()):
             listener("in", frame, now)
         if port_index in self._rules:
-            left = self._passed(port_index, "in", frame, now)
-            if left is None:
-                return
-            frame = left
-        if self._receiver is not None:
+            for left in self._passed(port_index, "in", frame, now):
+                self._go_on(port_index, "in", left, now)
+        elif self._receiver is not None:
             self._receiver(port_index, frame, now)
 
     def set_receiver(self, receiver: Receiver) -> None:

@@ -44,6 +44,10 @@ class GivenInjection(Protocol):
         """A copy without these fields."""
         ...
 
+    def limited_to(self, count: int) -> Self:
+        """A copy with this ``count``."""
+        ...
+
     def values(self) -> dict[str, Any]:
         """Every parameter of the kind as its effect uses it: given, preset or default."""
         ...

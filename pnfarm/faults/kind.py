@@ -174,8 +174,9 @@ class InjectionKind:
 
     ``directions`` is empty for a kind that has none; its first entry is the default.  ``takes`` are the common
     fields that it accepts, besides ``after`` and ``after_cycles``, which all take.  ``misfits`` reports
-    fields that exclude each other. ``place`` is its position in the list of its family; kinds with the same place are
-    sorted by name.
+    fields that exclude each other. ``wire`` is what a capture shows, ``reports`` what controllers report; what is
+    inferred there is marked "(assumed)".  ``place`` is its position in the list of its family; kinds with the same
+    place are sorted by name.
     """
 
     name: str
@@ -187,6 +188,8 @@ class InjectionKind:
     directions: tuple[Directions, ...] = ()
     takes: frozenset[str] = frozenset()
     preset: Mapping[str, Any] = field(default_factory=dict)
+    wire: str = ""
+    reports: str = ""
     misfits: Callable[[GivenInjection], Iterable[tuple[str, Problem]]] = _no_misfits
     place: int = 1000
 
@@ -203,6 +206,8 @@ class InjectionKind:
             "family": self.family,
             "doc": self.doc,
             "occurrence": self.occurrence,
+            "wire": self.wire,
+            "reports": self.reports,
             "params": {name: spec.as_dict() for name, spec in self.params.items()},
             "directions": list(self.directions),
             "takes": [*self.common, *sorted(self.takes)],

@@ -187,6 +187,10 @@ class InjectionSpec(BaseModel):
         """Whether it ends without being cleared."""
         return self.count is not None or self.for_ns is not None or self.cycles is not None
 
+    def limited_to(self, count: int) -> Self:
+        """A copy with this ``count``."""
+        return self.model_copy(update={"count": count})
+
     def values(self) -> dict[str, Any]:
         """Every parameter of the kind as its effect uses it: given, preset or default."""
         kind = self.kind

@@ -9,7 +9,7 @@ from pnfarm.faults.evidence import Evidence
 from pnfarm.faults.parts import DrivePart, Part
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pnfarm.engine.impairments import CyclicEvidence, ImpairmentTable
     from pnfarm.faults.carrier import Carriers
@@ -68,8 +68,11 @@ class Wire(DrivePart):
         after: int,
         start_ns: int,
         stop_ns: int,
+        settings: Mapping[str, float] | None = None,
     ) -> int:
         """Let the engine act on the cyclic frames of one direction, as in :mod:`pnfarm.table.impairment`; its number.
+
+        ``settings`` are fields of the row, by the kind.
 
         Raises :class:`~pnfarm.errors.ConfigError` when the engine's rows are all in use.
         """
@@ -84,6 +87,7 @@ class Wire(DrivePart):
                 after=after,
                 start_ns=start_ns,
                 stop_ns=stop_ns,
+                settings=settings,
             )
         except InternalError as exc:
             raise ConfigError(
@@ -97,6 +101,10 @@ class Wire(DrivePart):
     def set_limit(self, number: int, count: int) -> None:
         """Occurrences left of an impairment's ``count``; 0 or less: none."""
         self._impairments.set_limit(number, count)
+
+    def waiting(self, number: int) -> int:
+        """Frames that an impairment holds at present."""
+        return self._impairments.waiting(number)
 
     def impairment(self, number: int) -> Evidence:
         """Its evidence so far."""

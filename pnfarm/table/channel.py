@@ -16,6 +16,7 @@ __all__ = [
     "INTERVAL_EDGES_NS",
     "JITTER_BUCKETS",
     "JITTER_EDGES_NS",
+    "MAX_IOCS",
     "MAX_IOPS",
     "MAX_WORDS",
     "PPM",
@@ -27,6 +28,8 @@ FRAME_SLOT = 1536
 MAX_WORDS = 64
 #: Provider status octets that a consumer evaluates.
 MAX_IOPS = 4
+#: Consumer status octets of a provider's frame that an impairment may change.
+MAX_IOCS = 32
 
 #: Why a cyclic frame was dropped, by index of ``CPM.discarded``.
 DISCARDS = ("wrong-length", "wrong-source", "old-counter", "data-invalid", "impaired", "transfer-status")
@@ -98,6 +101,8 @@ PPM = Layout(
         Field("word_offset", "u2", "octets", "station", "each word's place in the frame", (MAX_WORDS,)),
         Field("iops_count", "u1", "", "station", "provider status octets"),
         Field("iops_offset", "u2", "octets", "station", "place of each provider status", (MAX_IOPS,)),
+        Field("iocs_count", "u1", "", "station", "consumer status octets"),
+        Field("iocs_offset", "u2", "octets", "station", "place of each consumer status", (MAX_IOCS,)),
         Field("data_status", "u1", "", "station", "APDU data status while nothing is impaired"),
         Field("impairment", "i4", "", "fault", "first impairment on this row + 1, 0 = none"),
         Field("next_ns", "i8", "ns", "transmit", "when the next frame is due"),

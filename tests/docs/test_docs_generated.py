@@ -8,7 +8,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MODELS = ("akd-profinet", "akd-profinet-2012", "hiwin-e1", "moog-msd")
 NAMES = (
-    "table.md", "states.md", "farm-file.md", "coverage.md", "behaviour.md", "bus.md",
+    "table.md", "states.md", "farm-file.md", "coverage.md", "behaviour.md", "bus.md", "faults.md",
     *(f"parameters/{m}.md" for m in MODELS),
 )  # fmt: skip
 

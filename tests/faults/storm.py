@@ -31,6 +31,11 @@ LINES: dict[str, dict[str, Any]] = {
 }
 
 
+def model_for(kind: InjectionKind) -> str:
+    """A model that can have this kind."""
+    return "hiwin-e1" if kind.family == "liveness" else "akd-profinet"
+
+
 def line_of(model: str, drives: int) -> FaultLine:
     """Drives of one model, connected and in operation."""
     line = FaultLine(drives, model=model, **LINES[model])

@@ -7,6 +7,7 @@ import sys
 import pytest
 import toy_kinds
 from fault_line import FaultLine
+from storm import model_for
 
 from pnfarm.buses.registry import BUSES, bus, fault_kinds
 from pnfarm.errors import ConfigError, InternalError
@@ -97,7 +98,7 @@ def manager_of(drive: InjectedDrive) -> InjectionManager:
 
 @pytest.mark.parametrize("kind", fault_kinds().values(), ids=lambda kind: kind.name)
 def test_a_drive_with_the_parts_that_a_kind_needs_takes_it_and_one_without_any_refuses_it(kind):
-    line = FaultLine(model="akd-profinet")
+    line = FaultLine(model=model_for(kind), cycle="4ms", limits="lax")
     whole = line.faults.drive("axis-01")
     parts = {part: whole.part(part) for part in kind.effect.needs}
     fields = {"kind": kind.name, "on": "all", "params": FIELDS.get(kind.name, {})}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from random import Random
 
 import pytest
-from storm import add, back, kept, left_behind, line_of, random_fault, storm
+from storm import add, back, kept, left_behind, line_of, model_for, random_fault, storm
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.faults.kind import InjectionKind
@@ -39,7 +39,7 @@ def test_storm_after_storm_keeps_no_more_than_the_first_one() -> None:
 
 @pytest.mark.parametrize("kind", fault_kinds().values(), ids=lambda kind: kind.name)
 def test_every_kind_of_injection_is_taken_back_whole(kind: InjectionKind) -> None:
-    line = line_of("akd-profinet", 1)
+    line = line_of(model_for(kind), 1)
     faults = sorted(fault.number for fault in line.farm.stations[0].model.faults.values())
     rng = Random(kind.name)
     taken = 0

@@ -28,6 +28,9 @@ KINDS = tuple(
         takes=HELD,
         preset={"fault": cause, "hold": True},
         misfits=check_repetition,
+        wire="ZSW1.3 (fault present) is set, ZSW1.2 falls; the fault buffer (PNU 945, 947) has the model's number.",
+        reports="The program sees ZSW1.3. S7-1500: a technology object raises its drive alarm. CODESYS: an axis error "
+        "(assumed).",
         place=place,
     )
     for cause, doc, place in _CAUSES

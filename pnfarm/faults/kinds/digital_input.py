@@ -28,5 +28,7 @@ KINDS = (
         {"input": ParamSpec("whole number", "Which one, from 0.", required=True, low=0, high=31)},
         takes=HELD,
         place=120,
+        wire="The input's bits in the drive's words and parameters, as far as its telegram has them.",
+        reports="Nothing by the bus.",
     ),
 )

@@ -116,5 +116,13 @@ KINDS = (
         takes=frozenset({"count", "for", "cycles"}),
         misfits=check_repetition,
         place=10,
+        wire=(
+            "ZSW1.3 (fault present) is set, ZSW1.2 falls; the fault buffer (PNU 945, 947) has the number; a "
+            "diagnosis alarm where the drive's manual has one."
+        ),
+        reports=(
+            "The program sees ZSW1.3. S7-1500: a technology object raises its drive alarm; a diagnosis alarm "
+            "calls OB82. CODESYS: SoftMotion reports an axis error (assumed)."
+        ),
     ),
 )

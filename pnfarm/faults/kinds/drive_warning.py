@@ -52,5 +52,7 @@ KINDS = (
         {"warning": ParamSpec("fault", "Which warning.", required=True)},
         takes=HELD,
         place=30,
+        wire="ZSW1.7 (warning present) is set.",
+        reports="Nothing by the bus: the PLC program sees it in ZSW1.",
     ),
 )

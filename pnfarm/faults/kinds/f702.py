@@ -19,5 +19,10 @@ KINDS = (
         preset={"fault": 702},
         misfits=check_repetition,
         place=20,
+        wire="As drive-fault: ZSW1.3 is set, PNU 945 and 947 have 702.",
+        reports=(
+            "The program sees ZSW1.3. S7-1500: a technology object raises its drive alarm. CODESYS: an axis "
+            "error (assumed)."
+        ),
     ),
 )

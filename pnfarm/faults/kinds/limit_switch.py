@@ -45,5 +45,7 @@ KINDS = (
         },
         takes=HELD,
         place=80,
+        wire="The words and warnings that the drive's manual has for the switch; the velocity falls to 0.",
+        reports="Nothing by the bus. A technology object may report a following error (assumed).",
     ),
 )

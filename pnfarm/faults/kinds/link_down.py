@@ -32,5 +32,10 @@ KINDS = (
         LinkDown,
         takes=HELD,
         place=30,
+        wire="No carrier at the drive's port: no frame in either direction.",
+        reports=(
+            "Port down at the switch; after the watchdog, IO device failure (S7-1500: OB86; CODESYS: the device "
+            "is shown as not running (assumed))."
+        ),
     ),
 )

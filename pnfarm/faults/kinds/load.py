@@ -47,5 +47,7 @@ KINDS = (
         },
         takes=HELD,
         place=90,
+        wire="Current and velocity change as far as the telegram has them.",
+        reports="Nothing by the bus.",
     ),
 )

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.faults.choice import CHOICE_PARAMS, choice_misfits, choice_of
+from pnfarm.faults.frame_words import FRAMES_PARAM, classes_of
 from pnfarm.faults.frames import FramesEffect
-from pnfarm.faults.kind import EVERY_DIRECTION, FRAMES, InjectionKind, ParamSpec
+from pnfarm.faults.kind import EVERY_DIRECTION, FRAMES, InjectionKind
 
 if TYPE_CHECKING:
+    from pnfarm.faults.choice import Choice
     from pnfarm.faults.gate import FrameClasses
 
 __all__ = ["KINDS"]
@@ -17,26 +20,30 @@ class Loss(FramesEffect):
     """All frames, or those of one class."""
 
     def acts_on(self) -> tuple[int | None, FrameClasses | None]:
-        frames = self.values["frames"]
-        return None if frames == "acyclic" else self.cyclic, None if frames == "cyclic" else self.acyclic
+        cyclic, acyclic = classes_of(self.values["frames"])
+        return self.cyclic if cyclic else None, acyclic
+
+    def choice(self) -> Choice:
+        return choice_of(self.spec)
 
 
 KINDS = (
     InjectionKind(
         "loss",
         "frames",
-        "Frames are lost at random, independently.",
+        "Frames are lost at random: independently, in bursts, or by a Gilbert-Elliott model.",
         "a frame that is lost; `count` holds for each direction",
         Loss,
-        {
-            "frames": ParamSpec(
-                "word",
-                "Which frames: cyclic data, acyclic ones (DCP, ARP, RPC, alarms), or all.",
-                default="all",
-                words={"all": 0, "cyclic": 1, "acyclic": 2},
-            )
-        },
+        {"frames": FRAMES_PARAM, **CHOICE_PARAMS},
         directions=EVERY_DIRECTION,
         takes=FRAMES,
+        wire="Frames are missing; those that come are as ever, with the cycle counters of their own cycles.",
+        reports=(
+            "Cyclic frames: nothing below the watchdog, then IO device failure (S7-1500; CODESYS assumed). "
+            "Acyclic ones "
+            "are repeated."
+        ),
+        misfits=choice_misfits,
+        place=10,
     ),
 )

@@ -17,5 +17,10 @@ KINDS = (
         directions=("out", "in", "both"),
         takes=FRAMES,
         place=10,
+        wire="No frame of the drive, of any kind.",
+        reports=(
+            "After the watchdog, IO device failure (S7-1500: OB86; CODESYS: the device is shown as not running "
+            "(assumed))."
+        ),
     ),
 )

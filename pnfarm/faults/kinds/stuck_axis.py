@@ -17,5 +17,7 @@ KINDS = (
         takes=HELD,
         preset={"torque": 0.0, "inertia": 0.0, "friction": 1e9},
         place=100,
+        wire="The actual velocity stays 0 and the current rises; then the drive's own fault in ZSW1.3.",
+        reports="Nothing by the bus. A technology object reports a following error (assumed).",
     ),
 )

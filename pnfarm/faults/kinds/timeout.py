@@ -97,5 +97,10 @@ KINDS = (
         },
         takes=EACH,
         place=20,
+        wire=("No frame of the drive for a little more than the watchdog time, then it is found and connected again."),
+        reports=(
+            "Once IO device failure (S7-1500: OB86; CODESYS: the device is shown as not running (assumed)). The "
+            "device comes back."
+        ),
     ),
 )

@@ -25,5 +25,10 @@ KINDS = (
         WatchdogExpire,
         takes=EACH,
         place=90,
+        wire="An ERR-RTA-PDU of the drive (its data hold timer), and its cyclic frames end.",
+        reports=(
+            "IO device failure (S7-1500: OB86; CODESYS: the device is shown as not running (assumed)). The "
+            "diagnosis names an abort by the device."
+        ),
     ),
 )

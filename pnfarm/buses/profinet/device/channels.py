@@ -150,6 +150,7 @@ class StationChannels:
                 words=layout.words,
                 iops=layout.iops,
                 constants=layout.constants,
+                iocs=[status.iocs_offset for status in cr.iocs if status.iocs_offset is not None],
                 # a controller that leaves every phase at 1 gets its drives' frames spread nevertheless
                 phase=cr.phase - 1 if cr.phase > 1 else self._index,
                 tag=cr.tag_header,

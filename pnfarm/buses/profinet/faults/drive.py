@@ -16,6 +16,7 @@ from pnfarm.buses.profinet.faults.set_up import SET_UP, SetUp
 from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
 from pnfarm.faults.servo import SERVO, Servo
+from pnfarm.faults.sign_of_life import LIFE, SignOfLife
 from pnfarm.faults.wire import WIRE, Wire
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDriv
         MODULES: Modules(station, keys, host.settle, diagnoses.put),
         DIAGNOSES: diagnoses,
         ALARMS: Alarms(station, host.impairments, keys, host.settle),
+        LIFE: SignOfLife(station.station, station.index, host.columns),
         RECORDS: Records(station, host.settle),
     }
     model = station.model

@@ -8,9 +8,11 @@ from typing import Final
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
 from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaType, emit_rta, parse_rta
-from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
+from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 
-__all__ = ["ALARM", "ALARM_ACK", "ALARM_ERROR", "DCP", "OTHER", "RPC", "acknowledging_nothing", "frame_class"]
+__all__ = [
+    "ALARM", "ALARM_ACK", "ALARM_ERROR", "ARP", "DCP", "LLDP", "OTHER", "RPC", "acknowledging_nothing", "frame_class",
+]  # fmt: skip
 
 #: Hello, Get, Set, Identify and their answers.
 DCP: Final = "dcp"
@@ -22,8 +24,11 @@ ALARM: Final = "alarm"
 ALARM_ACK: Final = "alarm-ack"
 #: ERR-RTA-PDU: it ends a connection, and acknowledges nothing.
 ALARM_ERROR: Final = "alarm-error"
+ARP: Final = "arp"
+LLDP: Final = "lldp"
 OTHER: Final = ""
 
+_ETHERTYPES = {ETHERTYPE_ARP: ARP, ETHERTYPE_LLDP: LLDP}
 _UDP = 17
 #: SNMP and its traps: the only other UDP of a drive.
 _SNMP = frozenset({161, 162})
@@ -35,6 +40,8 @@ def frame_class(frame: bytes) -> str:
     ethertype, payload = _payload(frame)
     if ethertype == ETHERTYPE_IPV4:
         return RPC if _is_rpc(payload) else OTHER
+    if ethertype in _ETHERTYPES:
+        return _ETHERTYPES[ethertype]
     if ethertype != ETHERTYPE_PROFINET or len(payload) < 2:
         return OTHER
     if classify_frame_id(int.from_bytes(payload[:2], "big")) is FrameClass.DCP:

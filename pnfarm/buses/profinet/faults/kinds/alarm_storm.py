@@ -113,5 +113,10 @@ KINDS = (
         },
         takes=frozenset({"count", "for"}),
         place=10,
+        wire="Alarm notifications one after the other, each after the acknowledgement of the one before.",
+        reports=(
+            "S7-1500: an alarm OB for each (OB82, OB83 by the type), and entries in the diagnosis buffer. "
+            "CODESYS: an entry in the device's diagnosis for each (assumed)."
+        ),
     ),
 )

@@ -108,5 +108,11 @@ KINDS = (
         },
         takes=EACH,
         place=20,
+        wire="An alarm of the drive, then no acknowledgement for the controller's AlarmAck (`no-ack`), or the alarm "
+        "again and again (`repeat`); then an ERR-RTA-PDU.",
+        reports=(
+            "When its repetitions are used up, the controller ends the connection: IO device failure (S7-1500: "
+            "OB86; CODESYS: the device is shown as not running (assumed))."
+        ),
     ),
 )

@@ -37,5 +37,10 @@ KINDS = (
         },
         takes=EACH,
         place=10,
+        wire="An ERR-RTA-PDU with the error code; cyclic frames end.",
+        reports=(
+            "IO device failure (S7-1500: OB86; CODESYS: the device is shown as not running (assumed)). The "
+            "device comes back."
+        ),
     ),
 )

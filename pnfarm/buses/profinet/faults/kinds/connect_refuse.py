@@ -74,5 +74,9 @@ KINDS = (
         },
         takes=EACH,
         place=20,
+        wire="Connect responses with the error code in PNIO status.",
+        reports=(
+            "The device stays failed; the diagnosis shows the connection as refused. A controller asks again and again."
+        ),
     ),
 )

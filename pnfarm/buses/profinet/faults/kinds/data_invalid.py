@@ -25,5 +25,10 @@ KINDS = (
         directions=("out",),
         takes=FRAMES,
         place=20,
+        wire="Data status without the bit DataValid (0x04).",
+        reports=(
+            "The frames are discarded; after the watchdog, IO device failure (S7-1500: OB86; CODESYS: the device "
+            "is shown as not running (assumed))."
+        ),
     ),
 )

@@ -25,5 +25,7 @@ KINDS = (
         directions=EVERY_DIRECTION,
         takes=EACH,
         place=60,
+        wire="No DCP from the drive; requests are not answered.",
+        reports="A running connection stays. Without one, the device is not found: it stays failed.",
     ),
 )

@@ -147,5 +147,7 @@ KINDS = (
         },
         takes=HELD,
         place=30,
+        wire="A diagnosis alarm, ZSW1 as before; ProblemIndicator in the data status.",
+        reports="S7-1500: OB82 and an entry in the diagnosis buffer. CODESYS: the diagnosis of the device (assumed).",
     ),
 )

@@ -44,5 +44,10 @@ KINDS = (
         directions=("out",),
         takes=FRAMES,
         place=30,
+        wire="Every IOPS of the drive is 0x40 (BAD) instead of 0x80; at the end an alarm 'return of submodule'.",
+        reports=(
+            "S7-1500: I/O access error, the inputs read 0; the return calls OB83. CODESYS: the inputs are marked "
+            "as bad (assumed)."
+        ),
     ),
 )

@@ -68,5 +68,10 @@ KINDS = (
         {"delay": ParamSpec("duration", "From the end of parametrisation to ApplicationReady.", default="5s")},
         takes=EACH,
         place=40,
+        wire="The ApplicationReady request comes late.",
+        reports=(
+            "The device stays failed until then; beyond the controller's monitoring the connection is ended and "
+            "set up again."
+        ),
     ),
 )

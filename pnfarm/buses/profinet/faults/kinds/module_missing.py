@@ -20,5 +20,7 @@ KINDS = (
         takes=HELD,
         preset={"missing": True},
         place=70,
+        wire="ModuleDiffBlock with 'no module'; an alarm 'pull' on a running connection.",
+        reports="S7-1500: OB83 and 'module removed'. CODESYS: the module is shown as missing (assumed).",
     ),
 )

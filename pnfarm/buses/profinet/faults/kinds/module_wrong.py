@@ -30,5 +30,7 @@ KINDS = (
         takes=HELD,
         preset={"missing": False},
         place=80,
+        wire="ModuleDiffBlock with 'wrong module'; an alarm 'plug wrong submodule' on a running connection.",
+        reports="S7-1500: OB83 and 'wrong module'. CODESYS: a mismatch of the configuration (assumed).",
     ),
 )

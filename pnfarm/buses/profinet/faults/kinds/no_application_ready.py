@@ -17,5 +17,7 @@ KINDS = (
         takes=EACH,
         preset={"delay": None},
         place=30,
+        wire="No ApplicationReady request after the parameters' end.",
+        reports="The start-up does not end; the controller's monitoring ends the connection and sets it up again.",
     ),
 )

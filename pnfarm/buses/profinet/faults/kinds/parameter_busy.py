@@ -55,5 +55,7 @@ KINDS = (
         ParameterBusy,
         takes=EACH,
         place=20,
+        wire="Reads of the parameter response are answered with the PNIO status of a state conflict (B5).",
+        reports="Nothing by the bus: the program reads again until its job times out.",
     ),
 )

@@ -25,5 +25,7 @@ KINDS = (
         directions=("out",),
         takes=FRAMES,
         place=10,
+        wire="Data status without the bit ProviderState (0x10): the drive's application is in STOP.",
+        reports="S7-1500: I/O access error for the inputs (assumed). CODESYS: the inputs are not updated (assumed).",
     ),
 )

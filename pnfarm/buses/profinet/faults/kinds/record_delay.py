@@ -43,5 +43,7 @@ KINDS = (
         LATE_PARAMS,
         takes=EACH,
         place=30,
+        wire="Parameter responses are late.",
+        reports="Nothing by the bus: the program's acyclic job takes longer.",
     ),
 )

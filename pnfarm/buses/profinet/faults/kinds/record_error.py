@@ -89,5 +89,7 @@ KINDS = (
         },
         takes=frozenset({"count", "for"}),
         place=10,
+        wire="Read and write responses with the error code in PNIO status.",
+        reports="The program's acyclic job (RDREC, WRREC) ends with the error code in STATUS.",
     ),
 )

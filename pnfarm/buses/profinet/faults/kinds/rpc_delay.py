@@ -47,5 +47,7 @@ KINDS = (
         LATE_PARAMS,
         takes=EACH,
         place=100,
+        wire="UDP datagrams of the drive are late, in order.",
+        reports="A slower start-up; requests are repeated when the delay exceeds the controller's retry time.",
     ),
 )

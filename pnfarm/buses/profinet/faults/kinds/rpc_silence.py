@@ -25,5 +25,7 @@ KINDS = (
         directions=EVERY_DIRECTION,
         takes=EACH,
         place=50,
+        wire="No UDP datagrams of RPC in either direction.",
+        reports="A running connection stays; jobs time out, and a new connection is not made.",
     ),
 )

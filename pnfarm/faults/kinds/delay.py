@@ -1,0 +1,79 @@
+"""delay: frames arrive late."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from pnfarm.faults.frame_words import FRAMES_PARAM
+from pnfarm.faults.kind import EVERY_DIRECTION, FRAMES, InjectionKind, ParamSpec
+from pnfarm.faults.shaped import MOST_NS, ShapedEffect
+from pnfarm.faults.shaping import Shape
+from pnfarm.table.impairment import DELAY
+from pnfarm.vocabulary.problem import Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from pnfarm.faults.given import GivenInjection
+    from pnfarm.wire.direction import Direction
+
+__all__ = ["KINDS"]
+
+
+class Delay(ShapedEffect):
+    """Cyclic frames by the engine, acyclic ones by the gate."""
+
+    cyclic: ClassVar[int | None] = DELAY
+
+    def settings(self, direction: Direction) -> Mapping[str, float]:
+        del direction
+        return {
+            "delay_ns": self.values["delay"],
+            "jitter_ns": self.values["jitter"],
+            "overtakes": self.values["overtake"],
+        }
+
+    def shape(self, seed: int) -> Shape:
+        return Shape(
+            seed, delay_ns=self.values["delay"], jitter_ns=self.values["jitter"], overtakes=self.values["overtake"]
+        )
+
+
+def _check(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+    try:
+        values = spec.values()
+    except Problem:
+        return
+    for name in ("delay", "jitter"):
+        if values[name] > MOST_NS:
+            yield f"params.{name}", Problem("is too long", "a duration of at most 10s")
+    if not values["delay"] and not values["jitter"]:
+        yield "params.delay", Problem("is 0, as the jitter", "a duration above 0 for one of them")
+
+
+KINDS = (
+    InjectionKind(
+        "delay",
+        "frames",
+        "Frames arrive late, by a fixed time and a random one on top.  They keep their order unless "
+        "`overtake` says otherwise; when it ends, those that wait arrive at once.",
+        "a frame that is late",
+        Delay,
+        {
+            "frames": FRAMES_PARAM,
+            "delay": ParamSpec("duration", "Fixed delay, up to 10 s.", default="5ms"),
+            "jitter": ParamSpec("duration", "Random delay on top, up to 10 s.", default="0ms"),
+            "overtake": ParamSpec("yes or no", "Whether a later frame may overtake a delayed one.", default=False),
+        },
+        directions=EVERY_DIRECTION,
+        takes=FRAMES,
+        wire="Frames are later by `delay` to `delay` + `jitter`, each with the cycle counter and the data that it had.",
+        reports=(
+            "A constant delay: only the gap at its begin, which is IO device failure when it is longer than "
+            "the watchdog (S7-1500; CODESYS assumed). Jitter above the watchdog: the same. Overtaken cyclic "
+            "frames are discarded."
+        ),
+        misfits=_check,
+        place=20,
+    ),
+)

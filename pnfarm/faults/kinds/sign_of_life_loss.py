@@ -1,0 +1,23 @@
+"""sign-of-life-loss: shorthand for sign-of-life-freeze."""
+
+from __future__ import annotations
+
+from pnfarm.faults.kind import FRAMES, InjectionKind
+from pnfarm.faults.kinds.sign_of_life_freeze import REPORTS, WIRE, Freeze
+
+__all__ = ["KINDS"]
+
+KINDS = (
+    InjectionKind(
+        "sign-of-life-loss",
+        "liveness",
+        "The sign of life stands: sign-of-life-freeze.",
+        "a cyclic frame whose count stands",
+        Freeze,
+        directions=("out", "in", "both"),
+        takes=FRAMES,
+        wire=WIRE,
+        reports=REPORTS,
+        place=30,
+    ),
+)

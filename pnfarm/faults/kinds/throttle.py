@@ -1,0 +1,101 @@
+"""throttle: the line is slow."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pnfarm.faults.frame_words import FRAMES_PARAM
+from pnfarm.faults.gate import GateRule
+from pnfarm.faults.kind import EVERY_DIRECTION, HELD, InjectionKind, ParamSpec
+from pnfarm.faults.shaped import MOST_NS, ShapedEffect
+from pnfarm.faults.shaping import LINE_OCTETS, Shape
+from pnfarm.table.impairment import THROTTLE
+from pnfarm.vocabulary.problem import Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from pnfarm.faults.gate import Passing
+    from pnfarm.faults.given import GivenInjection
+    from pnfarm.wire.direction import Direction
+
+__all__ = ["KINDS"]
+
+#: Nanoseconds that an octet takes at 1 kbit/s.
+OCTET_NS = 8_000_000.0
+
+
+class SlowLine(GateRule):
+    """Acyclic frames wait until those before them have passed."""
+
+    def __init__(self, *args: Any, octet_ns: float, queue_ns: int, **fields: Any) -> None:
+        super().__init__(*args, **fields)
+        self._octet_ns = octet_ns
+        self._queue_ns = queue_ns
+        self._free_ns: dict[Direction, int] = {"out": 0, "in": 0}
+        self._now = 0
+
+    def chooses(self, direction: Direction, now: int) -> bool:
+        self._now = now
+        return self._free_ns[direction] > now
+
+    def left(self, direction: Direction, frame_class: str, frame: bytes, due: int, *, hit: bool) -> list[Passing]:
+        del hit
+        if not self.acts(direction, frame_class, self._now):
+            return [(due, frame)]
+        starts = max(due, self._free_ns[direction])
+        if starts - due > self._queue_ns:
+            return []
+        self._free_ns[direction] = starts + int((len(frame) + LINE_OCTETS) * self._octet_ns)
+        return [(starts, frame)]
+
+
+class Throttle(ShapedEffect):
+    """Cyclic frames by the engine, acyclic ones by the gate."""
+
+    cyclic: ClassVar[int | None] = THROTTLE
+
+    def settings(self, direction: Direction) -> Mapping[str, float]:
+        del direction
+        return {"octet_ns": OCTET_NS / self.values["rate"], "delay_ns": self.values["queue"]}
+
+    def shape(self, seed: int) -> Shape:
+        return Shape(seed)
+
+    def rule(self, *args: Any, **fields: Any) -> GateRule:
+        rate = OCTET_NS / self.values["rate"]
+        return SlowLine(*args, octet_ns=rate, queue_ns=self.values["queue"], **fields)
+
+
+def _check(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+    try:
+        queue = spec.values()["queue"]
+    except Problem:
+        return
+    if queue > MOST_NS:
+        yield "params.queue", Problem("is too long", "a duration of at most 10s")
+
+
+KINDS = (
+    InjectionKind(
+        "throttle",
+        "frames",
+        "The line is slow: frames wait for those before them, and are lost when they would wait too long.  Cyclic and "
+        "acyclic frames have such a line each.",
+        "a frame that had to wait, or was lost",
+        Throttle,
+        {
+            "frames": FRAMES_PARAM,
+            "rate": ParamSpec(
+                "number", "Of frames with preamble, check and gap.", default=100.0, unit="kbit/s", low=1.0, high=1e6
+            ),
+            "queue": ParamSpec("duration", "Longest wait, up to 10 s.", default="100ms"),
+        },
+        directions=EVERY_DIRECTION,
+        takes=HELD,
+        wire="Frames are no closer than the rate permits; when they are more than that, some are missing.",
+        reports="A drive whose frames need more than the rate: IO device failure (S7-1500; CODESYS assumed).",
+        misfits=_check,
+        place=60,
+    ),
+)

@@ -1,0 +1,36 @@
+"""Effects that delay, repeat or change frames of any class."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.faults.effect import seed_of
+from pnfarm.faults.frame_words import classes_of
+from pnfarm.faults.frames import FramesEffect
+from pnfarm.faults.gate import GateRule
+
+if TYPE_CHECKING:
+    from pnfarm.faults.gate import FrameClasses
+    from pnfarm.faults.shaping import Shape
+
+__all__ = ["MOST_NS", "ShapedEffect"]
+
+#: Longest delay: what waits is kept.
+MOST_NS = 10_000_000_000
+
+
+class ShapedEffect(FramesEffect):
+    """Those of the parameter ``frames``."""
+
+    def acts_on(self) -> tuple[int | None, FrameClasses | None]:
+        cyclic, acyclic = classes_of(self.values["frames"])
+        return self.cyclic if cyclic else None, acyclic
+
+    @abstractmethod
+    def shape(self, seed: int) -> Shape:
+        """What becomes of an acyclic frame."""
+
+    def rule(self, *args: Any, **fields: Any) -> GateRule:
+        # another sequence than that of the choice
+        return GateRule(*args, shape=self.shape(seed_of(self.spec, self.drive.name) + 32), **fields)

@@ -1,0 +1,74 @@
+"""What becomes of an acyclic frame that is hit but not lost; the engine does the same to cyclic ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.station.splitmix import SplitMix64
+from pnfarm.wire.ethernet import ETHERTYPE_VLAN
+
+if TYPE_CHECKING:
+    from pnfarm.wire.direction import Direction
+
+__all__ = ["LINE_OCTETS", "Shape", "corrupted"]
+
+#: Octets that a frame takes on the line beside its own: preamble, FCS, gap.
+LINE_OCTETS = 24
+
+
+class Shape:
+    """``copies`` more of a frame; ``bits`` inverted in it (``whole``: also in the addresses); later by ``delay_ns``
+
+    and up to ``jitter_ns`` more, in order unless one ``overtakes``.  Each direction has its own random sequence.
+    """
+
+    def __init__(
+        self,
+        seed: int,
+        *,
+        copies: int = 0,
+        bits: int = 0,
+        whole: bool = False,
+        delay_ns: int = 0,
+        jitter_ns: int = 0,
+        overtakes: bool = False,
+    ) -> None:
+        self._random: dict[Direction, SplitMix64] = {"out": SplitMix64(seed), "in": SplitMix64(seed + 1)}
+        self._copies = copies
+        self._bits = bits
+        self._whole = whole
+        self._delay_ns = delay_ns
+        self._jitter_ns = jitter_ns
+        self._overtakes = overtakes
+        self._free_ns: dict[Direction, int] = {"out": 0, "in": 0}
+
+    def hit(self, direction: Direction, frame: bytes, due: int) -> list[tuple[int, bytes]]:
+        """(time, octets) of what goes on instead of a frame that would at ``due``."""
+        random = self._random[direction]
+        if self._bits:
+            frame = corrupted(frame, self._bits, random, whole=self._whole)
+        due += self._delay_ns + int(random.uniform() * self._jitter_ns)
+        if self._delay_ns or self._jitter_ns:
+            if not self._overtakes:
+                due = max(due, self._free_ns[direction])
+            self._free_ns[direction] = due
+        return [(due, frame)] * (1 + self._copies)
+
+    def passes(self, direction: Direction, due: int) -> int:
+        """When a frame that is not hit goes on: it waits behind those that are delayed, unless it may overtake."""
+        return due if self._overtakes else max(due, self._free_ns[direction])
+
+
+def corrupted(frame: bytes, bits: int, random: SplitMix64, *, whole: bool) -> bytes:
+    """With so many different bits inverted, one in each of as many equal parts of the frame."""
+    first = 0
+    if not whole:
+        first = 18 if int.from_bytes(frame[12:14], "big") == ETHERTYPE_VLAN else 14
+    part = (len(frame) - first) * 8 // bits
+    if part <= 0:
+        return frame
+    octets = bytearray(frame)
+    for i in range(bits):
+        bit = i * part + random.next_u64() % part
+        octets[first + (bit >> 3)] ^= 0x80 >> (bit & 7)
+    return bytes(octets)
