@@ -172,17 +172,17 @@ def _draw(chart: _Chart, recording: Recording, first: float, last: float, top: i
         yield f'<line {place} stroke="#dc2626" stroke-dasharray="4 3"/>'
     low, high = _bounds(chart.columns)
     if not chart.lanes:
-        for value, y in ((high, top + 10), (low, top + height - 2)):
-            text = chart.columns[0].labels.get(int(value), "") if chart.columns[0].labels else ""
-            shown = html.escape(text or f"{value:.5g}")
+        for bound, y in ((high, top + 10), (low, top + height - 2)):
+            text = chart.columns[0].labels.get(int(bound), "") if chart.columns[0].labels else ""
+            shown = html.escape(text or f"{bound:.5g}")
             yield f'<text x="{_LEFT - 6}" y="{y}" text-anchor="end" fill="#555">{shown}</text>'
         middle, name = top + height // 2, html.escape(chart.title[:14])
         yield f'<text x="{_LEFT - 6}" y="{middle}" text-anchor="end">{name}</text>'
-    for place, column in enumerate(chart.columns):
-        colour = _COLOURS[place % len(_COLOURS)]
+    for number, column in enumerate(chart.columns):
+        colour = _COLOURS[number % len(_COLOURS)]
         title = html.escape(column.title)
         if chart.lanes:
-            base, room = top + _LANE * (place + 1) - 4, _LANE - 8
+            base, room = top + _LANE * (number + 1) - 4, _LANE - 8
             points = _points(recording.time, column.values, x_of, lambda v, b=base, r=room: b - v * r, steps=True)
             name = html.escape(column.title[-14:])
             yield f'<text x="{_LEFT - 6}" y="{base}" text-anchor="end"><title>{title}</title>{name}</text>'
@@ -195,7 +195,7 @@ def _draw(chart: _Chart, recording: Recording, first: float, last: float, top: i
                 lambda v, s=scale: top + height - 4 - (v - low) * s,
                 steps=column.form != "real",
             )
-            at_x, at_y = _LEFT + 290 * (place % 3), top + height + 28 + 14 * (place // 3)
+            at_x, at_y = _LEFT + 290 * (number % 3), top + height + 28 + 14 * (number // 3)
             yield f'<text x="{at_x}" y="{at_y}" fill="{colour}">{title}</text>'
         line = f'fill="none" stroke="{colour}" stroke-width="1.3" points="{points}"'
         yield f"<polyline {line}><title>{title}</title></polyline>"
@@ -227,8 +227,8 @@ def _points(time: NDArray[Any], values: NDArray[Any], x_of: Any, y_of: Any, *, s
         chosen = np.array(sorted(kept))
     points: list[str] = []
     before: float | None = None
-    for place in chosen.tolist():
-        x, y = x_of(float(time[place])), y_of(float(values[place]))
+    for number in chosen.tolist():
+        x, y = x_of(float(time[number])), y_of(float(values[number]))
         if steps and before is not None and before != y:
             points.append(f"{x:.1f},{before:.1f}")
         points.append(f"{x:.1f},{y:.1f}")
