@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.impairments import ImpairmentTable
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.engine.schedule import ChannelTable
+    from pnfarm.faults.addresses import Addresses
     from pnfarm.faults.carrier import Carriers
     from pnfarm.faults.gate import GatedLink
     from pnfarm.faults.kind import InjectionKind
@@ -73,6 +74,7 @@ class InjectionHost:
     impairments: ImpairmentTable
     gate: GatedLink
     carriers: Carriers
+    addresses: Addresses
     settle: Callable[[int], None]
 
 

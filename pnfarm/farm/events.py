@@ -8,6 +8,7 @@ from typing import Any
 from pnfarm.station.events import Event, Level
 
 __all__ = [
+    "AddressNotRestored",
     "ApiListening",
     "CaptureEnded",
     "CaptureFailed",
@@ -118,6 +119,15 @@ class EngineEventsLost(Event):
     TEXT = "engine events lost"
     LEVEL = "warning"
     count: int
+
+
+@dataclass(frozen=True, slots=True)
+class AddressNotRestored(Event):
+    """An injection changed a drive's MAC address and the link refused to restore it; it is tried again."""
+
+    TEXT = "MAC address not restored"
+    LEVEL = "warning"
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from pnfarm.buses.bus import InjectionHost
 from pnfarm.buses.registry import bus, fault_kinds
 from pnfarm.drives import catalogue as drive_catalogue
 from pnfarm.errors import ConfigError
-from pnfarm.farm.events import CarrierNotChanged
+from pnfarm.farm.events import AddressNotRestored, CarrierNotChanged
+from pnfarm.faults.addresses import Addresses
 from pnfarm.faults.carrier import Carriers
 from pnfarm.faults.manager import InjectionManager
 from pnfarm.vocabulary.globs import means
@@ -48,12 +49,16 @@ def make_manager(
     def not_changed(drive: str, reason: str) -> None:
         log.record(clock(), drive, CarrierNotChanged(reason))
 
+    def not_restored(drive: str, reason: str) -> None:
+        log.record(clock(), drive, AddressNotRestored(reason))
+
     carriers = Carriers(gate.inner, not_changed)
+    addresses = Addresses(gate.inner, not_restored)
     drives: dict[str, InjectedDrive] = {}
     for station in stations:
-        host = InjectionHost(columns, impairments, gate, carriers, partial(settle, station))
+        host = InjectionHost(columns, impairments, gate, carriers, addresses, partial(settle, station))
         drives[station.configured_name] = bus(station.model.bus).injected_drive(station.device, host)
-    return InjectionManager(fault_kinds(), drives, gate)
+    return InjectionManager(fault_kinds(), drives, (gate, addresses))
 
 
 def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], now: int) -> None:

@@ -20,7 +20,7 @@ from pnfarm.wire.direction import Direction
 from pnfarm.wire.mac import mac_to_int
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from pnfarm.engine.columns import Columns
     from pnfarm.farm.core import Node
@@ -61,6 +61,7 @@ class VirtualWorld:
         self._addresses: list[tuple[np.ndarray, np.ndarray]] = []
         self._ports: dict[bytes, int] = {}
         self._seen: Seen | None = None
+        self._moves = 0
 
     @property
     def now(self) -> int:
@@ -78,15 +79,20 @@ class VirtualWorld:
         """
         if self._seen is not None and len(self._nodes) > 1:
             raise InternalError("the frames of a virtual world with several controllers cannot be watched")
-        pairs = sorted((mac_to_int(port.mac), port.index) for port in ports)
-        addresses = np.array([mac for mac, _ in pairs], np.int64)
-        indexes = np.array([index for _, index in pairs], np.int32)
-        if not self._nodes:
-            self._ports = {port.mac: port.index for port in ports}
+        first = not self._nodes
         self._nodes.append(node)
         self._tables.append(node.columns)
         self._heads.append(node.columns.engine["event_head"])
-        self._addresses.append((addresses, indexes))
+        self._addresses.append(_sorted((port.mac, port.index) for port in ports))
+        if first:
+            self._ports = {port.mac: port.index for port in ports}
+
+    def _follow_addresses(self) -> None:
+        """A port of the switch has another address: frames to it arrive there."""
+        self._moves = self.switch.moves
+        known = [[(self.switch.mac_of(int(index)), int(index)) for index in indexes] for _, indexes in self._addresses]
+        self._addresses = [_sorted(pairs) for pairs in known]
+        self._ports = dict(known[0]) if known else {}
 
     def watch(self, seen: Seen) -> None:
         """Show each cyclic frame between the two nodes, with the same bytes and times as without; slower."""
@@ -139,6 +145,8 @@ class VirtualWorld:
         """Ticks up to ``target``, or to the first event."""
         if target <= self.now:
             return self.now
+        if self.switch.moves != self._moves:
+            self._follow_addresses()
         if len(self._nodes) == 1:
             return run_alone(self._tables[0], self.now, target)
         if len(self._nodes) > 2:
@@ -196,3 +204,9 @@ class VirtualWorld:
             if not delivered and not due and (flying is None or flying > self.now):
                 return
         raise InternalError("the virtual world does not come to rest: a machine asks to be called again and again")
+
+
+def _sorted(ports: Iterable[tuple[bytes, int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Addresses as numbers, in order, and the ports that have them."""
+    pairs = sorted((mac_to_int(mac), index) for mac, index in ports)
+    return np.array([mac for mac, _ in pairs], np.int64), np.array([index for _, index in pairs], np.int32)

@@ -20,7 +20,7 @@ import secrets
 from collections import Counter, deque
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.errors import ConfigError
 from pnfarm.faults.connection import CONNECTION
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from pnfarm.faults.catalogue import Catalogue
     from pnfarm.faults.connection import Connection
     from pnfarm.faults.effect import Effect
-    from pnfarm.faults.gate import GatedLink
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.faults.plan import InjectionSpec
     from pnfarm.faults.reach import Reach
@@ -88,6 +87,18 @@ TRANSITIONS: Mapping[tuple[RunState, _RunEvent], RunState] = {
     # with a rate, until `times` are over
     (RunState.ACTIVE, _RunEvent.AGAIN): RunState.WAITING,
 }
+
+
+class Timed(Protocol):
+    """What injections left to be done at a time: frames to release, addresses to restore."""
+
+    def next_deadline(self) -> int | None:
+        """When :meth:`handle_timeout` is due."""
+        ...
+
+    def handle_timeout(self, now: int) -> None:
+        """Do what is due."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,13 +209,13 @@ def _evidence_dict(seen: Evidence) -> dict[str, Any]:
 class InjectionManager:
     """See the module's
 
-    docstring. ``catalogue`` has the kinds; ``drives`` are the farm's drives by name; ``gate`` holds frames back.
+    docstring. ``catalogue`` has the kinds; ``drives`` are the farm's drives by name; ``timed`` is called before them.
     """
 
-    def __init__(self, catalogue: Catalogue, drives: Mapping[str, InjectedDrive], gate: GatedLink) -> None:
+    def __init__(self, catalogue: Catalogue, drives: Mapping[str, InjectedDrive], timed: Iterable[Timed]) -> None:
         self.catalogue = catalogue
         self._drives = drives
-        self._gate = gate
+        self._timed = tuple(timed)
         self._injections: dict[str, Injection] = {}
         self._ended: deque[Injection] = deque(maxlen=KEPT)
         self._activations: Counter[tuple[str, str]] = Counter()
@@ -350,7 +361,8 @@ class InjectionManager:
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is due."""
-        return min((due for due in (self._first_due(), self._gate.next_deadline()) if due is not None), default=None)
+        deadlines = (self._first_due(), *(timed.next_deadline() for timed in self._timed))
+        return min((due for due in deadlines if due is not None), default=None)
 
     def _first_due(self) -> int | None:
         """When the next injection is to be checked."""
@@ -360,7 +372,8 @@ class InjectionManager:
 
     def handle_timeout(self, now: int) -> None:
         """Release frames that were held back; check the drives that were touched, and every run that is due."""
-        self._gate.handle_timeout(now)
+        for timed in self._timed:
+            timed.handle_timeout(now)
         dirty, self._dirty = self._dirty, {}
         for name in dirty:
             self.poke(name, now)

@@ -290,8 +290,12 @@ class Interfaces:
             time.sleep(0.002)
 
     def set_mac(self, index: int, mac: bytes) -> None:
-        """Give an own interface another address."""
-        self._set(f"interface {index}", index=index, address=mac_text(mac))
+        """Give an own interface another address; its groups and its state stay."""
+        try:
+            self._route.link("set", index=index, address=mac_text(mac))
+        except NetlinkError as exc:
+            why = "another interface of the same parent has it" if exc.code == errno.EADDRINUSE else _why(exc)
+            raise EnvironmentError_(f"interface {index} cannot have the address {mac_text(mac)}: {why}") from exc
 
     # -- removing
 

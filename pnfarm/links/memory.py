@@ -53,6 +53,8 @@ class MemorySwitch:
         self._by_mac: dict[bytes, list[int]] = {}
         self._next_index = 1
         self._audiences: list[tuple[frozenset[int], Audience]] = []
+        #: How often a port has changed its address.
+        self.moves = 0
         self._under_way: deque[tuple[int, int, bytes]] = deque()
 
     def attach(
@@ -86,6 +88,11 @@ class MemorySwitch:
         self._by_mac[socket.mac].remove(port_index)
         self._by_mac.setdefault(mac, []).append(port_index)
         socket.mac = mac
+        self.moves += 1
+
+    def mac_of(self, port_index: int) -> bytes:
+        """A port's present address."""
+        return self._socket(port_index).mac
 
     def _socket(self, port_index: int) -> _Socket:
         socket = self._sockets.get(port_index)

@@ -7,7 +7,7 @@ import sys
 import pytest
 import toy_kinds
 from fault_line import FaultLine
-from storm import model_for
+from storm import LINES, model_for
 
 from pnfarm.buses.registry import BUSES, bus, fault_kinds
 from pnfarm.errors import ConfigError, InternalError
@@ -31,7 +31,7 @@ def test_a_kind_in_a_file_of_its_own_is_injected_and_taken_back():
     line.connect()
     line.enable()
     catalogue = Catalogue([*fault_kinds().values(), *kinds_in(toy_kinds)])
-    manager = InjectionManager(catalogue, {"axis-01": line.faults.drive("axis-01")}, line.farm.link)
+    manager = InjectionManager(catalogue, {"axis-01": line.faults.drive("axis-01")}, [line.farm.link])
     fields = {"kind": "hiccup", "on": "all", "params": {"pause": "100ms"}, "for": "950ms"}
     injection = manager.inject(fields, line.world.now)
     lost = []
@@ -52,7 +52,7 @@ def test_a_kind_in_a_file_of_its_own_is_injected_and_taken_back():
 
 def test_each_file_of_a_package_of_kinds_is_found_in_the_order_of_its_name():
     found = [kind.name for kind in kinds_in(neutral_kinds)]
-    assert found[:5] == ["undervoltage", "encoder-error", "following-error", "sto", "digital-input"]
+    assert found[:6] == ["undervoltage", "encoder-error", "following-error", "sto", "corrupt", "delay"]
     assert {"loss", "silence", "f702", "power-cycle"} < set(found)
 
 
@@ -93,12 +93,13 @@ def test_an_unknown_bus_is_reported():
 
 def manager_of(drive: InjectedDrive) -> InjectionManager:
     gate = GatedLink(MemoryLink(MemorySwitch(), lambda: 0), lambda: 0)
-    return InjectionManager(fault_kinds(), {drive.name: drive}, gate)
+    return InjectionManager(fault_kinds(), {drive.name: drive}, [gate])
 
 
 @pytest.mark.parametrize("kind", fault_kinds().values(), ids=lambda kind: kind.name)
 def test_a_drive_with_the_parts_that_a_kind_needs_takes_it_and_one_without_any_refuses_it(kind):
-    line = FaultLine(model=model_for(kind), cycle="4ms", limits="lax")
+    model = model_for(kind)
+    line = FaultLine(model=model, limits="lax", **{**LINES[model], "cycle": "4ms"})
     whole = line.faults.drive("axis-01")
     parts = {part: whole.part(part) for part in kind.effect.needs}
     fields = {"kind": kind.name, "on": "all", "params": FIELDS.get(kind.name, {})}
@@ -127,7 +128,7 @@ def test_a_drive_without_a_connection_cannot_count_its_cycles():
 
     kind = InjectionKind("still", "drive", "Nothing.", "nothing", Still, takes=frozenset({"cycles"}))
     gate = GatedLink(MemoryLink(MemorySwitch(), lambda: 0), lambda: 0)
-    manager = InjectionManager(Catalogue([kind]), {"axis-07": drive}, gate)
+    manager = InjectionManager(Catalogue([kind]), {"axis-07": drive}, [gate])
     assert manager.inject({"kind": "still", "on": "all"}, 1).state == "active"
     with pytest.raises(InjectionError, match=r"fault\.cycles: axis-07 has no cyclic connection"):
         manager.inject({"kind": "still", "on": "all", "cycles": 3}, 1)

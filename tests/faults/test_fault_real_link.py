@@ -1,4 +1,4 @@
-"""A cable pulled on a real interface, in a network namespace of the test's own."""
+"""A cable pulled, and a MAC address changed, on real interfaces, in a network namespace of the test's own."""
 
 import asyncio
 import contextlib
@@ -11,12 +11,16 @@ import pytest
 
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import parse_farm
+from pnfarm.faults.adapter import ADAPTER
 from pnfarm.station.event_log import EventLog
+from pnfarm.wire.mac import parse_mac
 
 CLONE_NEWNET = 0x40000000
+MACVLAN = "{kind: macvlan, parent: nic0}"
+OTHER = "02:aa:00:00:00:07"
 FILE = """
 farm: cut
-link: {kind: macvlan, parent: nic0}
+link: LINK
 drives:
   - {name: axis-01, model: akd-profinet, ip: 10.77.0.11/24}
   - {name: axis-02, model: akd-profinet, ip: 10.77.0.12/24}
@@ -25,6 +29,17 @@ drives:
 ARP_REQUEST = bytes.fromhex(
     "ffffffffffff02cc000000010806000108000604000102cc000000010a4d00fa0000000000000a4d000b"
 ) + bytes(18)
+
+
+def address_of(interface: str) -> bytes:
+    shown = subprocess.run(["ip", "-o", "link", "show", interface], check=True, capture_output=True, text=True).stdout
+    return parse_mac(shown.split("link/ether ")[1].split()[0])
+
+
+def occupy(mac: str) -> None:
+    """Make another macvlan of the same parent that is not the farm's."""
+    for words in (f"add link nic0 name other address {mac} type macvlan mode bridge", "set other up"):
+        subprocess.run(["ip", "link", *words.split()], check=True, capture_output=True)
 
 
 @pytest.fixture
@@ -72,7 +87,7 @@ def carrier(name: str) -> bool:
 
 @pytest.mark.asyncio
 async def test_a_pulled_cable_takes_the_interface_down_and_a_plugged_one_brings_it_back(cable, tmp_path):
-    async with Farm(parse_farm(FILE), log=EventLog(quiet=True)) as farm:
+    async with Farm(parse_farm(FILE.replace("LINK", MACVLAN)), log=EventLog(quiet=True)) as farm:
         port, other = (station.port.name for station in farm.core.stations)
         with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(3)) as wire:
             wire.bind(("plc0", 3))
@@ -95,3 +110,48 @@ async def test_a_pulled_cable_takes_the_interface_down_and_a_plugged_one_brings_
             assert await answers(wire)
             assert fault.state == "ended"
             assert fault.evidence().confirmed
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize("link", [MACVLAN, "{kind: veth}", "{kind: tap}"])
+async def test_an_interface_of_the_kernel_gets_the_address_and_its_own_one_back(cable, link):
+    async with Farm(parse_farm(FILE.replace("LINK", link)), log=EventLog(quiet=True)) as farm:
+        station, kind = farm.core.stations[0], farm.link.kind
+        own, name = station.port.mac, station.port.name
+
+        async def has(mac: bytes) -> bool:
+            """Whether the interface and a frame of the drive have this address, within half a second."""
+            for _ in range(50):
+                await asyncio.sleep(0.01)
+                sent = {frame[6:12] for frame in heard}
+                # a TAP's interface is the far end of the drive's cable
+                if sent == {mac} and station.port.mac == mac and (kind == "tap" or address_of(name) == mac):
+                    return True
+            return False
+
+        heard: list[bytes] = []
+        farm.core.link.listen(station.port.index, lambda way, frame, now: way == "out" and heard.append(frame))
+        fault = await farm.drive("axis-01").fault("mac-change", params={"mac": OTHER})
+        heard.clear()
+        assert await has(parse_mac(OTHER))
+        assert fault.evidence().confirmed
+        assert farm.core.stations[1].port.mac != parse_mac(OTHER)
+        farm.clear_injections(fault.id)
+        heard.clear()
+        assert await has(own)
+        assert farm.core.injections.drive("axis-01").part(ADAPTER).in_force() == []
+
+
+@pytest.mark.asyncio
+async def test_an_address_that_the_kernel_refuses_ends_the_fault_with_its_reason_and_the_drive_boots_as_it_was(cable):
+    async with Farm(parse_farm(FILE.replace("LINK", MACVLAN)), log=EventLog(quiet=True)) as farm:
+        station = farm.core.stations[0]
+        own = station.port.mac
+        occupy(OTHER)
+        fault = await farm.drive("axis-01").fault("mac-change", params={"mac": OTHER})
+        for _ in range(50):
+            await asyncio.sleep(0.01)
+            if fault.state == "ended" and station.powered:
+                break
+        assert fault.runs["axis-01"].reason.endswith(f"{OTHER}: another interface of the same parent has it")
+        assert (station.port.mac, address_of(station.port.name)) == (own, own)

@@ -86,6 +86,10 @@ class StationChannels:
         self._channels = channels
         self._impairments = impairments
 
+    def move(self, port: Port) -> None:
+        """The station has another address; no row is open."""
+        self._port = port
+
     @property
     def any_cyclic(self) -> bool:
         """Whether some AR carries IO data."""

@@ -11,6 +11,7 @@ the frames.  :mod:`pump` carries events between the machines.  Here
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 from pnfarm.buses.profinet.device import events as happened
@@ -30,7 +31,7 @@ from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
 from pnfarm.buses.profinet.device.traffic import PortTraffic
 from pnfarm.buses.profinet.device.view import connection_of, losses_in_words, losses_of, view_of
 from pnfarm.buses.profinet.uuids import uuid_source
-from pnfarm.errors import DecodeError
+from pnfarm.errors import DecodeError, InternalError
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
 from pnfarm.protocols.profinet.binding import describe_device
 from pnfarm.protocols.profinet.cmdev import CmDevice
@@ -53,6 +54,7 @@ from pnfarm.station.events import ControllerModeChanged, OutputsChanged
 from pnfarm.table import engine_row
 from pnfarm.table.channel import W_START
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, parse_ethernet
+from pnfarm.wire.mac import mac_to_int
 
 if TYPE_CHECKING:
     from collections import Counter
@@ -282,6 +284,15 @@ class ProfinetDevice:
             self.connections.close(key)
         if self.dcp.signalling:
             self.note(now, happened.SignalEnded())
+
+    def change_mac(self, mac: bytes) -> None:
+        """Have another address from the next power-on, as after a change of the hardware; the supply is off."""
+        if self.powered:
+            raise InternalError(f"{self.configured_name} cannot change its MAC address while it is on")
+        self.port = replace(self.port, mac=mac)
+        self.station.port = self.port
+        self.handle.image.mac = mac_to_int(mac)
+        self.channels.move(self.port)
 
     # -- frames ------------------------------------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from pnfarm.buses.profinet.faults.modules import MODULES, Modules
 from pnfarm.buses.profinet.faults.records import RECORDS, Records
 from pnfarm.buses.profinet.faults.second_station import NEIGHBOUR, Neighbour
 from pnfarm.buses.profinet.faults.set_up import SET_UP, SetUp
+from pnfarm.faults.adapter import ADAPTER, Adapter
 from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
 from pnfarm.faults.servo import SERVO, Servo
@@ -44,6 +45,7 @@ def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDriv
     parts: dict[Part[Any], DrivePart] = {
         SERVO: servo,
         WIRE: wire,
+        ADAPTER: Adapter(name, port, station.port.mac, host.addresses, servo, station.change_mac),
         PROFINET_FRAMES: wire,
         CONNECTION: ProfinetConnection(station, host.columns, keys, host.settle),
         NEIGHBOUR: Neighbour(station),
