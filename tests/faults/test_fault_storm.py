@@ -43,7 +43,10 @@ def test_every_kind_of_injection_is_taken_back_whole(kind: InjectionKind) -> Non
     faults = sorted(fault.number for fault in line.farm.stations[0].model.faults.values())
     rng = Random(kind.name)
     taken = 0
-    for _ in range(9):
+    # random parameters of a kind often exclude each other
+    for _ in range(100):
+        if taken == 6:
+            break
         if not add(line, random_fault(rng, kind, "axis-01", faults)):
             continue
         taken += 1
@@ -51,6 +54,6 @@ def test_every_kind_of_injection_is_taken_back_whole(kind: InjectionKind) -> Non
         if taken % 3 == 0:
             back(line)
             assert left_behind(line) == {}
-    assert taken
+    assert taken == 6
     back(line)
     assert left_behind(line) == {}

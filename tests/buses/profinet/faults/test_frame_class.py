@@ -8,7 +8,9 @@ from pnfarm.buses.profinet.faults.frame_class import (
     ALARM,
     ALARM_ACK,
     ALARM_ERROR,
+    ARP,
     DCP,
+    LLDP,
     OTHER,
     RPC,
     acknowledging_nothing,
@@ -18,6 +20,8 @@ from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
 from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaPdu, RtaType, emit_rta, parse_rta
 
 MACS = bytes.fromhex("020000000001020000000002")
+#: Every class that a frame can have.
+CLASSES = {ALARM, ALARM_ACK, ALARM_ERROR, ARP, DCP, LLDP, OTHER, RPC}
 TAG = bytes.fromhex("8100c000")
 
 
@@ -36,18 +40,19 @@ def datagram(source: int, destination: int, *, protocol: int = 17, fragment: int
         (datagram(161, 50000), OTHER),
         (datagram(0, 0, fragment=185), RPC),
         (datagram(34964, 34964, protocol=1), OTHER),
-        (MACS + bytes.fromhex("0806") + bytes(46), OTHER),
+        (MACS + bytes.fromhex("0806") + bytes(46), ARP),
+        (MACS + bytes.fromhex("88cc") + bytes(46), LLDP),
         (MACS, OTHER),
     ],
 )
-def test_dcp_and_rpc_are_distinguished_from_all_else(frame, known):
+def test_each_frame_has_the_class_of_its_protocol(frame, known):
     assert frame_class(frame) == known
 
 
 @given(st.binary(max_size=80), st.sampled_from([b"", TAG, b"\x88\x92", b"\x08\x00"]))
 def test_any_bytes_are_of_some_class(frame, begin):
-    assert frame_class(frame) in {DCP, RPC, ALARM, ALARM_ACK, ALARM_ERROR, OTHER}
-    assert frame_class(MACS + begin + frame) in {DCP, RPC, ALARM, ALARM_ACK, ALARM_ERROR, OTHER}
+    assert frame_class(frame) in CLASSES
+    assert frame_class(MACS + begin + frame) in CLASSES
     assert frame_class(MACS + b"\x81\x00" + frame[:5]) == OTHER
 
 
