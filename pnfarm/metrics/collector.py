@@ -7,7 +7,6 @@ another thread (:meth:`Scrape.text`).  :class:`FarmCollector` is also a collecto
 from __future__ import annotations
 
 import threading
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -19,7 +18,7 @@ from pnfarm.buses.registry import bus
 from pnfarm.drives.model_parts import fault_label
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
-from pnfarm.metrics.families import Family, Histogram, Values
+from pnfarm.metrics.families import OTHER, Family, Histogram, Room, Values
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, RECONNECT_EDGES_NS, Recovery
 from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS, JITTER_BUCKETS, JITTER_EDGES_NS
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
@@ -47,6 +46,8 @@ SHOWN_INTERVALS_NS = (
 _STARTS = (0, *(INTERVAL_EDGES_NS.index(edge) + 1 for edge in SHOWN_INTERVALS_NS))
 #: A model with more faults than this has the series of each from its first occurrence on.
 MOST_FAULTS = 24
+#: Values of the label ``cause`` (:data:`pnfarm.station.lateness.Cause`).
+CAUSES = ("controller", "farm")
 
 
 def connection_numbers(bus_name: str) -> dict[str, int]:
@@ -81,6 +82,7 @@ class FarmCollector(Collector):
         self._core = core
         self._lock = threading.Lock()
         self._recovery = Recovery(core)
+        self._room = Room()
         self._names = [station.configured_name for station in core.stations]
         self._families()
         #: The process's own metrics (CPU, memory, open files), in addition to the farm's.
@@ -94,13 +96,17 @@ class FarmCollector(Collector):
     # -- families ----------------------------------------------------------------------------------------------------
 
     def _per_drive(self, name: str, kind: str, documentation: str) -> Family:
-        family = Family(f"pnfarm_{name}", kind, documentation, ("drive",))
+        family = Family(f"pnfarm_{name}", kind, documentation, ("drive",), room=self._room)
         for drive in self._names:
             family.add(drive)
         return family
 
+    def _counted(self, name: str, documentation: str, labels: Sequence[str], bounded: str) -> Family:
+        """A counter whose label ``bounded`` may take many values."""
+        return Family(f"pnfarm_{name}", "counter", documentation, labels, room=self._room, bounded=(bounded,))
+
     def _drive_histogram(self, name: str, documentation: str, edges_ns: Sequence[int]) -> Histogram:
-        family = Histogram(f"pnfarm_{name}", documentation, edges_ns, ("drive",))
+        family = Histogram(f"pnfarm_{name}", documentation, edges_ns, ("drive",), room=self._room)
         for drive in self._names:
             family.add(drive)
         return family
@@ -110,7 +116,11 @@ class FarmCollector(Collector):
         self._build = Family("pnfarm_build_info", "gauge", "Version of pnfarm; always 1.", ("version",))
         self._build.add(__version__)
         self._info = Family(
-            "pnfarm_drive_info", "gauge", "Model and bus of a drive, to join on; always 1.", ("drive", "model", "bus")
+            "pnfarm_drive_info",
+            "gauge",
+            "Model and bus of a drive, to join on; always 1.",
+            ("drive", "model", "bus"),
+            room=self._room,
         )
         for station in self._core.stations:
             self._info.add(station.configured_name, station.model.name, station.model.bus)
@@ -138,8 +148,8 @@ class FarmCollector(Collector):
             "sign_of_life_errors_total", "counter", "Frames whose sign of life (STW2) did not follow the last one's."
         )
         self._fault_active = drive("axis_fault_active", "gauge", "Number of the active fault (PNU 947), 0 = none.")
-        self._fault_total = Family(
-            "pnfarm_axis_faults_total", "counter", "Faults of the drive by number (702 = F702).", ("drive", "code")
+        self._fault_total = self._counted(
+            "axis_faults_total", "Faults of the drive by number (702 = F702).", ("drive", "code"), "code"
         )
         buses = dict.fromkeys(station.model.bus for station in self._core.stations)
         self._states = {name: connection_numbers(name) for name in buses}
@@ -147,35 +157,38 @@ class FarmCollector(Collector):
         self._ar_state = drive("ar_state", "gauge", f"State of the connection (CMDEV): 0 none, {states}.")
         self._ar_cycle = drive("ar_cycle_seconds", "gauge", "Cycle of the connection's IO data, 0 without one.")
         self._connects = drive("ar_connects_total", "counter", "Connections that reached DATA.")
-        self._aborts = Family(
-            "pnfarm_ar_aborts_total",
-            "counter",
+        self._aborts = self._counted(
+            "ar_aborts_total",
             "Connections that were aborted, by reason; cause farm: while the farm itself was late.",
             ("drive", "reason", "cause"),
+            "reason",
         )
         self._received = drive("frames_received_total", "counter", "Valid cyclic frames (RT_CLASS_1) received.")
         self._sent = drive("frames_sent_total", "counter", "Cyclic frames (RT_CLASS_1) sent.")
-        self._discarded = Family(
-            "pnfarm_frames_discarded_total", "counter", "Frames and PDUs that the drive dropped.", ("drive", "reason")
+        self._discarded = self._counted(
+            "frames_discarded_total", "Frames and PDUs that the drive dropped.", ("drive", "reason"), "reason"
         )
         for station in self._core.stations:
             name = station.configured_name
             faults = [fault for fault in station.model.faults.values() if not fault.warning]
             for fault in faults if len(faults) <= MOST_FAULTS else ():
                 self._fault_total.add(name, str(fault.number))
-            for reason in bus(station.model.bus).usual_losses:
-                self._aborts.add(name, reason, "controller")
-            for slug in DISCARDS:
+            self._fault_total.add(name, OTHER)
+            for cause in CAUSES:
+                for reason in (*bus(station.model.bus).usual_losses, OTHER):
+                    self._aborts.add(name, reason, cause)
+            for slug in (*DISCARDS, OTHER):
                 self._discarded.add(name, slug)
         self._watchdog = Family(
             "pnfarm_watchdog_expirations_total",
             "counter",
             "Data hold timer (watchdog) ran out; cause farm: while the farm itself was later than its budget.",
             ("drive", "cause"),
+            room=self._room,
         )
         for name in self._names:
-            self._watchdog.add(name, "controller")
-            self._watchdog.add(name, "farm")
+            for cause in CAUSES:
+                self._watchdog.add(name, cause)
         self._interval = self._drive_histogram(
             "controller_frame_interval_seconds",
             "Time between two valid frames of the controller: how regular it is.",
@@ -207,6 +220,8 @@ class FarmCollector(Collector):
             "Time from a fault to the controller's withdrawal of the enable (STW1), by fault and by what was injected.",
             REACTION_EDGES_NS,
             ("drive", "code", "kind"),
+            room=self._room,
+            bounded=("code", "kind"),
         )
         self._reconnect = self._drive_histogram(
             "controller_reconnect_seconds",
@@ -223,11 +238,15 @@ class FarmCollector(Collector):
         self._faults_active = Family(
             "pnfarm_faults_active", "gauge", "Drives on which a fault of this kind is in force.", ("kind",)
         )
-        self._activations = Family(
-            "pnfarm_fault_activations_total", "counter", "Times that an injected fault acted.", ("kind", "drive")
+        self._drive_faults_active = drive("drive_faults_active", "gauge", "Injected faults in force on the drive.")
+        self._activations = self._counted(
+            "fault_activations_total", "Times that an injected fault acted.", ("kind", "drive"), "kind"
         )
         for kind in self._core.injections.kinds:
             self._faults_active.add(kind)
+        for name in self._names:
+            self._reaction.add(name, OTHER, OTHER)
+            self._activations.add(OTHER, name)
 
     # -- current values --------------------------------------------------------------------------------------------
 
@@ -263,6 +282,7 @@ class FarmCollector(Collector):
         active: Counts = {(kind,): number for kind, number in core.injections.active().items()}
         activations: Counts = dict(core.injections.activations().items())
         parts.append((self._faults_active, self._labelled(self._faults_active, active)))
+        parts.append((self._drive_faults_active, core.columns.image["injected"][:count].tolist()))
         parts.append((self._activations, self._labelled(self._activations, activations)))
         return Scrape(parts, self._lock)
 
@@ -276,23 +296,24 @@ class FarmCollector(Collector):
 
     @staticmethod
     def _labelled(family: Family, counts: Counts) -> list[float]:
-        """Counts in the order of the family's series; a series that is new is made."""
-        places = [(family.add(*labels), number) for labels, number in counts.items()]
+        """Counts in the order of the family's series; a series that is new is made while there is room for it."""
+        places = [(family.place(*labels), number) for labels, number in counts.items()]
         values: list[float] = [0] * len(family)
         for place, number in places:
-            values[place] = number
+            values[place] += number
         return values
 
     def _reactions(self) -> tuple[Family, Values]:
-        """Histograms by fault; one that is new is made."""
-        found = sorted(
-            ((self._reaction.add(*labels), reaction) for labels, reaction in self._recovery.reactions.items()),
-            key=itemgetter(0),
-        )
-        counts = np.array([reaction.counts for _, reaction in found], np.int64)
-        sums = np.array([reaction.sum_ns for _, reaction in found], np.int64)
-        shape = (len(found), len(REACTION_EDGES_NS) + 1)
-        return self._reaction, self._reaction.values(counts.reshape(shape), sums)
+        """Histograms by fault; one that is new is made while there is room for it."""
+        family = self._reaction
+        places = [(family.place(*labels), reaction) for labels, reaction in self._recovery.reactions.items()]
+        series = len(family) // family.samples
+        counts = np.zeros((series, len(REACTION_EDGES_NS) + 1), np.int64)
+        sums = np.zeros(series, np.int64)
+        for place, reaction in places:
+            counts[place] += reaction.counts
+            sums[place] += reaction.sum_ns
+        return family, family.values(counts, sums)
 
     def _fault_counts(self) -> Counts:
         return {

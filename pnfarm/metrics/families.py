@@ -7,13 +7,14 @@ on; so a family keeps the text around its values and fills in the values only (P
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
 from prometheus_client.metrics_core import Metric
 from prometheus_client.samples import Sample
 
-__all__ = ["CONTENT_TYPE", "Family", "Histogram", "Values", "escape"]
+__all__ = ["CONTENT_TYPE", "MOST_SERIES", "OTHER", "Family", "Histogram", "Room", "Values", "escape"]
 
 #: Of the text format.
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
@@ -27,11 +28,52 @@ def escape(value: str) -> str:
     return value.replace("\\", "\\\\").replace("\n", "\\n").replace('"', '\\"')
 
 
-class Family:
-    """A gauge or a counter (by ``kind``) with ``labels``; series are added and never taken away."""
+#: Series that one drive has at most, over all families.
+MOST_SERIES = 199
+#: Value of a bounded label when a drive has no room for another series.
+OTHER = "other"
 
-    def __init__(self, name: str, kind: str, documentation: str, labels: Sequence[str] = ()) -> None:
+
+class Room:
+    """How many series each drive has, so that what users and controllers do cannot make ever more of them."""
+
+    def __init__(self, most: int = MOST_SERIES) -> None:
+        self._most = most
+        self._used: Counter[str] = Counter()
+
+    def take(self, drive: str, series: int) -> None:
+        """A drive got so many more."""
+        self._used[drive] += series
+
+    def left(self, drive: str) -> int:
+        """Series that the drive may still get."""
+        return self._most - self._used[drive]
+
+
+class Family:
+    """A gauge or a counter (by ``kind``) with ``labels``; series are added and never taken away.
+
+    In a ``room`` the series of a drive count, and :meth:`place` makes no more than fit.  The values of the labels in
+    ``bounded`` are then :data:`OTHER`; those series exist from the start.
+    """
+
+    #: Series that one set of labels makes.
+    samples = 1
+
+    def __init__(
+        self,
+        name: str,
+        kind: str,
+        documentation: str,
+        labels: Sequence[str] = (),
+        *,
+        room: Room | None = None,
+        bounded: Sequence[str] = (),
+    ) -> None:
         self.name = name
+        self._room = room if "drive" in labels else None
+        self._drive = list(labels).index("drive") if "drive" in labels else 0
+        self._bounded = [label in bounded for label in labels]
         self.kind = kind
         self.documentation = documentation
         self.labels = tuple(labels)
@@ -55,7 +97,16 @@ class Family:
             index = self._index[labels] = len(self._index)
             self._add_samples(dict(zip(self.labels, labels, strict=True)))
             self._last = None
+            if self._room is not None:
+                self._room.take(labels[self._drive], self.samples)
         return index
+
+    def place(self, *labels: str) -> int:
+        """The index of the series that counts these label values: their own while the drive has room for it."""
+        index = self._index.get(labels)
+        if index is None and self._room is not None and self._room.left(labels[self._drive]) < self.samples:
+            labels = tuple(OTHER if bounded else label for label, bounded in zip(labels, self._bounded, strict=True))
+        return self.add(*labels) if index is None else index
 
     def _add_samples(self, labels: dict[str, str]) -> None:
         self._add_sample(self.name, labels)
@@ -90,9 +141,20 @@ class Family:
 class Histogram(Family):
     """A histogram whose bucket bounds are ``edges_ns``; on the way out all is seconds."""
 
-    def __init__(self, name: str, documentation: str, edges_ns: Sequence[int], labels: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        name: str,
+        documentation: str,
+        edges_ns: Sequence[int],
+        labels: Sequence[str] = (),
+        *,
+        room: Room | None = None,
+        bounded: Sequence[str] = (),
+    ) -> None:
         self.edges_ns = tuple(edges_ns)
-        super().__init__(name, "histogram", documentation, labels)
+        # each bound, infinity, sum and count
+        self.samples = len(self.edges_ns) + 3
+        super().__init__(name, "histogram", documentation, labels, room=room, bounded=bounded)
 
     def _add_samples(self, labels: dict[str, str]) -> None:
         for edge in self.edges_ns:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pnfarm.metrics.families import OTHER
 from pnfarm.station.events import (
     ConnectionEstablished,
     ConnectionLost,
@@ -47,7 +48,6 @@ RECONNECT_EDGES_NS = (
 )  # fmt: skip
 #: Histograms of reactions that one drive may have, by fault and injected kind; further ones are counted as OTHER.
 MOST_REACTIONS = 3
-OTHER = "other"
 
 #: State S4, operation.
 OPERATION = 4
