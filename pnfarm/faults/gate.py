@@ -210,14 +210,22 @@ class GatedLink:
         self._rules[port] = [*self._rules.get(port, ()), rule]
 
     def remove(self, port: int, rule: GateRule) -> None:
-        """Remove a rule; what it holds goes on at once."""
+        """Remove a rule; what it holds goes on at once.
+
+        A frame to the drive goes on with the next :meth:`handle_timeout`, which is due now: its effects may end
+        injections, and the caller is just ending one.
+        """
         remaining = [other for other in self._rules.get(port, ()) if other is not rule]
         if remaining:
             self._rules[port] = remaining
         else:
             self._rules.pop(port, None)
-        for entry in self._take(lambda entry: entry[2] == port and entry[5] is rule):
-            self._go_on(entry[2], entry[3], entry[4], self._clock())
+        now = self._clock()
+        for _, _, _, direction, frame, _ in self._take(lambda entry: entry[2] == port and entry[5] is rule):
+            if direction == "in":
+                self._wait(now, port, direction, frame, rule)
+            else:
+                self._go_on(port, direction, frame, now)
 
     def _passed(self, port: int, direction: Direction, frame: bytes, now: int) -> list[bytes]:
         """What goes on now of a frame and its copies after all rules; the rest waits."""

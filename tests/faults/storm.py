@@ -19,8 +19,9 @@ from pnfarm.table.program import RUNNING
 _LOADS = {"torque": (-1.0, 1.0), "inertia": (0.0, 1e-4), "friction": (0.0, 2.0)}
 #: Fields of the axis that faults write.
 _OF_FAULTS = tuple(key for key, field in AXIS.fields.items() if field.writer == "fault")
-#: A reset ends the faults; the connections come back by themselves, phase by phase of their start-up.
-BACK_SECONDS = 15.0
+#: A reset ends the faults; the connections come back by themselves, phase by phase of their start-up.  A drive whose
+#: address was contested probes it again after up to 13 s.
+BACK_SECONDS = 20.0
 #: Then the axis programs acknowledge what the faults left, a buffer of eight at a time.
 RUNNING_SECONDS = 15.0
 #: How each model's line is run.

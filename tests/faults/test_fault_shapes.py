@@ -15,6 +15,7 @@ from pnfarm.engine.impair import chosen
 from pnfarm.engine.impairments import threshold
 from pnfarm.errors import ConfigError
 from pnfarm.faults.choice import BURST, Chooser, choice_of
+from pnfarm.faults.events import InjectionEnded
 from pnfarm.faults.shaping import corrupted
 from pnfarm.station.splitmix import SplitMix64
 from pnfarm.table.channel import DISCARD_COUNTER
@@ -329,3 +330,16 @@ def test_parameters_that_make_no_sense_are_reported(kind, params, told):
     with pytest.raises(ConfigError) as caught:
         fault_kinds().parse({"kind": kind, "on": "all", "params": params})
     assert told in str(caught.value)
+
+
+def test_fault_that_holds_a_frame_to_the_drive_ends_once_and_the_frame_goes_on():
+    line = watched()
+    fault = line.add("delay", direction="in", params={"delay": "10s", "frames": "rpc"}, for_="1s")
+    # the controller asks for a connection again, and what the drive does about it looks at the drive's faults
+    line.add("ar-abort")
+    assert line.until(lambda: line.farm.link.next_deadline() is not None, 0.9)
+    assert line.until(lambda: fault.state == "ended", 2.0)
+    line.connect(10.0)
+    ended = [entry.what for entry in line.log.entries() if isinstance(entry.what, InjectionEnded)]
+    assert [what.id for what in ended].count(fault.id) == 1
+    assert line.rows_free()
