@@ -160,3 +160,10 @@ def test_what_is_in_force_applies_to_a_drive_that_booted():
     drive.refresh(2)
     drive.refresh(3)
     assert told == [("refresh", 1), ("rebooted", 2), ("refresh", 2), ("refresh", 3)]
+
+
+@pytest.mark.parametrize("kind", fault_kinds().values(), ids=lambda kind: kind.name)
+def test_every_kind_says_what_a_capture_shows_and_what_controllers_report(kind):
+    assert kind.doc.endswith(".")
+    assert kind.wire.endswith(".")
+    assert kind.reports.rstrip(")").endswith(".")

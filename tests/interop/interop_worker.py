@@ -124,6 +124,20 @@ class FarmWorker:
     def do_fault(self, name, number):
         return self.station(name).raise_fault(number, hold=False)
 
+    def do_inject(self, **fields):
+        """An injection by its fields; the time before it, as in a capture."""
+        before = time.time()
+        self.farm.inject(fields)
+        return before
+
+    def do_injections(self):
+        return [injection.as_dict() for injection in self.farm.injections.list()]
+
+    def do_clear(self):
+        """End every injection; the time after it, as in a capture."""
+        self.farm.clear_injections()
+        return time.time()
+
     def do_abort(self, name, reason):
         station, now = self.station(name), time.monotonic_ns()
         station.device.cm.abort_all(reason, now)

@@ -48,6 +48,9 @@ KINDS = (
         takes=HELD,
         place=90,
         wire="Current and velocity change as far as the telegram has them.",
-        reports="Nothing by the bus.",
+        reports=(
+            "Nothing by the bus. A positioning axis that watches its following error may stop (S7-1500: technology "
+            "alarm 521)."
+        ),
     ),
 )

@@ -18,5 +18,10 @@ KINDS = (
         {"mac": MAC},
         takes=frozenset({"for"}),
         place=70,
+        wire="Two answers with one station name to a DCP Identify, from two MAC addresses.",
+        reports=(
+            "A connection that stands goes on. A search finds the name twice, and the controller does not connect: "
+            "the device stays failed, with a duplicate name in the diagnosis (S7-1500, CODESYS: assumed)."
+        ),
     ),
 )

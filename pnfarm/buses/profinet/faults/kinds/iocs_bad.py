@@ -29,8 +29,8 @@ KINDS = (
         takes=FRAMES,
         wire="Every IOCS in the drive's frames is 0x40 (BAD by the device) instead of 0x80.",
         reports=(
-            "The connection stays. S7-1500: an access error for the outputs' I/O, no diagnostic interrupt "
-            "(assumed). CODESYS: the module's outputs are marked as not consumed (assumed)."
+            "The connection stays. S7-1500: an access error at the outputs, no diagnostic interrupt (assumed). "
+            "CODESYS: `xDataValid` of the controller falls, the output CS of the module is BAD."
         ),
         place=35,
     ),

@@ -44,10 +44,13 @@ KINDS = (
         directions=("out",),
         takes=FRAMES,
         place=30,
-        wire="Every IOPS of the drive is 0x40 (BAD) instead of 0x80; at the end an alarm 'return of submodule'.",
+        wire=(
+            "The IOPS of each submodule with input data is 0x40 (BAD by the device) instead of 0x80; submodules "
+            "without data keep theirs. At the end an alarm 'return of submodule'."
+        ),
         reports=(
-            "S7-1500: I/O access error, the inputs read 0; the return calls OB83. CODESYS: the inputs are marked "
-            "as bad (assumed)."
+            "S7-1500: I/O access error (OB122 at direct access), the inputs read 0; the return calls OB83. CODESYS: "
+            "`xDataValid` of the controller falls, the input PS of the module is BAD."
         ),
     ),
 )
