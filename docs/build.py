@@ -29,6 +29,7 @@ from pnfarm.firmware.profidrive import sensor_interface
 from pnfarm.protocols.ip import claim
 from pnfarm.protocols.profinet import alarm_states, cmctl_rounds, cmctl_states, cmdev_plug, cmdev_states
 from pnfarm.table.channel import CPM, PPM
+from pnfarm.table.condition import CONDITION, CONDITION_OP
 from pnfarm.table.engine_row import ENGINE, EVENT
 from pnfarm.table.held import HELD
 from pnfarm.table.image import IMAGE
@@ -50,7 +51,7 @@ def table() -> str:
         "One party writes each field; everybody may read. Writers: " + ", ".join(f"`{w}`" for w in WRITERS) + ".",
         "",
     ]
-    for layout in (AXIS, IMAGE, PROGRAM, PPM, CPM, IMPAIRMENT, HELD, ENGINE, EVENT, TRACE, PROBE):
+    for layout in (AXIS, IMAGE, PROGRAM, PPM, CPM, IMPAIRMENT, HELD, ENGINE, EVENT, TRACE, PROBE, CONDITION, CONDITION_OP):
         lines += [f"A row of `{layout.name}` has {layout.dtype.itemsize} octets.", "", layout.markdown()]
     return "\n".join(lines)
 

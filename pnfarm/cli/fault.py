@@ -58,6 +58,10 @@ def add(
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the random choices, to repeat a run.")] = None,
     direction: Annotated[str | None, typer.Option(help="in, out or both, seen from the drive.")] = None,
+    when: Annotated[
+        str | None,
+        typer.Option(metavar="CONDITION", help="Begin once this holds on the drive, such as 'velocity > 1000'."),
+    ] = None,
     after_cycles: Annotated[int | None, typer.Option(help="Begin after this many healthy cycles.")] = None,
     after: Annotated[str | None, typer.Option(metavar="TIME", help="Begin after this time, such as 1s.")] = None,
     share: Annotated[
@@ -97,6 +101,7 @@ def add(
         "probability": probability,
         "seed": seed,
         "direction": direction,
+        "when": when,
         "after_cycles": after_cycles,
         "after": after,
         "share": share,
@@ -144,12 +149,12 @@ def show(
     if not found["faults"]:
         print_line("no fault is pending or active")
         return
-    columns = ("ID", "KIND", "STATE", ">CHECKS", ">ACTIVATIONS", "CONFIRMED", "~DRIVES")
+    columns = ("ID", "KIND", "~STATE", ">CHECKS", ">ACTIVATIONS", "CONFIRMED", "~DRIVES")
     rows = [
         (
             fault["id"],
             fault["kind"],
-            fault["state"],
+            _state(fault),
             fault["evidence"]["checks"],
             fault["evidence"]["activations"],
             _confirmation(fault["evidence"]),
@@ -182,6 +187,12 @@ def clear(
     print_line(f"cleared {_shortened(cleared)}" if cleared else "no fault was active")
     for fault in found.get("faults", []):
         print_line(f"  {fault['id']}: {fault['kind']} on {_shortened(list(fault['drives']))}")
+
+
+def _state(fault: dict[str, Any]) -> str:
+    """The state, of one that waits also for what."""
+    waits = {run.get("waits_for") or "" for run in fault["drives"].values()} - {""}
+    return f"{fault['state']} for {', '.join(sorted(waits))}" if fault["state"] == "waiting" and waits else fault["state"]
 
 
 def _confirmation(evidence: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ from pydantic import Field, PlainValidator, ValidationInfo, WithJsonSchema
 
 from pnfarm.config.section import Section
 from pnfarm.config.values import Duration, Globs, Scalar
+from pnfarm.vocabulary.conditions import CONDITION_SCHEMA, read_condition
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.wire.direction import Directions
@@ -35,6 +36,9 @@ FaultKind = Annotated[
 ]
 
 
+Condition = Annotated[str, PlainValidator(read_condition), WithJsonSchema(CONDITION_SCHEMA)]
+
+
 class Impairment(Section):
     """A fault that is active from the start; the kinds are those of `pnfarm fault kinds`."""
 
@@ -46,6 +50,7 @@ class Impairment(Section):
         default=None, ge=0, le=(1 << 64) - 1, description="Seed of the random choices, to repeat a run."
     )
     direction: Directions | None = Field(default=None, description="Direction, seen from the drive.")
+    when: Condition | None = Field(default=None, description="Begin once this holds on the drive.")
     after_cycles: int | None = Field(default=None, ge=0, description="Begin after this many healthy cycles.")
     after_ns: Duration | None = Field(default=None, alias="after", description="Begin after this time.")
     count: int | None = Field(default=None, ge=1, description="End after this many occurrences.")

@@ -10,6 +10,7 @@ from pnfarm.firmware.axis import AXIS
 from pnfarm.table.by_address import link
 from pnfarm.table.channel import CPM, FRAME_SLOT, PPM
 from pnfarm.table.compiled import compiled
+from pnfarm.table.condition import CONDITION, CONDITION_OP, MAX_CONDITIONS, MAX_OPERATIONS
 from pnfarm.table.engine_row import ENGINE, EVENT, EVENTS
 from pnfarm.table.held import HELD
 from pnfarm.table.image import IMAGE
@@ -46,7 +47,8 @@ class Columns(NamedTuple):
     ``rx_ns``       (RX_BATCH,)                 their arrival, ns
     ``tx_row``      (providers * 2 + held / 2,) rows of ``frames`` to send, in order
     ``trace_ring``  (RING_VALUES,)              samples of the traces, float64
-    ``axis_reals``  (axes * words of a row,)    the memory of ``axis`` as float64, for traces
+    ``axis_reals``  (axes * words of a row,)    the memory of ``axis`` as float64, for traces and
+                                                conditions
     ``axis_words``  (axes * words of a row,)    the same as int64
     ``image_words`` (stations * words,)         the memory of ``image`` as int64
     ==============  ==========================  ======================================================
@@ -77,6 +79,8 @@ class Columns(NamedTuple):
     axis_reals: Any
     axis_words: Any
     image_words: Any
+    condition: Any
+    condition_op: Any
 
 
 def allocate(
@@ -85,7 +89,8 @@ def allocate(
     """A zeroed table.
 
     ``stations`` process images, ``axes`` drives and ``programs`` (both index images), ``channels``
-    providers and as many consumers, ``impairments`` rows for faults, with ``traces`` the room for these.
+    providers and as many consumers, ``impairments`` rows for faults, with ``traces`` the room for these
+    and for conditions of injections.
     Compiles what takes a table, if it is not cached.
     """
     link()
@@ -121,6 +126,8 @@ def allocate(
         axis_reals=axis.view(np.ndarray).view(np.float64),
         axis_words=axis.view(np.ndarray).view(np.int64),
         image_words=image.view(np.ndarray).view(np.int64),
+        condition=CONDITION.allocate(MAX_CONDITIONS if traces else 1),
+        condition_op=CONDITION_OP.allocate(MAX_OPERATIONS if traces else 1),
     )
     engine = columns.engine[0]
     engine.axis_rows = axes

@@ -10,6 +10,7 @@ from typing import Any
 
 from pnfarm.engine import framing
 from pnfarm.engine.columns import Columns, lookup_find
+from pnfarm.engine.conditions import watch_conditions
 from pnfarm.engine.held import forget, release_all, take_first
 from pnfarm.engine.impair import GOES_ON, HELD, IS_LOST, WAS_CHANGED, impair_received, impair_sent
 from pnfarm.engine.intervals import measure_interval
@@ -515,6 +516,16 @@ def tick(columns: Columns, count: int, now: int) -> int:
             columns.axis_reals,
             columns.axis_words,
             columns.image_words,
+            now,
+        )
+    if engine.condition_rows != 0:
+        watch_conditions(
+            engine,
+            columns.events,
+            columns.condition,
+            columns.condition_op,
+            columns.axis_reals,
+            columns.axis_words,
             now,
         )
     engine.now_ns = now

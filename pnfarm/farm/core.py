@@ -216,6 +216,8 @@ class FarmCore:
         for frame in frames:
             self.link.send(station.port.index, frame)
         self._deadlines.set(station.index, station.next_deadline())
+        # a connection, a parameter: an injection may wait for it
+        self.injections.touch(station.configured_name)
 
     def service(self, now: int) -> None:
         self._drain(now)
@@ -267,6 +269,9 @@ class FarmCore:
             return station if station.device.channel_event(kind, row, when, value, now) else None
         if kind == engine_row.TRACE_TRIGGERED:
             self.traces.triggered(row, when)
+            return None
+        if kind == engine_row.CONDITION_HELD:
+            self.injections.condition_held(row, value, when)
             return None
         if kind == engine_row.TRACE_ENDED:
             self.traces.ended(row, when)

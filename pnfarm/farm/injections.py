@@ -13,6 +13,7 @@ from pnfarm.farm.events import AddressNotRestored, CarrierNotChanged
 from pnfarm.faults.addresses import Addresses
 from pnfarm.faults.carrier import Carriers
 from pnfarm.faults.manager import InjectionManager
+from pnfarm.faults.when import Conditions
 from pnfarm.vocabulary.globs import means
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def make_manager(
     for station in stations:
         host = InjectionHost(columns, impairments, gate, carriers, addresses, partial(settle, station))
         drives[station.configured_name] = bus(station.model.bus).injected_drive(station.device, host)
-    return InjectionManager(fault_kinds(), drives, (gate, addresses))
+    return InjectionManager(fault_kinds(), drives, (gate, addresses), Conditions(stations, columns))
 
 
 def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], now: int) -> None:
@@ -100,6 +101,7 @@ def _plain(impairment: Impairment, names: list[str]) -> dict[str, Any]:
         "probability": impairment.probability,
         "seed": impairment.seed,
         "direction": impairment.direction,
+        "when": impairment.when,
         "after_cycles": impairment.after_cycles,
         "after": _duration(impairment.after_ns),
         "count": impairment.count,

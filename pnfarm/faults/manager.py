@@ -2,91 +2,41 @@
 
 One :class:`InjectionManager` serves a farm.  It knows no clock: the farm's runtime passes the time and calls
 :meth:`~InjectionManager.handle_timeout` at :meth:`~InjectionManager.next_deadline`.  An injection on several
-drives runs on each of them independently, through the states of :data:`TRANSITIONS`:
-
-========  ====================================================================================
-WAITING   for its start: a time, healthy cycles, a connection whose cycles are to be counted
-ACTIVE    in force
-ENDED     everything is as it was; the evidence stays
-========  ====================================================================================
+drives runs on each of them independently, through the states of :mod:`pnfarm.faults.run_states`.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import heapq
-import math
-import secrets
 from collections import Counter, deque
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.errors import ConfigError
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.effect import Window, seed_of
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.events import InjectionBegan, InjectionEnded
 from pnfarm.faults.evidence import NOTHING, Evidence
+from pnfarm.faults.injection import DriveRun, Injection
 from pnfarm.faults.reach import check_parts, chosen, reach_of
-from pnfarm.station.splitmix import SplitMix64
+from pnfarm.faults.run_states import TRANSITIONS, RunEvent, RunState
+from pnfarm.faults.start import again, cycles_of, first_random, pause_of, seeded, wait_until, window_of
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from pnfarm.faults.catalogue import Catalogue
-    from pnfarm.faults.connection import Connection
-    from pnfarm.faults.effect import Effect
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.faults.plan import InjectionSpec
     from pnfarm.faults.reach import Reach
+    from pnfarm.faults.when import Conditions
 
-__all__ = [
-    "DriveRun",
-    "Injection",
-    "InjectionManager",
-    "RunState",
-]
+__all__ = ["MOST_INJECTIONS", "DriveRun", "Injection", "InjectionManager", "RunState"]
 
 #: Number of ended injections whose evidence is kept.
 KEPT = 1024
-#: Longest interval between two checks of an injection that waits for a connection or for healthy cycles.
-WAIT_NS = 50_000_000
-
-
-class RunState(StrEnum):
-    """State of an injection on one drive."""
-
-    WAITING = "waiting"
-    ACTIVE = "active"
-    ENDED = "ended"
-
-
-class _RunEvent(StrEnum):
-    DUE = "due"
-    FINISHED = "count"
-    EXPIRED = "time"
-    CLEARED = "cleared"
-    LAPSED = "ttl"
-    AGAIN = "again"
-    FAILED = "failed"
-
-
-#: (state, what happened) -> state.  Other transitions do not occur.
-TRANSITIONS: Mapping[tuple[RunState, _RunEvent], RunState] = {
-    (RunState.WAITING, _RunEvent.DUE): RunState.ACTIVE,
-    (RunState.WAITING, _RunEvent.CLEARED): RunState.ENDED,
-    (RunState.WAITING, _RunEvent.FAILED): RunState.ENDED,
-    (RunState.ACTIVE, _RunEvent.FAILED): RunState.ENDED,
-    (RunState.ACTIVE, _RunEvent.FINISHED): RunState.ENDED,
-    (RunState.ACTIVE, _RunEvent.EXPIRED): RunState.ENDED,
-    (RunState.ACTIVE, _RunEvent.CLEARED): RunState.ENDED,
-    (RunState.WAITING, _RunEvent.LAPSED): RunState.ENDED,
-    (RunState.ACTIVE, _RunEvent.LAPSED): RunState.ENDED,
-    # with a rate, until `times` are over
-    (RunState.ACTIVE, _RunEvent.AGAIN): RunState.WAITING,
-}
+#: Injections that wait or are in force at once.
+MOST_INJECTIONS = 4096
 
 
 class Timed(Protocol):
@@ -110,110 +60,22 @@ class Happened:
     event: InjectionBegan | InjectionEnded
 
 
-@dataclass(slots=True, eq=False)
-class DriveRun:
-    """An injection on one drive.  ``stop_ns`` 0 while no end in time is known."""
-
-    drive: str
-    injected: InjectedDrive
-    effect: Effect
-    not_before: int
-    cycles_before: int
-    state: RunState = RunState.WAITING
-    started_ns: int | None = None
-    ended_ns: int | None = None
-    stop_ns: int = 0
-    reason: str = ""
-    key: int = 0
-    #: With a rate: evidence of the occurrences before the present one, how often it began, when it begins next.
-    done: Evidence = NOTHING
-    starts: int = 0
-    random: SplitMix64 | None = None
-
-    def evidence(self) -> Evidence:
-        return self.done if self.state is RunState.WAITING else self.done + self.effect.evidence()
-
-
-@dataclass(slots=True, eq=False)
-class Injection:
-    """One injection as requested, with a run for each of its drives."""
-
-    id: str
-    spec: InjectionSpec
-    added_ns: int
-    runs: dict[str, DriveRun] = field(default_factory=dict)
-    #: Runs that have ended; counted, because each frame of a drive asks whether its injections are over.
-    over: int = 0
-    #: When its time to live ends, 0: it has none.
-    expires_ns: int = 0
-
-    @property
-    def drives(self) -> tuple[str, ...]:
-        """Names of the drives that it is on."""
-        return tuple(self.runs)
-
-    @property
-    def state(self) -> RunState:
-        """Active while it is on any drive, ended once it is on all."""
-        states = {run.state for run in self.runs.values()}
-        return next(state for state in (RunState.ACTIVE, RunState.WAITING, RunState.ENDED) if state in states)
-
-    def evidence(self, drive: str | None = None) -> Evidence:
-        """Evidence of one drive, or the sum; confirmed in the sum means on every drive."""
-        if drive is not None:
-            return self.runs[drive].evidence()
-        parts = [run.evidence() for run in self.runs.values()]
-        total = sum(parts, NOTHING)
-        return dataclasses.replace(total, confirmed=all(part.confirmed for part in parts))
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON; times are seconds of the farm's clock."""
-        return {
-            "id": self.id,
-            "kind": self.spec.kind.name,
-            "state": self.state.value,
-            "spec": self.spec.as_dict(),
-            "added_seconds": self.added_ns / 1e9,
-            "expires_seconds": self.expires_ns / 1e9 if self.expires_ns else None,
-            "evidence": _evidence_dict(self.evidence()),
-            "drives": {
-                name: {
-                    "state": run.state.value,
-                    "reason": run.reason,
-                    "starts": run.starts,
-                    "started_seconds": _seconds(run.started_ns),
-                    "ended_seconds": _seconds(run.ended_ns),
-                    "evidence": _evidence_dict(run.evidence()),
-                }
-                for name, run in self.runs.items()
-            },
-        }
-
-
-def _seconds(ns: int | None) -> float | None:
-    return None if ns is None else ns / 1e9
-
-
-def _evidence_dict(seen: Evidence) -> dict[str, Any]:
-    return {
-        "checks": seen.checks,
-        "activations": seen.activations,
-        "first_seconds": _seconds(seen.first_ns),
-        "last_seconds": _seconds(seen.last_ns),
-        "confirmed": seen.confirmed,
-        "confirmation": seen.confirmation.value,
-        "reason": seen.reason,
-    }
-
-
 class InjectionManager:
-    """See the module's
+    """See the module's docstring.
 
-    docstring. ``catalogue`` has the kinds; ``drives`` are the farm's drives by name; ``timed`` is called before them.
+    ``catalogue`` has the kinds; ``drives`` are the farm's drives by name; ``timed`` is called before them; without
+    ``conditions``, no injection can wait for one.
     """
 
-    def __init__(self, catalogue: Catalogue, drives: Mapping[str, InjectedDrive], timed: Iterable[Timed]) -> None:
+    def __init__(
+        self,
+        catalogue: Catalogue,
+        drives: Mapping[str, InjectedDrive],
+        timed: Iterable[Timed],
+        conditions: Conditions | None = None,
+    ) -> None:
         self.catalogue = catalogue
+        self._conditions = conditions
         self._drives = drives
         self._timed = tuple(timed)
         self._injections: dict[str, Injection] = {}
@@ -237,12 +99,15 @@ class InjectionManager:
         """Put an injection in force, or let it wait for its start.
 
         Raises :class:`ConfigError`, with nothing changed on any drive, when no drive matches, when one of them cannot
-        do it, or when its name is taken.
+        do it, when its name is taken, or when there are :data:`MOST_INJECTIONS`.
         """
-        spec = _seeded(spec)
+        spec = seeded(spec)
         names, _ = chosen(spec, self._drives)
         for name in names:
             check_parts(self._drives[name], spec)
+            self._check_condition(name, spec)
+        if len(self._injections) >= MOST_INJECTIONS:
+            raise ConfigError(f"{MOST_INJECTIONS} faults wait or are in force, and there can be no more: clear some")
         injection = Injection(self._new_id(spec.name), spec, now)
         if spec.ttl_ns is not None:
             injection.expires_ns = now + spec.ttl_ns
@@ -250,11 +115,11 @@ class InjectionManager:
             drive = self._drives[name]
             self._keys += 1
             injection.runs[name] = DriveRun(
-                name, drive, spec.kind.effect(spec, drive), now + spec.after_ns, _cycles(drive), key=self._keys
+                name, drive, spec.kind.effect(spec, drive), now, cycles_of(drive), key=self._keys
             )
-            if spec.rate is not None:
-                injection.runs[name].random = SplitMix64(seed_of(spec, f"rate of {name}"))
-                injection.runs[name].not_before += _pause(spec, injection.runs[name])
+            run = injection.runs[name]
+            run.random = first_random(spec, name)
+            run.not_before += pause_of(spec, run) + (spec.after_ns if spec.when is None else 0)
         self._injections[injection.id] = injection
         for name, run in injection.runs.items():
             self._by_drive.setdefault(name, []).append((injection, run))
@@ -269,10 +134,10 @@ class InjectionManager:
 
     def reach(self, fields: Mapping[str, Any]) -> Reach:
         """Whom :meth:`inject` would hit, and which drives cannot; changes nothing.  Raises as :meth:`add` does."""
-        spec = _seeded(self.catalogue.parse(fields))
+        spec = seeded(self.catalogue.parse(fields))
         if spec.name is not None and spec.name in self._injections:
             raise InjectionError([("as", f"there is an injection {spec.name} already", "another name")])
-        return reach_of(spec, self._drives)
+        return reach_of(spec, self._drives, self._check_condition)
 
     def renew(self, injection_id: str, now: int) -> Injection:
         """Begin its time to live anew; raises :class:`ConfigError` for an unknown id, or one without such a time."""
@@ -292,7 +157,7 @@ class InjectionManager:
             chosen = [self._active(injection_id)]
         for injection in chosen:
             for run in injection.runs.values():
-                self._transit(injection, run, _RunEvent.CLEARED, now)
+                self._transit(injection, run, RunEvent.CLEARED, now)
             self._retire(injection)
         return chosen
 
@@ -341,7 +206,18 @@ class InjectionManager:
         )
         return dict(Counter(states))
 
+    @property
+    def conditions_watched(self) -> int:
+        """Conditions that the engine checks."""
+        return 0 if self._conditions is None else self._conditions.watched
+
     # calls from the farm
+
+    def condition_held(self, row: int, serial: int, now: int) -> None:
+        """The engine saw the condition in this row of the table hold at ``now``."""
+        drive = None if self._conditions is None else self._conditions.reported(row, serial, now)
+        if drive is not None:
+            self._dirty[drive] = None
 
     def refresh(self, name: str, now: int) -> None:
         """A frame is about to be passed to this drive, which may have rebooted."""
@@ -410,71 +286,88 @@ class InjectionManager:
             )
         return injection
 
+    def _check_condition(self, name: str, spec: InjectionSpec) -> None:
+        """Raises :class:`InjectionError` for a condition that this drive does not understand."""
+        if spec.when is None:
+            return
+        if self._conditions is None:
+            raise InjectionError([("when", "the drives of this farm have no signals that could be watched", "")])
+        self._conditions.bind(name, spec.when)
+
     def _look(self, injection: Injection, run: DriveRun, now: int) -> None:
         """As :meth:`_advance`, without a caller to whom an error could be raised."""
         try:
             self._advance(injection, run, now)
         except ConfigError as exc:
-            self._transit(injection, run, _RunEvent.FAILED, now, str(exc))
+            run.busy = False
+            self._transit(injection, run, RunEvent.FAILED, now, str(exc))
         self._retire(injection)
 
     def _advance(self, injection: Injection, run: DriveRun, now: int) -> None:
         """Start, check, or end one run; note when it is to be checked again."""
-        if injection.expires_ns and now >= injection.expires_ns:
-            self._transit(injection, run, _RunEvent.LAPSED, now)
+        if run.busy:
             return
-        if run.state is RunState.WAITING:
-            window = self._window(injection.spec, run, now)
+        if injection.expires_ns and now >= injection.expires_ns:
+            self._transit(injection, run, RunEvent.LAPSED, now)
+            return
+        if run.state is RunState.WAITING and self._may_begin(injection.spec, run, now):
+            window = window_of(injection.spec, run, now)
             if window is not None:
                 run.stop_ns = window.stop_ns
+                run.busy = True
                 run.effect.begin(window, now)
-                self._transit(injection, run, _RunEvent.DUE, now)
+                run.busy = False
+                self._transit(injection, run, RunEvent.DUE, now)
         elif run.state is RunState.ACTIVE:
             run.effect.check(now)
         if run.state is RunState.ACTIVE:
-            over = _RunEvent.FINISHED if run.effect.finished else None
+            over = RunEvent.FINISHED if run.effect.finished else None
             if over is None and run.stop_ns and now >= run.stop_ns:
-                over = _RunEvent.EXPIRED
+                over = RunEvent.EXPIRED
             if over is not None and injection.spec.rate is not None and run.starts != injection.spec.times:
-                self._transit(injection, run, _RunEvent.AGAIN, now, over.value)
+                self._transit(injection, run, RunEvent.AGAIN, now, over.value)
             elif over is not None:
                 self._transit(injection, run, over, now)
         self._schedule(injection, run, now)
 
-    def _window(self, spec: InjectionSpec, run: DriveRun, now: int) -> Window | None:
-        """When the injection is in force, or None as long as its start is not known."""
+    def _may_begin(self, spec: InjectionSpec, run: DriveRun, now: int) -> bool:
+        """Whether its condition has held, if it has one; then its start counts from there."""
+        if spec.when is None or run.held_ns is not None:
+            return True
         if now < run.not_before:
-            return None
-        connection = _connection(run.injected)
-        window = Window()
-        if spec.after_cycles:
-            if run.effect.counts_frames:
-                window.after = spec.after_cycles
-            elif connection is None or _cycles(run.injected) - run.cycles_before < spec.after_cycles:
-                return None
-        first = now
-        if spec.cycles is not None or (window.after and spec.for_ns is not None):
-            if connection is None or not connection.established:
-                return None
-            first = max(now, connection.next_ns) + window.after * connection.cycle_ns
-        stops = [first + spec.for_ns] if spec.for_ns is not None else []
-        if spec.cycles is not None and connection is not None:
-            # half a cycle before the first frame that is healthy again
-            stops.append(first + spec.cycles * connection.cycle_ns - connection.cycle_ns // 2)
-        window.stop_ns = min(stops, default=0)
-        return window
+            return False
+        if run.watch is None:
+            assert self._conditions is not None
 
-    def _transit(self, injection: Injection, run: DriveRun, event: _RunEvent, now: int, why: str = "") -> None:
+            def held(when: int) -> None:
+                # the first report counts
+                run.held_ns = when if run.held_ns is None else run.held_ns
+
+            run.watch = self._conditions.watch(run.drive, spec.when, held)
+        if run.held_ns is None and run.watch.look():
+            run.held_ns = now
+        if run.held_ns is None:
+            return False
+        run.watch.close()
+        run.watch = None
+        run.not_before = run.held_ns + spec.after_ns
+        run.cycles_before = cycles_of(run.injected)
+        return True
+
+    def _transit(self, injection: Injection, run: DriveRun, event: RunEvent, now: int, why: str = "") -> None:
         """The one place that writes a run's state."""
         following = TRANSITIONS.get((run.state, event))
         if following is None:
             return
-        if event is _RunEvent.AGAIN:
+        if event is RunEvent.AGAIN:
             self._pause(injection, run, now, why)
             return
         if following is RunState.ENDED:
             if run.state is RunState.ACTIVE:
-                run.effect.end(now)
+                self._end_effect(run, now)
+            if run.watch is not None:
+                run.watch.close()
+                run.watch = None
             run.ended_ns, run.reason = now, why or event.value
         else:
             run.started_ns = now
@@ -506,18 +399,26 @@ class InjectionManager:
 
     def _pause(self, injection: Injection, run: DriveRun, now: int, why: str) -> None:
         """One of the occurrences of a rate is over: wait at random for the next one, with an effect of its own."""
-        run.effect.end(now)
+        self._end_effect(run, now)
         seen = run.effect.evidence()
         run.done += seen
         run.state = RunState.WAITING
         run.stop_ns = 0
         self._tell_end(injection, run, now, why, seen)
         spec = injection.spec
-        run.not_before = now + _pause(spec, run)
-        run.cycles_before = _cycles(run.injected)
-        # another seed, or each occurrence would lose the same frames
-        again = spec.model_copy(update={"seed": ((spec.seed or 0) + run.starts * 0x9E3779B97F4A7C15) % (1 << 64)})
-        run.effect = spec.kind.effect(again, run.injected)
+        run.not_before = now + pause_of(spec, run)
+        run.cycles_before = cycles_of(run.injected)
+        run.held_ns = None
+        run.effect = spec.kind.effect(again(spec, run.starts), run.injected)
+
+    @staticmethod
+    def _end_effect(run: DriveRun, now: int) -> None:
+        # frames that it held may arrive at once, and the drive's answers are a reason to look at its injections
+        run.busy = True
+        try:
+            run.effect.end(now)
+        finally:
+            run.busy = False
 
     def _forget(self, run: DriveRun) -> None:
         remaining = [entry for entry in self._by_drive[run.drive] if entry[1] is not run]
@@ -534,7 +435,7 @@ class InjectionManager:
     def _withdraw(self, injection: Injection, now: int) -> None:
         """One of the drives cannot do the injection: undo it on the others."""
         for run in injection.runs.values():
-            self._transit(injection, run, _RunEvent.CLEARED, now)
+            self._transit(injection, run, RunEvent.CLEARED, now)
         del self._injections[injection.id]
         self._events = [happened for happened in self._events if happened.event.id != injection.id]
 
@@ -542,7 +443,7 @@ class InjectionManager:
         deadlines: Iterable[int | None]
         match run.state:
             case RunState.WAITING:
-                deadlines = (run.not_before if now < run.not_before else self._wait_until(injection.spec, run, now),)
+                deadlines = (self._wait_until(injection.spec, run, now),)
             case RunState.ACTIVE:
                 deadlines = (run.effect.next_deadline(), run.stop_ns or None)
             case _:
@@ -558,39 +459,13 @@ class InjectionManager:
         self._due[run.key] = (due, injection, run)
 
     @staticmethod
-    def _wait_until(spec: InjectionSpec, run: DriveRun, now: int) -> int:
-        """When the healthy cycles may be over, or the connection there."""
-        connection = _connection(run.injected)
-        if connection is None or not spec.after_cycles:
-            return now + WAIT_NS
-        missing = spec.after_cycles - (_cycles(run.injected) - run.cycles_before)
-        return now + max(1, missing) * connection.cycle_ns
+    def _wait_until(spec: InjectionSpec, run: DriveRun, now: int) -> int | None:
+        if now < run.not_before:
+            return run.not_before
+        # the engine, or what happens to the drive, tells that the condition holds
+        return None if run.watch is not None else wait_until(spec, run, now)
 
     # last, because the name hides the type in the annotations after it
     def list(self) -> list[Injection]:
         """Injections that wait or are in force, oldest first."""
         return list(self._injections.values())
-
-
-def _connection(drive: InjectedDrive) -> Connection | None:
-    part = drive.find(CONNECTION)
-    return None if part is None else part.now()
-
-
-def _cycles(drive: InjectedDrive) -> int:
-    part = drive.find(CONNECTION)
-    return 0 if part is None else part.cycles()
-
-
-def _seeded(spec: InjectionSpec) -> InjectionSpec:
-    """With a seed where one counts; it is kept in the spec, so that the run can be repeated."""
-    if spec.seed is None and ("seed" in spec.kind.takes or spec.chooses):
-        return spec.model_copy(update={"seed": secrets.randbits(53)})
-    return spec
-
-
-def _pause(spec: InjectionSpec, run: DriveRun) -> int:
-    """Time to the next occurrence of a rate, ns: exponential."""
-    if spec.rate is None or run.random is None:
-        return 0
-    return int(-math.log(1.0 - run.random.uniform()) / spec.rate[0] * 1e9)

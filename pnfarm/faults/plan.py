@@ -22,6 +22,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from pnfarm.faults.errors import InjectionError
+from pnfarm.vocabulary.conditions import CONDITION_SCHEMA, read_condition
 from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_duration
 from pnfarm.vocabulary.globs import GLOBS, GLOBS_SCHEMA, is_pattern, means, read_globs
 from pnfarm.vocabulary.problem import Problem
@@ -100,6 +101,7 @@ Rate = Annotated[
     PlainSerializer(format_rate, return_type=str, when_used="unless-none"),
     WithJsonSchema({"type": "string", "pattern": RATE_PATTERN}),
 ]
+When = Annotated[str, PlainValidator(read_condition), WithJsonSchema(CONDITION_SCHEMA)]
 Params = Annotated[
     dict[str, Any],
     WithJsonSchema({"type": "object", "additionalProperties": {"type": ["number", "string", "boolean"]}}),
@@ -118,6 +120,11 @@ class InjectionSpec(BaseModel):
     probability: float | None = Field(default=None, gt=0, le=1, description="Of each occurrence; left out, 1.")
     seed: int | None = Field(default=None, ge=0, lt=1 << 64, description="Seed of the random choices, to repeat a run.")
     direction: Directions | None = Field(default=None, description="Direction, seen from the drive.")
+    when: When | None = Field(
+        default=None,
+        description="Begin once this holds on the drive, such as `velocity > 1000`; `after` and `after_cycles` then "
+        "count from there.",
+    )
     after_cycles: int = Field(
         default=0, ge=0, lt=_COUNT_END, description="Healthy cycles of the connection to let pass first."
     )

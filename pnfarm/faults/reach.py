@@ -17,7 +17,7 @@ from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.plan import matching
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.faults.plan import InjectionSpec
@@ -68,14 +68,20 @@ def _rank(spec: InjectionSpec, name: str) -> bytes:
     return hashlib.sha256(f"reach\0{spec.seed or 0}\0{name}".encode()).digest()
 
 
-def reach_of(spec: InjectionSpec, drives: Mapping[str, InjectedDrive]) -> Reach:
-    """What putting this injection in force would reach, without changing anything."""
+def reach_of(
+    spec: InjectionSpec, drives: Mapping[str, InjectedDrive], check: Callable[[str, InjectionSpec], None]
+) -> Reach:
+    """What putting this injection in force would reach, without changing anything.
+
+    ``check`` raises :class:`InjectionError` for a further reason why a drive, by its name, cannot.
+    """
     names, left_out = chosen(spec, drives)
     able: list[str] = []
     cannot: dict[str, str] = {}
     for name in names:
         try:
             check_parts(drives[name], spec)
+            check(name, spec)
             spec.kind.effect(spec, drives[name])
         except InjectionError as exc:
             cannot[name] = "; ".join(what for _, what, _ in exc.issues)

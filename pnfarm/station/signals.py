@@ -7,6 +7,7 @@ model's manual does not define, its drives do not have.
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,13 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.table.places import place_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from pnfarm.drives.model import Model
     from pnfarm.station.station import Station
+    from pnfarm.table.places import Place
     from pnfarm.vocabulary.conditions import Value
 
 __all__ = ["EVENT_SIGNALS", "SIGNALS", "STATES", "DriveSignal", "find_signal", "signal_names"]
@@ -33,15 +37,24 @@ _WORD_BITS: Mapping[str, tuple[str, ...]] = {"stw1": STW1_BITS, "zsw1": ZSW1_BIT
 _BIT = re.compile(r"(?:bit_)?([0-9]{1,2})")
 
 
+def _nowhere(station: Station) -> Place | None:
+    del station
+    return None
+
+
 @dataclass(frozen=True, slots=True)
 class DriveSignal:
-    """``form``: ``number``, ``bit``, ``state``, ``fault`` (a number of the manual), ``word``, ``text``."""
+    """``form``: ``number``, ``bit``, ``state``, ``fault`` (a number of the manual), ``word``, ``text``.
+
+    ``place`` gives the field of the axis table that holds it now, for the engine; None: only the event loop knows it.
+    """
 
     name: str
     form: str
     unit: str
     doc: str
     read: Callable[[Station], Value]
+    place: Callable[[Station], Place | None] = _nowhere
 
 
 def _state(station: Station) -> str:
@@ -79,9 +92,18 @@ def _position(station: Station) -> float:
     return float(axis.motor.position) - float(axis.homing.origin)
 
 
-def _signal(name: str, form: str, unit: str, doc: str, read: Callable[[Station], Value]) -> DriveSignal:
-    return DriveSignal(name, form, unit, doc, read)
+def _signal(
+    name: str, form: str, unit: str, doc: str, read: Callable[[Station], Value], place: Place | None = None
+) -> DriveSignal:
+    return DriveSignal(name, form, unit, doc, read, _nowhere if place is None else lambda _: place)
 
+
+def _number(name: str, unit: str, doc: str, *path: str) -> DriveSignal:
+    return _signal(name, "number", unit, doc, _axis(*path), place_of(AXIS, ".".join(path)))
+
+
+_FAULT_PLACE = place_of(AXIS, "faults.code", mask=NUMBER_MASK)
+_WORD_PLACES = {word: place_of(AXIS, f"profidrive.{word}") for word in _WORD_BITS}
 
 #: By name.
 SIGNALS: Mapping[str, DriveSignal] = {
@@ -90,35 +112,53 @@ SIGNALS: Mapping[str, DriveSignal] = {
         _signal("state", "state", "", "state of the drive: off, boot, S1 to S5", _state),
         _signal("connected", "bit", "", "a connection exchanges cyclic data", _connected),
         _signal("powered", "bit", "", "the control supply is on", lambda station: station.powered),
-        _signal("faulted", "bit", "", "a fault is active", lambda station: _fault(station) != 0),
-        _signal("fault", "fault", "", "oldest active fault by the manual's number, 0 for none", _fault),
+        _signal("faulted", "bit", "", "a fault is active", lambda station: _fault(station) != 0, _FAULT_PLACE),
+        _signal("fault", "fault", "", "oldest active fault by the manual's number, 0 for none", _fault, _FAULT_PLACE),
         _signal(
             "warning",
             "fault",
             "",
             "active warning by the manual's number, 0 for none",
             lambda station: int(station.handle.axis.warnings.code) & NUMBER_MASK,
+            place_of(AXIS, "warnings.code", mask=NUMBER_MASK),
         ),
-        _signal("setpoint", "number", "rpm", "velocity that the controller requests", _axis("ramp", "setpoint")),
-        _signal("velocity", "number", "rpm", "actual velocity of the shaft", _axis("motor", "velocity")),
-        _signal("position", "number", "revolutions", "actual position, from the home position on", _position),
+        _number("setpoint", "rpm", "velocity that the controller requests", "ramp", "setpoint"),
+        _number("velocity", "rpm", "actual velocity of the shaft", "motor", "velocity"),
         _signal(
-            "following_error",
+            "position",
             "number",
             "revolutions",
-            "commanded minus actual position",
-            _axis("positioning", "following_error"),
+            "actual position, from the home position on",
+            _position,
+            place_of(AXIS, "motor.position", less="homing.origin"),
         ),
-        _signal("current", "number", "A", "torque-building current", _axis("motor", "current")),
-        _signal("torque", "number", "Nm", "torque of the motor", _axis("motor", "torque")),
-        _signal("bus_voltage", "number", "V", "voltage of the DC link", _axis("supply", "voltage")),
-        _signal("thermal_load", "number", "1", "thermal load, 1 is the limit", _axis("motor", "thermal_load")),
+        _number(
+            "following_error", "revolutions", "commanded minus actual position", "positioning", "following_error"
+        ),
+        _number("current", "A", "torque-building current", "motor", "current"),
+        _number("torque", "Nm", "torque of the motor", "motor", "torque"),
+        _number("bus_voltage", "V", "voltage of the DC link", "supply", "voltage"),
+        _number("thermal_load", "1", "thermal load, 1 is the limit", "motor", "thermal_load"),
         _signal("cycle", "number", "s", "agreed cycle of the connection, 0 without one", _cycle),
         _signal("connects", "number", "", "connections that reached data exchange", lambda s: s.device.connects),
         _signal("watchdog_expirations", "number", "", "expired watchdogs", lambda s: s.device.watchdog_expirations),
         _signal("telegram", "number", "", "number of the telegram in force", lambda s: s.store.telegram_number),
-        _signal("stw1", "word", "", "control word 1 in force", lambda s: int(s.handle.axis.profidrive.stw1)),
-        _signal("zsw1", "word", "", "status word 1", lambda s: int(s.handle.axis.profidrive.zsw1)),
+        _signal(
+            "stw1",
+            "word",
+            "",
+            "control word 1 in force",
+            lambda s: int(s.handle.axis.profidrive.stw1),
+            _WORD_PLACES["stw1"],
+        ),
+        _signal(
+            "zsw1",
+            "word",
+            "",
+            "status word 1",
+            lambda s: int(s.handle.axis.profidrive.zsw1),
+            _WORD_PLACES["zsw1"],
+        ),
     )
 }
 
@@ -139,19 +179,27 @@ def _bits(model: Model, word: str) -> Mapping[str, tuple[tuple[frozenset[int], i
     return {name: tuple(places) for name, places in found.items()}
 
 
-def _bit_reader(word: str, places: Sequence[tuple[frozenset[int], int]]) -> Callable[[Station], Value]:
-    """Reads the bit where the telegram in force has it; false where that telegram has no such bit."""
+def _bit_signal(word: str, name: str, places: Sequence[tuple[frozenset[int], int]]) -> DriveSignal:
+    """A bit where the telegram in force has it; false where that telegram has no such bit."""
     own = {telegram for telegrams, _ in places for telegram in telegrams}
 
-    def read(station: Station) -> Value:
+    def bit_now(station: Station) -> int | None:
         telegram = station.store.telegram_number
-        value = int(getattr(station.handle.axis.profidrive, word))
         for telegrams, bit in places:
             if telegram in telegrams or (not telegrams and telegram not in own):
-                return bool(value >> bit & 1)
-        return False
+                return bit
+        return None
 
-    return read
+    def read(station: Station) -> Value:
+        bit = bit_now(station)
+        return bit is not None and bool(int(getattr(station.handle.axis.profidrive, word)) >> bit & 1)
+
+    def place(station: Station) -> Place | None:
+        bit = bit_now(station)
+        whole = _WORD_PLACES[word]
+        return None if bit is None else dataclasses.replace(whole, shift=whole.shift + bit, mask=1, sign=0)
+
+    return DriveSignal(name, "bit", "", f"bit of {word.upper()}", read, place)
 
 
 def signal_names(model: Model) -> list[str]:
@@ -167,11 +215,11 @@ def find_signal(model: Model, name: str) -> DriveSignal | None:
     word, dot, bit = lower.partition(".")
     if dot and word in _WORD_BITS:
         if (places := _bits(model, word).get(bit)) is not None:
-            return DriveSignal(lower, "bit", "", f"bit of {word.upper()}", _bit_reader(word, places))
+            return _bit_signal(word, lower, places)
         number = _BIT.fullmatch(bit)
         if number is not None and int(number[1]) < 16:
             everywhere = ((frozenset[int](), int(number[1])),)
-            return DriveSignal(lower, "bit", "", f"bit of {word.upper()}", _bit_reader(word, everywhere))
+            return _bit_signal(word, lower, everywhere)
         return None
     if re.fullmatch(r"p[0-9]+(\.[0-9]+)?", lower):
         return find_parameter(model, lower[1:])

@@ -28,6 +28,7 @@ CONTROL_BIT_CHANGED = 12  # axis row; bit of STW1 << 56 | its new value << 55 | 
 ACKNOWLEDGE_REFUSED = 13  # axis row; how many requests to acknowledge an injection has refused so far
 TRACE_TRIGGERED = 15  # trace row; when it was triggered, ns
 TRACE_ENDED = 16  # trace row; samples taken
+CONDITION_HELD = 17  # condition row; its serial number
 
 #: Upper bounds of the lateness histogram, nanoseconds; a last bucket takes the rest.
 LATENESS_EDGES_NS = (
@@ -45,6 +46,7 @@ ENGINE = Layout(
         Field("axis_rows", "i4", "", "station", "rows of the axis table in use"),
         Field("program_rows", "i4", "", "station", "rows of the program table in use"),
         Field("trace_rows", "i4", "", "station", "rows of the trace table in use, 0 = no trace runs"),
+        Field("condition_rows", "i4", "", "fault", "rows of the condition table in use, 0 = no injection waits for one"),
         Field("lookup", "i4", "", "station", "which of the look-up tables is in force"),
         Field("tick_ns", "i8", "ns", "station", "longest time between two ticks"),
         Field("stop", "u1", "", "station", "1 asks the engine's thread to return"),

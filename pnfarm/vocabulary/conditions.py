@@ -20,8 +20,9 @@ from __future__ import annotations
 import operator
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
+from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 __all__ = [
     "COMPARISONS",
     "CONDITION",
+    "CONDITION_SCHEMA",
     "Both",
     "Comparison",
     "ConditionError",
@@ -43,6 +45,7 @@ __all__ = [
     "evaluate",
     "names_in",
     "parse_condition",
+    "read_condition",
     "text_of",
 ]
 
@@ -52,6 +55,7 @@ CONDITION = 'a condition such as `zsw1.fault_present`, `state == S4 and velocity
 MAX_LENGTH = 1000
 MAX_OPERANDS = 64
 MAX_DEPTH = 24
+CONDITION_SCHEMA: Mapping[str, Any] = {"type": "string", "minLength": 1, "maxLength": MAX_LENGTH}
 
 #: What a signal or an operand has: numbers, texts (names of states), yes or no.
 Value: TypeAlias = "float | int | str | bool"
@@ -166,6 +170,17 @@ def parse_condition(text: str) -> Tree:
     if len(text) > MAX_LENGTH:
         raise ConditionError(f"has {len(text)} characters", 1, f"at most {MAX_LENGTH}")
     return _Parser(list(_tokens(text)), len(text)).whole()
+
+
+def read_condition(value: object) -> str:
+    """The text of a condition whose names are not known yet.  Raises :class:`Problem`."""
+    if not isinstance(value, str):
+        raise Problem(f"is {shown(value)}", CONDITION)
+    try:
+        parse_condition(value)
+    except ConditionError as exc:
+        raise Problem(f"column {exc.column}: {exc.what}", exc.allowed) from exc
+    return value.strip()
 
 
 def _tokens(text: str) -> Iterator[_Token]:

@@ -1,0 +1,253 @@
+"""``when``: injections that wait for a condition on each of their drives.
+
+The language is that of scenarios (:mod:`pnfarm.station.conditions`).  The condition is compiled to rows of the table, and
+the engine checks it in each of its steps (:mod:`pnfarm.engine.conditions`), so that no step in which it holds is missed.
+What only the event loop knows (connections, parameters) it writes into these rows whenever something has happened to
+the drive.  A condition of such names alone needs no row.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import ConfigError
+from pnfarm.faults.errors import InjectionError
+from pnfarm.firmware.axis import AXIS
+from pnfarm.station.conditions import bind
+from pnfarm.table import condition as codes
+from pnfarm.table.places import Place, place_of
+from pnfarm.table.trace import SOURCE_AXIS_REAL
+from pnfarm.vocabulary.conditions import Both, Comparison, ConditionError, Either, Name, Not, Text, evaluate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from pnfarm.engine.columns import Columns
+    from pnfarm.station.conditions import Condition
+    from pnfarm.station.station import Station
+    from pnfarm.vocabulary.conditions import Operand, Tree, Value
+
+__all__ = ["ConditionWatch", "Conditions"]
+
+_SIGNS = {
+    "==": codes.OP_EQUAL,
+    "!=": codes.OP_UNEQUAL,
+    "<": codes.OP_BELOW,
+    "<=": codes.OP_AT_MOST,
+    ">": codes.OP_ABOVE,
+    ">=": codes.OP_AT_LEAST,
+}
+_POWERED = place_of(AXIS, "powered")
+_STATE = place_of(AXIS, "drive.state")
+
+
+class Conditions:
+    """The conditions for which injections wait on a farm's drives."""
+
+    def __init__(self, stations: Sequence[Station], columns: Columns) -> None:
+        self._stations = {station.configured_name: station for station in stations}
+        self._columns = columns
+        self._watches: dict[int, ConditionWatch] = {}
+        self._rows: list[int] = []
+        self._most_rows = 0
+        #: Length -> parts of the table of operations that were used and are free.
+        self._parts: dict[int, list[int]] = {}
+        self._most_ops = 0
+        self._serial = 0
+
+    def bind(self, drive: str, text: str) -> Condition:
+        """The condition as this drive's model understands it.  Raises :class:`InjectionError`."""
+        try:
+            return bind(text, self._stations[drive].model)
+        except ConditionError as exc:
+            raise InjectionError([("when", f"column {exc.column}: {exc.what}", exc.allowed)]) from exc
+
+    def watch(self, drive: str, text: str, held: Callable[[int], None]) -> ConditionWatch:
+        """Watch from now on; ``held(now)`` is called once the engine has seen it hold.  Raises :class:`ConfigError`."""
+        return ConditionWatch(self, self._stations[drive], self.bind(drive, text), held)
+
+    def reported(self, row: int, serial: int, now: int) -> str | None:
+        """The engine saw the condition in this row hold at ``now``: the name of its drive, None if it is over."""
+        watch = self._watches.get(row)
+        if watch is None or watch.serial != serial:
+            return None
+        watch.held(now)
+        return watch.drive
+
+    @property
+    def watched(self) -> int:
+        """Rows in use."""
+        return len(self._watches)
+
+    def open(self, watch: ConditionWatch, ops: Sequence[Mapping[str, float]]) -> tuple[int, int]:
+        """A row for a condition: its number, and its first operation.  Raises :class:`ConfigError` without room."""
+        columns, length = self._columns, len(ops)
+        row = self._rows.pop() if self._rows else self._most_rows
+        first = parts.pop() if (parts := self._parts.get(length)) else self._most_ops
+        if row >= columns.condition.shape[0] or first + length > columns.condition_op.shape[0]:
+            raise ConfigError(f"{len(self._watches)} conditions are watched already, which is all there is room for")
+        self._most_rows = max(self._most_rows, row + 1)
+        self._most_ops = max(self._most_ops, first + length)
+        for number, op in enumerate(ops, start=first):
+            table = columns.condition_op[number]
+            table.code = op["code"]
+            table.left, table.right = first + int(op.get("left", 0)), first + int(op.get("right", 0))
+            table.given = op.get("given", 0.0)
+            table.word, table.less = op.get("word", 0), op.get("less", -1)
+            table.shift, table.mask, table.sign = op.get("shift", 0), op.get("mask", 0), op.get("sign", 0)
+        table = columns.condition[row]
+        table.first_op, table.ops = first, length
+        self._serial += 1
+        table.serial = self._serial
+        table.active = 1
+        watch.serial = self._serial
+        self._watches[row] = watch
+        columns.engine[0].condition_rows = self._most_rows
+        return row, first
+
+    def give(self, op: int, value: float) -> None:
+        """What the event loop knows, for the engine."""
+        self._columns.condition_op[op].given = value
+
+    def close(self, row: int, first: int, length: int) -> None:
+        """Free a row."""
+        self._columns.condition[row].active = 0
+        del self._watches[row]
+        self._rows.append(row)
+        self._parts.setdefault(length, []).append(first)
+        if not self._watches:
+            self._rows.clear()
+            self._parts.clear()
+            self._most_rows = self._most_ops = 0
+            self._columns.engine[0].condition_rows = 0
+
+
+class ConditionWatch:
+    """A condition on one drive, until it held or :meth:`close` is called."""
+
+    def __init__(
+        self, conditions: Conditions, station: Station, condition: Condition, held: Callable[[int], None]
+    ) -> None:
+        self.drive = station.configured_name
+        self.held = held
+        self.serial = 0
+        self._conditions = conditions
+        self._station = station
+        self._condition = condition
+        #: Its row, first operation and number of operations.
+        self._row: tuple[int, int, int] | None = None
+        #: Operations whose value the event loop gives.
+        self._given: dict[int, Tree] = {}
+        self._telegram = -1
+
+    def look(self) -> bool:
+        """Whether it holds now; something may have happened to the drive.  Raises :class:`ConfigError` without room."""
+        if self._condition.holds(self._station):
+            return True
+        if self._telegram != self._station.store.telegram_number:
+            # bits of words have other places
+            self.close()
+            self._telegram = self._station.store.telegram_number
+            self._open()
+        elif self._row is not None:
+            for op, leaf in self._given.items():
+                self._conditions.give(self._row[1] + op, self._value(leaf))
+        return False
+
+    def close(self) -> None:
+        """Watch it no longer."""
+        if self._row is not None:
+            self._conditions.close(*self._row)
+            self._row = None
+        self._telegram = -1
+
+    def _open(self) -> None:
+        builder = _Builder(self._station, self._condition, self._value)
+        builder.add(self._condition.tree)
+        self._given = builder.given
+        if builder.in_table:
+            row, first = self._conditions.open(self, builder.ops)
+            self._row = row, first, len(builder.ops)
+
+    def _value(self, leaf: Tree) -> float:
+        def value_of(operand: Operand) -> Value:
+            if isinstance(operand, Name):
+                return self._condition.signals[operand.name].read(self._station)
+            return operand.value
+
+        return float(evaluate(leaf, value_of))
+
+
+class _Builder:
+    """Operations of a condition, numbered from 0."""
+
+    def __init__(self, station: Station, condition: Condition, value: Callable[[Tree], float]) -> None:
+        self._station = station
+        self._signals = condition.signals
+        self._value = value
+        self.ops: list[Mapping[str, float]] = []
+        self.given: dict[int, Tree] = {}
+        #: Whether any of its signals is in the table.
+        self.in_table = False
+
+    def _push(self, **fields: float) -> int:
+        self.ops.append(fields)
+        return len(self.ops) - 1
+
+    def add(self, tree: Tree) -> int:
+        """The operation that says whether this part of the condition holds."""
+        match tree:
+            case Both(parts) | Either(parts):
+                code = codes.OP_AND if isinstance(tree, Both) else codes.OP_OR
+                number = self.add(parts[0])
+                for part in parts[1:]:
+                    number = self._push(code=code, left=number, right=self.add(part))
+                return number
+            case Not(inner):
+                number = self.add(inner)
+                return self._push(code=codes.OP_NOT, left=number, right=number)
+            case _:
+                return self._leaf(tree)
+
+    def _leaf(self, tree: Tree) -> int:
+        if isinstance(tree, Name) and (place := self._place(tree)) is not None:
+            return self._field(place)
+        if isinstance(tree, Comparison):
+            if isinstance(state := tree.right if isinstance(tree.left, Name) else tree.left, Text):
+                return self._state(str(state.value), equal=tree.sign == "==")
+            sides = [self._place(side) if isinstance(side, Name) else None for side in (tree.left, tree.right)]
+            if any(sides) and all(
+                place is not None or not isinstance(side, Name)
+                for place, side in zip(sides, (tree.left, tree.right), strict=True)
+            ):
+                left, right = (
+                    self._push(code=codes.OP_GIVEN, given=float(side.value))
+                    if place is None and not isinstance(side, Name)
+                    else self._field(place)
+                    for place, side in zip(sides, (tree.left, tree.right), strict=True)
+                )
+                return self._push(code=_SIGNS[tree.sign], left=left, right=right)
+        number = self._push(code=codes.OP_GIVEN, given=self._value(tree))
+        self.given[number] = tree
+        return number
+
+    def _place(self, name: Name) -> Place | None:
+        return self._signals[name.name].place(self._station)
+
+    def _field(self, place: Place | None) -> int:
+        assert place is not None
+        self.in_table = True
+        word, less = place.of_row(self._station.index)
+        code = codes.OP_AXIS_REAL if place.source == SOURCE_AXIS_REAL else codes.OP_AXIS_INTEGER
+        return self._push(code=code, word=word, less=less, shift=place.shift, mask=place.mask, sign=place.sign)
+
+    def _state(self, word: str, *, equal: bool) -> int:
+        """``state == S4``: of a drive that is on; ``off`` is one that is not."""
+        number = self._field(_POWERED)
+        if word == "off":
+            number = self._push(code=codes.OP_NOT, left=number, right=number)
+        else:
+            wanted = self._push(code=codes.OP_GIVEN, given=0.0 if word == "boot" else float(word[1:]))
+            state = self._push(code=codes.OP_EQUAL, left=self._field(_STATE), right=wanted)
+            number = self._push(code=codes.OP_AND, left=number, right=state)
+        return number if equal else self._push(code=codes.OP_NOT, left=number, right=number)
