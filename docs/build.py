@@ -51,7 +51,8 @@ def table() -> str:
         "One party writes each field; everybody may read. Writers: " + ", ".join(f"`{w}`" for w in WRITERS) + ".",
         "",
     ]
-    for layout in (AXIS, IMAGE, PROGRAM, PPM, CPM, IMPAIRMENT, HELD, ENGINE, EVENT, TRACE, PROBE, CONDITION, CONDITION_OP):
+    shared = (AXIS, IMAGE, PROGRAM, PPM, CPM, IMPAIRMENT, HELD, ENGINE, EVENT)
+    for layout in (*shared, TRACE, PROBE, CONDITION, CONDITION_OP):
         lines += [f"A row of `{layout.name}` has {layout.dtype.itemsize} octets.", "", layout.markdown()]
     return "\n".join(lines)
 

@@ -192,7 +192,8 @@ def clear(
 def _state(fault: dict[str, Any]) -> str:
     """The state, of one that waits also for what."""
     waits = {run.get("waits_for") or "" for run in fault["drives"].values()} - {""}
-    return f"{fault['state']} for {', '.join(sorted(waits))}" if fault["state"] == "waiting" and waits else fault["state"]
+    state: str = fault["state"]
+    return f"{state} for {', '.join(sorted(waits))}" if state == "waiting" and waits else state
 
 
 def _confirmation(evidence: dict[str, Any]) -> str:

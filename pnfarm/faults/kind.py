@@ -4,10 +4,10 @@ those of any drive in :mod:`pnfarm.faults.kinds`, those of a bus with the bus.
 Such a file has the effect, if it is not another kind's, and ``KINDS``, a tuple of the declared kinds (mostly one).
 
 Common fields, as far as a kind takes them: ``probability`` (of each occurrence) with ``seed``; ``direction``, seen from
-the drive; a start ``when`` a condition holds, ``after`` a time or ``after_cycles`` healthy cycles of the connection; an end after ``count``
-occurrences, ``for`` a time or ``cycles`` of the connection.  Every kind takes ``share`` and ``most``, which choose some
-of the matching drives by the seed, ``ttl``, after which it ends unless it is renewed, and where it can begin again
-``rate`` and ``times``: at random, exponentially distributed, so often.  Each kind defines what an occurrence is.
+the drive; a start ``when`` a condition holds, ``after`` a time or ``after_cycles`` healthy cycles of the connection; an
+end after ``count`` occurrences, ``for`` a time or ``cycles`` of the connection.  Every kind takes ``share`` and
+``most``, which choose some of the matching drives by the seed, ``ttl``, after which it ends unless it is renewed, and
+where it can begin again ``rate`` and ``times``: at random, exponentially distributed, so often.  Each kind defines what an occurrence is.
 """
 
 from __future__ import annotations

@@ -81,7 +81,8 @@ class InjectionManager:
         self._injections: dict[str, Injection] = {}
         self._ended: deque[Injection] = deque(maxlen=KEPT)
         self._activations: Counter[tuple[str, str]] = Counter()
-        self._by_drive: dict[str, list[tuple[Injection, DriveRun]]] = {}
+        #: By the run's key, in the order in which they were added.
+        self._by_drive: dict[str, dict[int, tuple[Injection, DriveRun]]] = {}
         self._due: dict[int, tuple[int, Injection, DriveRun]] = {}
         self._heap: list[tuple[int, int]] = []
         self._dirty: dict[str, None] = {}
@@ -122,7 +123,7 @@ class InjectionManager:
             run.not_before += pause_of(spec, run) + (spec.after_ns if spec.when is None else 0)
         self._injections[injection.id] = injection
         for name, run in injection.runs.items():
-            self._by_drive.setdefault(name, []).append((injection, run))
+            self._by_drive.setdefault(name, {})[run.key] = (injection, run)
         try:
             for run in injection.runs.values():
                 self._advance(injection, run, now)
@@ -177,7 +178,7 @@ class InjectionManager:
 
     def of_drive(self, name: str) -> list[Injection]:
         """Injections that wait or are in force on one drive."""
-        return [injection for injection, _ in self._by_drive.get(name, ())]
+        return [injection for injection, _ in self._by_drive.get(name, {}).values()]
 
     def drive(self, name: str) -> InjectedDrive:
         """One drive of the farm, by its name in the farm file."""
@@ -192,7 +193,7 @@ class InjectionManager:
         """(kind, drive) -> occurrences since the farm started, also of injections that ended."""
         total = Counter(self._activations)
         for runs in self._by_drive.values():
-            for injection, run in runs:
+            for injection, run in runs.values():
                 total[injection.spec.kind.name, run.drive] += run.evidence().activations
         return dict(total)
 
@@ -201,7 +202,7 @@ class InjectionManager:
         states = (
             injection.spec.kind.name
             for runs in self._by_drive.values()
-            for injection, run in runs
+            for injection, run in runs.values()
             if run.state is RunState.ACTIVE
         )
         return dict(Counter(states))
@@ -227,7 +228,7 @@ class InjectionManager:
     def poke(self, name: str, now: int) -> None:
         """Something happened on this drive and is settled: check its injections."""
         self.refresh(name, now)
-        for injection, run in list(self._by_drive.get(name, ())):
+        for injection, run in list(self._by_drive.get(name, {}).values()):
             self._look(injection, run, now)
 
     def touch(self, name: str) -> None:
@@ -338,14 +339,8 @@ class InjectionManager:
             return False
         if run.watch is None:
             assert self._conditions is not None
-
-            def held(when: int) -> None:
-                # the first report counts
-                run.held_ns = when if run.held_ns is None else run.held_ns
-
-            run.watch = self._conditions.watch(run.drive, spec.when, held)
-        if run.held_ns is None and run.watch.look():
-            run.held_ns = now
+            run.watch = self._conditions.watch(run.drive, spec.when)
+        run.held_ns = run.watch.look(now)
         if run.held_ns is None:
             return False
         run.watch.close()
@@ -421,10 +416,9 @@ class InjectionManager:
             run.busy = False
 
     def _forget(self, run: DriveRun) -> None:
-        remaining = [entry for entry in self._by_drive[run.drive] if entry[1] is not run]
-        if remaining:
-            self._by_drive[run.drive] = remaining
-        else:
+        runs = self._by_drive[run.drive]
+        del runs[run.key]
+        if not runs:
             del self._by_drive[run.drive]
         self._due.pop(run.key, None)
 

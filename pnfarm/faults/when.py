@@ -1,13 +1,14 @@
 """``when``: injections that wait for a condition on each of their drives.
 
-The language is that of scenarios (:mod:`pnfarm.station.conditions`).  The condition is compiled to rows of the table, and
-the engine checks it in each of its steps (:mod:`pnfarm.engine.conditions`), so that no step in which it holds is missed.
-What only the event loop knows (connections, parameters) it writes into these rows whenever something has happened to
+The language is that of scenarios (:mod:`pnfarm.station.conditions`).  The condition is compiled to rows of the table,
+and the engine checks it in each of its steps (:mod:`pnfarm.engine.conditions`), so that no step in which it holds is
+missed.  What only the event loop knows (connections, parameters) it writes into these rows whenever something has happened to
 the drive.  A condition of such names alone needs no row.
 """
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
@@ -22,6 +23,7 @@ from pnfarm.vocabulary.conditions import Both, Comparison, ConditionError, Eithe
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from pnfarm.drives.model import Model
     from pnfarm.engine.columns import Columns
     from pnfarm.station.conditions import Condition
     from pnfarm.station.station import Station
@@ -58,20 +60,20 @@ class Conditions:
     def bind(self, drive: str, text: str) -> Condition:
         """The condition as this drive's model understands it.  Raises :class:`InjectionError`."""
         try:
-            return bind(text, self._stations[drive].model)
+            return _bound(text, self._stations[drive].model)
         except ConditionError as exc:
             raise InjectionError([("when", f"column {exc.column}: {exc.what}", exc.allowed)]) from exc
 
-    def watch(self, drive: str, text: str, held: Callable[[int], None]) -> ConditionWatch:
-        """Watch from now on; ``held(now)`` is called once the engine has seen it hold.  Raises :class:`ConfigError`."""
-        return ConditionWatch(self, self._stations[drive], self.bind(drive, text), held)
+    def watch(self, drive: str, text: str) -> ConditionWatch:
+        """Watch from the first :meth:`ConditionWatch.look` on.  Raises :class:`InjectionError`."""
+        return ConditionWatch(self, self._stations[drive], self.bind(drive, text))
 
     def reported(self, row: int, serial: int, now: int) -> str | None:
         """The engine saw the condition in this row hold at ``now``: the name of its drive, None if it is over."""
         watch = self._watches.get(row)
         if watch is None or watch.serial != serial:
             return None
-        watch.held(now)
+        watch.held_ns = now
         return watch.drive
 
     @property
@@ -122,15 +124,19 @@ class Conditions:
             self._columns.engine[0].condition_rows = 0
 
 
+@lru_cache(maxsize=64)
+def _bound(text: str, model: Model) -> Condition:
+    return bind(text, model)
+
+
 class ConditionWatch:
     """A condition on one drive, until it held or :meth:`close` is called."""
 
-    def __init__(
-        self, conditions: Conditions, station: Station, condition: Condition, held: Callable[[int], None]
-    ) -> None:
+    def __init__(self, conditions: Conditions, station: Station, condition: Condition) -> None:
         self.drive = station.configured_name
-        self.held = held
         self.serial = 0
+        #: When the engine saw it hold.
+        self.held_ns: int | None = None
         self._conditions = conditions
         self._station = station
         self._condition = condition
@@ -140,10 +146,15 @@ class ConditionWatch:
         self._given: dict[int, Tree] = {}
         self._telegram = -1
 
-    def look(self) -> bool:
-        """Whether it holds now; something may have happened to the drive.  Raises :class:`ConfigError` without room."""
+    def look(self, now: int) -> int | None:
+        """When it held, if it did; something may have happened to the drive.
+
+        Raises :class:`ConfigError` without room in the table.
+        """
+        if self.held_ns is not None:
+            return self.held_ns
         if self._condition.holds(self._station):
-            return True
+            return now
         if self._telegram != self._station.store.telegram_number:
             # bits of words have other places
             self.close()
@@ -152,7 +163,7 @@ class ConditionWatch:
         elif self._row is not None:
             for op, leaf in self._given.items():
                 self._conditions.give(self._row[1] + op, self._value(leaf))
-        return False
+        return None
 
     def close(self) -> None:
         """Watch it no longer."""

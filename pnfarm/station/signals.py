@@ -132,9 +132,7 @@ SIGNALS: Mapping[str, DriveSignal] = {
             _position,
             place_of(AXIS, "motor.position", less="homing.origin"),
         ),
-        _number(
-            "following_error", "revolutions", "commanded minus actual position", "positioning", "following_error"
-        ),
+        _number("following_error", "revolutions", "commanded minus actual position", "positioning", "following_error"),
         _number("current", "A", "torque-building current", "motor", "current"),
         _number("torque", "Nm", "torque of the motor", "motor", "torque"),
         _number("bus_voltage", "V", "voltage of the DC link", "supply", "voltage"),

@@ -1,7 +1,7 @@
 """Conditions that the engine watches for injections that wait: ``velocity > 1000 and zsw1.operation_enabled``.
 
-A *condition* is a row, and a part of the table of its *operations*, in an order in which each stands behind those that it
-combines; the last one is the condition.  An operation's value is a number of double precision, yes is 1.
+A *condition* is a row, and a part of the table of its *operations*, in an order in which each stands behind those that
+it combines; the last one is the condition.  An operation's value is a number of double precision, yes is 1.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ CONDITION = Layout(
 
 CONDITION_OP = Layout(
     "condition_op",
-    "One operation of a condition: a number, a field as a place in the table's 64-bit words, or two operations combined.",
+    "One operation of a condition: a number, a field as a place in 64-bit words, or two operations combined.",
     [
         Field("code", "u1", "", "fault", "OP_*"),
         Field("left", "i4", "", "fault", "row of the first operation that it combines"),

@@ -46,7 +46,9 @@ ENGINE = Layout(
         Field("axis_rows", "i4", "", "station", "rows of the axis table in use"),
         Field("program_rows", "i4", "", "station", "rows of the program table in use"),
         Field("trace_rows", "i4", "", "station", "rows of the trace table in use, 0 = no trace runs"),
-        Field("condition_rows", "i4", "", "fault", "rows of the condition table in use, 0 = no injection waits for one"),
+        Field(
+            "condition_rows", "i4", "", "fault", "rows of the condition table in use, 0 = no injection waits for one"
+        ),
         Field("lookup", "i4", "", "station", "which of the look-up tables is in force"),
         Field("tick_ns", "i8", "ns", "station", "longest time between two ticks"),
         Field("stop", "u1", "", "station", "1 asks the engine's thread to return"),
