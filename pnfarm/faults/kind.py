@@ -7,7 +7,8 @@ Common fields, as far as a kind takes them: ``probability`` (of each occurrence)
 the drive; a start ``when`` a condition holds, ``after`` a time or ``after_cycles`` healthy cycles of the connection; an
 end after ``count`` occurrences, ``for`` a time or ``cycles`` of the connection.  Every kind takes ``share`` and
 ``most``, which choose some of the matching drives by the seed, ``ttl``, after which it ends unless it is renewed, and
-where it can begin again ``rate`` and ``times``: at random, exponentially distributed, so often.  Each kind defines what an occurrence is.
+where it can begin again ``rate`` and ``times``: at random, exponentially distributed, so often.  Each kind defines what
+an occurrence is.
 """
 
 from __future__ import annotations

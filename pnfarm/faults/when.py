@@ -2,8 +2,8 @@
 
 The language is that of scenarios (:mod:`pnfarm.station.conditions`).  The condition is compiled to rows of the table,
 and the engine checks it in each of its steps (:mod:`pnfarm.engine.conditions`), so that no step in which it holds is
-missed.  What only the event loop knows (connections, parameters) it writes into these rows whenever something has happened to
-the drive.  A condition of such names alone needs no row.
+missed.  What only the event loop knows (connections, parameters) it writes into these rows whenever something has
+happened to the drive.  A condition of such names alone needs no row.
 """
 
 from __future__ import annotations
