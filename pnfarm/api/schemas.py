@@ -172,10 +172,14 @@ class Reaction(Schema):
 
 
 class StartUpView(Schema):
-    attempts: int
+    controller: str | None = Field(description="Its station name; null before it asked for a connection.")
+    attempts: int = Field(description="Connects, also refused ones.")
     complete: bool
     after_loss_seconds: float | None = Field(description="From the loss of the connection before it to data exchange.")
-    phases: dict[str, float] = Field(description="Seconds for identify, address, connect, parameters, ready, data.")
+    phases: dict[str, float] = Field(
+        description="Seconds for identify, address, connect, parameters, ready, data, each from the one before, the "
+        "first one from the loss; a phase that the controller left out is not there."
+    )
 
 
 class SignOfLife(Schema):

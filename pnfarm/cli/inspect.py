@@ -164,17 +164,24 @@ def _controller_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
         ("missed updates", number(record["missed_updates"])),
         ("late frames", _cell("", record["late_frames"])),
         ("watchdog expirations", _cell("", record["watchdog_expirations"])),
-        ("connects", f"{record['connects']} of {record['attempts']} attempts"),
+        ("connects", f"{record['connects']} of {record['attempts']} attempts, {record['refused']} refused"),
     ]
     if record["start_ups"]:
         newest = record["start_ups"][-1]
-        rows.append(("last start-up", ", ".join(f"{name} {seconds(t)}" for name, t in newest["phases"].items()) or "-"))
+        phases = ", ".join(f"{name} {seconds(t)}" for name, t in newest["phases"].items())
+        back = newest["after_loss_seconds"]
+        rows += [
+            ("last start-up", phases or "-"),
+            ("of", f"{newest['controller'] or '-'}, {newest['attempts']} attempts"),
+            ("reconnected after", "-" if back is None else seconds(back)),
+        ]
     if record["faults"]:
         fault = record["faults"][-1]
         bits = ", ".join(f"{bit['name']}={bit['value']} {seconds(bit['after_seconds'])}" for bit in fault["stw1"])
-        done = fault["acknowledged_seconds"]
+        done, reacted = fault["acknowledged_seconds"], fault["reaction_seconds"]
         rows += [
             ("last fault", f"F{fault['code']}, injected: {fault['kind']}"),
+            ("enable withdrawn after", "-" if reacted is None else seconds(reacted)),
             ("STW1 after it", bits or "no change"),
             ("acknowledged after", "-" if done is None else seconds(done)),
         ]

@@ -38,8 +38,11 @@ NOT_INJECTED = "none"
 AFTERWARDS_NS = 100_000_000
 #: Kept situations, start-ups, and injections in force.
 KEPT = 16
-#: The last phase of a start-up.
+#: The last phase of a start-up, and those before a connection is asked for.
 DATA = "data"
+BEFORE = ("identify", "address")
+#: A controller that looks for a drive this long after it was given an address begins anew.
+ANEW_NS = 10_000_000_000
 INJECTIONS = 64
 
 
@@ -58,14 +61,16 @@ class Situation:
 
 @dataclass(slots=True)
 class StartUp:
-    """One way to data exchange.
+    """One way of a controller to data exchange.
 
-    ``phases`` in the order in which they ended, with the farm's time, ns: ``identify`` (the controller looked for the
-    drive by name), ``address``, ``connect``, ``parameters``, ``ready`` (ApplicationReady confirmed), ``data``.
+    ``phases`` in the order in which they ended, with the farm's time, ns: ``identify`` (the drive answered the
+    controller, which looked for it), ``address``, ``connect``, ``parameters``, ``ready`` (ApplicationReady confirmed),
+    ``data``.
     """
 
-    #: When the connection before it was lost, if it was.
+    #: When the controller's connection before it was lost, if it was.
     lost_ns: int | None
+    controller: str = ""
     phases: dict[str, int] = field(default_factory=dict)
     attempts: int = 0
 
@@ -95,8 +100,11 @@ class ControllerRecord:
         self.attempts = 0
         self.refused = 0
         self._active: Situation | None = None
-        self._starting: StartUp | None = None
-        self._lost_ns: int | None = None
+        #: Start-ups of the open connections; and the one that has no connection yet.
+        self._open: dict[int, StartUp] = {}
+        self._waiting: StartUp | None = None
+        #: When connections were lost, by controller, oldest first, until it is back.
+        self._lost: dict[str, int] = {}
         self._injected: dict[str, str] = {}
         self._ended: tuple[str, int] | None = None
 
@@ -123,39 +131,91 @@ class ControllerRecord:
                 if self._active is not None:
                     self._active.acknowledged_ns = after
                     self._active = None
+            case _:
+                self._connections(what, now)
+
+    def _connections(self, what: object, now: int) -> None:
+        """Another controller's attempts while one is connected count, and are in no start-up until they succeed."""
+        match what:
             case ConnectionRefused():
                 self.attempts += 1
                 self.refused += 1
-                self._start().attempts += 1
-            case ConnectionOpened():
+                if not self._open:
+                    self._wait().attempts += 1
+            case ConnectionOpened(connection=connection, peer=controller):
                 self.attempts += 1
-                starting = self._start()
-                starting.attempts += 1
-                # an attempt that failed later began anew
-                for phase in ("connect", "parameters", "ready"):
-                    starting.phases.pop(phase, None)
-                starting.phases["connect"] = now
-            case StartUpPhase(phase=phase):
-                if phase in ("identify", "address") or self._starting is not None:
-                    self._start().phases.setdefault(phase, now)
-            case ConnectionEstablished():
-                if self._starting is not None:
-                    self._starting.phases[DATA] = now
-                self._starting = self._lost_ns = None
-            case WatchdogExpired() | ConnectionLost() | PowerLost():
-                if self._lost_ns is None and self._starting is None:
-                    self._lost_ns = now
-            case ConnectionReleased():
-                self._starting = self._lost_ns = None
+                self._opened(connection, controller, now)
+            case StartUpPhase(phase=phase, connection=None):
+                if not self._open:
+                    self._before(phase, now)
+            case StartUpPhase(phase=phase, connection=int() as connection):
+                if (start := self._open.get(connection)) is not None and not start.complete:
+                    start.phases[phase] = now
+            case ConnectionEstablished(connection=connection):
+                if (start := self._open.get(connection)) is not None:
+                    start.phases[DATA] = now
+                    self._lost.pop(start.controller, None)
+            case WatchdogExpired(connection=connection):
+                if (start := self._open.get(connection)) is not None and start.complete:
+                    self._lose(start, now)
+            case ConnectionLost(connection=connection):
+                # one without cyclic data is not known here
+                if (start := self._open.pop(connection, None)) is not None:
+                    self._ends(start, now)
+            case ConnectionReleased(connection=connection):
+                if (start := self._open.pop(connection, None)) is not None:
+                    self._lost.pop(start.controller, None)
+            case PowerLost():
+                for start in self._open.values():
+                    self._ends(start, now)
+                self._open.clear()
+                if self._waiting is not None:
+                    self._waiting.phases.clear()
+                # the faults are gone without an acknowledgement
+                self._active = None
             case _:
                 pass
 
-    def _start(self) -> StartUp:
-        """The start-up at work, a new one if there is none."""
-        if self._starting is None:
-            self._starting = StartUp(self._lost_ns)
-            self.start_ups.append(self._starting)
-        return self._starting
+    def _wait(self) -> StartUp:
+        """The start-up that has no connection yet, a new one if there is none."""
+        if self._waiting is None:
+            self._waiting = StartUp(max(self._lost.values(), default=None))
+            self.start_ups.append(self._waiting)
+        return self._waiting
+
+    def _before(self, phase: str, now: int) -> None:
+        """A controller looked for the drive, or gave it an address."""
+        phases = self._wait().phases
+        given = phases.get("address")
+        if phase == "identify" and given is not None:
+            if now - given <= ANEW_NS:
+                return
+            phases.clear()
+        phases.pop(phase, None)
+        phases[phase] = now
+
+    def _opened(self, connection: int, controller: str, now: int) -> None:
+        start, self._waiting = self._wait(), None
+        start.attempts += 1
+        start.controller = controller
+        # what another controller lost is not this one's, unless it takes that one's place
+        start.lost_ns = self._lost.get(controller, None if self._open else start.lost_ns)
+        # those of an attempt that failed
+        start.phases = {name: when for name, when in start.phases.items() if name in BEFORE}
+        start.phases["connect"] = now
+        self._open[connection] = start
+
+    def _lose(self, start: StartUp, now: int) -> None:
+        self._lost.setdefault(start.controller, now)
+        if len(self._lost) > KEPT:
+            del self._lost[next(iter(self._lost))]
+
+    def _ends(self, start: StartUp, now: int) -> None:
+        """A connection ended without a release: a loss, or an attempt that the next one goes on from."""
+        if start.complete:
+            self._lose(start, now)
+        elif self._waiting is None:
+            self._waiting = start
 
     def _kind(self, now: int) -> str:
         """What is injected now, or was just now; the newest of several."""

@@ -79,6 +79,7 @@ def _start_up(one: StartUp) -> dict[str, Any]:
     end = next(reversed(one.phases.values()), None)
     whole = (end - one.lost_ns) / 1e9 if one.complete and end is not None and one.lost_ns is not None else None
     return {
+        "controller": one.controller or None,
         "attempts": one.attempts,
         "complete": one.complete,
         "after_loss_seconds": whole,

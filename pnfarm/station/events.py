@@ -105,9 +105,21 @@ class Booted(Event):
 
 @dataclass(frozen=True, slots=True)
 class ConnectionOpened(Event):
-    """A controller requested a connection and got it; data may flow."""
+    """A controller requested a connection and got it; data may flow.
+
+    ``connection`` is the same in all events of one connection, and of no other one of the drive at that time.
+    """
 
     TEXT = "connection opened"
+    connection: int = field(default=0, kw_only=True)
+
+    @property
+    def peer(self) -> str:
+        """The controller's name, where its bus has one."""
+        return ""
+
+    def details(self) -> dict[str, Any]:
+        return {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +137,11 @@ class StartUpPhase(Event):
     TEXT = "start-up phase"
     LEVEL = "debug"
     phase: Literal["identify", "address", "parameters", "ready"]
+    #: See :class:`ConnectionOpened`; None before there is one.
+    connection: int | None = None
+
+    def details(self) -> dict[str, Any]:
+        return {"phase": self.phase}
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +149,10 @@ class ConnectionEstablished(Event):
     """Valid data flow both ways."""
 
     TEXT = "connection established"
+    connection: int = field(default=0, kw_only=True)
+
+    def details(self) -> dict[str, Any]:
+        return {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,9 +162,11 @@ class ConnectionLost(Event):
     TEXT = "connection lost"
     LEVEL = "warning"
     lateness: Lateness | None = field(default=None, kw_only=True)
+    connection: int = field(default=0, kw_only=True)
 
     def details(self) -> dict[str, Any]:
-        values = {one.name: getattr(self, one.name) for one in fields(self) if one.name != "lateness"}
+        others = {"lateness", "connection"}
+        values = {one.name: getattr(self, one.name) for one in fields(self) if one.name not in others}
         return values if self.lateness is None else {**values, **self.lateness.as_dict()}
 
 
@@ -152,6 +175,10 @@ class ConnectionReleased(Event):
     """The controller ended the connection in order."""
 
     TEXT = "connection released"
+    connection: int = field(default=0, kw_only=True)
+
+    def details(self) -> dict[str, Any]:
+        return {}
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +189,7 @@ class WatchdogExpired(Event):
     LEVEL = "warning"
     silent_ns: int
     lateness: Lateness | None = None
+    connection: int = field(default=0, kw_only=True)
 
     def details(self) -> dict[str, Any]:
         own = {} if self.lateness is None else self.lateness.as_dict()

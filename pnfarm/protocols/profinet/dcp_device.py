@@ -166,7 +166,8 @@ class DcpDevice:
         self.dropped: Counter[str] = Counter()
         self._client: tuple[bytes, int] | None = None  # the client of the client hold time, and its end
         self._transaction: int | None = None  # qualifier of the open one
-        #: Requests for this station by its name so far: controllers look for it.
+        #: Identify requests that were answered so far, and those of them that asked for this station by its name.
+        self.identified = 0
         self.sought = 0
         self._pending: dict[bytes, tuple[int, bytes]] = {}  # asking station: due time, frame
         self._signal_end: int | None = None
@@ -281,6 +282,7 @@ class DcpDevice:
         if not identify_matches(pdu, self):
             self.dropped["filter"] += 1
             return
+        self.identified += 1
         self.sought += any(isinstance(block, NameBlock) for block in pdu.blocks)
         blocks = self._identify_blocks()
         blocks += [AliasBlock(block.alias) for block in pdu.blocks if isinstance(block, AliasBlock)][:1]

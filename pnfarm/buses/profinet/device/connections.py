@@ -73,8 +73,10 @@ class StationConnections:
         self.watchdog_expirations_by_farm = 0
         #: The farm's lateness when a watchdog expired, until its AR has ended, by the AR's key.
         self._expired: dict[int, Lateness] = {}
-        #: A controller has looked for the drive since its last connection.
-        self._sought = False
+        #: When a controller last looked for the drive since its last connection, and of which time the log was told.
+        self._sought_ns: int | None = None
+        self._told_ns = 0
+        self._sought_by_name = False
         #: For injections on the connection: how to hold ApplicationReady back (``None``: not at all).
         self.ready_delay_ns: int | None = 0
         #: Called with (event, now) for each event of context management, after the station has handled it.
@@ -96,7 +98,7 @@ class StationConnections:
         """The supply is off: forget what was held back."""
         self._ready_due.clear()
         self._expired.clear()
-        self._sought = False
+        self._not_sought()
 
     # -- events of context management --------------------------------------------------------------------------------
 
@@ -107,7 +109,7 @@ class StationConnections:
             case ConnectRefused(ip, status, detail):
                 self._station.note(now, happened.ConnectRefused(ip, status, detail))
             case PrmEndReceived(key, sequence):
-                self._station.note(now, StartUpPhase("parameters"))
+                self._station.note(now, StartUpPhase("parameters", key))
                 if self.ready_delay_ns is None:
                     self._station.note(now, happened.ApplicationReadyWithheld())
                 elif self.ready_delay_ns == 0:
@@ -119,24 +121,25 @@ class StationConnections:
             case AlarmConfirmed():
                 place = event.slot, event.subslot
                 self._station.note(now, happened.AlarmAcknowledged(event.alarm_type, *place, event.status))
-            case ApplicationReadyConfirmed():
-                self._station.note(now, StartUpPhase("ready"))
+            case ApplicationReadyConfirmed(key):
+                self._station.note(now, StartUpPhase("ready", key))
             case ArEstablished(key):
                 ar = self._station.ars.get(key)
                 if ar is not None and not ar.established:
                     ar.established = True
                     self.connects += 1
-                    self._station.note(now, happened.ArEstablished(ar.initiator, ar.cycle_ns))
+                    self._station.note(now, happened.ArEstablished(ar.initiator, ar.cycle_ns, connection=key))
             case ArAborted(key, code1, code2, reason, by_peer):
                 own = self._lateness_of_loss(key, now)
                 self._lost(key)
                 self.aborts[code1, code2] += 1
                 if own is not None and own.late:
                     self.aborts_by_farm[code1, code2] += 1
-                self._station.note(now, happened.ArAborted(reason, code1, code2, by_peer, lateness=own))
+                aborted = happened.ArAborted(reason, code1, code2, by_peer, lateness=own, connection=key)
+                self._station.note(now, aborted)
             case ArReleased(key):
                 self.close(key)
-                self._station.note(now, happened.ArReleased())
+                self._station.note(now, happened.ArReleased(connection=key))
             case DiagnosisChanged(change):
                 self._diagnosis_changed(change, now)
             case RecordWritten(_, api, slot, subslot, index, data):
@@ -161,9 +164,10 @@ class StationConnections:
         fastest_ns = min(ar.cycle_ns for ar in self._station.ars.values() if ar.providers)
         self._station.handle.axis.step_ns = _step_ns(fastest_ns)
         telegram = self._station.store.telegram_number
+        peer = event.initiator_name, event.initiator_ip
+        self.begins(now)
         self._station.note(
-            now,
-            happened.ArConnected(event.initiator_name, event.initiator_ip, telegram, ar.cycle_ns, ar.watchdog_ns),
+            now, happened.ArConnected(*peer, telegram, ar.cycle_ns, ar.watchdog_ns, connection=event.ar_key)
         )
 
     def _follow_telegram(self) -> None:
@@ -210,14 +214,31 @@ class StationConnections:
             return
         self._station.note(now, happened.SubmodulesChanged(frozenset(unusable)))
 
-    def sought(self, now: int) -> None:
-        """A controller looks for the drive by its name; it may do so again and again."""
-        if not self._sought and not self._station.ars:
-            self._sought = True
+    def sought(self, now: int, *, by_name: bool) -> None:
+        """The drive answered an Identify: for its name, or one to all, which counts while nobody asks for the name.
+
+        Many controllers and tools ask again and again; the log is told of the first one, and of the one that counts
+        (:meth:`begins`).
+        """
+        if self._station.ars or (self._sought_by_name and not by_name):
+            return
+        self._sought_by_name = by_name
+        if self._sought_ns is None:
             self._station.note(now, StartUpPhase("identify"))
+            self._told_ns = now
+        self._sought_ns = now
+
+    def _not_sought(self) -> None:
+        self._sought_ns, self._sought_by_name = None, False
+
+    def begins(self, now: int) -> None:
+        """The controller goes on, with an address or a Connect: what counts is when it looked for the drive last."""
+        if self._sought_ns is not None and self._sought_ns > self._told_ns:
+            self._told_ns = self._sought_ns
+            self._station.note(min(now, self._told_ns), StartUpPhase("identify"))
 
     def close(self, key: int) -> None:
-        self._sought = False
+        self._not_sought()
         self._station.parameter_records.reset(key)
         if key in self._station.ars and self._station.ars[key].feeds:
             self._station.store.channels_closed()
@@ -274,5 +295,5 @@ class StationConnections:
             self._expired[key] = own
             self.watchdog_expirations += 1
             self.watchdog_expirations_by_farm += own.late
-            self._station.note(at, WatchdogExpired(silent_ns, own))
+            self._station.note(at, WatchdogExpired(silent_ns, own, connection=key))
             self._station.cm.watchdog_expired(key, now)

@@ -317,10 +317,10 @@ class ProfinetDevice:
             self._drop("short")
         elif DCP_HELLO <= int.from_bytes(frame.payload[:2], "big") <= DCP_IDENTIFY_RESPONSE:
             self.dcp.in_operation = bool(self.cm.ars)
-            sought = self.dcp.sought
+            identified, sought = self.dcp.identified, self.dcp.sought
             self.dcp.receive(frame, now)
-            if self.dcp.sought != sought:
-                self.connections.sought(now)
+            if self.dcp.identified != identified:
+                self.connections.sought(now, by_name=self.dcp.sought != sought)
         elif frame.destination != self.port.mac:
             self._drop("other-destination")
         else:

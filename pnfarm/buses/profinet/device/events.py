@@ -75,6 +75,10 @@ class ArConnected(ConnectionOpened):
     cycle_ns: int
     watchdog_ns: int
 
+    @property
+    def peer(self) -> str:
+        return self.controller
+
     def details(self) -> dict[str, Any]:
         return {
             "controller": self.controller,

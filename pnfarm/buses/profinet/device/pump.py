@@ -84,6 +84,8 @@ class DevicePump:
         device = self._device
         events = device.dcp.events()
         for event in events:
+            if isinstance(event, IpSet):
+                device.connections.begins(now)
             device.addressing.take_dcp(event, now)
             match event:
                 case NameSet(name):
