@@ -28,6 +28,40 @@ DRIVE = {
     "powered": True,
     "stw1_bits": ["on", "[no]_markup"],
 }
+EMPTY = {"mean_seconds": None, "buckets": []}
+RECORD = {
+    "drive": "axis-01",
+    "cycle_seconds": 0.016,
+    "intervals": {"mean_seconds": 0.016, "buckets": [{"up_to_seconds": 0.016, "count": 60}]},
+    "jitter": EMPTY,
+    "missed_updates": 1200,
+    "late_frames": {"controller": 1, "farm": 2},
+    "last_late_frame": None,
+    "watchdog_expirations": {"controller": 0, "farm": 3},
+    "attempts": 7,
+    "refused": 4,
+    "connects": 2,
+    "start_ups": [
+        {
+            "controller": "plc",
+            "attempts": 5,
+            "complete": True,
+            "after_loss_seconds": 1.5,
+            "phases": {"identify": 1.0, "connect": 0.5},
+        }
+    ],
+    "faults": [
+        {
+            "code": "702",
+            "kind": "timeout",
+            "seconds_ago": 1.0,
+            "reaction_seconds": 0.032,
+            "acknowledged_seconds": None,
+            "stw1": [{"bit": 0, "name": "on", "value": 0, "after_seconds": 0.032}],
+        }
+    ],
+    "sign_of_life": None,
+}
 FAULT = {
     "id": "trip",
     "kind": "f702",
@@ -100,6 +134,11 @@ class FakeFarm:
     def answer(self, method: str, path: str, body: object, status: int = 200) -> None:
         self.answers[method, f"/api/v1/{path}"] = (status, body)
 
+    def inspected(self, body: dict, path: str = "drives/axis-01") -> None:
+        """A drive, and what its controller did."""
+        self.answer("GET", path, body)
+        self.answer("GET", f"{path}/controller", RECORD)
+
 
 @pytest.fixture
 def farm(monkeypatch):
@@ -158,11 +197,32 @@ def test_inspect_as_json_is_the_apis_answer(ask, farm):
 
 
 def test_inspect_of_one_drive_shows_every_field(ask, farm):
-    farm.answer("GET", "drives/axis-01", DRIVE)
+    farm.inspected(DRIVE)
     text = ask("inspect", "axis-01").out
     for line in ("powered          yes", "cycle seconds    16 ms", "stw1 bits        on, [no]_markup"):
         assert line in text
-    assert json.loads(ask("inspect", "axis-01", "--format", "json").out) == DRIVE
+    assert json.loads(ask("inspect", "axis-01", "--format", "json").out) == {**DRIVE, "controller_record": RECORD}
+
+
+def test_inspect_of_one_drive_shows_what_its_controller_did(ask, farm):
+    farm.inspected(DRIVE)
+    text = ask("inspect", "axis-01").out
+    for line in (
+        "mean interval           16 ms",
+        "mean jitter             -",
+        "missed updates          1,200",
+        "late frames             controller 1, farm 2",
+        "watchdog expirations    controller 0, farm 3",
+        "connects                2 of 7 attempts, 4 refused",
+        "last start-up           identify 1 s, connect 500 ms",
+        "of                      plc, 5 attempts",
+        "reconnected after       1.5 s",
+        "last fault              F702, injected: timeout",
+        "enable withdrawn after  32 ms",
+        "STW1 after it           on=0 32 ms",
+        "acknowledged after      -",
+    ):
+        assert line in text.splitlines()
 
 
 def test_inspect_of_one_drive_says_who_its_neighbour_is(ask, farm):
@@ -176,13 +236,13 @@ def test_inspect_of_one_drive_says_who_its_neighbour_is(ask, farm):
         "ip": None,
         "seen_seconds_ago": 1.5,
     }
-    farm.answer("GET", "drives/axis-01", DRIVE | {"neighbours": [neighbour]})
+    farm.inspected(DRIVE | {"neighbours": [neighbour]})
     text = " ".join(ask("inspect", "axis-01").out.split())
     assert "neighbours switch-1 port-003 (02:00:00:00:00:99) at port-001" in text
 
 
 def test_a_name_with_odd_letters_stays_one_name(ask, farm):
-    farm.answer("GET", "drives/a%2Fb%20c", DRIVE)
+    farm.inspected({**DRIVE, "name": "a/b c"}, "drives/a%2Fb%20c")
     assert ask("inspect", "a/b c").code == 0
 
 
@@ -203,12 +263,13 @@ def test_events_are_lines_or_json_lines(ask, farm):
 def test_discards_and_the_last_events_of_a_drive_stand_below_its_fields(ask, farm):
     discards = {"arp-for-another": 1200, "old-counter": 3}
     events = [{**ENTRY, "sequence": n, "event": "watchdog expired", "silent_seconds": 0.048} for n in range(12)]
-    farm.answer("GET", "drives/axis-01", {**DRIVE, "frames_discarded": discards, "events": events})
+    farm.inspected({**DRIVE, "frames_discarded": discards, "events": events})
     lines = ask("inspect", "axis-01").out.splitlines()
     assert "frames discarded  1,203" in lines
-    assert lines[-12].split() == ["DISCARDED", "REASON", "WHAT", "IT", "MEANS"]
-    assert lines[-11].split(maxsplit=2) == ["1,200", "arp-for-another", "ARP request for another address"]
-    assert lines[-10].split(maxsplit=2)[2].startswith("cyclic frame whose cycle counter does not advance")
+    head = next(n for n, line in enumerate(lines) if line.startswith("DISCARDED"))
+    assert lines[head].split() == ["DISCARDED", "REASON", "WHAT", "IT", "MEANS"]
+    assert lines[head + 1].split(maxsplit=2) == ["1,200", "arp-for-another", "ARP request for another address"]
+    assert lines[head + 2].split(maxsplit=2)[2].startswith("cyclic frame whose cycle counter does not advance")
     assert lines[-1].endswith("axis-01          watchdog expired  number=702  silent=48 ms")
     assert sum("watchdog expired" in line for line in lines) == 8
 
