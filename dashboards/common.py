@@ -76,6 +76,11 @@ def grown(counter: str, span: str) -> str:
     return f"(({counter} unless {counter} offset {span}) or increase({counter}[{span}]))"
 
 
+def with_model(expression: str) -> str:
+    """An expression by instance and drive, with the drive's model as a label."""
+    return f"({expression}) * on (instance, drive) group_left (model) {farm('pnfarm_drive_info')}"
+
+
 def mean(histogram: str, selector: str) -> str:
     """Mean of a histogram's values in the shown range."""
     total, count = (f"sum({grown(f'{histogram}_{part}{selector}', '$__range')})" for part in ("sum", "count"))
@@ -103,6 +108,8 @@ def annotations(board: Board, *, of_drive: bool) -> None:
     """Marks for injected faults, the drives' own, and lost connections."""
     select = drive if of_drive else farm
     if of_drive:
+        expression = f"{drive('pnfarm_drive_faults_active')} > 0"
+        board.annotation("Injected faults", expression, "injected", "injected faults in force on $drive", PURPLE)
         expression = f"sum by (kind) ({grown(select('pnfarm_fault_activations_total'), '10s')}) > 0"
         board.annotation("Injected fault acts", expression, "{{kind}}", "an injected fault acted on $drive", PURPLE)
     else:
@@ -110,5 +117,6 @@ def annotations(board: Board, *, of_drive: bool) -> None:
         board.annotation("Injected faults", expression, "{{kind}}", "fault {{kind}} active", PURPLE)
     expression = f"sum by (drive, code) ({grown(select('pnfarm_axis_faults_total'), '10s')}) > 0"
     board.annotation("Drive faults", expression, "F{{code}}", "fault {{code}} of {{drive}}", RED)
-    expression = f"sum by (drive, reason) (increase({select('pnfarm_ar_aborts_total')}[10s])) > 0"
-    board.annotation("Connections lost", expression, "{{drive}}", "connection of {{drive}} aborted: {{reason}}", ORANGE)
+    expression = f"sum by (drive, reason, cause) ({grown(select('pnfarm_ar_aborts_total'), '10s')}) > 0"
+    text = "connection of {{drive}} aborted: {{reason}}, cause: {{cause}}"
+    board.annotation("Connections lost", expression, "{{drive}}", text, ORANGE)

@@ -19,6 +19,7 @@ from common import (
     grown,
     mean,
     quantile,
+    with_model,
 )
 from panels import (
     GREEN,
@@ -234,12 +235,16 @@ def _overview_wire(board: Board) -> None:
         8,
     )
     lost = f"sum by (cause) (increase({farm('pnfarm_watchdog_expirations_total')}[{RATE}]))"
-    aborted = f"sum by (reason) (increase({farm('pnfarm_ar_aborts_total')}[{RATE}])) > 0"
+    aborted = f"sum by (reason, cause) ({grown(farm('pnfarm_ar_aborts_total'), RATE)}) > 0"
     connects = f"sum(increase({farm('pnfarm_ar_connects_total')}[{RATE}]))"
     board.add(
         timeseries(
             "Connections",
-            targets((connects, "established"), (lost, "watchdog expired: {{cause}}"), (aborted, "aborted: {{reason}}")),
+            targets(
+                (connects, "established"),
+                (lost, "watchdog expired: {{cause}}"),
+                (aborted, "aborted: {{reason}}, cause: {{cause}}"),
+            ),
             "Connections established and lost; cause farm: the farm itself was late.",
             unit="none",
             minimum=0,
@@ -261,7 +266,9 @@ def _overview_controller(board: Board) -> None:
     board.add(
         timeseries(
             "Jitter, p99: the ten worst drives",
-            targets((f"topk(10, {quantile(0.99, jitter, 'drive, le')})", "{{drive}}")),
+            targets(
+                (with_model(f"topk(10, {quantile(0.99, jitter, 'instance, drive, le')})"), "{{drive}} ({{model}})")
+            ),
             "Deviation of the controller's frames from the agreed cycle. The bucket limits determine the resolution.",
             unit="s",
             minimum=0,
@@ -314,6 +321,48 @@ def _overview_controller(board: Board) -> None:
             no_value="no injected fault was active",
         ),
         8,
+        8,
+    )
+    reaction = farm("pnfarm_controller_fault_reaction_seconds_bucket")
+    by_fault = f"sum by (code, kind, le) ({grown(reaction, '$__range')})"
+    board.add(
+        timeseries(
+            "Reaction to a fault, p99 by fault and injection",
+            targets((f"histogram_quantile(0.99, {by_fault}) >= 0", "F{{code}}, injected: {{kind}}")),
+            "From a drive's fault until the controller removes the enable, by the drive's fault and by what was "
+            "injected, in the shown range so far.",
+            unit="s",
+            minimum=0,
+            no_value="none yet",
+        ),
+        12,
+        8,
+    )
+    errors = f"sum by (instance, drive) (rate({farm('pnfarm_sign_of_life_errors_total')}[{RATE}]))"
+    board.add(
+        timeseries(
+            "Sign-of-life errors: the ten worst drives",
+            targets((with_model(f"topk(10, {errors})"), "{{drive}} ({{model}})")),
+            "Frames whose sign of life (STW2) did not follow the last one's; 0 for drives that do not monitor it.",
+            unit="cps",
+            minimum=0,
+            links=[link("This drive", BY_LABEL)],
+        ),
+        6,
+        8,
+    )
+    recovery = farm("pnfarm_controller_reconnect_seconds_bucket")
+    by_model = with_model(f"sum by (instance, drive, le) ({grown(recovery, '$__range')})")
+    board.add(
+        timeseries(
+            "Recovery time, p50 by model",
+            targets((f"histogram_quantile(0.5, sum by (model, le) ({by_model})) >= 0", "{{model}}")),
+            "From a fault or a lost connection until the drive runs again, by model, in the shown range so far.",
+            unit="s",
+            minimum=0,
+            no_value="none yet",
+        ),
+        6,
         8,
     )
 

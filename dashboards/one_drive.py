@@ -310,7 +310,18 @@ def _drive_connection(board: Board) -> None:
             minimum=0,
             overrides=[override("agreed cycle", color=color(GREY), custom__lineStyle={"fill": "dash", "dash": [8, 8]})],
         ),
-        12,
+        9,
+        8,
+    )
+    board.add(
+        timeseries(
+            "Sign-of-life errors",
+            targets((f"rate({drive('pnfarm_sign_of_life_errors_total')}[{RATE}])", "errors")),
+            "Frames whose sign of life (STW2) did not follow the last one's; 0 if the drive does not monitor it.",
+            unit="cps",
+            minimum=0,
+        ),
+        6,
         8,
     )
     board.add(
@@ -328,7 +339,7 @@ def _drive_connection(board: Board) -> None:
             unit="pps",
             minimum=0,
         ),
-        12,
+        9,
         8,
     )
 
@@ -336,11 +347,16 @@ def _drive_connection(board: Board) -> None:
 def _drive_faults(board: Board) -> None:
     board.row("Faults and recovery")
     codes = f"sum by (code) ({grown(drive('pnfarm_axis_faults_total'), '$__range')}) > 0"
-    aborts = f"sum by (reason) (increase({drive('pnfarm_ar_aborts_total')}[$__range])) > 0"
+    aborts = f"sum by (reason, cause) ({grown(drive('pnfarm_ar_aborts_total'), '$__range')}) > 0"
     acts = f"sum by (kind) ({grown(drive('pnfarm_fault_activations_total'), '$__range')}) > 0"
     for title, expression, legend, what in (
         ("Faults", codes, "F{{code}}", "Faults of the drive in the shown range, by number."),
-        ("Connections lost", aborts, "{{reason}}", "Aborted connections in the shown range, by reason."),
+        (
+            "Connections lost",
+            aborts,
+            "{{reason}}, {{cause}}",
+            "Aborted connections in the shown range, by reason and cause; farm: the farm itself was late.",
+        ),
         ("Injected", acts, "{{kind}}", "Activations of injected faults in the shown range, by kind."),
     ):
         board.add(
@@ -365,11 +381,13 @@ def _drive_faults(board: Board) -> None:
         ),
         ("Recovery time", "pnfarm_controller_reconnect_seconds", "Until the drive runs again."),
     ):
+        buckets = f"sum by (le) ({grown(f'{name}_bucket{selector}', '$__range')})"
         board.add(
             stat(
                 title,
                 [
                     target(mean(name, selector), "mean", ref="A", instant=True),
+                    target(f"histogram_quantile(0.99, {buckets})", "p99", ref="C", instant=True),
                     target(f"sum({grown(f'{name}_count{selector}', '$__range')})", "times", ref="B", instant=True),
                 ],
                 f"{what} Over the shown range.",

@@ -233,5 +233,11 @@ def test_dashboards_show_the_fault_the_lost_connection_and_the_recovery(promethe
     overview = queries(ROOT / "dashboards" / "json" / "farm-overview.json")
     (drives,) = prometheus(overview["Drives A"])
     assert {value for _, value in drives["values"]} == {"3"}
+    jitter = prometheus(overview["Jitter, p99: the ten worst drives A"])
+    assert {series["metric"]["model"] for series in jitter} == {"akd-profinet"}
+    reactions = prometheus(overview["Reaction to a fault, p99 by fault and injection A"])
+    assert {"702"} <= {series["metric"]["code"] for series in reactions}
+    lost = {(s["metric"]["reason"], s["metric"]["cause"]) for s in prometheus(one_drive["Connections lost A"])}
+    assert ("consumer-dht-expired", "controller") in lost
     injected = {series["metric"]["kind"] for series in prometheus(overview["Activity of injected faults A"])}
     assert {"drive-fault", "loss"} <= injected or {"f702", "loss"} <= injected

@@ -256,6 +256,12 @@ tests:
       - {series: 'pnfarm_axis_fault_active{drive="acknowledged"}', values: "0 702 0x20"}
       - {series: 'pnfarm_watchdog_expirations_total{instance="a", drive="nervous"}', values: "0+1x20"}
       - {series: 'pnfarm_watchdog_expirations_total{instance="a", drive="calm"}', values: "0 1x20"}
+      - {series: 'pnfarm_watchdog_expirations_total{instance="a", drive="innocent", cause="farm"}', values: "0+1x20"}
+      - {series: 'pnfarm_watchdog_expirations_total{instance="a", drive="innocent", cause="other"}', values: "0x9"}
+      - {series: 'pnfarm_ar_aborts_total{instance="a", drive="aborted", cause="farm"}', values: "0x5 1x15"}
+      - {series: 'pnfarm_ar_aborts_total{instance="a", drive="calm", cause="controller"}', values: "0x5 1x15"}
+      - {series: 'pnfarm_sign_of_life_errors_total{instance="a", drive="frozen"}', values: "0+4x20"}
+      - {series: 'pnfarm_sign_of_life_errors_total{instance="a", drive="calm"}', values: "0 1x20"}
       - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="late", le="0.001"}', values: "0x20"}
       - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="late", le="0.008"}', values: "0+9x20"}
       - {series: 'pnfarm_engine_lateness_seconds_bucket{instance="late", le="+Inf"}', values: "0+9x20"}
@@ -270,6 +276,9 @@ tests:
           - {labels: '{alertname="DriveLostItsController", drive="lost"}', value: 1}
           - {labels: '{alertname="DriveFaultStands", drive="stands"}', value: 1}
           - {labels: '{alertname="ControllerWatchdogExpires", instance="a", drive="nervous"}', value: 1}
+          - {labels: '{alertname="FarmLostConnections", instance="a", drive="innocent"}', value: 1}
+          - {labels: '{alertname="FarmLostConnections", instance="a", drive="aborted"}', value: 1}
+          - {labels: '{alertname="SignOfLifeFails", instance="a", drive="frozen"}', value: 1}
           - {labels: '{alertname="FarmTooLate", instance="late"}', value: 1}
 """
 
