@@ -12,21 +12,16 @@ from typing import Any
 
 from pnfarm.engine.columns import Columns
 from pnfarm.errors import InternalError
-from pnfarm.table.impairment import ALWAYS
+from pnfarm.table.impairment import threshold
 from pnfarm.wire.direction import Direction
 
-__all__ = ["CyclicEvidence", "ImpairmentTable", "threshold"]
+__all__ = ["CyclicEvidence", "ImpairmentTable"]
 
 #: What an impairment that is given no settings has in its row.
 _NO_SETTINGS: Mapping[str, float] = {
     "model": 0, "burst": 0, "enter": 0, "leave": 0, "hit_good": 0, "hit_bad": 0, "amount": 0, "whole": 0, "slot": 0,
     "delay_ns": 0, "jitter_ns": 0, "octet_ns": 0.0, "overtakes": 0,
 }  # fmt: skip
-
-
-def threshold(probability: float) -> int:
-    """A probability in the table's unit."""
-    return ALWAYS if probability >= 1.0 else max(0, int(probability * 2**32))
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.engine.impairments import threshold
 from pnfarm.faults.kind import ParamSpec
-from pnfarm.table.impairment import BURST, GILBERT_ELLIOTT, INDEPENDENT
+from pnfarm.table.impairment import BURST, GILBERT_ELLIOTT, INDEPENDENT, threshold
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pnfarm.table.layout import Field, Layout
 
-__all__ = ["IMPAIRMENT"]
+__all__ = ["IMPAIRMENT", "threshold"]
 
 # Kinds.
 LOSS = 1  # drop
@@ -36,6 +36,12 @@ GILBERT_ELLIOTT = 2  # a good and a bad state; ``enter`` and ``leave`` the bad o
 
 #: A threshold that is always met.
 ALWAYS = 0xFFFFFFFF
+
+
+def threshold(probability: float) -> int:
+    """A probability in the table's unit."""
+    return ALWAYS if probability >= 1.0 else max(0, int(probability * 2**32))
+
 
 IMPAIRMENT = Layout(
     "impairment",

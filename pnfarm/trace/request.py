@@ -20,8 +20,8 @@ __all__ = ["MAX_LENGTH_NS", "TraceError", "TraceRequest"]
 
 #: Longest time before, and longest after the trigger.
 MAX_LENGTH_NS = 3_600_000_000_000
-#: Shortest time between samples: the shortest send clock.
-MIN_INTERVAL_NS = 31_250
+#: Shortest time between samples.
+MIN_INTERVAL_NS = 10_000
 MAX_EVERY = 100_000
 #: Most entries of the list of signals, and longest of them, characters.
 MAX_SIGNALS, MAX_NAME = 256, 100
