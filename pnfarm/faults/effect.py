@@ -29,8 +29,11 @@ POLL_NS = 50_000_000
 
 
 def seed_of(spec: GivenInjection, drive: str) -> int:
-    """A drive's own seed: different for each drive, determined by the injection's seed."""
-    digest = hashlib.sha256(f"{spec.seed or 0}\0{drive}".encode()).digest()
+    """A drive's own seed: different for each drive and kind, determined by the injection's seed.
+
+    Faults of several kinds with one seed on one drive so hit different frames.
+    """
+    digest = hashlib.sha256(f"{spec.seed or 0}\0{spec.kind.name}\0{drive}".encode()).digest()
     return int.from_bytes(digest[:8], "big")
 
 

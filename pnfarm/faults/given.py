@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.faults.kind import InjectionKind
     from pnfarm.wire.direction import Direction
 
 __all__ = ["GivenInjection"]
@@ -18,6 +19,9 @@ __all__ = ["GivenInjection"]
 
 class GivenInjection(Protocol):
     """Times are nanoseconds; None is a field that was left out."""
+
+    @property
+    def kind(self) -> InjectionKind: ...
 
     @property
     def params(self) -> Mapping[str, Any]:
