@@ -147,6 +147,8 @@ def left_behind(line: FaultLine) -> dict[str, Any]:
     look("impairment rows", np.flatnonzero(line.farm.columns.impairment["kind"]).tolist())
     look("impaired providers", np.flatnonzero(line.farm.columns.ppm["impairment"]).tolist())
     look("impaired consumers", np.flatnonzero(line.farm.columns.cpm["impairment"]).tolist())
+    engine = line.farm.columns.engine[0]
+    look("frames held back", (int(engine.held_out), int(engine.held_in)) if engine.held_out or engine.held_in else None)
     for session in line.plc.sessions:
         look(f"{session.plan.name} unusable for the controller", dict(session.unusable))
     for station, axis in zip(line.farm.stations, line.farm.columns.axis, strict=False):
@@ -154,6 +156,7 @@ def left_behind(line: FaultLine) -> dict[str, Any]:
         look(f"{name} runs", manager.of_drive(name))
         look(f"{name} axis", {key: float(AXIS.read(axis, key)) for key in _OF_FAULTS if AXIS.read(axis, key)})
         look(f"{name} without power", not station.powered)
+        look(f"{name} has another address", station.port.mac != station.config.mac)
         look(f"{name} refuses", station.device.cm.refuse_connect is not None)
         look(f"{name} delays ready", station.device.connections.ready_delay_ns != 0)
         look(f"{name} answers late", station.device.rpc.late is not None)
