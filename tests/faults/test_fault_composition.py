@@ -1,5 +1,6 @@
 """Several faults on one drive: each ends by itself, in any order, and nothing stays, whatever happens meanwhile."""
 
+from functools import partial
 from itertools import permutations
 
 import pytest
@@ -33,7 +34,7 @@ def healthy(line: FaultLine) -> None:
     assert left_behind(line) == {}
 
 
-@pytest.mark.parametrize("order", list(permutations(THREE)), ids=lambda order: "-".join(order))
+@pytest.mark.parametrize("order", list(permutations(THREE)), ids="-".join)
 def test_loss_delay_and_a_frozen_sign_of_life_end_in_any_order_and_the_others_go_on(order):
     line = FaultLine(watchdog=30, **{**LINES["hiwin-e1"], "model": "hiwin-e1"})
     line.connect(20.0)
@@ -67,10 +68,10 @@ def test_a_reset_in_the_middle_ends_all_at_once_with_what_they_hold():
 
 #: What happens while faults of a family are in force.
 MEANWHILE = {
-    "power cycle": lambda line: line.add("power-cycle", params={"off": "300ms"}),
-    "reconnect": lambda line: line.add("ar-abort"),
-    "module pulled": lambda line: line.add("module-missing", for_="500ms"),
-    "reset": lambda line: line.clear(),
+    "power cycle": partial(FaultLine.add, kind="power-cycle", params={"off": "300ms"}),
+    "reconnect": partial(FaultLine.add, kind="ar-abort"),
+    "module pulled": partial(FaultLine.add, kind="module-missing", for_="500ms"),
+    "reset": FaultLine.clear,
 }
 
 

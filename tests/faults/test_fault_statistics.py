@@ -1,4 +1,4 @@
-"""What is random about impairments: shares, delays, and that seeds repeat; on both paths, of cyclic and other frames."""
+"""What is random about impairments: shares, delays, seeds that repeat; for cyclic frames and for all others."""
 
 import math
 from itertools import groupby, pairwise
@@ -37,7 +37,8 @@ def hits(chosen, seed: int, count: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("probability", [0.001, 0.2, 0.9])
-def test_the_gate_loses_the_share_that_was_asked_for_within_the_binomials_interval(probability, count=200_000):
+def test_the_gate_loses_the_share_that_was_asked_for_within_the_binomials_interval(probability):
+    count = 200_000
     found = hits(choice(probability=probability), 5, count)
     # 99.9 % of a normal distribution, as the binomial's is at this size
     assert abs(int(found.sum()) - count * probability) <= 3.2905 * math.sqrt(count * probability * (1 - probability))
