@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.farm.core import FarmCore
-    from pnfarm.scenario.run import ScenarioRun
+    from pnfarm.scenario.run import Passing, ScenarioRun
 
 __all__ = ["carry_out"]
 
@@ -25,17 +25,26 @@ async def carry_out(
     core: FarmCore,
     poke: Callable[[], None],
     now: Callable[[], int] = time.monotonic_ns,
+    *,
+    passing: Passing | None = None,
 ) -> None:
-    """Until the scenario has ended; cancelled from outside, it ends at once, with its faults cleared."""
+    """Until the scenario has ended; cancelled from outside, it ends at once, with its faults cleared.
+
+    ``passing`` is called at each look, at least every :data:`PAUSE_NS`; what it returns ends the scenario.
+    """
     woken = asyncio.Event()
     unsubscribe = core.log.subscribe(lambda entry: woken.set())  # noqa: ARG005 - the entry is in the log
     try:
         while not run.finished:
             woken.clear()
             due = run.advance(now())
+            if passing is not None and (why := passing(run, now())):
+                run.cancel(now(), why)
             # the farm's runtime sends what a step put in force
             poke()
             pause = min(due - now(), LOOK_NS if run.polled else PAUSE_NS)
+            if run.finished:
+                return
             if pause > 0:
                 try:
                     await asyncio.wait_for(woken.wait(), pause / 1e9)

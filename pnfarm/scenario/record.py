@@ -53,6 +53,10 @@ class Case:
     ended_ns: int
     message: str = ""
     value: float | None = None
+    #: What was measured, in short, for a table.
+    measured: str = ""
+    #: How late the farm itself was in that time; None where it cannot be late.
+    late_ns: int | None = None
     took: Mapping[str, int] = field(default_factory=dict)
     values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
@@ -64,9 +68,12 @@ class Case:
             "line": self.step.line,
             "loop": dict(self.step.loop),
             "verdict": self.verdict.value,
+            "allowed": self.step.allowed,
+            "measured": self.measured,
             "message": self.message,
             "began_seconds": (self.began_ns - origin) / 1e9 if ran else None,
             "ended_seconds": (self.ended_ns - origin) / 1e9 if ran else None,
+            "farm_late_seconds": self.late_ns / 1e9 if self.late_ns is not None else None,
             "value": self.value if self.value is not None and self.value == self.value else None,
             "held_after_seconds": {name: took / 1e9 for name, took in self.took.items()},
             "values": {name: dict(values) for name, values in self.values.items()},
@@ -82,21 +89,22 @@ class Record:
         self._drives = list(drives)
         self._origin = now
         self._now = now
-        self._ended = False
+        self._ended = self._broken = False
         self._why = ""
         self._lateness: Mapping[str, Any] | None = None
         self._timeline: list[dict[str, Any]] = []
         self._left_out = 0
         self._lost_ns: dict[str, int] = {}
         self._reactions: dict[str, dict[str, list[float]]] = {}
-        self._injections: dict[str, Injection] = {}
-        self._faults: dict[str, dict[str, Any]] = {}
+        self._faults: dict[Injection, dict[str, Any]] = {}
         self.cases: list[Case] = []
 
     @property
     def verdict(self) -> Verdict:
         """An error, then a failure, then an inconclusive case decides; a run that was cut short did not pass."""
         found = {case.verdict for case in self.cases}
+        if self._broken:
+            return Verdict.ERROR
         order = (Verdict.ERROR, Verdict.FAILED, Verdict.INCONCLUSIVE)
         decided = next((verdict for verdict in order if verdict in found), None)
         if decided is None and self._why:
@@ -136,30 +144,29 @@ class Record:
         if len(found) < MAX_TIMELINE:
             found.append(after_ns / 1e9)
 
-    def fault_began(self, injection: Injection, name: str, now: int) -> None:
-        """A fault of the scenario was put in force."""
-        self._injections[injection.id] = injection
-        self._faults[injection.id] = {
-            "name": name,
+    def fault_began(self, injection: Injection, now: int) -> None:
+        """A fault of the scenario was put in force; its id is the name that the scenario gave it, if it did."""
+        self._faults[injection] = {
+            "name": injection.id,
             "kind": injection.spec.kind.name,
             "drives": list(injection.drives),
             "began_seconds": self._seconds(now),
             "ended_seconds": None,
         }
 
-    def fault_ended(self, injection: Injection, name: str, now: int) -> None:
+    def fault_ended(self, injection: Injection) -> None:
         """It was cleared, or found to have ended on its own."""
-        del name
         ends = [run.ended_ns for run in injection.runs.values() if run.ended_ns is not None]
-        self._faults[injection.id]["ended_seconds"] = self._seconds(max(ends, default=now))
+        self._faults[injection]["ended_seconds"] = self._seconds(max(ends)) if ends else None
 
-    def end(self, now: int, why: str, lateness: Mapping[str, Any] | None) -> None:
-        """The run is over; ``why``: what cut it short."""
-        self._now, self._why, self._lateness, self._ended = now, why, lateness, True
+    def end(self, now: int, why: str, lateness: Mapping[str, Any] | None, *, broken: bool = False) -> None:
+        """The run is over; ``why``: what cut it short; ``broken``: it was the farm's end."""
+        self._now, self._why, self._lateness, self._ended, self._broken = now, why, lateness, True, broken
         # the farm drops the evidence of old injections: what the report has is taken now
-        for key, injection in self._injections.items():
-            self._faults[key]["evidence"] = injection.as_dict()["evidence"]
-        self._injections.clear()
+        for injection, shown in self._faults.items():
+            if shown["ended_seconds"] is None:
+                self.fault_ended(injection)
+            shown["evidence"] = injection.as_dict()["evidence"]
         self.cases.sort(key=lambda case: case.number)
 
     def _seconds(self, now: int) -> float:

@@ -8,34 +8,40 @@ time of their next look, so that branches of ``parallel`` run side by side.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.faults.manager import RunState
 from pnfarm.scenario.measures import check_metric, measured, read_metric
 from pnfarm.scenario.record import Case, Record, Verdict
-from pnfarm.scenario.steps import QUANTILES
+from pnfarm.scenario.steps import DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.scenario.watch import Watch
+from pnfarm.station.events import ConnectionLost, StateChanged, WatchdogExpired
+from pnfarm.station.lateness import Lateness
 from pnfarm.vocabulary.durations import format_duration
 
 if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
+    from pnfarm.faults.manager import Injection
     from pnfarm.metrics import FarmCollector
     from pnfarm.scenario.binding import Binding
-    from pnfarm.scenario.lateness import Lateness
+    from pnfarm.scenario.lateness import FarmLateness
     from pnfarm.scenario.steps import Step
     from pnfarm.station.event_log import LogEntry
 
-__all__ = ["LOOK_NS", "ScenarioRun", "Tell"]
+__all__ = ["LOOK_NS", "Passing", "ScenarioRun", "Tell"]
 
 #: Time between two looks at signals whose changes are no events.
 LOOK_NS = 1_000_000
-#: ``wait: {until: ...}`` without ``within``.
-DEFAULT_WITHIN_NS = 30_000_000_000
+#: Drives whose values the summary of a failure shows; the record has all.
+MOST_MEASURED = 3
 
 _Life = Generator[int, None, None]
 #: Called with each step that begins (case None) and each case that ends.
 Tell = Callable[["Step", "Case | None"], None]
+#: Called with the run and the time while it waits; a text that it returns ends the run, and says why.
+Passing = Callable[["ScenarioRun", int], str]
 
 
 class _EndedError(Exception):
@@ -52,7 +58,7 @@ class ScenarioRun:
         collector: FarmCollector,
         now: int,
         *,
-        lateness: Lateness | None = None,
+        lateness: FarmLateness | None = None,
         tell: Tell | None = None,
     ) -> None:
         self.binding = binding
@@ -64,11 +70,19 @@ class ScenarioRun:
         self._tell = tell or _silent
         self._now = now
         self._watches: list[Watch] = []
-        self._faults: dict[str, str] = {}
-        self._own: list[str] = []
+        #: Injections of this scenario that it has not cleared, by the name to clear them by.
+        self._own: dict[str, Injection] = {}
         self._off: dict[str, None] = {}
+        #: Drives that lost their connection by the farm's own lateness and are not back in operation -> when.
+        self._own_losses: dict[str, int] = {}
         self._stations = {station.configured_name: station for station in core.stations}
-        for step in binding.scenario.every_step():
+        every = list(binding.scenario.every_step())
+        self._numbers = {id(step): number for number, step in enumerate(every)}
+        self._expectations = [step for step in every if step.kind == "expect"]
+        self.steps = len(every)
+        #: When the present step is over at the latest.
+        self.due_ns = now
+        for step in every:
             if "metric" in step.values:
                 self._check_metric(step)
         self._life = self._sequence(binding.scenario.steps)
@@ -98,36 +112,54 @@ class ScenarioRun:
         if self.finished:
             return now
         try:
-            return next(self._life)
+            self.due_ns = next(self._life)
         except StopIteration:
             self._finish("")
         except _EndedError as ended:
             self._finish(str(ended))
+        else:
+            return self.due_ns
         return now
 
-    def cancel(self, now: int, why: str = "cancelled") -> None:
-        """End before the last step; what did not run is reported as not run."""
+    def cancel(self, now: int, why: str = "cancelled", *, broken: bool = False) -> None:
+        """End before the last step; what did not run is reported as not run.
+
+        ``broken``: because the farm ended or failed, and not because somebody wished it.
+        """
         self._now = now
         if not self.finished:
-            self._finish(why)
+            self._finish(why, broken=broken)
 
-    def _finish(self, why: str) -> None:
+    def _finish(self, why: str, *, broken: bool = False) -> None:
         self.finished = True
         self._life.close()
         self._watches.clear()
-        for name in list(self._own):
-            self._clear(name)
-        for name in list(self._off):
-            self._power(name, on=True)
-        self._unsubscribe()
+        # one that fails does not keep the others from being undone
+        with ExitStack() as undo:
+            undo.callback(self._conclude, why, broken=broken)
+            undo.callback(self._unsubscribe)
+            for name in list(self._off):
+                undo.callback(self._power, name, on=True)
+            for name in list(self._own):
+                undo.callback(self._clear, name)
+
+    def _conclude(self, why: str, *, broken: bool) -> None:
         reached = {case.number for case in self.record.cases}
-        for number, step in enumerate(self.binding.scenario.every_step()):
-            if step.kind == "expect" and number not in reached:
+        for step in self._expectations:
+            if (number := self._numbers[id(step)]) not in reached:
                 self.record.add(Case(number, step, Verdict.NOT_RUN, 0, 0, message=why or "not reached"))
-        self.record.end(self._now, why, self._lateness.report(self._now) if self._lateness is not None else None)
+        lateness = self._lateness.report(self._now) if self._lateness is not None else None
+        self.record.end(self._now, why, lateness, broken=broken)
 
     def _note(self, entry: LogEntry) -> None:
         self.record.note(entry)
+        match entry.what:
+            case ConnectionLost(lateness=Lateness(late=True)) | WatchdogExpired(lateness=Lateness(late=True)):
+                self._own_losses[entry.drive] = entry.now_ns
+            case StateChanged(after=4):
+                self._own_losses.pop(entry.drive, None)
+            case _:
+                pass
         for watch in self._watches:
             watch.note(entry)
 
@@ -158,17 +190,16 @@ class ScenarioRun:
                 case _:
                     self._act(step)
         except PnfarmError as error:
-            self._case(step, Verdict.ERROR, self._now, str(error))
+            self._case(step, Verdict.ERROR, self._now, str(error), measured="could not be carried out")
             raise _EndedError(f"{step.title}: {error}") from error
 
     def _act(self, step: Step) -> None:
         match step.kind:
             case "fault":
                 injection = self._core.injections.inject(step.values["spec"], self._now)
-                name = step.values["spec"].get("as") or injection.id
-                self._faults[name] = injection.id
-                self._own.append(name)
-                self.record.fault_began(injection, name, self._now)
+                # a name is free again once its fault has ended
+                self._own[injection.id] = injection
+                self.record.fault_began(injection, self._now)
             case "clear":
                 wanted = step.values["fault"]
                 for name in list(self._own) if wanted == "all" else [wanted]:
@@ -190,13 +221,13 @@ class ScenarioRun:
                     self._core.settle(self._stations[name], self._now)
 
     def _clear(self, name: str) -> None:
-        manager = self._core.injections
-        injection = manager.get(self._faults[name])
+        """End it, unless it has ended on its own or was cleared before."""
+        injection = self._own.pop(name, None)
+        if injection is None:
+            return
         if injection.state is not RunState.ENDED:
-            manager.clear(injection.id, self._now)
-        if name in self._own:
-            self._own.remove(name)
-        self.record.fault_ended(injection, name, self._now)
+            self._core.injections.clear(injection.id, self._now)
+        self.record.fault_ended(injection)
 
     def _power(self, name: str, *, on: bool) -> None:
         station = self._stations[name]
@@ -261,7 +292,7 @@ class ScenarioRun:
         missing = [name for name in watch.values() if name not in watch.held_ns]
         waited = format_duration(end - begin)
         message = f"not true within {waited} on {_few(missing or list(watch.values()))}"
-        self._case(step, self._failure(begin), begin, message, watch=watch)
+        self._fail(step, begin, message, watch, missing)
         raise _EndedError(f"{step.title}: {message}")
 
     def _open(self, step: Step) -> Watch:
@@ -281,17 +312,17 @@ class ScenarioRun:
             if not watch.all_held:
                 missing = [name for name in watch.values() if name not in watch.held_ns]
                 limit = f"within {format_duration(within)}" if within else "at once"
-                self._case(step, self._failure(begin), begin, f"not true {limit} on {_few(missing)}", watch=watch)
+                self._fail(step, begin, f"not true {limit} on {_few(missing)}", watch, missing)
                 return
             if hold:
                 yield from self._hold(watch, hold)
             if watch.broken_ns:
-                after = format_duration(min(watch.broken_ns.values()) - begin)
-                message = f"true, but no longer after {after} on {_few(list(watch.broken_ns))}"
-                self._case(step, self._failure(begin), begin, message, watch=watch)
+                after = _time(min(watch.broken_ns.values()) - begin)
+                broken = list(watch.broken_ns)
+                self._fail(step, begin, f"true, but no longer after {after} on {_few(broken)}", watch, broken)
                 return
-            took = max(watch.held_ns.values()) - begin
-            self._case(step, Verdict.PASSED, begin, f"true after {format_duration(took)}", watch=watch)
+            took = _time(max(watch.held_ns.values()) - begin)
+            self._case(step, Verdict.PASSED, begin, f"true after {took}", watch=watch, measured=took)
         finally:
             self._watches.remove(watch)
 
@@ -310,16 +341,36 @@ class ScenarioRun:
         yield from self._sleep(step.get("for", 0))
         value = measured(asked, before, read_metric(self._collector, metric))
         bound = step.values[asked]
-        verdict = Verdict.PASSED if bound.holds(value) else self._failure(begin)
+        holds = bound.holds(value)
+        verdict = Verdict.PASSED if holds else Verdict.INCONCLUSIVE if self._late(begin) else Verdict.FAILED
         message = f"{asked} {value:g}, wanted {bound.sign} {bound.value:g}"
-        self._case(step, verdict, begin, message, value=value)
+        if verdict is Verdict.INCONCLUSIVE and self._lateness is not None:
+            message += f"; the farm was itself {self._lateness.told}"
+        self._case(step, verdict, begin, message, value=value, measured=f"{value:g}")
 
     # -- cases
 
-    def _failure(self, begin: int) -> Verdict:
-        if self._lateness is not None and self._lateness.was_late(begin, self._now):
-            return Verdict.INCONCLUSIVE
-        return Verdict.FAILED
+    def _late(self, begin: int) -> bool:
+        return self._lateness is not None and self._lateness.was_late(begin, self._now)
+
+    def _fail(self, step: Step, begin: int, message: str, watch: Watch, drives: list[str]) -> None:
+        """A condition was not true on ``drives``: failed, unless the farm itself is the reason."""
+        verdict = Verdict.FAILED
+        if self._lateness is not None:
+            if self._late(begin):
+                verdict = Verdict.INCONCLUSIVE
+                message += f"; the farm was itself {self._lateness.told}"
+            elif own := [name for name in drives or watch.values() if name in self._own_losses]:
+                verdict = Verdict.INCONCLUSIVE
+                ago = _time(self._now - min(self._own_losses[name] for name in own))
+                message += f"; the farm itself, being late, lost the connection of {_few(own)} {ago} before"
+        shown = watch.values()
+        measured = "; ".join(
+            f"{name}: " + ", ".join(f"{signal} = {value}" for signal, value in shown[name].items())
+            for name in drives[:MOST_MEASURED]
+            if name in shown
+        )
+        self._case(step, verdict, begin, message, watch=watch, measured=measured)
 
     def _case(
         self,
@@ -330,15 +381,15 @@ class ScenarioRun:
         *,
         watch: Watch | None = None,
         value: float | None = None,
+        measured: str = "",
     ) -> None:
-        steps = list(self.binding.scenario.every_step())
-        number = next(place for place, other in enumerate(steps) if other is step)
-        case = Case(number, step, verdict, begin, self._now, message=message, value=value)
+        number = self._numbers[id(step)]
+        case = Case(number, step, verdict, begin, self._now, message=message, value=value, measured=measured)
         if watch is not None:
             case.values = watch.values()
             case.took = {name: when - begin for name, when in watch.held_ns.items()}
-        if verdict is Verdict.INCONCLUSIVE and self._lateness is not None:
-            case.message = f"{message}; the farm was itself {self._lateness.told} late"
+        if self._lateness is not None:
+            case.late_ns = self._lateness.worst_ns(begin, self._now)
         self.record.add(case)
         self._tell(step, case)
 
@@ -349,6 +400,11 @@ def _silent(step: Step, case: Case | None) -> None:
 
 def _asked(step: Step) -> str:
     return next(key for key in ("increases", "value", *QUANTILES) if key in step.values)
+
+
+def _time(ns: int) -> str:
+    """A measured time, to the microsecond."""
+    return format_duration(round(ns, -3) or ns)
 
 
 def _few(names: list[str], most: int = 5) -> str:

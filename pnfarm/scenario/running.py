@@ -10,7 +10,7 @@ from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
 from pnfarm.scenario.binding import bind_scenario
 from pnfarm.scenario.file import parse_scenario
-from pnfarm.scenario.lateness import Lateness
+from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.scenario.realtime import carry_out
 from pnfarm.scenario.run import ScenarioRun
 from pnfarm.vocabulary.quoting import shown
@@ -75,7 +75,7 @@ class RunningScenarios:
         if len(at_work) >= MOST_AT_WORK:
             raise ConfigError(f"{len(at_work)} scenarios are at work ({', '.join(at_work)}); end one of them first")
         now = self._now()
-        lateness = Lateness(self._core, scenario.budget_ns, now)
+        lateness = FarmLateness(self._core, scenario.budget_ns, now)
         run = ScenarioRun(binding, self._core, self._collector, now, lateness=lateness)
         self._numbers += 1
         task = asyncio.get_running_loop().create_task(carry_out(run, self._core, self._poke, self._now))
@@ -107,5 +107,5 @@ class RunningScenarios:
     def close(self) -> None:
         """End all of them: the farm stops."""
         for found in self._kept.values():
-            found.run.cancel(self._now(), "the farm stopped")
+            found.run.cancel(self._now(), "the farm stopped", broken=True)
             found.task.cancel()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import anyio
@@ -10,7 +11,7 @@ import anyio
 from pnfarm.farm.capture import prepare
 from pnfarm.farm.farm import Farm
 from pnfarm.metrics import FarmCollector
-from pnfarm.scenario.lateness import Lateness
+from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.scenario.realtime import carry_out
 from pnfarm.scenario.run import ScenarioRun
 
@@ -19,17 +20,33 @@ if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.scenario.binding import Binding
-    from pnfarm.scenario.run import Tell
+    from pnfarm.scenario.run import Passing, Tell
 
-__all__ = ["run_started"]
+__all__ = ["Outcome", "run_started"]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """``epoch_ns``: the wall time at the start of the run, as a capture stamps frames.
+
+    ``failure``: what ended the farm before the scenario was over.
+    """
+
+    record: dict[str, Any]
+    epoch_ns: int
+    failure: Exception | None = None
 
 
 async def run_started(
-    binding: Binding, config: FarmConfig, tell: Tell | None = None, capture: CaptureSettings | None = None
-) -> tuple[dict[str, Any], int]:
-    """The record of the run, and the wall time at its start (ns), as a capture stamps frames.
+    binding: Binding,
+    config: FarmConfig,
+    tell: Tell | None = None,
+    capture: CaptureSettings | None = None,
+    passing: Passing | None = None,
+) -> Outcome:
+    """The controller is the one on the wire: a PLC, or ``pnfarm plc`` in another process.
 
-    The controller is the one on the wire: a PLC, or ``pnfarm plc`` in another process.
+    ``passing`` as of :func:`.carry_out`.
     """
     farm = Farm(config, capture=capture)
     farm.check_rights()
@@ -41,14 +58,23 @@ async def run_started(
     farm.on_start.append(listen)
     if capture is not None:
         prepare()
+    failures: list[Exception] = []
     async with farm:
         now = time.monotonic_ns()
         epoch = time.time_ns()
-        lateness = Lateness(farm.core, binding.scenario.budget_ns, now)
+        lateness = FarmLateness(farm.core, binding.scenario.budget_ns, now)
         run = ScenarioRun(binding, farm.core, collectors[0], now, lateness=lateness, tell=tell)
+
+        async def watch_farm() -> None:
+            try:
+                await farm.wait()
+            except Exception as error:  # noqa: BLE001 - what was found until then is reported, and then this
+                failures.append(error)
+                run.cancel(time.monotonic_ns(), f"the farm ended: {error}", broken=True)
+
         async with anyio.create_task_group() as tasks:
-            tasks.start_soon(farm.wait)
-            await carry_out(run, farm.core, farm.driver.poke)
+            tasks.start_soon(watch_farm)
+            await carry_out(run, farm.core, farm.driver.poke, passing=passing)
             tasks.cancel_scope.cancel()
         collectors[0].close()
-    return run.record.as_dict(), epoch
+    return Outcome(run.record.as_dict(), epoch, failures[0] if failures else None)

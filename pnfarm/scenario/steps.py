@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 
     from pnfarm.vocabulary.issues import Location
 
-__all__ = ["ALL_CONNECTED", "QUANTILES", "STEPS", "Bound", "Key", "MetricName", "Step", "StepKind", "read_bound"]
+__all__ = ["ALL_CONNECTED", "DEFAULT_WITHIN_NS", "QUANTILES", "STEPS", "Bound", "Key", "MetricName", "Step", "StepKind", "read_bound"]
 
 #: ``wait: {until: all-connected}``.
 ALL_CONNECTED = "all-connected"
+#: ``wait: {until: ...}`` without ``within``.
+DEFAULT_WITHIN_NS = 30_000_000_000
 #: Keys of an expectation that ask for a quantile of a histogram.
 QUANTILES: Mapping[str, float] = {"p50": 0.5, "p90": 0.9, "p99": 0.99}
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
@@ -180,6 +182,21 @@ class Step:
         name = self.values.get("name") or self._described()
         inside = ", ".join(f"{key}={value}" for key, value in self.loop.items())
         return f"{name} [{inside}]" if inside else str(name)
+
+    @property
+    def allowed(self) -> str:
+        """What an expectation, or a wait for a condition, allows; empty for other steps."""
+        values = self.values
+        if (asked := next((key for key in ("increases", "value", *QUANTILES) if key in values), None)) is not None:
+            bound = values[asked]
+            over = f" over {format_duration(values['for'])}" if "for" in values else ""
+            sign = "" if bound.text.lstrip().startswith(tuple("=!<>")) else "== "
+            return f"{asked} {sign}{bound.text}{over}"
+        if "that" not in values and "until" not in values:
+            return ""
+        within = values.get("within", DEFAULT_WITHIN_NS if "until" in values else 0)
+        hold = f", then for {format_duration(values['for'])}" if "for" in values else ""
+        return (f"within {format_duration(within)}" if within else "at once") + hold
 
     def _described(self) -> str:
         values = self.values

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.scenario.binding import Binding
-    from pnfarm.scenario.run import Tell
+    from pnfarm.scenario.run import Passing, Tell
 
 __all__ = ["run_virtual"]
 
@@ -37,11 +37,16 @@ async def _line(config: FarmConfig, log: EventLog, pcap: Path | None) -> AsyncIt
 
 
 async def run_virtual(
-    binding: Binding, config: FarmConfig, *, tell: Tell | None = None, pcap: Path | None = None
+    binding: Binding,
+    config: FarmConfig,
+    *,
+    tell: Tell | None = None,
+    pcap: Path | None = None,
+    passing: Passing | None = None,
 ) -> tuple[dict[str, Any], int]:
     """The record of the run, and the world's time at its start (ns), as a capture stamps frames.
 
-    ``pcap``: a capture of all frames.  Raises :class:`ConfigError`.
+    ``pcap``: a capture of all frames; ``passing`` as of :func:`.carry_out`.  Raises :class:`ConfigError`.
     """
     if config.controller is None:
         raise ConfigError("in virtual time the farm needs its own controller: add a `controller:` section to its file")
@@ -58,6 +63,8 @@ async def run_virtual(
                     # a step that ends may change the farm: the world takes its deadlines anew
                     begun, cases = run.steps_begun, len(run.record.cases)
                     run.advance(world.now)
+                    if passing is not None and (why := passing(run, world.now)):
+                        run.cancel(world.now, why)
                     return run.finished or run.steps_begun != begun or len(run.record.cases) != cases
 
                 if not run.finished and due > world.now:

@@ -84,10 +84,14 @@ class Watch:
         if entry.drive not in self._conditions:
             return
         changed = signals_of_event(entry)
-        if changed:
+        lost = isinstance(entry.what, events.ConnectionLost | events.ConnectionReleased)
+        if changed or lost:
             # what happened since the last look, in order: the table may show a later moment already
             known = self._seen.setdefault(entry.drive, {})
             known.update(changed)
+            if lost:
+                # whether another controller's connection is left is in the table
+                known.pop("connected", None)
             self._take(entry.drive, entry.now_ns, known)
 
     def _take(self, name: str, now: int, known: Mapping[str, Value] | None) -> None:
