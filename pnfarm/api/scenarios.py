@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated
 
-from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
+from fastapi import Query, Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 from pydantic import Field
 
 from pnfarm.errors import ConfigError
-from pnfarm.scenario.running import RunningScenarios
+from pnfarm.scenario.running import RunningScenario, RunningScenarios
 from pnfarm.vocabulary.issues import FarmFileError
 from pnfarm.web.bodies import PREFIX, Json, Schema, body_of, checked, read_object
 from pnfarm.web.errors import NotFoundError, RequestError
@@ -52,7 +52,10 @@ def add_scenarios(app: FastAPI, context: ApiContext) -> None:
         try:
             found = scenarios.start(wanted.text)
         except FarmFileError as exc:
-            errors = [{"field": issue.field, "what": issue.what, "allowed": issue.allowed} for issue in exc.issues]
+            errors = [
+                {"line": str(issue.line), "field": issue.field, "what": issue.what, "allowed": issue.allowed}
+                for issue in exc.issues
+            ]
             raise RequestError(str(exc).replace("\n", "; "), errors) from exc
         place = f"{PREFIX}/scenarios/{found.id}"
         return Json(found.as_dict(), HTTPStatus.CREATED, headers={"Location": place})
@@ -62,19 +65,26 @@ def add_scenarios(app: FastAPI, context: ApiContext) -> None:
         tags=tags,
         summary="One scenario: verdict, cases, timeline; while it runs, what there is so far",
     )
-    async def get_scenario(scenario_id: str) -> Json:
-        return Json(_known(scenario_id))
+    async def get_scenario(
+        scenario_id: str,
+        cases_from: Annotated[
+            int | None,
+            Query(ge=0, description="Only how far it is, and the cases that ended, but for so many of the first."),
+        ] = None,
+    ) -> Json:
+        found = _known(scenario_id)
+        return Json(found.as_dict() if cases_from is None else found.progress(cases_from, context.now()))
 
     @app.delete(f"{PREFIX}/scenarios/{{scenario_id}}", tags=tags, summary="End a scenario: its faults are cleared")
     async def delete_scenario(scenario_id: str) -> Json:
         _known(scenario_id)
         return Json(scenarios.cancel(scenario_id).as_dict())
 
-    def _known(scenario_id: str) -> dict[str, Any]:
+    def _known(scenario_id: str) -> RunningScenario:
         try:
             found = scenarios.get(scenario_id)
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
         if (failure := found.failure) is not None:
             raise failure
-        return found.as_dict()
+        return found

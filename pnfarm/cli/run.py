@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import time
+import signal
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
 from pnfarm.terminal.settings import TokenOption  # noqa: TC001 - the command line is made from the annotations
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import FrameType
+
+    from pnfarm.cli.run_progress import Progress
+    from pnfarm.farm.capture import CaptureSettings
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.scenario.binding import Binding
     from pnfarm.scenario.file import Scenario
-    from pnfarm.scenario.record import Case
-    from pnfarm.scenario.run import Tell
-    from pnfarm.scenario.steps import Step
+    from pnfarm.scenario.run import ScenarioRun
+    from pnfarm.scenario.started import Outcome
 
 __all__ = ["bound", "is_scenario", "run"]
-
-_WORDS = {"passed": "PASS", "failed": "FAIL", "inconclusive": "????", "error": "ERROR", "not run": "----"}
-_STYLES = {"passed": "green", "failed": "bold red", "error": "bold red", "inconclusive": "yellow", "not run": "dim"}
-#: How often a running farm is asked for the state of its scenario.
-ASK_SECONDS = 0.25
 
 
 def is_scenario(path: Path) -> bool:
@@ -34,7 +33,7 @@ def is_scenario(path: Path) -> bool:
 def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     """A scenario checked against its farm file.  Raises :class:`ConfigError`."""
     from pnfarm.buses.registry import fault_kinds
-    from pnfarm.cli.files import check_impairments, read
+    from pnfarm.cli.files import check_impairments, check_program, read
     from pnfarm.errors import ConfigError
     from pnfarm.farm.farm import model_of
     from pnfarm.farm.file.reading import expand
@@ -45,6 +44,7 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
         raise ConfigError(f"scenario {scenario.name} names no farm file; add for example `farm: line-1.pnfarm.yml`")
     config = read(path).with_overrides(scenario.overrides, origin=f"{scenario.path}: with")
     check_impairments(config)
+    check_program(config)
     return bind_scenario(scenario, {drive.name: model_of(drive) for drive in expand(config)}, fault_kinds()), config
 
 
@@ -53,6 +53,10 @@ def run(
     virtual: Annotated[
         bool, typer.Option("--virtual", help="In memory in virtual time, with the farm file's controller.")
     ] = False,
+    farm: Annotated[
+        str | None,
+        typer.Option("--farm", help="Farm file, or URL of a running farm, instead of the scenario's.", metavar="FARM"),
+    ] = None,
     junit: Annotated[Path | None, typer.Option(help="Write JUnit XML to this file.", metavar="FILE")] = None,
     html: Annotated[Path | None, typer.Option(help="Write a report for a browser.", metavar="FILE")] = None,
     as_json: Annotated[Path | None, typer.Option("--json", help="Write all results as JSON.", metavar="FILE")] = None,
@@ -63,29 +67,75 @@ def run(
 ) -> int:
     """Run a scenario: faults, expectations, verdict.
 
-    Exit codes: 0 passed, 1 an expectation failed, 2 bad input, 3 inconclusive (the farm itself was late), 4 this
-    machine cannot.
+    Exit codes: 0 passed, 1 an expectation failed, 2 bad input, 3 inconclusive (the farm itself was late, or the run
+    was interrupted), 4 this machine cannot, or the farm was lost, 5 internal error.
     """
+    from pnfarm.cli.errors import report
+    from pnfarm.cli.run_progress import Progress, print_summary
     from pnfarm.errors import ConfigError
     from pnfarm.scenario.file import load_scenario
     from pnfarm.scenario.record import EXIT_CODES, Verdict
 
     scenario = load_scenario(file)
+    if farm is not None:
+        # relative to where the user is, not to the scenario
+        scenario.farm = farm if "://" in farm else str(Path(farm).expanduser().absolute())
+    if scenario.is_remote and (virtual or pcap is not None):
+        raise ConfigError(
+            "--virtual and --pcap are for a farm that `run` starts, and this one runs already; "
+            "to capture it, start it with `pnfarm up FILE --pcap OUT`"
+        )
+    checked = None if scenario.is_remote else bound(scenario)
     for path in (junit, html, as_json, pcap):
         if path is not None:
             _check_writable(path)
-    if scenario.is_remote:
-        if virtual or pcap is not None:
-            raise ConfigError(
-                "--virtual and --pcap are for a farm that `run` starts; this scenario names a running one"
-            )
-        record = _remote(scenario, file, token)
-    else:
-        binding, config = bound(scenario)
-        record = _local(binding, config, virtual=virtual, pcap=pcap)
+    failure: Exception | None = None
+    with _Signals() as signals, Progress(scenario.name, sum(1 for _ in scenario.every_step())) as progress:
+        if checked is None:
+            from pnfarm.cli.run_remote import run_remote
+
+            record, failure = run_remote(scenario, token, progress, signals.why)
+        else:
+            record, failure = _local(*checked, progress, signals, virtual=virtual, pcap=pcap, traced=_traced(html, as_json))
     _write(record, junit, html, as_json)
-    _conclude(record)
-    return EXIT_CODES[Verdict(record["verdict"])]
+    print_summary(record)
+    return EXIT_CODES[Verdict(record["verdict"])] if failure is None else report(failure)
+
+
+def _traced(html: Path | None, as_json: Path | None) -> bool:
+    """Whether somebody will look at traces."""
+    return html is not None or as_json is not None
+
+
+class _Signals:
+    """The first stop signal ends the run in order, the second one at once; before the run begins, the first one."""
+
+    def __init__(self) -> None:
+        self._why = ""
+        self._waiting = False
+        self._before: dict[int, Any] = {}
+
+    def why(self) -> str:
+        """What a run is ended with; empty while no signal came."""
+        self._waiting = True
+        return self._why
+
+    def __enter__(self) -> Self:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            # it is ignored under nohup
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                self._before[number] = signal.signal(number, self._came)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _came(self, number: int, frame: FrameType | None) -> None:
+        del frame
+        if self._why or not self._waiting:
+            raise KeyboardInterrupt
+        self._why = f"interrupted by {signal.Signals(number).name}"
 
 
 def _check_writable(path: Path) -> None:
@@ -102,7 +152,16 @@ def _check_writable(path: Path) -> None:
         raise ConfigError(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
 
 
-def _local(binding: Binding, config: FarmConfig, *, virtual: bool, pcap: Path | None) -> dict[str, Any]:
+def _local(
+    binding: Binding,
+    config: FarmConfig,
+    progress: Progress,
+    signals: _Signals,
+    *,
+    virtual: bool,
+    pcap: Path | None,
+    traced: bool,
+) -> tuple[dict[str, Any], Exception | None]:
     import asyncio
     import tempfile
 
@@ -112,112 +171,64 @@ def _local(binding: Binding, config: FarmConfig, *, virtual: bool, pcap: Path | 
 
     if not virtual and config.link is not None and config.link.kind == "memory":
         raise ConfigError("the farm is on a memory link, which runs in virtual time here: add --virtual")
-    with tempfile.TemporaryDirectory(prefix="pnfarm-run-") as folder, _Progress(binding) as tell:
+
+    def passing(run: ScenarioRun, now: int) -> str:
+        progress.passing(run, now)
+        return signals.why()
+
+    with tempfile.TemporaryDirectory(prefix="pnfarm-run-") as folder:
         whole = Path(folder) / "whole.pcapng" if pcap is not None else None
         if virtual:
             from pnfarm.scenario.virtual import run_virtual
 
-            record, epoch = asyncio.run(run_virtual(binding, config, tell=tell, pcap=whole))
+            task = run_virtual(binding, config, tell=progress.tell, pcap=whole, passing=passing, traced=traced)
+            record, epoch = asyncio.run(task)
+            failure = None
         else:
             import anyio
 
-            from pnfarm.scenario.started import run_started
-
             settings = CaptureSettings(whole) if whole is not None else None
-            record, epoch = anyio.run(run_started, binding, config, tell, settings)
+            outcome = anyio.run(_started, binding, config, progress, settings, passing, traced)
+            record, epoch, failure = outcome.record, outcome.epoch_ns, outcome.failure
         if pcap is not None and whole is not None:
-            windows = [(epoch + round(begin * 1e9), epoch + round(end * 1e9)) for begin, end in failure_windows(record)]
-            record["pcap_packets"] = slice_capture(whole, pcap, windows)
-    return record
+            record["pcap_packets"] = slice_capture(whole, pcap, failure_windows(record, epoch))
+    return record, failure
 
 
-def _remote(scenario: Scenario, file: Path, token: str | None) -> dict[str, Any]:
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_line
+async def _started(
+    binding: Binding,
+    config: FarmConfig,
+    progress: Progress,
+    capture: CaptureSettings | None,
+    passing: Callable[[ScenarioRun, int], str],
+    traced: bool,
+) -> Outcome:
+    from pnfarm.cli.running import compile_ahead
+    from pnfarm.scenario.started import run_started
 
-    assert scenario.farm is not None
-    with FarmClient(scenario.farm, token) as farm:
-        begun = farm.post("scenarios", body={"text": file.read_text("utf-8")})
-        shown = 0
-        try:
-            while True:
-                found: dict[str, Any] = farm.get("scenarios", begun["id"])
-                for case in found["cases"][shown:]:
-                    print_line(_line(case["verdict"], case["name"], case["message"]))
-                shown = len(found["cases"])
-                if found["state"] == "ended":
-                    return found
-                time.sleep(ASK_SECONDS)
-        except BaseException:
-            farm.delete("scenarios", begun["id"])
-            raise
-
-
-def _line(verdict: str, name: str, message: str) -> str:
-    return f"{_WORDS[verdict]:5} {name}" + (f": {message}" if message else "")
-
-
-class _Progress:
-    """A bar and a line for each case on a terminal; elsewhere plain lines."""
-
-    def __init__(self, binding: Binding) -> None:
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-        from pnfarm.terminal.output import console
-
-        self._total = sum(1 for _ in binding.scenario.every_step())
-        self._out = console()
-        self._bar = Progress(
-            TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-            console=self._out, transient=True, disable=not self._out.is_terminal,
-        )  # fmt: skip
-        self._task = self._bar.add_task(binding.scenario.name, total=self._total)
-
-    def __enter__(self) -> Tell:
-        if self._out.is_terminal:
-            self._bar.start()
-        return self._tell
-
-    def __exit__(self, *_: object) -> None:
-        if self._out.is_terminal:
-            self._bar.stop()
-
-    def _tell(self, step: Step, case: Case | None) -> None:
-        from rich.text import Text
-
-        from pnfarm.terminal.output import print_line
-
-        if case is None:
-            self._bar.update(self._task, description=step.title[:60], advance=1)
-            if not self._out.is_terminal and step.kind != "expect":
-                print_line(f"      {step.title}")
-            return
-        line = _line(case.verdict.value, step.title, case.message)
-        if self._out.is_terminal:
-            self._out.print(Text(line, style=_STYLES[case.verdict.value]))
-        else:
-            print_line(line)
+    return await run_started(
+        binding, config, progress.tell, capture, passing, traced=traced, before=compile_ahead
+    )
 
 
 def _write(record: dict[str, Any], junit: Path | None, html: Path | None, as_json: Path | None) -> None:
+    """Raises :class:`EnvironmentError_`, after having tried each."""
     import json
 
-    if junit is not None:
-        from pnfarm.scenario.junit import write_junit
+    from pnfarm.errors import EnvironmentError_
+    from pnfarm.scenario.junit import write_junit
+    from pnfarm.scenario.report import report_html
 
-        write_junit(record, junit)
-    if html is not None:
-        from pnfarm.scenario.report import report_html
-
-        html.write_text(report_html(record), "utf-8")
-    if as_json is not None:
-        as_json.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", "utf-8")
-
-
-def _conclude(record: dict[str, Any]) -> None:
-    from pnfarm.terminal.output import print_line
-
-    counts = ", ".join(f"{count} {word}" for word, count in record["counts"].items() if count)
-    print_line(f"{record['scenario']}: {record['verdict']} ({counts or 'no expectation'}) in {record['seconds']:.3f} s")
-    if record["ended_early"]:
-        print_line(f"ended early: {record['ended_early']}")
+    failed: list[str] = []
+    for path, write in (
+        (junit, lambda path: write_junit(record, path)),
+        (html, lambda path: path.write_text(report_html(record), "utf-8")),
+        (as_json, lambda path: path.write_text(json.dumps(record, indent=2, allow_nan=False) + "\n", "utf-8")),
+    ):
+        if path is not None:
+            try:
+                write(path)
+            except OSError as exc:
+                failed.append(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}")
+    if failed:
+        raise EnvironmentError_("; ".join(failed))

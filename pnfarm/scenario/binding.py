@@ -12,7 +12,9 @@ from pnfarm.faults.plan import matching
 from pnfarm.scenario.steps import ALL_CONNECTED
 from pnfarm.station.conditions import bind
 from pnfarm.vocabulary.conditions import ConditionError
+from pnfarm.vocabulary.globs import read_globs
 from pnfarm.vocabulary.issues import FarmFileError
+from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, few_hints
 
 if TYPE_CHECKING:
@@ -46,6 +48,13 @@ class Binding:
         """Names of the drives that globs mean.  Raises :class:`InjectionError`."""
         known = {name: ((name,), (model.name, *model.aliases)) for name, model in self.drives.items()}
         return matching(globs, known)
+
+    def matching_or_none(self, globs: Any) -> list[str]:
+        """Names of the drives that a fault's `on` means; none if it is not valid."""
+        try:
+            return self.matching(read_globs(globs))
+        except (InjectionError, Problem):
+            return []
 
     def conditions(self, step: Step) -> dict[str, Condition]:
         """The condition of a step, for each of its drives."""

@@ -57,6 +57,8 @@ class Case:
     measured: str = ""
     #: How late the farm itself was in that time; None where it cannot be late.
     late_ns: int | None = None
+    #: The drives on which it did not hold; empty of one that passed, and where it is not about single drives.
+    drives: Sequence[str] = ()
     took: Mapping[str, int] = field(default_factory=dict)
     values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
@@ -64,10 +66,12 @@ class Case:
         """For JSON; times are seconds from the start of the run."""
         ran = self.verdict is not Verdict.NOT_RUN
         return {
+            "number": self.number,
             "name": self.step.title,
             "line": self.step.line,
             "loop": dict(self.step.loop),
             "verdict": self.verdict.value,
+            "drives": list(self.drives),
             "allowed": self.step.allowed,
             "measured": self.measured,
             "message": self.message,
@@ -87,7 +91,8 @@ class Record:
         self._scenario = scenario
         self._farm = farm
         self._drives = list(drives)
-        self._origin = now
+        #: When the run began.
+        self.origin_ns = now
         self._now = now
         self._ended = self._broken = False
         self._why = ""
@@ -97,7 +102,13 @@ class Record:
         self._lost_ns: dict[str, int] = {}
         self._reactions: dict[str, dict[str, list[float]]] = {}
         self._faults: dict[Injection, dict[str, Any]] = {}
+        #: In the order in which they ended.
         self.cases: list[Case] = []
+        #: Pictures of faults and failures (:mod:`pnfarm.scenario.moments`), and why there are no more.
+        self.traces: list[dict[str, Any]] = []
+        self.traces_note = ""
+        #: What the controllers of the drives did (:mod:`pnfarm.scenario.controllers`).
+        self.controllers: list[dict[str, Any]] = []
 
     @property
     def verdict(self) -> Verdict:
@@ -125,6 +136,10 @@ class Record:
         what = entry.what
         if changed or isinstance(what, (events.ConnectionLost, events.ConnectionReleased, events.WatchdogExpired)):
             item = {"seconds": self._seconds(entry.now_ns), "what": "event", "drive": entry.drive, "text": entry.event}
+            own = getattr(what, "lateness", None)
+            if own is not None:
+                # whose doing it was
+                item |= {"cause": own.cause, "farm_late_seconds": own.worst_ns / 1e9}
             state = changed.get("state")
             self._place(item | ({"state": state} if state is not None else {}))
         match what:
@@ -167,10 +182,13 @@ class Record:
             if shown["ended_seconds"] is None:
                 self.fault_ended(injection)
             shown["evidence"] = injection.as_dict()["evidence"]
-        self.cases.sort(key=lambda case: case.number)
+
+    def _sorted(self) -> list[Case]:
+        """In the order of the file."""
+        return sorted(self.cases, key=lambda case: case.number)
 
     def _seconds(self, now: int) -> float:
-        return (now - self._origin) / 1e9
+        return (now - self.origin_ns) / 1e9
 
     def _place(self, item: dict[str, Any]) -> None:
         if len(self._timeline) < MAX_TIMELINE:
@@ -178,23 +196,36 @@ class Record:
         else:
             self._left_out += 1
 
-    def as_dict(self) -> dict[str, Any]:
-        """The whole record, plain JSON values."""
-        counts = {verdict.value: sum(case.verdict is verdict for case in self.cases) for verdict in Verdict}
+    def counts(self) -> dict[str, int]:
+        """Cases by verdict."""
+        return {verdict.value: sum(case.verdict is verdict for case in self.cases) for verdict in Verdict}
+
+    def summary(self) -> dict[str, Any]:
+        """Without cases, timeline and traces."""
         return {
             "scenario": self._scenario.name,
-            "description": self._scenario.description,
-            "file": str(self._scenario.path) if self._scenario.path is not None else "",
-            "farm": self._farm,
-            "drives": self._drives,
             "state": "ended" if self._ended else "running",
             "verdict": self.verdict.value if self._ended else None,
             "ended_early": self._why,
             "seconds": self._seconds(self._now),
-            "counts": counts,
-            "cases": [case.as_dict(self._origin) for case in self.cases],
+            "counts": self.counts(),
+        }
+
+    def as_dict(self) -> dict[str, Any]:
+        """The whole record, plain JSON values."""
+        return {
+            **self.summary(),
+            "description": self._scenario.description,
+            "file": str(self._scenario.path) if self._scenario.path is not None else "",
+            "farm": self._farm,
+            "drives": self._drives,
+            "farm_ended": self._broken,
+            "cases": [case.as_dict(self.origin_ns) for case in self._sorted()],
             "faults": list(self._faults.values()),
             "plc": self._reactions,
+            "controllers": self.controllers,
+            "traces": self.traces,
+            "traces_note": self.traces_note,
             "timeline": self._timeline,
             "timeline_left_out": self._left_out,
             "lateness": dict(self._lateness) if self._lateness is not None else None,

@@ -7,13 +7,15 @@ time of their next look, so that branches of ``parallel`` run side by side.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.faults.manager import RunState
+from pnfarm.scenario.controllers import controllers
 from pnfarm.scenario.measures import check_metric, measured, read_metric
+from pnfarm.scenario.moments import Moments, named_drives
 from pnfarm.scenario.record import Case, Record, Verdict
 from pnfarm.scenario.steps import DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.scenario.watch import Watch
@@ -49,7 +51,10 @@ class _EndedError(Exception):
 
 
 class ScenarioRun:
-    """``lateness`` measures the farm's own; None in virtual time, where it is never late."""
+    """``lateness`` measures the farm's own; None in virtual time, where it is never late.
+
+    ``traced``: keep traces around faults and failures, for the report.
+    """
 
     def __init__(
         self,
@@ -59,6 +64,7 @@ class ScenarioRun:
         now: int,
         *,
         lateness: FarmLateness | None = None,
+        traced: bool = False,
         tell: Tell | None = None,
     ) -> None:
         self.binding = binding
@@ -87,6 +93,9 @@ class ScenarioRun:
                 self._check_metric(step)
         self._life = self._sequence(binding.scenario.steps)
         self._begun = 0
+        #: The step that began last.
+        self.step = ""
+        self._moments = Moments(core, named_drives(binding), now) if traced else None
         self._unsubscribe = core.log.subscribe(self._note)
 
     def _check_metric(self, step: Step) -> None:
@@ -111,6 +120,8 @@ class ScenarioRun:
         self._now = now
         if self.finished:
             return now
+        if self._moments is not None:
+            self._moments.look(now)
         try:
             self.due_ns = next(self._life)
         except StopIteration:
@@ -148,6 +159,10 @@ class ScenarioRun:
         for step in self._expectations:
             if (number := self._numbers[id(step)]) not in reached:
                 self.record.add(Case(number, step, Verdict.NOT_RUN, 0, 0, message=why or "not reached"))
+        if self._moments is not None:
+            self.record.traces = self._moments.close(self._now)
+            self.record.traces_note = self._moments.note
+        self.record.controllers = controllers(self._core, self.record.origin_ns, self._now)
         lateness = self._lateness.report(self._now) if self._lateness is not None else None
         self.record.end(self._now, why, lateness, broken=broken)
 
@@ -168,6 +183,7 @@ class ScenarioRun:
     def _sequence(self, steps: tuple[Step, ...]) -> _Life:
         for step in steps:
             self._begun += 1
+            self.step = step.title
             self._tell(step, None)
             self.record.step(step, self._now)
             yield from self._step(step)
@@ -200,6 +216,8 @@ class ScenarioRun:
                 # a name is free again once its fault has ended
                 self._own[injection.id] = injection
                 self.record.fault_began(injection, self._now)
+                if self._moments is not None:
+                    self._moments.mark(step.title, injection.drives, self._now, failure=False)
             case "clear":
                 wanted = step.values["fault"]
                 for name in list(self._own) if wanted == "all" else [wanted]:
@@ -346,7 +364,8 @@ class ScenarioRun:
         message = f"{asked} {value:g}, wanted {bound.sign} {bound.value:g}"
         if verdict is Verdict.INCONCLUSIVE and self._lateness is not None:
             message += f"; the farm was itself {self._lateness.told}"
-        self._case(step, verdict, begin, message, value=value, measured=f"{value:g}")
+        drives = [metric.labels["drive"]] if verdict is not Verdict.PASSED and "drive" in metric.labels else []
+        self._case(step, verdict, begin, message, value=value, measured=f"{value:g}", drives=drives)
 
     # -- cases
 
@@ -370,7 +389,7 @@ class ScenarioRun:
             for name in drives[:MOST_MEASURED]
             if name in shown
         )
-        self._case(step, verdict, begin, message, watch=watch, measured=measured)
+        self._case(step, verdict, begin, message, watch=watch, measured=measured, drives=drives)
 
     def _case(
         self,
@@ -382,15 +401,19 @@ class ScenarioRun:
         watch: Watch | None = None,
         value: float | None = None,
         measured: str = "",
+        drives: Sequence[str] = (),
     ) -> None:
         number = self._numbers[id(step)]
         case = Case(number, step, verdict, begin, self._now, message=message, value=value, measured=measured)
         if watch is not None:
             case.values = watch.values()
             case.took = {name: when - begin for name, when in watch.held_ns.items()}
+        case.drives = list(drives)
         if self._lateness is not None:
             case.late_ns = self._lateness.worst_ns(begin, self._now)
         self.record.add(case)
+        if verdict is not Verdict.PASSED and self._moments is not None:
+            self._moments.mark(f"{verdict}: {step.title}", drives, self._now, failure=True)
         self._tell(step, case)
 
 

@@ -45,10 +45,21 @@ class RunningScenario:
         """For JSON: the record so far."""
         return {"id": self.id, **self.run.record.as_dict()}
 
+    def progress(self, first: int, now: int) -> dict[str, Any]:
+        """How far it is, with the cases that ended, from the ``first`` on in the order in which they ended."""
+        run, record = self.run, self.run.record
+        return {
+            **self.summary(),
+            "step": run.step,
+            "steps_begun": run.steps_begun,
+            "steps": run.steps,
+            "left_seconds": max(0, run.due_ns - now) / 1e9,
+            "cases": [case.as_dict(record.origin_ns) for case in record.cases[first:]],
+        }
+
     def summary(self) -> dict[str, Any]:
         """The same without cases and timeline."""
-        record = self.as_dict()
-        return {key: record[key] for key in ("id", "scenario", "state", "verdict", "seconds", "counts")}
+        return {"id": self.id, **self.run.record.summary()}
 
 
 class RunningScenarios:
@@ -76,7 +87,7 @@ class RunningScenarios:
             raise ConfigError(f"{len(at_work)} scenarios are at work ({', '.join(at_work)}); end one of them first")
         now = self._now()
         lateness = FarmLateness(self._core, scenario.budget_ns, now)
-        run = ScenarioRun(binding, self._core, self._collector, now, lateness=lateness)
+        run = ScenarioRun(binding, self._core, self._collector, now, lateness=lateness, traced=True)
         self._numbers += 1
         task = asyncio.get_running_loop().create_task(carry_out(run, self._core, self._poke, self._now))
         found = RunningScenario(f"scenario-{self._numbers}", run, task)

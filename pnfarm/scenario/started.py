@@ -16,6 +16,8 @@ from pnfarm.scenario.realtime import carry_out
 from pnfarm.scenario.run import ScenarioRun
 
 if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
     from pnfarm.farm.capture import CaptureSettings
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.file.reading import FarmConfig
@@ -43,13 +45,18 @@ async def run_started(
     tell: Tell | None = None,
     capture: CaptureSettings | None = None,
     passing: Passing | None = None,
+    *,
+    traced: bool = False,
+    before: Callable[[], Awaitable[None]] | None = None,
 ) -> Outcome:
     """The controller is the one on the wire: a PLC, or ``pnfarm plc`` in another process.
 
-    ``passing`` as of :func:`.carry_out`.
+    ``passing`` as of :func:`.carry_out`; ``before`` is called before the farm starts, once it is known that it may.
     """
     farm = Farm(config, capture=capture)
     farm.check_rights()
+    if before is not None:
+        await before()
     collectors: list[FarmCollector] = []
 
     def listen(core: FarmCore) -> None:
@@ -63,7 +70,7 @@ async def run_started(
         now = time.monotonic_ns()
         epoch = time.time_ns()
         lateness = FarmLateness(farm.core, binding.scenario.budget_ns, now)
-        run = ScenarioRun(binding, farm.core, collectors[0], now, lateness=lateness, tell=tell)
+        run = ScenarioRun(binding, farm.core, collectors[0], now, lateness=lateness, traced=traced, tell=tell)
 
         async def watch_farm() -> None:
             try:

@@ -43,6 +43,7 @@ async def run_virtual(
     tell: Tell | None = None,
     pcap: Path | None = None,
     passing: Passing | None = None,
+    traced: bool = False,
 ) -> tuple[dict[str, Any], int]:
     """The record of the run, and the world's time at its start (ns), as a capture stamps frames.
 
@@ -55,7 +56,7 @@ async def run_virtual(
         add_impairments(line.farm.injections, expand(config), world.now)
         collector, begin = FarmCollector(line.farm), world.now
         try:
-            run = ScenarioRun(binding, line.farm, collector, world.now, tell=tell)
+            run = ScenarioRun(binding, line.farm, collector, world.now, tell=tell, traced=traced)
             while not run.finished:
                 due = min(run.advance(world.now), world.now + STRETCH_NS)
 

@@ -1,0 +1,141 @@
+"""What ``pnfarm run`` prints: progress while the scenario runs, and the table at its end."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.scenario.record import Case
+    from pnfarm.scenario.run import ScenarioRun
+    from pnfarm.scenario.steps import Step
+
+__all__ = ["Progress", "print_summary"]
+
+_WORDS = {"passed": "PASS", "failed": "FAIL", "inconclusive": "????", "error": "ERROR", "not run": "----"}
+_STYLES = {"passed": "green", "failed": "bold red", "error": "bold red", "inconclusive": "yellow", "not run": "dim"}
+#: Smallest time between two redraws, and between two lines about a long wait where there is no terminal; seconds.
+DRAW_SECONDS = 0.1
+WAIT_SECONDS = 10.0
+#: Longest title beside the bar, and longest measured value of the table, characters.
+MAX_TITLE, MAX_MEASURED = 60, 80
+#: Most lines of the table; with more expectations, those that passed are left out.
+MAX_ROWS = 200
+
+
+class Progress:
+    """A context manager: on a terminal a bar, a line for each case above it; elsewhere plain lines."""
+
+    def __init__(self, name: str, total: int) -> None:
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import Progress as Bar
+
+        from pnfarm.terminal.output import console
+
+        self._out = console()
+        self._live = self._out.is_terminal
+        self._bar = Bar(
+            TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+            TextColumn("{task.fields[left]}", markup=False), console=self._out, transient=True, disable=not self._live,
+        )  # fmt: skip
+        self._task = self._bar.add_task(name, total=total, left="")
+        self._drawn = self._said = time.monotonic()
+
+    def __enter__(self) -> Self:
+        if self._live:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live:
+            self._bar.stop()
+
+    def tell(self, step: Step, case: Case | None) -> None:
+        """A step begins, or a case has its verdict."""
+        if case is None:
+            self.began(step.title, silent=step.kind in {"expect", "parallel"})
+        else:
+            self.ended(case.verdict.value, step.title, case.message)
+
+    def began(self, title: str, begun: int | None = None, *, silent: bool = False) -> None:
+        """A step begins; ``begun`` of all, where it is not simply the next one."""
+        self._said = time.monotonic()
+        count = {"advance": 1} if begun is None else {"completed": begun}
+        self._bar.update(self._task, description=title[:MAX_TITLE], left="", **count)  # type: ignore[arg-type]  # of floats
+        if not self._live and not silent:
+            _print(f"      {title}")
+
+    def ended(self, verdict: str, title: str, message: str) -> None:
+        """A case has its verdict."""
+        from rich.text import Text
+
+        line = f"{_WORDS[verdict]:5} {title}" + (f": {message}" if message else "")
+        if self._live:
+            self._out.print(Text(line, style=_STYLES[verdict]))
+        else:
+            _print(line)
+
+    def passing(self, run: ScenarioRun, now: int) -> None:
+        """Time passes while the run waits."""
+        self.left((run.due_ns - now) / 1e9)
+
+    def left(self, seconds: float) -> None:
+        """The step at work takes this much longer, at most."""
+        now = time.monotonic()
+        if self._live and now - self._drawn >= DRAW_SECONDS:
+            self._drawn = now
+            self._bar.update(self._task, left=f"at most {_clock(seconds)} left" if seconds >= 1 else "")
+        elif not self._live and now - self._said >= WAIT_SECONDS:
+            self._said = now
+            _print(f"      ... at most {_clock(seconds)} left")
+
+
+def _print(line: str) -> None:
+    from pnfarm.terminal.output import print_line
+
+    print_line(line)
+
+
+def _clock(seconds: float) -> str:
+    whole = max(0, round(seconds))
+    if whole < 60:
+        return f"{whole} s"
+    return f"{whole // 60}:{whole % 60:02} min" if whole < 3600 else f"{whole // 3600}:{whole // 60 % 60:02} h"
+
+
+def print_summary(record: Mapping[str, Any]) -> None:
+    """Every expectation with what was allowed and what was measured, then the verdict in one line."""
+    from rich.text import Text
+
+    from pnfarm.terminal.output import print_table
+
+    cases = record["cases"]
+    shown = cases if len(cases) <= MAX_ROWS else [case for case in cases if case["verdict"] != "passed"][:MAX_ROWS]
+    if shown:
+        _print("")
+        print_table(
+            ("VERDICT", "~EXPECTATION", "ALLOWED", "~MEASURED"),
+            [
+                (
+                    Text(case["verdict"], style=_STYLES[case["verdict"]]),
+                    case["name"],
+                    case["allowed"],
+                    _short(case["measured"] or case["message"]),
+                )
+                for case in shown
+            ],
+        )
+    if len(shown) < len(cases):
+        _print(f"... and {len(cases) - len(shown)} more")
+    counts = ", ".join(f"{count} {word}" for word, count in record["counts"].items() if count)
+    _print("")
+    _print(f"{record['scenario']}: {record['verdict']} ({counts or 'no expectation'}) in {record['seconds']:.3f} s")
+    if record["ended_early"]:
+        _print(f"ended early: {record['ended_early']}")
+
+
+def _short(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= MAX_MEASURED else line[: MAX_MEASURED - 3] + "..."
