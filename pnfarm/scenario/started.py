@@ -14,6 +14,7 @@ from pnfarm.metrics import FarmCollector
 from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.scenario.realtime import carry_out
 from pnfarm.scenario.run import ScenarioRun
+from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -53,7 +54,8 @@ async def run_started(
 
     ``passing`` as of :func:`.carry_out`; ``before`` is called before the farm starts, once it is known that it may.
     """
-    farm = Farm(config, capture=capture)
+    # what happens is in the record; on the terminal is the scenario's progress
+    farm = Farm(config, log=EventLog(quiet=True), capture=capture)
     farm.check_rights()
     if before is not None:
         await before()

@@ -126,6 +126,9 @@ class Background:
         """Wait for it to end by itself; the exit code."""
         return self._process.wait(START_SECONDS)
 
+    def send(self, number: int) -> None:
+        self._process.send_signal(number)
+
     def stop(self, number: int = signal.SIGTERM) -> int:
         """Send a signal and wait for the end; the exit code."""
         if self._process.poll() is None:
