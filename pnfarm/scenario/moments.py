@@ -129,23 +129,24 @@ class Moments:
         inside = (times >= -BEFORE_NS / 1e9) & (times <= AFTER_NS / 1e9)
         columns = [
             Column(column.drive, column.signal, column.unit, column.form, column.values[inside])
+            for drive in self._shown
             for column in recording.columns
-            if column.drive in self._shown
+            if column.drive == drive
         ]
         self._kept.append(
             {
                 "at_seconds": (self._fired_ns - self._origin_ns) / 1e9,
                 "drives": list(self._shown),
                 "marks": self._marks,
-                "trace": _thinned(recording, times[inside], columns).as_dict(),
+                "trace": _thinned(recording, self._marks[0]["text"], times[inside], columns).as_dict(),
             }
         )
         self._marks, self._shown = [], {}
 
 
-def _thinned(recording: Recording, times: NDArray[Any], columns: Sequence[Column]) -> Recording:
+def _thinned(recording: Recording, mark: str, times: NDArray[Any], columns: Sequence[Column]) -> Recording:
     """Without bits that never change, and with every change of the others."""
-    chosen = [column for column in columns if column.form != "bit" or _changes(column).any()]
+    chosen = [column for column in columns if column.form == "real" or column.signal == "state" or _changes(column).any()]
     if not any(column.form == "bit" and "." in column.signal for column in chosen):
         # nothing happened: at least the bits that tell so
         chosen += [column for column in columns if column.signal in {"zsw1.fault_present", "stw1.enable_operation"}]
@@ -166,11 +167,11 @@ def _thinned(recording: Recording, times: NDArray[Any], columns: Sequence[Column
         for column in chosen
     )  # fmt: skip
     return Recording(
-        id=recording.id,
+        id="trace",
         state=recording.state,
         triggered=True,
         triggered_by=recording.triggered_by,
-        trigger="the first mark",
+        trigger=mark,
         interval_seconds=recording.interval_seconds,
         missed=recording.missed,
         time=np.round(times[keep], 6),

@@ -6,6 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from pnfarm.trace.plot import as_svg
+from pnfarm.trace.recording import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -16,6 +20,12 @@ __all__ = ["report_html"]
 PLOT, NAMES, LANE = 1000.0, 140.0, 18.0
 #: Most drives that are drawn: those with something to show come first.
 MAX_LANES = 64
+#: Characters of a drive's name beside its lane.
+MAX_NAME = 20
+#: Most expectations that are listed, rows of the other tables, lines of values of one expectation, and marks drawn.
+MAX_CASES, MAX_ROWS, MAX_LINES, MAX_MARKS = 5000, 500, 8, 4000
+#: Boxes of a lane that are closer than this are drawn as one, pixels.
+LEAST = 0.5
 #: Times of a drive's reaction, by the record's key.
 REACTIONS = {
     "reacted_seconds": "withdrew the enable after",
@@ -31,7 +41,41 @@ def report_html(record: Mapping[str, Any]) -> str:
     )
     environment.filters["seconds"] = _seconds
     template = environment.get_template("report.html.j2")
-    return template.render(record=record, drawing=_drawing(record), reactions=list(_reactions(record)))
+    # what did not pass is listed before what did, where not all are
+    cases = record["cases"]
+    if len(cases) > MAX_CASES:
+        cases = sorted(cases, key=lambda case: case["verdict"] == "passed")[:MAX_CASES]
+    return template.render(
+        record=record,
+        cases=[{**case, "shown": _shown(case)} for case in cases],
+        cases_left_out=len(record["cases"]) - len(cases),
+        drawing=_drawing(record),
+        pictures=[_picture(picture) for picture in record["traces"]],
+        reactions=list(_reactions(record)),
+        situations=_of_controllers(record, "faults"),
+        start_ups=_of_controllers(record, "start_ups"),
+        losses=[item for item in record["timeline"] if "cause" in item][:MAX_ROWS],
+    )
+
+
+def _shown(case: Mapping[str, Any]) -> list[str]:
+    """The values at the end of a case, a line for each drive: first those on which it did not hold."""
+    values = case["values"]
+    order = [*(name for name in case["drives"] if name in values), *(n for n in values if n not in case["drives"])]
+    lines = [f"{name}: " + ", ".join(f"{key} = {value}" for key, value in values[name].items()) for name in order]
+    rest = len(lines) - MAX_LINES
+    return [*lines[:MAX_LINES], *([f"and {rest} more drives"] if rest > 0 else [])]
+
+
+def _picture(picture: Mapping[str, Any]) -> dict[str, Any]:
+    """A trace as SVG; its texts are escaped there."""
+    svg = as_svg(Recording.from_dict(picture["trace"]))
+    return {**picture, "head": picture["marks"][0]["text"], "svg": Markup(svg)}  # noqa: S704 - made by as_svg, which escapes
+
+
+def _of_controllers(record: Mapping[str, Any], what: str) -> list[dict[str, Any]]:
+    found = [{"drive": one["drive"], **row} for one in record["controllers"] for row in one[what]]
+    return sorted(found, key=lambda row: row.get("at_seconds", 0.0))[:MAX_ROWS]
 
 
 def _seconds(value: float | None) -> str:
@@ -63,7 +107,7 @@ def _drawing(record: Mapping[str, Any]) -> dict[str, Any]:
         busy.update(dict.fromkeys(fault["drives"]))
     for case in record["cases"]:
         if case["verdict"] not in {"passed", "not run"}:
-            busy.update(dict.fromkeys(case["values"]))
+            busy.update(dict.fromkeys(case["drives"] or case["values"]))
     order = [*busy, *(drive for drive in record["drives"] if drive not in busy)][:MAX_LANES]
     lane = {drive: number + 2 for number, drive in enumerate(order)}
     boxes = [_states(record, drive, lane[drive], x) for drive in order]
@@ -77,7 +121,7 @@ def _drawing(record: Mapping[str, Any]) -> dict[str, Any]:
         for fault in record["faults"]
         for drive in fault["drives"]
         if drive in lane
-    ]
+    ][:MAX_MARKS]
     cases = [
         {
             "x": x(case["began_seconds"]),
@@ -87,16 +131,28 @@ def _drawing(record: Mapping[str, Any]) -> dict[str, Any]:
         }
         for case in record["cases"]
         if case["began_seconds"] is not None
-    ]
+    ][:MAX_CASES]
     marks = [
-        {"x": x(item["seconds"]), "y": lane[item["drive"]] * LANE, "text": f"{item['drive']}: {item['text']}"}
+        {
+            "x": x(item["seconds"]),
+            "y": lane[item["drive"]] * LANE,
+            "text": f"{item['drive']}: {item['text']}, {_seconds(item['seconds'])}",
+            "cause": item.get("cause", ""),
+        }
         for item in record["timeline"]
         if item["what"] == "event" and "state" not in item and item["drive"] in lane
-    ]
+    ][:MAX_MARKS]
     ticks = [{"x": x(total * part / 10), "text": _seconds(total * part / 10)} for part in range(0, 11, 2)]
     return {
         "width": NAMES + PLOT + 60, "height": (len(order) + 3) * LANE, "lane": LANE, "names": NAMES,
-        "lanes": [{"name": drive, "y": lane[drive] * LANE} for drive in order],
+        "lanes": [
+            {
+                "name": drive,
+                "short": drive if len(drive) <= MAX_NAME else drive[: MAX_NAME - 1] + "…",
+                "y": lane[drive] * LANE,
+            }
+            for drive in order
+        ],
         "states": [box for found in boxes for box in found], "faults": faults, "cases": cases, "marks": marks,
         "ticks": ticks, "left_out": len(record["drives"]) - len(order),
     }  # fmt: skip
@@ -108,8 +164,10 @@ def _states(record: Mapping[str, Any], drive: str, lane: int, x: Any) -> list[di
     state, begin = "", 0.0
     changes = [item for item in record["timeline"] if item.get("drive") == drive and "state" in item]
     for item in (*changes, {"seconds": record["seconds"], "state": ""}):
-        if state and item["seconds"] > begin:
-            left = x(begin)
+        left = x(begin)
+        # a lane has no more boxes than its picture can show
+        drawn = found[-1]["x"] + found[-1]["width"] if found else 0.0
+        if state and item["seconds"] > begin and x(item["seconds"]) - max(left, drawn - 1e-9) >= LEAST:
             text = f"{drive} in {state}, {_seconds(begin)} to {_seconds(item['seconds'])}"
             found.append(
                 {
