@@ -5,7 +5,7 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Annotated
 
-from fastapi import Query, Request  # noqa: TC002 - FastAPI reads the annotations of handlers
+from fastapi import Query, Request
 from pydantic import Field
 
 from pnfarm.errors import ConfigError

@@ -96,15 +96,12 @@ def run(
 
             record, failure = run_remote(scenario, token, progress, signals.why)
         else:
-            record, failure = _local(*checked, progress, signals, virtual=virtual, pcap=pcap, traced=_traced(html, as_json))
+            # without a report nobody would see traces
+            traced = html is not None or as_json is not None
+            record, failure = _local(*checked, progress, signals, virtual=virtual, pcap=pcap, traced=traced)
     _write(record, junit, html, as_json)
     print_summary(record)
     return EXIT_CODES[Verdict(record["verdict"])] if failure is None else report(failure)
-
-
-def _traced(html: Path | None, as_json: Path | None) -> bool:
-    """Whether somebody will look at traces."""
-    return html is not None or as_json is not None
 
 
 class _Signals:
@@ -206,9 +203,7 @@ async def _started(
     from pnfarm.cli.running import compile_ahead
     from pnfarm.scenario.started import run_started
 
-    return await run_started(
-        binding, config, progress.tell, capture, passing, traced=traced, before=compile_ahead
-    )
+    return await run_started(binding, config, progress.tell, capture, passing, traced=traced, before=compile_ahead)
 
 
 def _write(record: dict[str, Any], junit: Path | None, html: Path | None, as_json: Path | None) -> None:

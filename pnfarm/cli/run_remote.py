@@ -43,6 +43,8 @@ class _Remote:
     def run(self) -> tuple[dict[str, Any], Exception | None]:
         from pnfarm.errors import PnfarmError
 
+        # from now on a stop signal waits until the farm can be told
+        self._interrupted()
         begun = self._begin()
         known: dict[str, Any] = begun
         cases: list[dict[str, Any]] = []

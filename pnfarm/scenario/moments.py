@@ -146,7 +146,9 @@ class Moments:
 
 def _thinned(recording: Recording, mark: str, times: NDArray[Any], columns: Sequence[Column]) -> Recording:
     """Without bits that never change, and with every change of the others."""
-    chosen = [column for column in columns if column.form == "real" or column.signal == "state" or _changes(column).any()]
+    chosen = [
+        column for column in columns if column.form == "real" or column.signal == "state" or _changes(column).any()
+    ]
     if not any(column.form == "bit" and "." in column.signal for column in chosen):
         # nothing happened: at least the bits that tell so
         chosen += [column for column in columns if column.signal in {"zsw1.fault_present", "stw1.enable_operation"}]

@@ -40,11 +40,10 @@ async def carry_out(
             due = run.advance(now())
             if passing is not None and (why := passing(run, now())):
                 run.cancel(now(), why)
+                break
             # the farm's runtime sends what a step put in force
             poke()
             pause = min(due - now(), LOOK_NS if run.polled else PAUSE_NS)
-            if run.finished:
-                return
             if pause > 0:
                 try:
                     await asyncio.wait_for(woken.wait(), pause / 1e9)

@@ -19,7 +19,18 @@ if TYPE_CHECKING:
 
     from pnfarm.vocabulary.issues import Location
 
-__all__ = ["ALL_CONNECTED", "DEFAULT_WITHIN_NS", "QUANTILES", "STEPS", "Bound", "Key", "MetricName", "Step", "StepKind", "read_bound"]
+__all__ = [
+    "ALL_CONNECTED",
+    "DEFAULT_WITHIN_NS",
+    "QUANTILES",
+    "STEPS",
+    "Bound",
+    "Key",
+    "MetricName",
+    "Step",
+    "StepKind",
+    "read_bound",
+]
 
 #: ``wait: {until: all-connected}``.
 ALL_CONNECTED = "all-connected"
