@@ -33,7 +33,11 @@ STEPS = f"""
   - expect: {{drive: axis-02, that: fault == 702, within: 100ms, name: "{HOSTILE}"}}
   - clear: trip
   - wait: 3s
-  - expect: {{metric: 'pnfarm_watchdog_expirations_total{{drive="axis-02"}}', increases: '> 1', for: 100ms, name: "a ]]> & b"}}
+  - expect:
+      metric: 'pnfarm_watchdog_expirations_total{{drive="axis-02"}}'
+      increases: '> 1'
+      for: 100ms
+      name: "a ]]> & b"
 """
 #: What the schema junit-10.xsd of Jenkins' xUnit plugin allows.
 CHILDREN = {
@@ -125,8 +129,8 @@ def test_the_report_opens_in_a_browser_without_a_request_an_error_or_a_foreign_s
 def test_the_report_of_thousands_of_steps_and_long_names_stays_readable_and_small(tmp_path: Path) -> None:
     drive = "W" * 60
     case = {
-        "number": 0, "name": "x" * 200, "line": 1, "loop": {}, "verdict": "failed", "drives": [drive], "allowed": "at once",
-        "measured": "", "message": "m" * 300, "began_seconds": 0.0, "ended_seconds": 1.0, "farm_late_seconds": 0.1,
+        "number": 0, "name": "x" * 200, "line": 1, "loop": {}, "verdict": "failed", "drives": [drive],
+        "allowed": "at once", "measured": "", "message": "m" * 300, "began_seconds": 0.0, "ended_seconds": 1.0, "farm_late_seconds": 0.1,
         "value": None, "held_after_seconds": {}, "values": {drive: {"state": "S4"}},
     }  # fmt: skip
     base = run("\n  - wait: 1ms\n")
