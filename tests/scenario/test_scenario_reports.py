@@ -130,8 +130,8 @@ def test_the_report_of_thousands_of_steps_and_long_names_stays_readable_and_smal
     drive = "W" * 60
     case = {
         "number": 0, "name": "x" * 200, "line": 1, "loop": {}, "verdict": "failed", "drives": [drive],
-        "allowed": "at once", "measured": "", "message": "m" * 300, "began_seconds": 0.0, "ended_seconds": 1.0, "farm_late_seconds": 0.1,
-        "value": None, "held_after_seconds": {}, "values": {drive: {"state": "S4"}},
+        "allowed": "at once", "measured": "", "message": "m" * 300, "began_seconds": 0.0, "ended_seconds": 1.0,
+        "farm_late_seconds": 0.1, "value": None, "held_after_seconds": {}, "values": {drive: {"state": "S4"}},
     }  # fmt: skip
     base = run("\n  - wait: 1ms\n")
     cases = [{**case, "number": n, "began_seconds": n / 10, "ended_seconds": n / 10 + 0.1} for n in range(10_000)]
