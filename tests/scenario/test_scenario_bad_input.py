@@ -22,9 +22,11 @@ DRIVES = {"axis-01": model("akd-profinet"), "axis-02": model("moog-msd"), "axis-
 #: What a slip of the pen, or malice, puts into a file.
 PIECES = [
     "$", "${", "$axis", "${n}", "{", "}", "[", "]", ":", "-", "*a", "&a", "<<: *a", "!!python/object:os.system x",
-    "\t", "\0", "1e400", ".nan", "9" * 50, "0x", "-1", "null", "~", "true", "'", '"', "#", "\u2028", "\ud800", "\U0001f4a5",
+    "\t", "\0", "1e400", ".nan", "9" * 50, "0x", "-1", "null", "~", "true", "'", '"', "#", "\u2028", "\ud800",
+    "\U0001f4a5",
     "%", "|", ">", "", "all", "axis-*", "[0-9]", "state == S4", "zsw1.99", 'param("', "((((", "not not not", "and",
-    "1min", "-5s", "99999999h", "f702", "loss", "repeat", "parallel", "steps", "for", "times", "10000", "within", "expect",
+    "1min", "-5s", "99999999h", "f702", "loss", "repeat", "parallel", "steps", "for", "times", "10000", "within",
+    "expect",
 ]  # fmt: skip
 
 

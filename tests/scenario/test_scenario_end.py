@@ -1,0 +1,162 @@
+"""How a run ends: by itself, interrupted, with its farm; what it leaves, and what its record says."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from pnfarm.cli.run import bound
+from pnfarm.controller.line import VirtualLine
+from pnfarm.metrics import FarmCollector
+from pnfarm.scenario.file import load_scenario, parse_scenario
+from pnfarm.scenario.run import ScenarioRun
+from pnfarm.scenario.schema import scenario_schema
+from pnfarm.scenario.steps import STEPS
+from pnfarm.scenario.virtual import run_virtual
+
+if TYPE_CHECKING:
+    from pnfarm.scenario.run import Passing
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+LIBRARY = REPOSITORY / "configs" / "scenarios"
+LINE = LIBRARY / "line.pnfarm.yml"
+
+
+def run(steps: str, passing: Passing | None = None) -> dict[str, Any]:
+    scenario = parse_scenario(f"scenario: end\nfarm: {LINE}\nsteps:\n{steps}")
+    scenario.overrides = {"drives[0].count": 2}
+    record, _ = asyncio.run(run_virtual(*bound(scenario), passing=passing))
+    return record
+
+
+def test_a_run_in_virtual_time_ends_when_it_is_told_to() -> None:
+    def after_two_seconds(run: ScenarioRun, now: int) -> str:
+        return "interrupted by SIGINT" if now >= 1_002_000_000_000 else ""
+
+    record = run(
+        "  - fault: {kind: silence, on: axis-01}\n  - wait: 24h\n  - expect: {drive: all, that: connected}\n",
+        after_two_seconds,
+    )
+    assert record["ended_early"] == "interrupted by SIGINT"
+    assert record["verdict"] == "inconclusive"
+    assert record["seconds"] < 20
+    assert [case["verdict"] for case in record["cases"]] == ["not run"]
+    assert record["faults"][0]["ended_seconds"] == record["seconds"]
+
+
+def test_an_interrupted_run_that_had_failed_has_failed() -> None:
+    def at_once(run: ScenarioRun, now: int) -> str:
+        return "interrupted" if run.record.cases else ""
+
+    record = run("  - expect: {drive: all, that: state == S3}\n  - wait: 24h\n", at_once)
+    assert (record["verdict"], record["ended_early"]) == ("failed", "interrupted")
+
+
+def test_faults_of_one_name_are_all_recorded_and_none_stays() -> None:
+    record = run(
+        "  - repeat:\n      times: 3\n      steps:\n"
+        "        - fault: {kind: drive-warning, on: axis-01, params: {warning: 107}, as: again, for: 10ms}\n"
+        "        - wait: 50ms\n"
+    )
+    assert [fault["name"] for fault in record["faults"]] == ["again"] * 3
+    for fault in record["faults"]:
+        assert fault["ended_seconds"] - fault["began_seconds"] == pytest.approx(0.01, abs=0.002)
+        assert fault["evidence"]["activations"] == 1
+
+
+def test_a_name_in_force_is_not_given_twice() -> None:
+    record = run("  - fault: {kind: silence, on: axis-01, as: x}\n  - fault: {kind: silence, on: axis-02, as: x}\n")
+    assert record["verdict"] == "error"
+    assert "an injection named 'x' is in force" in record["ended_early"]
+    assert len(record["faults"]) == 1
+
+
+def test_more_faults_than_the_farm_remembers_end_without_an_error() -> None:
+    record = run(
+        "  - repeat:\n      times: 1100\n      steps:\n"
+        "        - fault: {kind: drive-warning, on: axis-01, params: {warning: 107}, for: 1ms}\n        - wait: 2ms\n"
+    )
+    assert record["verdict"] == "passed"
+    assert len(record["faults"]) == 1100
+    assert all(fault["ended_seconds"] is not None for fault in record["faults"])
+
+
+def test_a_fault_of_somebody_else_with_the_name_of_an_ended_one_is_not_cleared() -> None:
+    async def main() -> None:
+        scenario = parse_scenario(
+            f"scenario: end\nfarm: {LINE}\nsteps:\n"
+            "  - fault: {kind: drive-warning, on: axis-01, params: {warning: 107}, as: mine, for: 10ms}\n"
+            "  - wait: 100ms\n"
+        )
+        binding, config = bound(scenario)
+        line = await VirtualLine.create(config, epoch_ns=0)
+        collector = FarmCollector(line.farm)
+        own = ScenarioRun(binding, line.farm, collector, line.world.now)
+        own.advance(line.world.now)
+        line.world.run(0.05)
+        others = line.farm.injections.inject({"kind": "silence", "on": "axis-02", "as": "mine"}, line.world.now)
+        line.world.run(0.1)
+        own.advance(line.world.now)
+        assert own.finished
+        assert others in line.farm.injections.of_drive("axis-02")
+        collector.close()
+        await line.close()
+
+    asyncio.run(main())
+
+
+def test_the_end_of_the_farm_is_an_error_with_what_was_found() -> None:
+    async def main() -> dict[str, Any]:
+        scenario = parse_scenario(
+            f"scenario: end\nfarm: {LINE}\nsteps:\n  - expect: {{drive: all, that: powered}}\n  - wait: 1h\n"
+            "  - expect: {drive: all, that: connected}\n"
+        )
+        binding, config = bound(scenario)
+        line = await VirtualLine.create(config, epoch_ns=0)
+        collector = FarmCollector(line.farm)
+        own = ScenarioRun(binding, line.farm, collector, line.world.now)
+        own.advance(line.world.now)
+        own.cancel(line.world.now, "the farm stopped", broken=True)
+        collector.close()
+        await line.close()
+        return own.record.as_dict()
+
+    record = asyncio.run(main())
+    assert (record["verdict"], record["farm_ended"]) == ("error", True)
+    assert [case["verdict"] for case in record["cases"]] == ["passed", "not run"]
+
+
+def test_the_documents_name_every_key_of_the_record() -> None:
+    record = run("  - expect: {drive: all, that: powered}\n")
+    page = (REPOSITORY / "docs" / "scenarios.md").read_text()
+    table = page[page.index("`--json FILE`, and") :]
+    named = set(re.findall(r"`([a-z_]+)`", table))
+    assert set(record) <= named
+    assert set(record["cases"][0]) <= named
+
+
+def test_the_schema_accepts_the_library_and_the_examples_and_names_every_key() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    from pnfarm.vocabulary.yaml_lines import parse_yaml
+
+    schema = scenario_schema()
+    validator = jsonschema.Draft202012Validator(schema)
+    validator.check_schema(schema)
+    page = (REPOSITORY / "docs" / "scenarios.md").read_text()
+    texts = [path.read_text() for path in LIBRARY.glob("*.scenario.yml")]
+    texts += re.findall(r"```yaml\n(scenario:.*?)```", page, re.DOTALL)
+    assert len(texts) >= 8
+    for kind, known in STEPS.items():
+        for key in known.keys:
+            if kind != "fault":
+                assert key in str(schema["$defs"]["Step"]["properties"][kind])
+        texts.append(f"scenario: example\nsteps:\n  - {known.example}\n")
+    for text in texts:
+        parse_scenario(text)
+        assert [error.message for error in validator.iter_errors(parse_yaml(text).root.plain())] == []
+    assert list(validator.iter_errors({"scenario": "x", "steps": [{"weit": "1s"}]}))
+    assert load_scenario(LIBRARY / "f702-recovery.scenario.yml").name == "f702-recovery"
