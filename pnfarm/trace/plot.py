@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pnfarm.trace.interactive import interactive
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
@@ -240,7 +242,10 @@ def _points(time: NDArray[Any], values: NDArray[Any], x_of: Any, y_of: Any, *, s
 
 
 def as_html(recording: Recording) -> str:
-    """A page with the picture, what was recorded, and the samples to download; nothing is loaded from elsewhere."""
+    """A page with charts to zoom into, what was recorded, and the samples; nothing is loaded from elsewhere.
+
+    Without scripts it shows the picture of :func:`as_svg`.
+    """
     title = html.escape(f"Trace {recording.id}")
     facts = [
         ("trigger", recording.trigger + (f" ({recording.triggered_by})" if recording.triggered_by else "")),
@@ -254,12 +259,16 @@ def as_html(recording: Recording) -> str:
         f"<td>{html.escape(_range(c))}</td></tr>"
         for c in recording.columns
     )
+    charts = [(chart.title, chart.columns, chart.lanes) for chart in _charts(recording)[0]]
+    head, body = interactive(recording.time, charts, _COLOURS)
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>\n<style>\n'
         "body{font:14px system-ui,sans-serif;margin:2em;max-width:1000px}svg{max-width:100%;height:auto}\n"
         "table{border-collapse:collapse;margin:1em 0}th,td{text-align:left;padding:2px 12px 2px 0;"
         "border-bottom:1px solid #ddd}pre{max-height:24em;overflow:auto;background:#f8fafc;padding:1em}\n"
-        f"</style></head><body>\n<h1>{title}</h1>\n<table>{rows}</table>\n{as_svg(recording)}"
+        f"</style>\n{head}</head><body>\n<h1>{title}</h1>\n<table>{rows}</table>\n"
+        "<p>Drag to zoom, double-click for the whole; the cursor's values are below each chart.</p>\n"
+        f'<div id="picture">{as_svg(recording)}</div>\n{body}'
         f"<table><tr><th>drive</th><th>signal</th><th>unit</th><th>range</th></tr>{ranges}</table>\n"
         f"<details><summary>Samples (CSV)</summary><pre>{html.escape(recording.csv())}</pre></details>\n"
         "</body></html>\n"
