@@ -83,6 +83,9 @@ class FarmCollector(Collector):
         self._lock = threading.Lock()
         self._recovery = Recovery(core)
         self._room = Room()
+        #: Values of the reactions, and of how many reactions and samples they are.
+        self._reaction_values: Values = []
+        self._reacted = (-1, 0)
         self._names = [station.configured_name for station in core.stations]
         self._families()
         #: The process's own metrics (CPU, memory, open files), in addition to the farm's.
@@ -306,6 +309,9 @@ class FarmCollector(Collector):
     def _reactions(self) -> tuple[Family, Values]:
         """Histograms by fault; one that is new is made while there is room for it."""
         family = self._reaction
+        # most are empty for ever: nothing is gathered while no controller reacts
+        if self._reacted == (self._recovery.reacted, len(family)):
+            return family, self._reaction_values
         places = [(family.place(*labels), reaction) for labels, reaction in self._recovery.reactions.items()]
         series = len(family) // family.samples
         counts = np.zeros((series, len(REACTION_EDGES_NS) + 1), np.int64)
@@ -313,7 +319,9 @@ class FarmCollector(Collector):
         for place, reaction in places:
             counts[place] += reaction.counts
             sums[place] += reaction.sum_ns
-        return family, family.values(counts, sums)
+        self._reaction_values = family.values(counts, sums)
+        self._reacted = (self._recovery.reacted, len(family))
+        return family, self._reaction_values
 
     def _fault_counts(self) -> Counts:
         return {

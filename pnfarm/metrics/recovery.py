@@ -85,6 +85,8 @@ class Recovery:
         self._reconnect_edges = np.array(RECONNECT_EDGES_NS, np.int64)
         self._controllers = core.controllers
         self.reactions: dict[tuple[str, str, str], Reaction] = {}
+        #: Reactions so far.
+        self.reacted = 0
         self.reconnects: Any = np.zeros((count, len(RECONNECT_EDGES_NS) + 1), np.int64)
         self.reconnect_sums_ns: Any = np.zeros(count, np.int64)
         self._by_name = {station.configured_name: station for station in core.stations}
@@ -159,6 +161,7 @@ class Recovery:
         reaction = self.reactions.setdefault(labels, Reaction())
         reaction.counts[int(np.searchsorted(self._reaction_edges, after_ns))] += 1
         reaction.sum_ns += after_ns
+        self.reacted += 1
 
     @staticmethod
     def _begin(drive: _Drive, when: int) -> None:
