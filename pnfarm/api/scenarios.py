@@ -28,6 +28,9 @@ class ScenarioText(Schema):
     """A scenario to run."""
 
     text: str = Field(description="A scenario file's text (YAML); `farm:` in it is ignored.")
+    variables: dict[str, int | float | str] = Field(
+        default={}, max_length=64, description="Values that replace those of its `variables:`."
+    )
 
 
 def add_scenarios(app: FastAPI, context: ApiContext) -> None:
@@ -50,7 +53,7 @@ def add_scenarios(app: FastAPI, context: ApiContext) -> None:
     async def post_scenario(request: Request) -> Json:
         wanted = checked(await read_object(request), ScenarioText, hint='send {"text": a scenario file as text}')
         try:
-            found = scenarios.start(wanted.text)
+            found = scenarios.start(wanted.text, wanted.variables)
         except FarmFileError as exc:
             errors = [
                 {"line": str(issue.line), "field": issue.field, "what": issue.what, "allowed": issue.allowed}

@@ -63,6 +63,10 @@ def run(
     pcap: Annotated[
         Path | None, typer.Option(help="Write the frames around each failure (pcapng).", metavar="FILE")
     ] = None,
+    values: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="Value of a variable of the scenario; again for each.", metavar="NAME=VALUE"),
+    ] = None,
     token: TokenOption = None,
 ) -> int:
     """Run a scenario: faults, expectations, verdict.
@@ -76,7 +80,8 @@ def run(
     from pnfarm.scenario.file import load_scenario
     from pnfarm.scenario.record import EXIT_CODES, Verdict
 
-    scenario = load_scenario(file)
+    variables = _variables(values or [])
+    scenario = load_scenario(file, variables)
     if farm is not None:
         # relative to where the user is, not to the scenario
         scenario.farm = farm if "://" in farm else str(Path(farm).expanduser().absolute())
@@ -133,6 +138,24 @@ class _Signals:
         if self._why or not self._waiting:
             raise KeyboardInterrupt
         self._why = f"interrupted by {signal.Signals(number).name}"
+
+
+def _variables(given: list[str]) -> dict[str, Any]:
+    """``NAME=VALUE``, read as the file would be: ``n=3`` is a number, ``axis=axis-01`` a text."""
+    from pnfarm.errors import ConfigError
+    from pnfarm.vocabulary.yaml_lines import YamlError, parse_yaml
+
+    found: dict[str, Any] = {}
+    for text in given:
+        name, sign, value = text.partition("=")
+        try:
+            read = parse_yaml(value).root.plain() if sign and name and value else None
+        except YamlError:
+            read = None
+        if not isinstance(read, (int, float, str)):
+            raise ConfigError(f"--set {text!r} is not NAME=VALUE, such as --set axis=axis-01 or --set duration=10min")
+        found[name.strip()] = read
+    return found
 
 
 def _check_writable(path: Path) -> None:

@@ -71,7 +71,9 @@ class _Remote:
         assert self._scenario.path is not None
         text = self._scenario.path.read_text("utf-8-sig")
         try:
-            begun: dict[str, Any] = self._farm.post("scenarios", body={"text": text})
+            begun: dict[str, Any] = self._farm.post(
+                "scenarios", body={"text": text, "variables": dict(self._scenario.given)}
+            )
         except ConfigError as error:
             # the farm does not know the file's name
             raise ConfigError(str(error).replace("<scenario>", str(self._scenario.path))) from error

@@ -22,11 +22,19 @@ __all__ = ["ControllerSection", "Program", "Reconnect"]
 
 #: Of one call of a program of one's own.
 LEAST_LIMIT_NS, MOST_LIMIT_NS = 1_000_000, 60_000_000_000
+#: Time of one call in virtual time.
+LEAST_CALL_NS, MOST_CALL_NS = 1_000, 1_000_000_000
 
 
 def _within_limits(value: int) -> int:
     if not LEAST_LIMIT_NS <= value <= MOST_LIMIT_NS:
         raise Problem(f"is {format_duration(value)}", "1ms to 60s")
+    return value
+
+
+def _call_time(value: int) -> int:
+    if value and not LEAST_CALL_NS <= value <= MOST_CALL_NS:
+        raise Problem(f"is {format_duration(value)}", "0ns, or 1us to 1s")
     return value
 
 
@@ -73,10 +81,17 @@ class Program(Section):
         description="Longest duration of one call of that program; its axis is stopped behind it.",
     )
 
+    call_time_ns: Annotated[Duration, AfterValidator(_call_time)] = Field(
+        default=0,
+        alias="call_time",
+        description="In virtual time, where code takes no time: how long a call of that program takes.  The "
+        "axes that exchange data share one processor; when they need more than a cycle, the next one is missed.",
+    )
+
     @property
     def beside_python(self) -> list[str]:
         """Keys that were given and that a program of one's own does not have."""
-        own = {"python", "class_name", "limit_ns"}
+        own = {"python", "class_name", "limit_ns", "call_time_ns"}
         wrong = self.model_fields_set - own if self.python is not None else self.model_fields_set & own
         return [field.alias or name for name, field in type(self).model_fields.items() if name in wrong]
 

@@ -114,8 +114,15 @@ class VirtualLine:
         plc = bus.controller(plan, ControllerHost(plc_link, port, records, seed=b"plc", lldp=config.lldp))
         kind, runner = program or program_of(config), None
         if kind is not None:
-            limit = section.program.limit_ns
-            runner = ProgramRunner(plc.columns, plan.devices, kind, records.record, limit_ns=limit, in_real_time=False)
+            runner = ProgramRunner(
+                plc.columns,
+                plan.devices,
+                kind,
+                records.record,
+                limit_ns=section.program.limit_ns,
+                in_real_time=False,
+                call_ns=section.program.call_time_ns,
+            )
         world.join(plc if runner is None else ProgrammedNode(plc, runner), [port])
         plc.start(world.now)
         line = cls(config, world, farm, link, plc)

@@ -83,6 +83,8 @@ class _Axis:
             outputs=self.outputs,
         )
         self.due_ns = 0
+        #: When its last call is done, if not before the next telegram; else 0.
+        self.done_ns = 0
         #: Telegrams filled when it was called last; None without a connection.
         self.filled: int | None = None
         self.life = 0
@@ -129,7 +131,8 @@ class _Axis:
 class ProgramRunner:
     """``devices`` of the controller's plan, row by row; those without signals (foreign devices) have no program.
 
-    ``in_real_time``: whether a call that takes longer than its cycle is late; in virtual time none is.
+    ``in_real_time``: whether a call that takes longer than its cycle is late; in virtual time none is, unless a call is
+    said to take ``call_ns``: the axes' calls follow each other then, and what one writes is sent when it is done.
     Raises :class:`ConfigError` where a program's ``__init__`` fails.
     """
 
@@ -142,11 +145,17 @@ class ProgramRunner:
         *,
         limit_ns: int,
         in_real_time: bool,
+        call_ns: int = 0,
     ) -> None:
         self._columns = columns
         self._note = note
         self._limit_ns = limit_ns
         self._in_real_time = in_real_time
+        self._call_ns = call_ns
+        #: When the processor that all axes with a connection share is free again; only with ``call_ns``.
+        self._busy_until_ns = 0
+        #: End of the cycle that is missed.
+        self._missing_until_ns = 0
         self._worker = Worker()
         self._abandoned: list[Worker] = []
         self.line = Line()
@@ -171,6 +180,11 @@ class ProgramRunner:
         active = np.flatnonzero(providers["active"])
         rows = dict(zip(providers["image"][active].tolist(), active.tolist(), strict=True))
         called = [axis for axis in due if self._is_due(axis, rows.get(axis.row), now)]
+        # one whose last call is not done waits for its next cycle
+        if overrun := [axis.cycle_ns for axis in called if axis.done_ns > now]:
+            # a task that is not done when its next cycle begins misses that cycle, for all of its axes
+            self._missing_until_ns = max(self._missing_until_ns, now + max(overrun))
+        called = [axis for axis in called if not self._misses(axis, now)]
         waiting = [axis for axis in called if not axis.failure]
         for axis in waiting:
             axis.read(self._columns.image[axis.row])
@@ -178,7 +192,25 @@ class ProgramRunner:
             axis.program.began_ns = axis.program.began_ns or now
         self._call(waiting, now)
         for axis in called:
+            if self._call_ns and axis.filled is not None and not axis.failure:
+                self._busy_until_ns = max(now, self._busy_until_ns) + self._call_ns
+                axis.done_ns = self._busy_until_ns
+            if axis.done_ns <= axis.due_ns:
+                axis.done_ns = 0
+                axis.write(self._columns.image[axis.row])
+
+    def _misses(self, axis: _Axis, now: int) -> bool:
+        """Whether an axis is not called in this cycle, because calls of an earlier one took too long."""
+        if now >= self._missing_until_ns:
+            axis.done_ns = 0
+            return False
+        axis.missed += 1
+        axis.longest_ns = max(axis.longest_ns, self._call_ns)
+        self._tell_late(axis, now)
+        if 0 < axis.done_ns <= axis.due_ns:
+            # done before the next telegram, which is the first to show it
             axis.write(self._columns.image[axis.row])
+        return True
 
     def _is_due(self, axis: _Axis, row: int | None, now: int) -> bool:
         """Whether a telegram went out since the last call; without a connection, a cycle passed. Sets the next time."""
@@ -197,7 +229,7 @@ class ProgramRunner:
         return gone > 0
 
     def _tell_late(self, axis: _Axis, now: int) -> None:
-        if not self._in_real_time or axis.failure or axis.missed < max(1, axis.told * TOLD_AGAIN):
+        if not (self._in_real_time or self._call_ns) or axis.failure or axis.missed < max(1, axis.told * TOLD_AGAIN):
             return
         axis.told = axis.missed
         self._note(now, axis.name, ProgramLate(axis.longest_ns / 1e9, axis.cycle_ns / 1e9, axis.missed))

@@ -116,9 +116,11 @@ def _errors(binding: Binding, step: Step, kinds: Catalogue, names: set[str]) -> 
         case "param" if not missing:
             yield from _parameter_errors(binding, step)
         case "load":
-            count, most = abs(step.values["drives"]), len(binding.chosen(step, "on")) if not missing else 0
+            wanted = step.values["total"] if "total" in step.values else step.values["drives"]
+            key = "total" if "total" in step.values else "drives"
+            count, most = abs(wanted), len(binding.chosen(step, "on")) if not missing else 0
             if not missing and count > most:
-                yield "drives", f"is {count}, and there are {most}", f"at most {most}"
+                yield key, f"is {count}, and there are {most}", f"at most {most}"
         case _:
             pass
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.scenario.find import FIND, number_of, read_range
 from pnfarm.scenario.steps import QUANTILES, STEPS, Step
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path
 from pnfarm.vocabulary.problem import Problem
@@ -23,7 +24,7 @@ from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, Document, YamlError, parse_
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-__all__ = ["KEYS", "MAX_STEPS", "Scenario", "load_scenario", "parse_scenario"]
+__all__ = ["KEYS", "MAX_STEPS", "Scenario", "load_scenario", "parse_scenario", "walk"]
 
 #: Most steps once repetitions are written out; most errors that are reported.
 MAX_STEPS = 10_000
@@ -38,7 +39,7 @@ KEYS: Mapping[str, str] = {
     "budget": "How late the farm itself may be before a failure is inconclusive; left out, the farm's own budget.",
     "steps": "The steps, in order.",
 }
-_GROUPS = ("parallel", "repeat")
+_GROUPS = ("parallel", "repeat", "find")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 _VARIABLE = re.compile(r"\$(?:\{([A-Za-z_]\w*)\}|([A-Za-z_]\w*))")
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,63}")
@@ -55,6 +56,8 @@ class Scenario:
     budget_ns: int | None
     steps: tuple[Step, ...]
     path: Path | None = None
+    #: Values of variables that were given beside the file.
+    given: Mapping[str, Any] = field(default_factory=dict)
     issues: list[FileIssue] = field(default_factory=list)
 
     @property
@@ -72,7 +75,7 @@ class Scenario:
 
     def every_step(self) -> Iterator[Step]:
         """All steps, those of branches too."""
-        return _walk(self.steps)
+        return walk(self.steps)
 
     def issue(self, step: Step, key: str, what: str, allowed: str) -> FileIssue:
         """An error in a step."""
@@ -81,27 +84,31 @@ class Scenario:
         return FileIssue(name, step.line, 0, place, what, allowed)
 
 
-def _walk(steps: Sequence[Step]) -> Iterator[Step]:
+def walk(steps: Sequence[Step]) -> Iterator[Step]:
+    """Steps, and those inside of them."""
     for step in steps:
         yield step
         for branch in step.branches:
-            yield from _walk(branch)
+            yield from walk(branch)
 
 
-def load_scenario(path: str | Path) -> Scenario:
-    """Read and check a file.  Raises :class:`FarmFileError` with everything that is wrong."""
+def load_scenario(path: str | Path, variables: Mapping[str, Any] | None = None) -> Scenario:
+    """Read and check a file; ``variables`` replace the file's.
+
+    Raises :class:`FarmFileError` with everything that is wrong.
+    """
     path = Path(path)
     try:
         data = read_regular(path, MAX_OCTETS + 1)
     except OSError as error:
         what = f"cannot be read: {(error.strerror or str(error)).lower()}"
         raise FarmFileError([FileIssue(str(path), 0, 0, "", what, "a scenario file, *.scenario.yml")]) from error
-    return parse_scenario(data, path)
+    return parse_scenario(data, path, variables)
 
 
 @few_hints()
-def parse_scenario(text: str | bytes, path: Path | None = None) -> Scenario:
-    """Check a scenario's text.  Raises :class:`FarmFileError`."""
+def parse_scenario(text: str | bytes, path: Path | None = None, variables: Mapping[str, Any] | None = None) -> Scenario:
+    """Check a scenario's text; ``variables`` replace its own.  Raises :class:`FarmFileError`."""
     name = str(path) if path is not None else "<scenario>"
     try:
         document = parse_yaml(text)
@@ -110,7 +117,7 @@ def parse_scenario(text: str | bytes, path: Path | None = None) -> Scenario:
         raise FarmFileError(
             [FileIssue(name, found.line, found.column, found.field, found.what, found.allowed)]
         ) from error
-    return _Reader(document, name, path).read()
+    return _Reader(document, name, path, variables or {}).read()
 
 
 class _TooManyError(Exception):
@@ -118,15 +125,18 @@ class _TooManyError(Exception):
 
 
 class _Reader:
-    def __init__(self, document: Document, name: str, path: Path | None) -> None:
+    def __init__(self, document: Document, name: str, path: Path | None, given: Mapping[str, Any]) -> None:
         self._document = document
         self._name = name
         self._path = path
+        self._given = given
         self._issues: dict[FileIssue, None] = {
             FileIssue(name, found.line, found.column, found.field, found.what, found.allowed): None
             for found in document.problems
         }
         self._count = 0
+        #: Where in a `find` the steps that are read are; empty outside.
+        self._part = ""
 
     def report(self, location: Location, what: str, allowed: str) -> None:
         line, column = self._document.locate(location)
@@ -160,6 +170,11 @@ class _Reader:
         variables = self._mapping(values, "variables", "a mapping of names and values")
         for key in variables:
             self._check_identifier(("variables", key), key)
+        for key in self._given:
+            if key not in variables:
+                known = ", ".join(variables) or "none"
+                self.report(("variables",), f"has no {key!r} to set{did_you_mean(key, variables)}", known)
+        variables |= self._given
         overrides = self._mapping(values, "with", "a mapping such as {controller.cycle: 2ms}")
         budget = None
         if values.get("budget") is not None:
@@ -170,7 +185,14 @@ class _Reader:
             return None
         read = self._steps(steps, ("steps",), variables, {})
         return Scenario(
-            str(name), farm, str(values.get("description") or ""), overrides, budget, tuple(read), self._path
+            str(name),
+            farm,
+            str(values.get("description") or ""),
+            overrides,
+            budget,
+            tuple(read),
+            self._path,
+            self._given,
         )
 
     def _mapping(self, values: Mapping[str, Any], key: str, allowed: str) -> dict[str, Any]:
@@ -220,12 +242,15 @@ class _Reader:
             raise _TooManyError
         if kind == "parallel":
             return self._parallel(content, at, known, loop)
+        if kind == "find":
+            return self._find(content, at, known, loop)
         if kind not in STEPS:
             self.report(at, f"is not a step{did_you_mean(kind, words)}", ", ".join(words))
             return []
         content = self._filled(content, at, known)
         read = self._content(kind, content, at)
-        return [Step(kind, read, at, self._document.locate(at)[0], loop)] if read is not None else []
+        line = self._document.locate(at)[0]
+        return [Step(kind, read, at, line, loop, part=self._part)] if read is not None else []
 
     def _content(self, kind: str, content: Any, at: Location) -> dict[str, Any] | None:
         known = STEPS[kind]
@@ -280,8 +305,51 @@ class _Reader:
             else self._step(entry, (*at, number), known, loop)
             for number, entry in enumerate(content)
         ]
-        step = Step("parallel", {}, at, self._document.locate(at)[0], loop, tuple(map(tuple, branches)))
+        step = Step("parallel", {}, at, self._document.locate(at)[0], loop, tuple(map(tuple, branches)), self._part)
         return [step]
+
+    def _find(self, content: Any, at: Location, known: Mapping[str, Any], loop: Mapping[str, Any]) -> list[Step]:
+        """Branches of the step: each value's trial, and what follows it."""
+        if self._part:
+            self.report(at, "is inside of another find", "find outside of find")
+            return []
+        if not isinstance(content, dict):
+            self.report(at, f"is {shown(content)}", f"a mapping such as `{FIND.example}`")
+            return []
+        for key in content:
+            if key not in FIND.keys:
+                self.report((*at, key), f"is not a key here{did_you_mean(key, FIND.keys)}", ", ".join(FIND.keys))
+        for key in FIND.required:
+            if key not in content:
+                self.report((*at, key), "is missing", FIND.keys[key].doc)
+        own = {key: content[key] for key in ("by", "measure", "is", "name") if content.get(key) is not None}
+        filled = self._filled(own, at, known)
+        read = {key: self._value((*at, key), FIND.keys[key].read, value) for key, value in filled.items()}
+        matrix = content.get("for")
+        if not isinstance(matrix, dict) or len(matrix) != 1:
+            if "for" in content:
+                self.report((*at, "for"), f"is {shown(matrix)}", FIND.keys["for"].doc)
+            return []
+        ((name, values),) = matrix.items()
+        place = (*at, "for", name)
+        self._check_identifier(place, name)
+        chosen = self._list(self._filled(values, place, known), place)
+        if any(self._value(place, number_of, value) is None for value in chosen):
+            return []
+        branches: list[tuple[Step, ...]] = []
+        for value in chosen:
+            inside = ({**known, name: value}, {**loop, name: value})
+            for part, key in (("trial", "steps"), ("then", "then")):
+                self._part = part
+                given = content.get(key)
+                wanted = given is not None or key == "steps"
+                branches.append(tuple(self._steps(given, (*at, key), *inside)) if wanted else ())
+        self._part = ""
+        trials = [step for trial in branches[::2] for step in walk(trial)]
+        if trials and not any(step.kind == "expect" for step in trials):
+            self.report((*at, "steps"), "has no expectation", "at least one `expect`, which decides whether it holds")
+        read |= {"variable": name, "values": chosen}
+        return [Step("find", read, at, self._document.locate(at)[0], loop, tuple(branches))]
 
     def _repeat(self, content: Any, at: Location, known: Mapping[str, Any], loop: Mapping[str, Any]) -> list[Step]:
         allowed = "`for: {n: [1, 2, 3]}` or `times: 3`, and steps"
@@ -325,12 +393,9 @@ class _Reader:
 
     def _list(self, values: Any, place: Location) -> list[Any]:
         allowed = "a list such as [1ms, 4ms], or {from: 1, to: 6}"
-        if isinstance(values, dict) and {"from", "to"} <= set(values) <= {"from", "to", "step"}:
-            numbers = [values["from"], values["to"], values.get("step", 1)]
-            if all(isinstance(number, int) and not isinstance(number, bool) for number in numbers) and numbers[2] > 0:
-                found = range(numbers[0], numbers[1] + 1, numbers[2])
-                if 0 < len(found) <= MAX_STEPS:
-                    return list(found)
+        if isinstance(values, dict):
+            if (found := read_range(values, MAX_STEPS)) is not None:
+                return found
         elif isinstance(values, list) and values and not any(isinstance(item, (dict, list)) for item in values):
             return values
         self.report(place, f"is {shown(values)}", allowed)

@@ -29,6 +29,10 @@ def write_junit(record: Mapping[str, Any], path: Path) -> None:
         "ended_early": record["ended_early"],
     }.items():
         suite.add_property(name, _text(value))
+    for found in record.get("finds", ()):
+        # "find: TITLE" is the value, its neighbour the first one that did not hold
+        suite.add_property(_text(f"find: {found['name']}"), _text(found["found"]))
+        suite.add_property(_text(f"beyond: {found['name']}"), _text(found["beyond"]))
     for case in record["cases"]:
         suite.add_testcase(_case(record, case))
     suite.update_statistics()  # type: ignore[no-untyped-call]  # junitparser types its constructors only

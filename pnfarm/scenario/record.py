@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from pnfarm.faults.manager import Injection
     from pnfarm.scenario.file import Scenario
+    from pnfarm.scenario.find import Search
     from pnfarm.scenario.steps import Step
     from pnfarm.station.event_log import LogEntry
 
@@ -102,6 +103,7 @@ class Record:
         self._lost_ns: dict[str, int] = {}
         self._reactions: dict[str, dict[str, list[float]]] = {}
         self._faults: dict[Injection, dict[str, Any]] = {}
+        self._finds: list[dict[str, Any]] = []
         #: In the order in which they ended.
         self.cases: list[Case] = []
         #: Pictures of faults and failures (:mod:`pnfarm.scenario.moments`), and why there are no more.
@@ -187,6 +189,26 @@ class Record:
         """In the order of the file."""
         return sorted(self.cases, key=lambda case: case.number)
 
+    def found(self, step: Step, search: Search, verdict: Verdict, message: str) -> None:
+        """A `find` is at its end."""
+        measure = step.get("measure")
+        self._finds.append(
+            {
+                "name": step.title,
+                "line": step.line,
+                "variable": step.values["variable"],
+                "by": search.by,
+                "verdict": verdict.value,
+                "message": message,
+                "found": search.found,
+                "beyond": search.beyond,
+                "unit": "s" if isinstance(step.values["values"][0], str) else "",
+                "wanted": step.values["is"].text if "is" in step.values else None,
+                "measure": measure.text if measure is not None else None,
+                "tries": search.tries,
+            }
+        )
+
     def _seconds(self, now: int) -> float:
         return (now - self.origin_ns) / 1e9
 
@@ -221,6 +243,7 @@ class Record:
             "drives": self._drives,
             "farm_ended": self._broken,
             "cases": [case.as_dict(self.origin_ns) for case in self._sorted()],
+            "finds": self._finds,
             "faults": list(self._faults.values()),
             "plc": self._reactions,
             "controllers": self.controllers,

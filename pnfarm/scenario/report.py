@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from pnfarm.scenario.plots import plots
 from pnfarm.trace.plot import as_svg
 from pnfarm.trace.recording import Recording
 
@@ -49,6 +50,7 @@ def report_html(record: Mapping[str, Any]) -> str:
         cases=[{**case, "shown": _shown(case)} for case in cases],
         cases_left_out=len(record["cases"]) - len(cases),
         drawing=_drawing(record),
+        plots=plots(record),
         pictures=[_picture(picture) for picture in record["traces"]],
         reactions=list(_reactions(record)),
         situations=_of_controllers(record, "faults"),

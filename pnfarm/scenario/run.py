@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.faults.manager import RunState
 from pnfarm.scenario.controllers import controllers
+from pnfarm.scenario.file import walk
+from pnfarm.scenario.find import Search, number_of
 from pnfarm.scenario.measures import check_metric, measured, read_metric
 from pnfarm.scenario.moments import Moments, named_drives
 from pnfarm.scenario.record import Case, Record, Verdict
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from pnfarm.metrics import FarmCollector
     from pnfarm.scenario.binding import Binding
     from pnfarm.scenario.lateness import FarmLateness
-    from pnfarm.scenario.steps import Step
+    from pnfarm.scenario.steps import MetricName, Step
     from pnfarm.station.event_log import LogEntry
 
 __all__ = ["LOOK_NS", "Passing", "ScenarioRun", "Tell"]
@@ -38,6 +40,8 @@ __all__ = ["LOOK_NS", "Passing", "ScenarioRun", "Tell"]
 LOOK_NS = 1_000_000
 #: Drives whose values the summary of a failure shows; the record has all.
 MOST_MEASURED = 3
+#: Most trials of a `find` with one value, as long as the farm itself is late in each.
+TRIES = 3
 
 _Life = Generator[int, None, None]
 #: Called with each step that begins (case None) and each case that ends.
@@ -78,19 +82,25 @@ class ScenarioRun:
         self._watches: list[Watch] = []
         #: Injections of this scenario that it has not cleared, by the name to clear them by.
         self._own: dict[str, Injection] = {}
+        #: Faults of a trial, by step.
+        self._by_step: dict[int, str] = {}
         self._off: dict[str, None] = {}
         #: Drives that lost their connection by the farm's own lateness and are not back in operation -> when.
         self._own_losses: dict[str, int] = {}
         self._stations = {station.configured_name: station for station in core.stations}
+        #: What the expectations of a trial showed, by step.
+        self._outcomes: dict[int, tuple[Verdict, str]] = {}
         every = list(binding.scenario.every_step())
         self._numbers = {id(step): number for number, step in enumerate(every)}
-        self._expectations = [step for step in every if step.kind == "expect"]
+        self._expectations = [step for step in every if step.kind in {"expect", "find"} and not step.part]
         self.steps = len(every)
         #: When the present step is over at the latest.
         self.due_ns = now
         for step in every:
             if "metric" in step.values:
-                self._check_metric(step)
+                self._check_metric(step, "metric", step.values["metric"], _asked(step))
+            if "measure" in step.values:
+                self._check_metric(step, "measure", step.values["measure"].metric, step.values["measure"].asked)
         self._life = self._sequence(binding.scenario.steps)
         self._begun = 0
         #: The step that began last.
@@ -98,12 +108,11 @@ class ScenarioRun:
         self._moments = Moments(core, named_drives(binding), now) if traced else None
         self._unsubscribe = core.log.subscribe(self._note)
 
-    def _check_metric(self, step: Step) -> None:
-        asked = _asked(step)
+    def _check_metric(self, step: Step, key: str, metric: MetricName, asked: str) -> None:
         try:
-            check_metric(self._collector, step.values["metric"], asked)
+            check_metric(self._collector, metric, asked)
         except ConfigError as error:
-            raise ConfigError(str(self.binding.scenario.issue(step, "metric", str(error), ""))) from error
+            raise ConfigError(str(self.binding.scenario.issue(step, key, str(error), ""))) from error
 
     @property
     def steps_begun(self) -> int:
@@ -203,6 +212,8 @@ class ScenarioRun:
                     yield from self._load(step)
                 case "parallel":
                     yield from self._parallel(step)
+                case "find":
+                    yield from self._find(step)
                 case _:
                     self._act(step)
         except PnfarmError as error:
@@ -215,6 +226,8 @@ class ScenarioRun:
                 injection = self._core.injections.inject(step.values["spec"], self._now)
                 # a name is free again once its fault has ended
                 self._own[injection.id] = injection
+                if step.part == "trial":
+                    self._by_step[id(step)] = injection.id
                 self.record.fault_began(injection, self._now)
                 if self._moments is not None:
                     self._moments.mark(step.title, injection.drives, self._now, failure=False)
@@ -265,7 +278,11 @@ class ScenarioRun:
             yield end
 
     def _load(self, step: Step) -> _Life:
-        wanted = step.values["drives"]
+        wanted = step.get("drives")
+        if wanted is None:
+            wanted = step.values["total"] - sum(self._stations[n].powered for n in self.binding.chosen(step, "on"))
+        if not wanted:
+            return
         names = [name for name in self.binding.chosen(step, "on") if self._stations[name].powered is not (wanted > 0)]
         if len(names) < abs(wanted):
             word = "off" if wanted > 0 else "on"
@@ -292,6 +309,54 @@ class ScenarioRun:
         finally:
             for branch in branches:
                 branch.close()
+
+    def _find(self, step: Step) -> _Life:
+        begin = self._now
+        search = Search(step.values["values"], step.get("by", "first"))
+        while (place := search.next()) is not None:
+            trial, then = step.branches[2 * place : 2 * place + 2]
+            for _ in range(TRIES):
+                verdict = yield from self._trial(step, search, place, trial)
+                yield from self._sequence(then)
+                if verdict is not Verdict.INCONCLUSIVE:
+                    break
+            else:
+                late = self._lateness.told if self._lateness is not None else ""
+                message = f"the farm was itself {late} in each of {TRIES} trials with {search.values[place]}"
+                self._case(step, Verdict.INCONCLUSIVE, begin, message)
+                self.record.found(step, search, Verdict.INCONCLUSIVE, message)
+                return
+        held, message = search.verdict(step.get("is"))
+        verdict = Verdict.PASSED if held else Verdict.FAILED
+        value = number_of(search.found) if search.found is not None else None
+        shown = str(search.found) if search.found is not None else "no value holds"
+        self._case(step, verdict, begin, message, value=value, measured=shown)
+        self.record.found(step, search, verdict, message)
+
+    def _trial(self, step: Step, search: Search, place: int, trial: tuple[Step, ...]) -> Generator[int, None, Verdict]:
+        """One trial, up to its first expectation that does not hold; its faults end with it."""
+        begin = self._now
+        measure = step.get("measure")
+        before = read_metric(self._collector, measure.metric) if measure is not None else {}
+        decided = Verdict.PASSED, ""
+        for part in trial:
+            yield from self._sequence((part,))
+            outcomes = [found for inner in walk((part,)) if (found := self._outcomes.pop(id(inner), None)) is not None]
+            decided = next((found for found in outcomes if found[0] is not Verdict.PASSED), decided)
+            if decided[0] is not Verdict.PASSED:
+                break
+        value = None
+        if measure is not None:
+            value = measured(measure.asked, before, read_metric(self._collector, measure.metric))
+        for part in walk(trial):
+            name = self._by_step.pop(id(part), None)
+            if name is not None and name in self._own:
+                self._clear(name)
+        verdict, message = decided
+        if verdict is not Verdict.INCONCLUSIVE:
+            at = (begin - self.record.origin_ns) / 1e9
+            search.note(place, held=verdict is Verdict.PASSED, message=message, measured=value, at_seconds=at)
+        return verdict
 
     def _wait_until(self, step: Step) -> _Life:
         begin = self._now
@@ -403,6 +468,9 @@ class ScenarioRun:
         measured: str = "",
         drives: Sequence[str] = (),
     ) -> None:
+        if step.part == "trial" and verdict is not Verdict.ERROR and step.kind == "expect":
+            self._outcomes[id(step)] = verdict, f"{step.title}: {message}"
+            return
         number = self._numbers[id(step)]
         case = Case(number, step, verdict, begin, self._now, message=message, value=value, measured=measured)
         if watch is not None:

@@ -16,7 +16,7 @@ from pnfarm.scenario.run import ScenarioRun
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.metrics import FarmCollector
@@ -75,9 +75,9 @@ class RunningScenarios:
         self._kept: dict[str, RunningScenario] = {}
         self._numbers = 0
 
-    def start(self, text: str) -> RunningScenario:
+    def start(self, text: str, variables: Mapping[str, Any] | None = None) -> RunningScenario:
         """Check a scenario against the farm and begin it.  Raises :class:`ConfigError`."""
-        scenario = parse_scenario(text)
+        scenario = parse_scenario(text, variables=variables)
         if scenario.overrides:
             raise ConfigError("with: sets keys of a farm file, and this farm runs already; leave it out")
         drives = {station.configured_name: station.model for station in self._core.stations}

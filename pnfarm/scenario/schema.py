@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.scenario.file import KEYS
+from pnfarm.scenario.find import FIND
 from pnfarm.scenario.steps import STEPS
 
 if TYPE_CHECKING:
@@ -57,6 +58,9 @@ def scenario_schema() -> dict[str, Any]:
         "oneOf": [{"required": ["for"]}, {"required": ["times"]}],
         "additionalProperties": False,
     }
+    kinds["find"] = {"description": FIND.doc, **_step(FIND)}
+    for key in ("steps", "then"):
+        kinds["find"]["properties"][key] = {"description": FIND.keys[key].doc, **steps}
     step = {
         "type": "object",
         "properties": kinds,

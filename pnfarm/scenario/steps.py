@@ -30,6 +30,8 @@ __all__ = [
     "Step",
     "StepKind",
     "read_bound",
+    "read_metric_name",
+    "read_title",
 ]
 
 #: ``wait: {until: all-connected}``.
@@ -82,7 +84,8 @@ def read_bound(value: Any) -> Bound:
         raise Problem(f"is {shown(value)}", allowed) from error
 
 
-def _metric(value: Any) -> MetricName:
+def read_metric_name(value: Any) -> MetricName:
+    """Raises :class:`Problem`."""
     allowed = 'a metric such as pnfarm_watchdog_expirations_total, with labels in braces: {drive="axis-01"}'
     found = _METRIC.fullmatch(value.strip()) if isinstance(value, str) else None
     if found is None:
@@ -110,7 +113,8 @@ def _until(value: Any) -> str:
     return ALL_CONNECTED if value == ALL_CONNECTED else _condition(value)
 
 
-def _name(value: Any) -> str:
+def read_title(value: Any) -> str:
+    """Raises :class:`Problem`."""
     if not isinstance(value, str) or not 0 < len(value) <= 200 or not value.isprintable():
         raise Problem(f"is {shown(value)}", "a text of at most 200 characters")
     return value
@@ -128,6 +132,12 @@ def _count(value: Any) -> int:
     if isinstance(number, bool) or not isinstance(number, int) or number == 0 or abs(number) > 4094:
         raise Problem(f"is {shown(value)}", "how many drives to switch on or off, such as +8 or -8")
     return number
+
+
+def _total(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= 4094:
+        raise Problem(f"is {shown(value)}", "how many drives are on, a whole number from 0 to 4094")
+    return value
 
 
 def _values(value: Any) -> dict[str, int | float | str]:
@@ -148,6 +158,7 @@ def _mapping(value: Any) -> dict[str, Any]:
 
 _DURATION_JSON: dict[str, Any] = dict(DURATION_SCHEMA.json_schema or {})
 _TEXT: dict[str, Any] = {"type": "string"}
+_INTEGER: dict[str, Any] = {"type": "integer"}
 _BOUND_JSON: dict[str, Any] = {"type": ["number", "string"]}
 
 
@@ -182,6 +193,8 @@ class Step:
     line: int
     loop: Mapping[str, Any] = field(default_factory=dict)
     branches: tuple[tuple[Step, ...], ...] = ()
+    #: Inside of a `find`: ``trial``, whose expectations decide it, or ``then``, whose expectations are cases if it ran.
+    part: str = ""
 
     def get(self, key: str, default: Any = None) -> Any:
         """The value of a key, read."""
@@ -227,8 +240,10 @@ class Step:
                 return f"{values['metric'].name} {asked} {values[asked].text}"
             case "expect":
                 return f"{drives}: {values['that']}"
+            case "find":
+                return f"find {values['variable']}"
             case "load":
-                return f"load {values['drives']:+d} drives"
+                return f"load {values['drives']:+d} drives" if "drives" in values else f"load {values['total']} drives"
             case "power":
                 word = next(word for word in ("on", "off", "cycle") if word in values)
                 return f"power {word} {' '.join(values[word])}"
@@ -246,7 +261,7 @@ def _drives_key(doc: str) -> Key:
     return Key(read_globs, f"{doc}: {GLOBS}.", GLOBS_SCHEMA)
 
 
-_TITLE = Key(_name, "Title in reports.")
+_TITLE = Key(read_title, "Title in reports.")
 
 #: Steps that only act or check; `parallel` and `repeat` hold others and are read by :mod:`pnfarm.scenario.file`.
 STEPS: Mapping[str, StepKind] = {
@@ -285,7 +300,7 @@ STEPS: Mapping[str, StepKind] = {
             "that": Key(_condition, "The condition."),
             "within": _duration_key("It comes true in this time; left out, it is true at once."),
             "for": _duration_key("It stays true, or the metric is measured, for this long."),
-            "metric": Key(_metric, 'A metric, with labels in braces if wanted: {drive="axis-01"}.'),
+            "metric": Key(read_metric_name, 'A metric, with labels in braces if wanted: {drive="axis-01"}.'),
             "increases": Key(read_bound, "By how much it increases: 0, '>= 1'.", _BOUND_JSON),
             "value": Key(read_bound, "Its value at the end: '< 5'; series are added up.", _BOUND_JSON),
             **{
@@ -301,10 +316,11 @@ STEPS: Mapping[str, StepKind] = {
         "Switch on drives of the farm that are off (or off again, last first), spread over a time.",
         {
             "drives": Key(_count, "How many: +64, -64.", {"type": ["integer", "string"]}),
+            "total": Key(_total, "How many are on afterwards; drives are switched on or off to get there.", _INTEGER),
             "over": _duration_key("Spread over this time; left out, at once."),
             "on": _drives_key("Drives to choose from; left out, all"),
         },
-        required=("drives",),
+        one_of=("drives", "total"),
         short="drives",
         example="load: {drives: +64, over: 30s}",
     ),

@@ -63,6 +63,27 @@ def errors(text: str, *, bind: bool = True) -> list[str]:
         ("repeat: {steps: [wait: 1s]}", "needs one of these; allowed: for, times"),
         ("repeat: {for: {n: {from: 3, to: 1}}, steps: [wait: 1s]}", "allowed: a list such as [1ms, 4ms]"),
         ("repeat: {for: {n: [1], m: [2]}, steps: [wait: $k]}", "$k has no value"),
+        ("find: {for: {n: [1]}, steps: [wait: 1s]}", "has no expectation"),
+        ("find: {steps: [{expect: {drive: all, that: connected}}]}", "steps[0].find.for: is missing"),
+        ("find: {for: {n: [1], m: [2]}, steps: [{expect: {drive: all, that: connected}}]}", "One variable"),
+        (
+            "find: {for: {n: [fast]}, steps: [{expect: {drive: all, that: connected}}]}",
+            "steps[0].find.for.n: 'fast' is not a duration",
+        ),
+        ("find: {for: {n: [1]}, by: luck, steps: [{expect: {drive: all, that: connected}}]}", "first, bisect, all"),
+        ("find: {for: {n: [1]}, is: most, steps: [{expect: {drive: all, that: connected}}]}", "steps[0].find.is"),
+        (
+            "find: {for: {n: [1]}, measure: {metric: pnfarm_x}, steps: [{expect: {drive: all, that: connected}}]}",
+            "allowed: {metric: NAME, of: increases",
+        ),
+        (
+            "find: {for: {n: [1]}, steps: [{find: {for: {m: [1]}, steps: [{expect: {drive: all, that: connected}}]}}]}",
+            "is inside of another find",
+        ),
+        ("find: {for: {n: [1]}, steps: [{expect: {drive: axis-09, that: connected}}]}", "no drive matches"),
+        ("find: {for: {n: {from: 4ms, to: 1ms}}, steps: [{expect: {drive: all, that: connected}}]}", "a list such as"),
+        ("load: {total: 65}", "is 65, and there are 2"),
+        ("load: {total: -1}", "how many drives are on"),
         ("parallel: wait", "allowed: a list whose entries"),
         ("{wait: 1s, clear: all}", "has 2 keys"),
         ("wait", "a step with one key"),
@@ -134,5 +155,5 @@ def test_any_steps_give_a_scenario_or_errors(value: object) -> None:
 def test_the_schema_knows_every_step_and_key() -> None:
     schema = scenario_schema()
     kinds = schema["$defs"]["Step"]["properties"]
-    assert {"wait", "fault", "clear", "expect", "load", "parallel", "repeat", "power", "param"} == set(kinds)
+    assert {"wait", "fault", "clear", "expect", "load", "parallel", "repeat", "power", "param", "find"} == set(kinds)
     assert "f702" in str(schema["$defs"]["Fault"])
