@@ -119,8 +119,11 @@ class Layout:
     def copies(self, row: Any, rows: int = 1) -> Any:
         """A table of ``rows`` rows like the one of the table ``row``."""
         table = np.zeros(rows, self._record)
-        # octet by octet: NumPy copies a record with gaps field by field
-        table.view(np.uint8).reshape(rows, self.dtype.itemsize)[:] = row.view(np.uint8)
+        octets = row.view(np.uint8)
+        # zeros are there already: memory that nobody writes is none of the process's
+        if octets.any():
+            # octet by octet: NumPy copies a record with gaps field by field
+            table.view(np.uint8).reshape(rows, self.dtype.itemsize)[:] = octets
         return table.view(np.recarray)
 
     def markdown(self) -> str:
