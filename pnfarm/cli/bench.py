@@ -213,6 +213,13 @@ def trace(seconds: float) -> list[Result]:
     ]
 
 
+def fault_latency(seconds: float) -> list[Result]:
+    """Inject a fault by the API into one of 16 drives at 4 ms: from the request to the first changed frame."""
+    from pnfarm.cli.bench_latency import fault_latency
+
+    return fault_latency(seconds)
+
+
 @dataclass(frozen=True, slots=True)
 class Benchmark:
     """``seconds`` is the usual length of one measurement, ``figures`` are the names that ``run`` measures."""
@@ -249,6 +256,7 @@ BENCHMARKS: dict[str, Benchmark] = {
         ),
     ),
     "akd-1024": Benchmark(akd_1024, 10.0, _figures("akd-1024", "cpu", "expirations")),
+    "fault-latency": Benchmark(fault_latency, 30.0, _figures("fault-latency", "p50", "p99", "floor-p50", "floor-p99")),
     "virtual": Benchmark(virtual_64, 0.0, ("virtual-64",)),
     "scrape": Benchmark(scrape, 0.0, ("scrape-256",)),
     "trace": Benchmark(trace, 0.0, ("trace-64x8", "trace-64x8-floor")),
@@ -332,6 +340,9 @@ def _reading(results: list[Result]) -> list[str]:
         "- Above 128 drives the kernel's time stamps are off unless the farm file says",
         "  `realtime: {timestamps: true}`: they cost about a tenth of a frame. `frame-cost-192` and `full-port-*` are",
         "  therefore without them.",
+        "- `fault-latency-*` counts from the sending of `POST faults` to the first frame with the changed data status, by",
+        "  the kernel's time stamps at the farm's interface. The floor is the same request as a dry run, and the drive's",
+        "  next frame after the answer.",
         "- `connect-storm-*` measures twice, with `realtime: {fifo: 20}` and with the ordinary scheduler and the",
         "  niceness that engines ask for. The controller that connects is busy on the same CPU with an even share of",
         "  it; how much it delays the farm's ticks then, `connect-storm-ordinary-*` says.",

@@ -84,7 +84,11 @@ async def _farm(settings: dict[str, Any]) -> None:
     from pnfarm.station.event_log import EventLog
 
     config = parse_farm(settings["file"])
-    async with Farm(config, log=EventLog(quiet=True)) as farm:
+    async with Farm(config, log=EventLog(quiet=True)) as farm, anyio.create_task_group() as tasks:
+        if config.api is not None:
+            from pnfarm.api import serve_farm
+
+            await tasks.start(serve_farm, farm)
         _answer({"up": True})
 
         async def connected(seconds: float) -> bool:
@@ -96,6 +100,7 @@ async def _farm(settings: dict[str, Any]) -> None:
             return False
 
         await _commands(farm.core, connected)
+        tasks.cancel_scope.cancel()
 
 
 async def _plc(settings: dict[str, Any]) -> None:

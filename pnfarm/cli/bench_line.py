@@ -52,7 +52,7 @@ class Result:
 FILE = """
 farm: bench
 link: {{kind: macvlan, parent: {parent}}}
-api: off
+api: {api}
 realtime: {{cpu: {cpu}}}
 drives:
   - name: axis-{{n:04}}
@@ -70,8 +70,8 @@ controller:
 """
 
 
-def farm_file(drives: int, cycle: str, watchdog: int, cpu: int) -> str:
-    return FILE.format(parent=PARENT, peer=PEER, drives=drives, cycle=cycle, watchdog=watchdog, cpu=cpu)
+def farm_file(drives: int, cycle: str, watchdog: int, cpu: int, api: str = "off") -> str:
+    return FILE.format(parent=PARENT, peer=PEER, drives=drives, cycle=cycle, watchdog=watchdog, cpu=cpu, api=api)
 
 
 class Child:
@@ -134,10 +134,10 @@ def wire() -> Iterator[None]:
 
 
 @contextmanager
-def farm_and_plc(drives: int, cycle: str, watchdog: int) -> Iterator[tuple[Child, Child]]:
-    """A farm and the built-in controller, connected."""
+def farm_and_plc(drives: int, cycle: str, watchdog: int, api: str = "off") -> Iterator[tuple[Child, Child]]:
+    """A farm, with its API at ``api``, and the built-in controller, connected."""
     with wire(), ExitStack() as stack:
-        farm = Child("farm", FARM_CPU, file=farm_file(drives, cycle, watchdog, FARM_CPU))
+        farm = Child("farm", FARM_CPU, file=farm_file(drives, cycle, watchdog, FARM_CPU, api))
         stack.callback(farm.close)
         farm.answer()
         plc = Child("plc", PEER_CPU, file=farm_file(drives, cycle, watchdog, PEER_CPU), interface_from_outside=PEER)
