@@ -132,6 +132,12 @@ def _fault_errors(binding: Binding, given: Mapping[str, Any], kinds: Catalogue) 
     except InjectionError as error:
         yield from error.issues
         return
+    if spec.when is not None:
+        for model in {binding.drives[name].name: binding.drives[name] for name in drives}.values():
+            try:
+                bind(spec.when, model)
+            except ConditionError as error:
+                yield "when", f"column {error.column}: {error.what}", error.allowed
     if spec.kind.name in {"drive-fault", "drive-warning"}:
         for model in {binding.drives[name].name: binding.drives[name] for name in drives}.values():
             wanted = next((value for key, value in spec.params.items() if key in {"fault", "warning"}), None)

@@ -33,6 +33,8 @@ def write_junit(record: Mapping[str, Any], path: Path) -> None:
         # "find: TITLE" is the value, its neighbour the first one that did not hold
         suite.add_property(_text(f"find: {found['name']}"), _text(found["found"]))
         suite.add_property(_text(f"beyond: {found['name']}"), _text(found["beyond"]))
+    for fault in record["faults"]:
+        suite.add_property(_text(f"fault.{fault['name']}"), _text(_fault(fault)))
     for case in record["cases"]:
         suite.add_testcase(_case(record, case))
     suite.update_statistics()  # type: ignore[no-untyped-call]  # junitparser types its constructors only
@@ -43,6 +45,15 @@ def write_junit(record: Mapping[str, Any], path: Path) -> None:
     xml.tests, xml.failures, xml.errors = suite.tests, suite.failures, suite.errors
     xml.time = round(record["seconds"], 3)
     xml.write(str(path), pretty=True)
+
+
+def _fault(fault: Mapping[str, Any]) -> str:
+    """What was injected, and what the farm saw of it."""
+    what = f"{fault['kind']} on {', '.join(fault['drives'])}"
+    if (seen := fault.get("evidence")) is None:
+        return f"{what}: not known"
+    why = f" ({seen['reason']})" if seen["reason"] else ""
+    return f"{what}: {seen['confirmation']}{why}, checks {seen['checks']}, activations {seen['activations']}"
 
 
 def _case(record: Mapping[str, Any], case: Mapping[str, Any]) -> TestCase:

@@ -167,6 +167,7 @@ class Record:
             "name": injection.id,
             "kind": injection.spec.kind.name,
             "drives": list(injection.drives),
+            "when": injection.spec.when or "",
             "began_seconds": self._seconds(now),
             "ended_seconds": None,
         }
@@ -184,6 +185,9 @@ class Record:
             if shown["ended_seconds"] is None:
                 self.fault_ended(injection)
             shown["evidence"] = injection.as_dict()["evidence"]
+            # one that had to wait began later than it was asked for, or never
+            starts = [run.started_ns for run in injection.runs.values() if run.started_ns is not None]
+            shown["began_seconds"] = self._seconds(min(starts)) if starts else None
 
     def _sorted(self) -> list[Case]:
         """In the order of the file."""

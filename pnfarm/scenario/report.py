@@ -120,6 +120,7 @@ def _drawing(record: Mapping[str, Any]) -> dict[str, Any]:
             "text": f"{fault['kind']} on {drive}",
         }
         for fault in record["faults"]
+        if fault["began_seconds"] is not None
         for drive in fault["drives"]
         if drive in lane
     ][:MAX_MARKS]

@@ -206,3 +206,36 @@ def test_the_report_is_one_file_without_links_and_escapes_what_it_shows() -> Non
     assert "acknowledged after" in page
     assert 'class="case-failed"' in page
     ET.fromstring(page[page.index("<svg") : page.index("</svg>") + 6])
+
+
+def test_a_fault_of_a_step_waits_for_its_condition_and_the_reports_show_what_was_seen_of_it(tmp_path) -> None:
+    record = run_steps(
+        UP
+        + "  - fault: {kind: f702, on: axis-01, as: trip, when: setpoint > 300}\n"
+        + "  - fault: {kind: load, on: axis-02, as: never, when: velocity > 100000}\n"
+        + "  - expect: {drive: axis-01, that: fault == 702, within: 20s}\n"
+        + "  - wait: 100ms\n"
+    )
+    assert record["verdict"] == "passed", told(record)
+    trip, never = record["faults"]
+    assert trip["when"] == "setpoint > 300"
+    assert trip["evidence"]["confirmation"] == "confirmed"
+    assert trip["began_seconds"] is not None
+    assert (never["began_seconds"], never["evidence"]["confirmation"]) == (None, "inconclusive")
+    from pnfarm.scenario.junit import write_junit
+    from pnfarm.scenario.report import report_html
+
+    write_junit(record, tmp_path / "junit.xml")
+    told_of = {p.get("name"): p.get("value") for p in ET.parse(tmp_path / "junit.xml").iter("property")}
+    assert told_of["fault.trip"] == "f702 on axis-01: confirmed, checks 1, activations 1"
+    assert "load on axis-02: inconclusive (there was nothing yet that it could act on)" in told_of["fault.never"]
+    page = report_html(record)
+    assert "<td>confirmed</td>" in page
+    assert "<td>inconclusive: there was nothing yet that it could act on</td>" in page
+
+
+def test_a_condition_that_a_model_does_not_understand_is_found_before_anything_starts() -> None:
+    with pytest.raises(ConfigError, match=r"(?s)when.*did you mean velocity"):
+        run_steps(UP + "  - fault: {kind: load, on: all, when: velocty > 3}\n")
+    with pytest.raises(ConfigError, match=r"(?s)when.*ends where a name"):
+        run_steps(UP + "  - fault: {kind: load, on: all, when: velocity >}\n")
