@@ -16,6 +16,7 @@ from fastapi import FastAPI, Header, Query
 from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
 
 from pnfarm import __version__
+from pnfarm.api.changes import Changes
 from pnfarm.api.context import ApiContext
 from pnfarm.api.drives import add_drives
 from pnfarm.api.events import event_stream, start_of
@@ -88,6 +89,7 @@ def make_app(
     _add_farm(app, context)
     _add_outside(app, context)
     _describe_problems(app)
+    app.add_middleware(Changes, record=lambda event: core.log.record(context.now(), "", event))
     app.add_middleware(Guard, token=token, read_token=read_token)
     # outermost: a request above the limits is refused before its token is checked
     app.add_middleware(Throttle)

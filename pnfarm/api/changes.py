@@ -3,20 +3,35 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from http import HTTPStatus
 from typing import TYPE_CHECKING
 
-from pnfarm.api.guard import WHO
+from pnfarm.api.guard import SAFE_METHODS, WHO
 from pnfarm.station.events import Event
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from fastapi import Request
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-__all__ = ["FaultCleared", "FaultRequested", "ParameterWritten", "PowerCycleRequested", "shortened", "who"]
+__all__ = [
+    "Changes",
+    "FaultCleared",
+    "FaultRequested",
+    "ParameterWritten",
+    "PowerCycleRequested",
+    "changes_nothing",
+    "shortened",
+    "who",
+]
 
 #: Names of drives in one entry.
 MOST_NAMES = 16
+#: Characters of a path in one entry.
+MOST_PATH = 200
+#: Key of a request's scope: it has an entry of its own, or needs none.
+_TOLD = "pnfarm.told"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +79,53 @@ class PowerCycleRequested(_Change):
     TEXT = "power cycle requested"
 
 
+@dataclass(frozen=True, slots=True)
+class Changed(_Change):
+    """A client changed something that has no event of its own: a scenario, a trace, a module."""
+
+    TEXT = "changed by a client"
+    method: str
+    path: str
+
+
 def who(request: Request) -> tuple[str, str]:
-    """By what the client was let in, and its address."""
-    peer = request.client.host if request.client is not None else "unknown"
-    return str(request.scope.get(WHO, "unknown")), peer
+    """By what the client was let in, and its address, for an event of one's own."""
+    request.scope[_TOLD] = True
+    return _who(request.scope)
+
+
+def changes_nothing(request: Request) -> None:
+    """This request needs no entry."""
+    request.scope[_TOLD] = True
+
+
+def _who(scope: Scope) -> tuple[str, str]:
+    client = scope.get("client")
+    return str(scope.get(WHO, "unknown")), str(client[0]) if client else "unknown"
+
+
+class Changes:
+    """ASGI layer: an entry for each request that changed something and has no event of its own.
+
+    ``record(event)`` writes it.
+    """
+
+    def __init__(self, app: ASGIApp, record: Callable[[Event], None]) -> None:
+        self._app = app
+        self._record = record
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def watched(message: Message) -> None:
+            if (
+                message["type"] == "http.response.start"
+                and message["status"] < HTTPStatus.BAD_REQUEST
+                and _TOLD not in scope
+            ):
+                self._record(Changed(*_who(scope), scope["method"], scope["path"][:MOST_PATH]))
+            await send(message)
+
+        changes = scope["type"] == "http" and scope["method"] not in SAFE_METHODS
+        await self._app(scope, receive, watched if changes else send)
 
 
 def shortened(drives: Sequence[str]) -> str:

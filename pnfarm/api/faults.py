@@ -8,7 +8,7 @@ from urllib.parse import quote
 
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 
-from pnfarm.api.changes import FaultCleared, FaultRequested, shortened, who
+from pnfarm.api.changes import FaultCleared, FaultRequested, changes_nothing, shortened, who
 from pnfarm.api.schemas import Reach, Reset
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
@@ -69,6 +69,7 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
     )
     async def post_fault(request: Request, *, dry_run: bool = False) -> Json:
         if dry_run:
+            changes_nothing(request)
             return Json(manager().reach(await read_object(request)).as_dict())
         injection = manager().inject(await read_object(request), context.now())
         told(request, FaultRequested, [injection])
@@ -84,7 +85,9 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
             raise NotFoundError(str(exc)) from exc
 
     @app.post(f"{PREFIX}/faults/{{fault_id}}/renew", tags=tags, summary="Begin a fault's time to live (ttl) anew")
-    async def renew_fault(fault_id: str) -> Json:
+    async def renew_fault(fault_id: str, request: Request) -> Json:
+        # every few seconds, by a client whose fault has its entry
+        changes_nothing(request)
         if all(injection.id != fault_id for injection in manager().list()):
             # told as for an unknown one: its client is to begin it again
             raise NotFoundError(f"the fault {fault_id!r} is not in force, so that nothing can be renewed")

@@ -11,6 +11,7 @@ elsewhere cannot reach the farm through a browser on this machine: the Host head
 from __future__ import annotations
 
 import hmac
+import re
 from http import HTTPStatus
 from http.cookies import CookieError, SimpleCookie
 from ipaddress import ip_address
@@ -27,13 +28,15 @@ if TYPE_CHECKING:
     from starlette.responses import Response
     from starlette.types import ASGIApp, Receive, Scope, Send
 
-__all__ = ["COOKIE", "OPEN_PATHS", "WHO", "Guard", "is_loopback"]
+__all__ = ["COOKIE", "OPEN_PATHS", "SAFE_METHODS", "WHO", "Guard", "is_loopback"]
 
 COOKIE = "pnfarm_token"
 #: Key of a request's scope: ``token``, ``read_token``, or ``loopback`` where none is needed.
 WHO = "pnfarm.who"
 #: Open without a token: for orchestrators, or without confidential content.
 OPEN_PATHS = frozenset({"/api/v1/healthz", "/api/v1/readyz", "/openapi.json"})
+#: Host and port as RFC 9110 writes them, an IPv6 address in brackets.
+_HOST = re.compile(r"(?:\[([0-9A-Fa-f:.]+)\]|([A-Za-z0-9.-]+))(?::[0-9]{1,5})?")
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
@@ -47,6 +50,13 @@ def is_loopback(host: str) -> bool:
 
 def _same(shown: str, token: str) -> bool:
     return hmac.compare_digest(shown.encode(errors="surrogateescape"), token.encode())
+
+
+def _netloc(origin: str) -> str:
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:
+        return ""
 
 
 def _let_in(token: str) -> Response:
@@ -74,7 +84,7 @@ class Guard:
     async def _judge(self, request: Request) -> Response | None:
         origin = request.headers.get("origin")
         host = request.headers.get("host", "")
-        if request.method not in SAFE_METHODS and origin is not None and urlsplit(origin).netloc != host:
+        if request.method not in SAFE_METHODS and origin is not None and _netloc(origin) != host:
             return problem(HTTPStatus.FORBIDDEN, f"a page of {origin} may not change this farm", request)
         if self._token is None:
             request.scope[WHO] = "loopback"
@@ -113,10 +123,8 @@ class Guard:
 
     @staticmethod
     def _judge_host(request: Request, host: str) -> Response | None:
-        try:
-            name = urlsplit(f"//{host}").hostname or ""
-        except ValueError:
-            name = ""
+        found = _HOST.fullmatch(host)
+        name = found[1] or found[2] if found else ""
         if is_loopback(name):
             return None
         sentence = (

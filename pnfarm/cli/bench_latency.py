@@ -109,7 +109,7 @@ def _measured(seconds: float) -> tuple[list[int], list[int]]:
     os.sched_setaffinity(0, {PEER_CPU})
     faults: list[int] = []
     floors: list[int] = []
-    rng = random.Random(1)  # noqa: S311 - phases of the cycle
+    rng = random.Random(1)
     fault = {"kind": "provider-stop", "on": DRIVE}
     try:
         with farm_and_plc(DRIVES, CYCLE, 64, api=f"{API[0]}:{API[1]}"):

@@ -31,8 +31,8 @@ READS = frozenset({"parameter-busy", "record-error"})
 #: Of these, something is seen also without a controller, or of a drive without supply: the cable, what others send.
 WITHOUT_CONNECTION = frozenset(
     {
-        "corrupt", "dcp-silence", "delay", "duplicate", "duplicate-ip", "duplicate-name", "link-down", "link-flap", "loss",
-        "mac-change", "power-cycle", "reorder", "silence",
+        "corrupt", "dcp-silence", "delay", "duplicate", "duplicate-ip", "duplicate-name", "link-down", "link-flap",
+        "loss", "mac-change", "power-cycle", "reorder", "silence",
     }
 )  # fmt: skip
 

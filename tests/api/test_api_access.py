@@ -1,0 +1,148 @@
+"""Attempts to get in: without the token, with parts of it, through a browser on the farm's own machine."""
+
+from __future__ import annotations
+
+import pytest
+from api_world import ApiWorld, assert_problem
+
+FULL, READS = "the-farms-own-token", "the-token-that-reads"  # a test's, nobody's
+DRIVES = "/api/v1/drives"
+FAULT = {"kind": "silence", "on": "axis-01"}
+
+
+@pytest.fixture(scope="module")
+def guarded() -> ApiWorld:
+    return ApiWorld(1, controller=False, token=FULL, read_token=READS)
+
+
+@pytest.fixture(scope="module")
+def local() -> ApiWorld:
+    return ApiWorld(1, controller=False)
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Authorization": FULL},
+        {"Authorization": f"Basic {FULL}"},
+        {"Authorization": f"Token {FULL}"},
+        {"Authorization": "Bearer"},
+        {"Authorization": "Bearer "},
+        {"Authorization": f"Bearer {FULL[:-1]}"},
+        {"Authorization": f"Bearer {FULL}{FULL}"},
+        {"Authorization": f"Bearer {FULL},{READS}"},
+        {"Authorization": f"Bearer {FULL.upper()}"},
+        {"Authorization": b"Bearer \xc3\xa9\xff\x80"},
+        {"Authorization": f"Bearer {'x' * 100_000}"},
+        {"Cookie": f"other={FULL}"},
+        {"Cookie": f"pnfarm_token={FULL}x"},
+        {"Cookie": b'pnfarm_token="\xff\xfe'},
+        {"Cookie": f"pnfarm_token=; pnfarm_token ={READS}1"},
+        {"X-Token": FULL},
+    ],
+)
+def test_what_is_not_the_token_is_refused_and_never_an_error_of_the_farm(guarded, headers):
+    assert_problem(guarded.get(DRIVES, headers=headers), 401, "token")
+    assert_problem(guarded.post("/api/v1/faults", FAULT, headers=headers), 401, "token")
+    assert guarded.faults.list() == []
+
+
+def test_a_token_in_the_query_opens_the_page_only(guarded):
+    assert_problem(guarded.get(f"{DRIVES}?token={FULL}"), 401, "token")
+    assert_problem(guarded.post(f"/api/v1/reset?token={FULL}"), 401, "token")
+    assert_problem(guarded.get(f"/metrics?token={FULL}"), 401, "token")
+    assert guarded.get("/?token=%C3%A9%FF").status_code == 200, "the login page"
+    assert guarded.get(f"/?token={FULL}").status_code == 303
+
+
+def test_of_many_authorizations_the_first_counts(guarded):
+    many = [("Authorization", "Bearer wrong"), ("Authorization", f"Bearer {FULL}")]
+    assert_problem(guarded.get(DRIVES, headers=many), 401, "token")
+
+
+def test_every_method_but_reading_is_refused_to_the_token_that_reads(guarded):
+    headers = {"Authorization": f"Bearer {READS}"}
+    for method in ("POST", "PUT", "DELETE", "PATCH", "BREW"):
+        assert guarded.request(method, DRIVES, headers=headers).status_code == 403, method
+    assert guarded.request("HEAD", DRIVES, headers=headers).status_code in {200, 405}
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example",
+        "evil.example:8702",
+        "127.0.0.1.evil.example",
+        "localhost.evil.example:8702",
+        "localhost@evil.example",
+        "evil.example@localhost",
+        "localhost#.evil.example",
+        "localhost/.evil.example",
+        "[::1",
+        "[::1].evil.example",
+        "10.0.0.5:8702",
+        "0.0.0.0:8702",
+        "localhost:port",
+        "",
+        b"\xff\xfe",
+    ],
+)
+def test_a_name_that_a_page_elsewhere_points_to_loopback_reaches_nothing(local, host):
+    assert_problem(local.get(DRIVES, headers={"Host": host}), 403, "localhost only")
+    assert_problem(local.post("/api/v1/faults", FAULT, headers={"Host": host}), 403)
+    assert local.faults.list() == []
+
+
+@pytest.mark.parametrize("host", ["localhost", "LOCALHOST:8702", "127.0.0.1:8702", "127.3.2.1", "[::1]:8702", "[::1]"])
+def test_loopback_by_any_of_its_names_is_answered(local, host):
+    assert local.get(DRIVES, headers={"Host": host}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        "https://evil.example",
+        "null",
+        "http://[",
+        "http://127.0.0.1:9999",
+        "http://localhost:8702",
+        "",
+        "file://",
+        b"\xff",
+    ],
+)
+def test_a_page_of_another_origin_changes_nothing(local, origin):
+    assert_problem(local.post("/api/v1/faults", FAULT, headers={"Origin": origin}), 403, "may not change this farm")
+    assert_problem(local.post("/api/v1/reset", headers={"Origin": origin}), 403)
+    assert local.faults.list() == []
+    # what it reads, the browser keeps from it: no header permits it
+    answer = local.get(DRIVES, headers={"Origin": origin})
+    assert "access-control-allow-origin" not in answer.headers
+
+
+def test_the_farms_own_page_may(local):
+    answer = local.post("/api/v1/reset", headers={"Origin": "http://127.0.0.1:8702"})
+    assert answer.status_code == 200
+
+
+def test_every_change_has_an_entry_that_says_who(guarded):
+    headers = {"Authorization": f"Bearer {FULL}"}
+
+    def entries() -> list[dict]:
+        found = [entry.as_dict() for entry in guarded.line.log.entries()]
+        return [entry for entry in found if entry["event"] == "changed by a client"]
+
+    trace = guarded.post("/api/v1/traces", {"on": "all", "signals": ["velocity"]}, headers=headers).json()
+    guarded.request("DELETE", f"/api/v1/traces/{trace['id']}", headers=headers)
+    found = [(entry["who"], entry["peer"], entry["method"], entry["path"]) for entry in entries()]
+    assert found == [
+        ("token", "127.0.0.1", "POST", "/api/v1/traces"),
+        ("token", "127.0.0.1", "DELETE", f"/api/v1/traces/{trace['id']}"),
+    ]
+    # what has an entry of its own has no second one; what changes nothing has none
+    guarded.post("/api/v1/faults", {**FAULT, "ttl": "10s", "as": "held"}, headers=headers)
+    guarded.post("/api/v1/faults?dry_run=true", FAULT, headers=headers)
+    guarded.post("/api/v1/faults/held/renew", headers=headers)
+    guarded.post("/api/v1/traces", {"on": "nobody"}, headers=headers)
+    guarded.post("/api/v1/reset", headers=headers)
+    assert entries()[2:] == []
