@@ -110,7 +110,7 @@ class Changes:
     ``record(event)`` writes it.
     """
 
-    def __init__(self, app: ASGIApp, record: Callable[[Event], None]) -> None:
+    def __init__(self, app: ASGIApp, record: Callable[[Event], object]) -> None:
         self._app = app
         self._record = record
 
