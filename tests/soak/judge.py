@@ -1,0 +1,231 @@
+"""The verdict on a run: whether memory stayed flat, the event stream has no hole, and everything is as it was.
+
+Nothing here starts or reads anything, so that each judgement can be shown data that it must refuse.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter, deque
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from statistics import fmean, median
+from typing import Any
+
+__all__ = ["Check", "Growth", "LogReader", "Stream", "growth", "memory_checks", "same_as_before", "shown"]
+
+#: Memory may grow by this share in the second half of a run.
+MOST_GROWTH = 0.01
+#: A second half that is shorter, or has fewer samples, says nothing about a leak: what was cached is not full yet.
+SHORTEST_SECONDS, FEWEST_SAMPLES = 600.0, 20
+#: The first and the last part of the second half, whose medians are compared.
+ENDS_SECONDS = 300.0
+#: Lines and findings that are kept of a log, for the report.
+KEPT = 200
+_SUSPICIOUS = re.compile(r"traceback|internal error|unhandled|never retrieved|task exception|never awaited", re.IGNORECASE)
+#: Levels that a fault on a drive may not cause.
+_BAD_LEVELS = ("error", "critical", "exception")
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One line of the verdict; ``ok`` None: not judged, and why."""
+
+    name: str
+    ok: bool | None
+    told: str
+
+
+@dataclass(frozen=True, slots=True)
+class Growth:
+    """``fitted``: growth along the least-squares line; ``ends``: from the first to the last minutes; shares of 1."""
+
+    fitted: float
+    ends: float
+    first: float
+    last: float
+    seconds: float
+    samples: int
+
+    @property
+    def enough(self) -> bool:
+        return self.seconds >= SHORTEST_SECONDS and self.samples >= FEWEST_SAMPLES
+
+    @property
+    def flat(self) -> bool:
+        return self.fitted <= MOST_GROWTH and self.ends <= MOST_GROWTH
+
+
+def growth(points: Sequence[tuple[float, float]]) -> Growth:
+    """Of a series of (seconds, value), in the second half of its time."""
+    if not points:
+        return Growth(0.0, 0.0, 0.0, 0.0, 0.0, 0)
+    start, end = points[0][0], points[-1][0]
+    half = [point for point in points if point[0] >= start + (end - start) / 2]
+    times, values = [at for at, _ in half], [value for _, value in half]
+    seconds = times[-1] - times[0]
+    mean_time, mean_value = fmean(times), fmean(values)
+    spread = sum((at - mean_time) ** 2 for at in times)
+    slope = sum((at - mean_time) * (value - mean_value) for at, value in half) / spread if spread else 0.0
+    part = min(ENDS_SECONDS, seconds / 3)
+    first = median(value for at, value in half if at <= times[0] + part)
+    last = median(value for at, value in half if at >= times[-1] - part)
+    begun = mean_value - slope * seconds / 2
+    return Growth(
+        slope * seconds / begun if begun else 0.0,
+        last / first - 1.0 if first else 0.0,
+        first,
+        last,
+        seconds,
+        len(half),
+    )
+
+
+def memory_checks(samples: Sequence[Mapping[str, Any]], series: Iterable[str]) -> list[Check]:
+    """One check for each series (a key of the samples, beside ``seconds``)."""
+    found = []
+    for name in series:
+        points = [(sample["seconds"], float(sample[name])) for sample in samples if sample.get(name) is not None]
+        seen = growth(points)
+        told = (
+            f"{seen.fitted:+.2%} along the line, {seen.ends:+.2%} by medians ({seen.first:,.0f} to {seen.last:,.0f})"
+            f" in the last {seen.seconds / 60:.0f} min"
+        )
+        if not points:
+            found.append(Check(f"{name} flat", ok=False, told="no sample"))
+        elif not seen.enough:
+            found.append(Check(f"{name} flat", ok=None, told=f"{told}: too short to judge"))
+        else:
+            found.append(Check(f"{name} flat", ok=seen.flat, told=told))
+    return found
+
+
+@dataclass(slots=True)
+class Stream:
+    """Messages of the event stream as they come: each number once and in order, each beginning with its end.
+
+    ``asked`` are ids of injections that the farm acknowledged; the stream must name each (:meth:`acknowledged`).
+    """
+
+    last: int = 0
+    entries: int = 0
+    resumed: int = 0
+    wrong: list[str] = field(default_factory=list)
+    open: dict[tuple[str, str], int] = field(default_factory=dict)
+    kinds: Counter[str] = field(default_factory=Counter)
+    _asked: dict[str, None] = field(default_factory=dict)
+    _early: deque[str] = field(default_factory=lambda: deque(maxlen=1000))
+
+    def _note(self, what: str) -> None:
+        if len(self.wrong) < KEPT:
+            self.wrong.append(what)
+
+    def message(self, kind: str, number: str, data: str) -> None:
+        """One message: its type, its id, its data."""
+        if kind == "gap":
+            self._note(f"after {self.last} the farm says that entries are lost: {data}")
+            return
+        entry = json.loads(data)
+        sequence = int(number)
+        if sequence != self.last + 1:
+            self._note(f"entry {sequence} came after {self.last}")
+        if entry.get("sequence") != sequence:
+            self._note(f"entry {sequence} names itself {entry.get('sequence')}")
+        self.last = max(self.last, sequence)
+        self.entries += 1
+        self._entry(entry)
+
+    def _entry(self, entry: Mapping[str, Any]) -> None:
+        event = str(entry["event"])
+        self.kinds[event] += 1
+        name = str(entry.get("id", ""))
+        if event == "fault injected":
+            key = (name, entry["drive"])
+            if key in self.open:
+                self._note(f"{name} began on {entry['drive']} twice without an end")
+            self.open[key] = entry["sequence"]
+        elif event == "injected fault ended":
+            # one that was cleared while it waited never began
+            self.open.pop((name, entry["drive"]), None)
+        elif event == "fault requested":
+            if name in self._asked:
+                del self._asked[name]
+            else:
+                self._early.append(name)
+
+    def acknowledged(self, fault_id: str) -> None:
+        """The farm answered that it injected this: the stream has it, or is to bring it."""
+        if fault_id in self._early:
+            self._early.remove(fault_id)
+        else:
+            self._asked[fault_id] = None
+
+    def checks(self, newest: int) -> list[Check]:
+        """At the end, when nothing is in force; ``newest`` is the number of the farm's last entry."""
+        wrong = list(self.wrong)
+        if self.last < newest:
+            wrong.append(f"it ends at {self.last}, the farm's log at {newest}")
+        if self._asked:
+            wrong.append(f"{len(self._asked)} injections are missing: {' '.join(list(self._asked)[:5])}")
+        told = f"{self.entries:,} entries, 1 to {self.last:,}, resumed {self.resumed} times"
+        ended = [f"{name} on {drive}" for name, drive in self.open]
+        return [
+            Check("event stream complete", ok=not wrong and self.entries > 0, told="; ".join(wrong[:5]) or told),
+            Check(
+                "each injected fault ended",
+                ok=not ended,
+                told=f"{len(ended)} without an end: {', '.join(ended[:5])}" if ended else f"{self.kinds['fault injected']:,} began",
+            ),
+        ]
+
+
+@dataclass(slots=True)
+class LogReader:
+    """Lines of a process's log (JSON, or plain text): how many of each level, and those that may not be."""
+
+    levels: Counter[str] = field(default_factory=Counter)
+    suspicious: list[str] = field(default_factory=list)
+    last: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT))
+
+    def line(self, text: str) -> None:
+        self.last.append(text)
+        try:
+            entry = json.loads(text)
+            level = str(entry.get("level", "")) if isinstance(entry, dict) else ""
+        except ValueError:
+            level = ""
+        self.levels[level] += 1
+        if (level in _BAD_LEVELS or _SUSPICIOUS.search(text)) and len(self.suspicious) < KEPT:
+            self.suspicious.append(text[:2000])
+
+    def check(self, name: str) -> Check:
+        told = f"{sum(self.levels.values()):,} lines"
+        if self.suspicious:
+            told = f"{len(self.suspicious)} of {told}, the first: {self.suspicious[0][:300]}"
+        return Check(f"log of the {name} without internal errors", ok=not self.suspicious, told=told)
+
+
+def same_as_before(name: str, before: Mapping[str, Any], after: Mapping[str, Any], slack: Mapping[str, int]) -> Check:
+    """What a side holds when it is quiet, before the first fault and behind the last; ``slack``: what may be more.
+
+    Numbers may not grow beyond the slack, other values may not change.  Keys without a slack of 0 or more are compared
+    as they are.
+    """
+    differ = []
+    for key in sorted({*before, *after}):
+        old, new = before.get(key), after.get(key)
+        if isinstance(old, int) and isinstance(new, int) and key in slack:
+            if new > old + slack[key]:
+                differ.append(f"{key} {old} -> {new}")
+        elif old != new:
+            differ.append(f"{key} {old} -> {new}")
+    told = "; ".join(differ) or ", ".join(f"{key} {value}" for key, value in after.items() if isinstance(value, int))
+    return Check(f"the {name} holds what it held", ok=not differ, told=told)
+
+
+def shown(checks: Sequence[Check]) -> str:
+    """The verdict as a table of text."""
+    words = {True: "ok", False: "FAILED", None: "not judged"}
+    width = max((len(check.name) for check in checks), default=0)
+    return "\n".join(f"{check.name:<{width}}  {words[check.ok]:<10}  {check.told}" for check in checks)

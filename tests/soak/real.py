@@ -1,0 +1,480 @@
+"""The run in real time: a farm and a controller as processes in a network namespace, and a client that does harm."""
+
+# ruff: noqa: T201 - what it prints is its answer
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from contextlib import ExitStack
+from pathlib import Path
+from random import Random
+from typing import IO, Any
+from urllib.parse import quote
+
+from tests.soak.choices import Action, Choices, farm_text
+from tests.soak.client import Answer, Api, EventReader
+from tests.soak.judge import Check, LogReader, Stream, memory_checks, same_as_before, shown
+
+__all__ = ["RealRun", "main"]
+
+ROOT = Path(__file__).resolve().parents[2]
+PORT = 8702
+V1 = "/api/v1"
+#: Between two samples, two lines on the terminal, two rests.
+SAMPLE_SECONDS, TOLD_SECONDS, REST_SECONDS = 10.0, 60.0, 600.0
+#: A start may compile; after a rest's reset every drive is back within this time, on a machine that others use.
+START_SECONDS, BACK_SECONDS, STOP_SECONDS = 300.0, 90.0, 30.0
+#: A fault without an end of its own is cleared after this time, on average; a written parameter is put back.
+HELD_SECONDS = 15.0
+#: What a side may hold more of at the end: connections of HTTP and workers of a pool come and go.
+SLACK = {"threads": 8, "files": 12, "garbage": 0, "replies kept": 1 << 30, "calls": 0, "searches": 0, "traces": 0,
+         "fault timers": 0}  # fmt: skip
+#: Tasks that serve requests and streams: they come and go.
+PASSING_TASKS = ("RequestResponseCycle", "Throttle", "event_stream", "StreamingResponse", "listen_for_disconnect", "wrap")
+CALM = ("fault", "connection", "impair", "gate", "held frames", "provider rows", "consumer rows", "log subscribers")
+
+
+class SoakError(Exception):
+    """The run cannot go on."""
+
+
+class Side:
+    """One of the two programs: its process, its log, what it holds."""
+
+    def __init__(self, name: str, folder: Path, *arguments: str | Path) -> None:
+        self.name = name
+        self.notes = folder / f"{name}.jsonl"
+        self.log = LogReader()
+        self.before: dict[str, Any] | None = None
+        command = [sys.executable, "-m", "tests.soak.watched", str(self.notes), str(SAMPLE_SECONDS / 4)]
+        self.process = subprocess.Popen(
+            [*command, "--log-format", "json", *map(str, arguments)],
+            cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace",
+            start_new_session=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        )  # fmt: skip
+        self._reader = threading.Thread(target=self._read, args=(self.process.stderr,), daemon=True)
+        self._reader.start()
+
+    def _read(self, lines: IO[str]) -> None:
+        for line in lines:
+            self.log.line(line.rstrip("\n"))
+
+    def newest(self) -> dict[str, Any] | None:
+        """What it noted last."""
+        if not self.notes.exists():
+            return None
+        with self.notes.open("rb") as file:
+            file.seek(max(0, self.notes.stat().st_size - 8192))
+            lines = file.read().split(b"\n")
+        return json.loads(lines[-2]) if len(lines) > 2 or (len(lines) == 2 and lines[0]) else None
+
+    def noted_after(self, at: float) -> dict[str, Any]:
+        """What it noted after a moment of the wall clock."""
+        end = time.monotonic() + STOP_SECONDS
+        while time.monotonic() < end:
+            found = self.newest()
+            if found is not None and found["at"] > at:
+                return found
+            time.sleep(0.2)
+        raise SoakError(f"the {self.name} has noted nothing for {STOP_SECONDS:g} s")
+
+    def stop(self) -> int | None:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+            try:
+                self.process.wait(STOP_SECONDS)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+                return None
+        self._reader.join(5.0)
+        return self.process.returncode
+
+
+class RealRun:
+    """``options``: hours, seed, drives, link, rate."""
+
+    def __init__(self, options: argparse.Namespace, folder: Path) -> None:
+        self.options = options
+        self.folder = folder
+        self.api = Api(PORT)
+        self.lock = threading.Lock()
+        self.stream = Stream()
+        self.samples: list[dict[str, Any]] = []
+        self.done: Counter[str] = Counter()
+        self.kinds: Counter[str] = Counter()
+        self.wrong: list[str] = []
+        self.rests: list[dict[str, Any]] = []
+        self.closer: list[dict[str, Any]] = []
+        self.due: list[tuple[float, str]] = []  # faults without an end: when they are cleared
+        self.before: dict[tuple[str, str], int] = {}  # parameters that were written: their values
+        self.began = time.monotonic()
+        self.farm: Side
+        self.plc: Side
+        self.reader: EventReader
+        self.checks: list[Check] = []
+
+    # -- the run -----------------------------------------------------------------------------------------------------
+
+    def go(self) -> list[Check]:
+        text = farm_text(self.options.drives, self.options.link, f"127.0.0.1:{PORT}")
+        file = self.folder / "soak.pnfarm.yml"
+        file.write_text(text)
+        interfaces = _interfaces()
+        with ExitStack() as stack:
+            self.farm = Side("farm", self.folder, "up", file)
+            stack.callback(self.farm.stop)
+            self._until("the farm is up", START_SECONDS, lambda: bool(self._ready()))
+            self.plc = Side("controller", self.folder, "plc", file, "--format", "json")
+            stack.callback(self.plc.stop)
+            self.reader = EventReader(PORT, self.options.seed, self.lock, self.stream)
+            self.reader.start()
+            self._until("every drive is in operation", START_SECONDS, lambda: not self._away())
+            time.sleep(5.0)
+            self._settled(first=True)
+            self._harm()
+            self._finish()
+            stack.pop_all()
+        codes = [(side.name, side.stop()) for side in (self.plc, self.farm)]
+        bad = [f"{name} {code}" for name, code in codes if code != 0]
+        self.checks.append(Check("both ended by Ctrl-C with code 0", ok=not bad, told=", ".join(bad) or "yes"))
+        left = sorted(_interfaces() - interfaces)
+        self.checks.append(Check("interfaces gone", ok=not left, told=" ".join(left[:8]) or "yes"))
+        self.checks += [side.log.check(side.name) for side in (self.farm, self.plc)]
+        return self.checks
+
+    def close(self) -> None:
+        """Whatever happened, nothing stays."""
+        for name in ("reader",):
+            if hasattr(self, name):
+                getattr(self, name).stop()
+        for name in ("plc", "farm"):
+            if hasattr(self, name):
+                getattr(self, name).stop()
+        self.api.close()
+
+    def _ready(self) -> bool:
+        self._alive()
+        if self.farm.newest() is None:
+            return False
+        return self.api("GET", f"{V1}/readyz").done
+
+    def _alive(self) -> None:
+        for name in ("farm", "plc"):
+            side = getattr(self, name, None)
+            if side is not None and side.process.poll() is not None:
+                last = "\n  ".join(list(side.log.last)[-20:])
+                raise SoakError(f"the {side.name} ended with code {side.process.returncode}; its last lines:\n  {last}")
+
+    def _until(self, what: str, seconds: float, condition: Any) -> float:
+        began = time.monotonic()
+        while not condition():
+            self._alive()
+            if time.monotonic() - began > seconds:
+                self._look_closer()
+                raise SoakError(f"not within {seconds:g} s: {what}; {self._described()}")
+            time.sleep(0.25)
+        return time.monotonic() - began
+
+    def _look_closer(self) -> None:
+        """Keep for the report what the drives that are away, and their controller, have to say."""
+        for drive in self._away()[:5]:
+            name = drive["name"]
+            lines = [line for line in self.plc.log.last if f'"{name}"' in line] if hasattr(self, "plc") else []
+            view = self.api("GET", f"{V1}/drives/{name}")
+            self.closer.append({"drive": view.json() if view.done else drive, "controller": lines[-40:]})
+        for side in (getattr(self, "farm", None), getattr(self, "plc", None)):
+            if side is not None:
+                self.closer.append({"side": side.name, "noted": side.newest(), "log": list(side.log.last)[-100:]})
+
+    def _drives(self) -> list[dict[str, Any]]:
+        answer = self.api("GET", f"{V1}/drives")
+        return answer.json()["drives"] if answer.done else []
+
+    def _away(self) -> list[dict[str, Any]]:
+        """Drives that do not exchange data in operation (S4)."""
+        drives = self._drives()
+        away = [d for d in drives if d["state"] != "S4" or d["cycle_seconds"] is None or d["fault"] is not None]
+        return away or ([{"name": "all"}] if len(drives) != self.options.drives else [])
+
+    def _described(self) -> str:
+        away = self._away()
+        told = [
+            f"{d['name']} {d.get('model')} {d.get('state')} {d.get('ar_state')} fault {d.get('fault')}"
+            f" injected {d.get('faults_injected')} stw1 {d.get('stw1')} zsw1 {d.get('zsw1')}"
+            for d in away[:6]
+        ]
+        return f"{len(away)} drives are away: " + "; ".join(told)
+
+    # -- harm --------------------------------------------------------------------------------------------------------
+
+    def _harm(self) -> None:
+        options = self.options
+        models = {drive["name"]: drive["model"] for drive in self._drives()}
+        self.choices = Choices(options.seed, models, options.rate)
+        self.rng = Random(f"times/{options.seed}")
+        self.began = time.monotonic()
+        end = self.began + options.hours * 3600
+        sample = told = self.began
+        rest = self.began + REST_SECONDS
+        while (now := time.monotonic()) < end:
+            self._alive()
+            if now >= sample:
+                sample += SAMPLE_SECONDS
+                self._sample()
+            if now >= told:
+                told += TOLD_SECONDS
+                self._tell()
+            if now >= rest:
+                self._settled()
+                rest = time.monotonic() + REST_SECONDS
+            self._clear_due(now)
+            self._act(self.choices.next())
+            time.sleep(min(self.choices.pause(), max(0.0, end - time.monotonic())))
+
+    def _act(self, action: Action) -> None:
+        answer: Answer | None = None
+        fields = action.fields
+        match action.what:
+            case "fault" | "invalid":
+                answer = self.api("POST", f"{V1}/faults", fields)
+                if action.what == "fault" and answer.done:
+                    self._injected(answer.json(), fields)
+            case "dry-run":
+                answer = self.api("POST", f"{V1}/faults?dry_run=true", fields)
+            case "clear":
+                if self.due:
+                    _, name = self.due.pop(self.rng.randrange(len(self.due)))
+                    self._clear(name)
+            case "reset":
+                self.due.clear()
+                answer = self.api("POST", f"{V1}/reset")
+            case "power-cycle":
+                answer = self.api("POST", f"{V1}/drives/{action.drive}/power-cycle")
+            case "write":
+                answer = self._write(action.drive, fields["pnu"])
+            case "wrong-write":
+                path = f"{V1}/drives/{action.drive}/params/{quote(fields['pnu'], safe='')}"
+                answer = self.api("PUT", path, {"value": fields["value"]})
+            case "trace":
+                answer = self._trace(fields)
+            case "scenario":
+                answer = self.api("POST", f"{V1}/scenarios", fields)
+                if answer.done and self.rng.random() < 0.2:
+                    self.api("DELETE", f"{V1}/scenarios/{answer.json()['id']}")
+            case "scrape":
+                answer = self.api("GET", "/metrics")
+                if not answer.text.startswith("#"):
+                    self._note(f"/metrics: {answer.status} {answer.text[:200]}")
+            case "look":
+                paths = (f"{V1}/drives/{action.drive}", f"{V1}/drives/{action.drive}/controller", f"{V1}/faults",
+                         f"{V1}/traces", f"{V1}/scenarios", "/")  # fmt: skip
+                answer = self.api("GET", self.rng.choice(paths))
+        self.done[action.what] += 1
+        if answer is not None:
+            self.done[f"{action.what} {answer.status}"] += 1
+            if action.refused and not answer.refused:
+                self._note(f"{action} was not refused: {answer.status} {answer.text[:300]}")
+
+    def _injected(self, view: dict[str, Any], fields: Any) -> None:
+        self.kinds[view["kind"]] += 1
+        with self.lock:
+            self.stream.acknowledged(view["id"])
+        if view["state"] != "ended":
+            self.due.append((time.monotonic() + self.rng.expovariate(1 / HELD_SECONDS), view["id"]))
+
+    def _clear(self, name: str) -> None:
+        """One fault; it may have ended by itself, which the farm answers with 404."""
+        answer = self.api("DELETE", f"{V1}/faults/{name}")
+        self.done[f"clear {answer.status}"] += 1
+        if answer.status not in {200, 404}:
+            self._note(f"clearing {name}: {answer.status} {answer.text[:300]}")
+
+    def _clear_due(self, now: float) -> None:
+        for at, name in [entry for entry in self.due if entry[0] <= now]:
+            self.due.remove((at, name))
+            self._clear(name)
+
+    def _write(self, drive: str, pnu: str) -> Answer:
+        path = f"{V1}/drives/{drive}/params/{pnu}"
+        answer = self.api("GET", path)
+        if not answer.done:
+            return answer
+        seen = answer.json()
+        if (drive, pnu) in self.before and self.rng.random() < 0.5:
+            return self.api("PUT", path, {"value": self.before.pop((drive, pnu))})
+        self.before.setdefault((drive, pnu), seen["value"])
+        low, high = seen["minimum"], seen["maximum"]
+        return self.api("PUT", path, {"value": self.choices.value(low, high)})
+
+    def _trace(self, fields: Any) -> Answer:
+        answer = self.api("POST", f"{V1}/traces", fields)
+        if answer.status == 422 or answer.status == 409 or answer.status == 400:
+            kept = self.api("GET", f"{V1}/traces").json()["traces"]
+            if len(kept) > 8:
+                for trace in kept[:4]:
+                    self.api("GET", f"{V1}/traces/{trace['id']}?format=csv")
+                    self.api("DELETE", f"{V1}/traces/{trace['id']}")
+        return answer
+
+    def _note(self, what: str) -> None:
+        if len(self.wrong) < 100:
+            self.wrong.append(what)
+            print(f"  wrong: {what}", flush=True)
+
+    # -- rests -------------------------------------------------------------------------------------------------------
+
+    def _settled(self, *, first: bool = False, last: bool = False) -> None:
+        """Everything is taken back; every drive is to be in operation again, and nothing of a fault left."""
+        if not first:
+            self.due.clear()
+            for scenario in self.api("GET", f"{V1}/scenarios").json()["scenarios"]:
+                self.api("DELETE", f"{V1}/scenarios/{scenario['id']}")
+            for trace in self.api("GET", f"{V1}/traces").json()["traces"]:
+                self.api("DELETE", f"{V1}/traces/{trace['id']}")
+            self.api("POST", f"{V1}/reset")
+            for (drive, pnu), value in list(self.before.items()):
+                self._until(f"{drive} takes {pnu} back", 30.0, lambda d=drive, p=pnu, v=value: self._put_back(d, p, v))
+                del self.before[drive, pnu]
+        seconds = self._until("every drive is back", BACK_SECONDS, lambda: not self._away())
+        faults = self.api("GET", f"{V1}/faults").json()["faults"]
+        if faults:
+            self._note(f"faults are left after a reset: {faults[:3]}")
+        time.sleep(3.0)  # connections are set up to their last phase
+        at = time.time()
+        held = {side.name: side.noted_after(at) for side in (self.farm, self.plc)}
+        for side in (self.farm, self.plc):
+            calm = _calm(held[side.name])
+            if side.before is None:
+                side.before = calm
+                continue
+            check = same_as_before(side.name, side.before, calm, SLACK)
+            if last:
+                self.checks.append(check)
+            elif not check.ok:
+                self._note(f"at rest, the {side.name}: {check.told}")
+        self.rests.append({"seconds": time.monotonic() - self.began, "back_seconds": seconds, "held": held})
+        if not first:
+            print(f"  at rest: every drive back after {seconds:.1f} s", flush=True)
+
+    def _put_back(self, drive: str, pnu: str, value: int) -> bool:
+        """False while the drive is off or boots."""
+        return self.api("PUT", f"{V1}/drives/{drive}/params/{pnu}", {"value": value}).done
+
+    def _finish(self) -> None:
+        self._sample()
+        self._settled(last=True)
+        away = self._away()
+        self.checks.append(Check("every drive in operation", ok=not away, told=self._described() if away else f"{self.options.drives}"))
+        faults = self.api("GET", f"{V1}/faults").json()["faults"]
+        self.checks.append(Check("no fault left", ok=not faults, told=", ".join(f["id"] for f in faults[:5]) or "none"))
+        for series in ("rss", "blocks"):
+            for side in (self.farm, self.plc):
+                self.checks += memory_checks(self.samples, [f"{side.name} {series}"])
+        newest = self._newest()
+        self._until("the stream has caught up", 30.0, lambda: self.stream.last >= newest)
+        with self.lock:
+            self.checks += self.stream.checks(newest)
+        self.reader.stop()
+        failures = [*self.api.failures, *self.wrong]
+        told = f"{self.api.requests:,} requests, {sum(self.kinds.values()):,} faults of {len(self.kinds)} kinds"
+        self.checks.append(Check("each request answered as it should", ok=not failures, told="; ".join(failures[:5]) or told))
+
+    def _newest(self) -> int:
+        text = self.api("GET", f"{V1}/events?follow=false&after={max(0, self.stream.last - 1)}").text
+        numbers = [int(line[4:]) for line in text.split("\n") if line.startswith("id: ")]
+        return max(numbers, default=self.stream.last)
+
+    # -- samples -----------------------------------------------------------------------------------------------------
+
+    def _sample(self) -> None:
+        sample: dict[str, Any] = {"seconds": time.monotonic() - self.began}
+        for side in (self.farm, self.plc):
+            noted = side.newest()
+            if noted is not None:
+                sample.update({f"{side.name} {key}": value for key, value in noted["process"].items()})
+                sample[f"{side.name} holds"] = noted["holds"]
+            sample[f"{side.name} cpu"] = _processor_seconds(side.process.pid)
+        self.samples.append(sample)
+
+    def _tell(self) -> None:
+        newest = self.samples[-1]
+        first = self.samples[0]
+        spent = newest["seconds"] - first["seconds"]
+        cpu = [
+            (newest[f"{side.name} cpu"] - first[f"{side.name} cpu"]) / spent if spent else 0.0
+            for side in (self.farm, self.plc)
+        ]
+        print(
+            f"{newest['seconds'] / 60:6.1f} min  farm {newest['farm rss'] >> 10:,} KiB {newest['farm blocks']:,} blocks,"
+            f" controller {newest['controller rss'] >> 10:,} KiB {newest['controller blocks']:,} blocks,"
+            f" {sum(self.kinds.values())} faults, {self.stream.entries:,} events, {newest['farm holds']['faults']} in force,"
+            f" cpu {cpu[0]:.0%} + {cpu[1]:.0%}, {len(self.api.failures) + len(self.wrong)} wrong",
+            flush=True,
+        )
+
+    def report(self) -> dict[str, Any]:
+        return {
+            "options": vars(self.options),
+            "checks": [{"name": c.name, "ok": c.ok, "told": c.told} for c in self.checks],
+            "actions": dict(self.done.most_common()),
+            "kinds": dict(self.kinds.most_common()),
+            "events": dict(self.stream.kinds.most_common()),
+            "wrong": self.wrong,
+            "failures": self.api.failures[:100],
+            "rests": self.rests,
+            "closer": self.closer,
+            "samples": self.samples,
+            "logs": {
+                side.name: {"levels": dict(side.log.levels), "suspicious": side.log.suspicious}
+                for side in (getattr(self, "farm", None), getattr(self, "plc", None))
+                if side is not None
+            },
+        }
+
+
+def _calm(noted: dict[str, Any]) -> dict[str, Any]:
+    """What is to be the same whenever the farm is quiet."""
+    process = noted["process"]
+    tasks = {name: count for name, count in process["tasks"].items() if not any(word in name for word in PASSING_TASKS)}
+    return {**noted["holds"], "tasks": tasks, **{key: process[key] for key in ("threads", "files", "garbage")}}
+
+
+def _interfaces() -> set[str]:
+    lines = Path("/proc/self/net/dev").read_text("ascii").split("\n")[2:]
+    return {line.partition(":")[0].strip() for line in lines if line}
+
+
+def _processor_seconds(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def main(options: argparse.Namespace) -> int:
+    """0: everything held; 1: something did not; 4: this machine has no namespace for it."""
+    with tempfile.TemporaryDirectory(prefix="pnfarm-soak-") as name:
+        run = RealRun(options, Path(name))
+        code = 1
+        try:
+            checks = run.go()
+            code = 0 if all(check.ok is not False for check in checks) else 1
+        except SoakError as exc:
+            run.checks.append(Check("the run", ok=False, told=str(exc)))
+        except KeyboardInterrupt:
+            run.checks.append(Check("the run", ok=None, told="interrupted"))
+            code = 130
+        finally:
+            run.close()
+            if options.out is not None:
+                options.out.write_text(json.dumps(run.report(), indent=1, default=str) + "\n")
+        print(f"\n{shown(run.checks)}", flush=True)
+    return code

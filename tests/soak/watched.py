@@ -1,0 +1,64 @@
+"""The program, as its user runs it, and beside it a thread that writes down what it holds: one JSON object a line.
+
+``python -m tests.soak.watched FILE SECONDS ARGUMENT ...`` runs ``pnfarm ARGUMENT ...``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from tests.soak.holdings import of_controller, of_farm, of_process
+
+#: Objects of the program, noted when it makes them.
+_made: dict[str, Any] = {}
+
+
+def _note_cores() -> None:
+    from pnfarm.controller.runtime import Plc
+    from pnfarm.farm.farm import Farm
+
+    for kind in (Farm, Plc):
+        opened = kind.open
+
+        async def opening(self: Any, opened: Any = opened) -> None:
+            await opened(self)
+            _made.update(core=self.core, count=of_farm if isinstance(self, Farm) else of_controller)
+            _made["loop"] = asyncio.get_running_loop()
+
+        kind.open = opening
+
+
+def _write(file: Path, seconds: float) -> None:
+    with file.open("w", encoding="utf-8", buffering=1) as out:
+        while True:
+            time.sleep(seconds)
+            loop = _made.get("loop")
+            if loop is None:
+                continue
+            try:
+                held = _made["count"](_made["core"])
+                line = {"at": time.time(), "process": of_process(loop), "holds": held}
+            except RuntimeError:
+                # a container changed while it was counted: the next time will do
+                continue
+            out.write(json.dumps(line) + "\n")
+
+
+def main() -> None:
+    file, seconds, *arguments = sys.argv[1:]
+    _note_cores()
+    threading.Thread(target=_write, args=(Path(file), float(seconds)), daemon=True).start()
+    sys.argv = ["pnfarm", *arguments]
+    from pnfarm.cli.main import run
+
+    run()
+
+
+if __name__ == "__main__":
+    main()
