@@ -210,6 +210,22 @@ def test_a_delayed_frame_that_was_counted_still_arrives_at_its_time():
     assert len(late) == 1
 
 
+@pytest.mark.parametrize("again", [{}, {"rate": "60/min", "times": 2}])
+def test_a_request_that_waits_for_the_drive_when_its_delay_is_over_arrives_then_and_the_delay_ends_once(again):
+    line = FaultLine()
+    line.connect()
+    delay = line.add("delay", "axis-01", params={"frames": "rpc", "delay": "10s"}, direction="in", for_="3s", **again)
+    line.until(lambda: delay.state.value == "active")
+    line.add("ar-abort", "axis-01", count=1)
+    line.run(30.0)
+    assert delay.state.value == "ended"
+    assert delay.evidence().activations
+    ends = [entry for entry in line.log.entries("axis-01") if entry.data.get("id") == delay.id]
+    assert [entry.event for entry in ends] == ["fault injected", "injected fault ended"] * again.get("times", 1)
+    assert not line.farm.link.in_force(line.farm.stations[0].port.index)
+    assert line.plc.all_connected
+
+
 @pytest.mark.parametrize("direction", ["out", "in"])
 def test_copies_of_a_cyclic_frame_are_discarded_by_their_counter(direction):
     line = watched()

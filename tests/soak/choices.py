@@ -23,9 +23,9 @@ MODELS: Mapping[str, str] = {
 }
 #: Parameters that are written at random: they are used by nothing that keeps the drive from its operation.
 PARAMETERS: Mapping[str, Sequence[str]] = {
-    "akd-profinet": ("AIN.CUTOFF", "AIN.DEADBAND", "AIN.OFFSET", "AIN.ZERO", "AOUT.OFFSET", "BODE.IAMP", "CAP0.EDGE"),
+    "akd-profinet": ("AIN.CUTOFF", "AIN.DEADBAND", "AIN.OFFSET", "AOUT.OFFSET", "BODE.IAMP", "CAP0.EDGE"),
     "akd-profinet-2012": ("1004", "1005", "1006", "1007", "1001"),
-    "moog-msd": ("202", "207", "326", "925"),
+    "moog-msd": ("202", "326", "925"),
     "hiwin-e1": ("925", "Pt385", "Pt533", "Pt534", "Pt537", "Pt538"),
 }
 #: One in so many drives is a HIWIN E1, whose longest cycle is 4 ms.

@@ -311,10 +311,14 @@ class RealRun:
             return answer
         seen = answer.json()
         if (drive, pnu) in self.before and self.rng.random() < 0.5:
-            return self.api("PUT", path, {"value": self.before.pop((drive, pnu))})
-        self.before.setdefault((drive, pnu), seen["value"])
-        low, high = seen["minimum"], seen["maximum"]
-        return self.api("PUT", path, {"value": self.choices.value(low, high)})
+            answer = self.api("PUT", path, {"value": self.before[drive, pnu]})
+            if answer.done:
+                del self.before[drive, pnu]
+            return answer
+        answer = self.api("PUT", path, {"value": self.choices.value(seen["minimum"], seen["maximum"])})
+        if answer.done:
+            self.before.setdefault((drive, pnu), seen["value"])
+        return answer
 
     def _trace(self, fields: Any) -> Answer:
         answer = self.api("POST", f"{V1}/traces", fields)
@@ -338,6 +342,8 @@ class RealRun:
         if not first:
             self.due.clear()
             for scenario in self.api("GET", f"{V1}/scenarios").json()["scenarios"]:
+                # one whose task died is answered by 500
+                self.api("GET", f"{V1}/scenarios/{scenario['id']}")
                 self.api("DELETE", f"{V1}/scenarios/{scenario['id']}")
             for trace in self.api("GET", f"{V1}/traces").json()["traces"]:
                 self.api("DELETE", f"{V1}/traces/{trace['id']}")

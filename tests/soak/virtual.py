@@ -1,0 +1,391 @@
+"""The same in virtual time: farm and controller in this process; a seed makes the same run again, entry for entry.
+
+What is kept of what is over (ended faults, the event log) is bounded, but by numbers that only hours fill: here the
+bounds are small, so that minutes show whether anything else grows.
+"""
+
+# ruff: noqa: T201 - what it prints is its answer
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import gc
+import json
+import sys
+import time
+import tracemalloc
+import zlib
+from collections import Counter, deque
+from dataclasses import dataclass
+from functools import partial
+from random import Random
+from typing import Any
+
+from storm import kept, left_behind
+
+from pnfarm.buses.registry import fault_kinds
+from pnfarm.controller import line as controller_line
+from pnfarm.errors import ConfigError, PnfarmError
+from pnfarm.farm.controller_view import controller_view
+from pnfarm.farm.file.reading import parse_farm
+from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot
+from pnfarm.metrics import FarmCollector
+from pnfarm.scenario.binding import bind_scenario
+from pnfarm.scenario.file import parse_scenario
+from pnfarm.scenario.run import ScenarioRun
+from pnfarm.station.event_log import EventLog
+from tests.soak.choices import Action, Choices, farm_text
+from tests.soak.holdings import of_controller, of_farm
+from tests.soak.judge import MOST_GROWTH, Check, Stream, same_as_before, shown
+
+__all__ = ["Rest", "VirtualRun", "grown", "main"]
+
+#: Between two rests; a rest lets everything end that is due some time.
+ROUND_SECONDS, CALM_SECONDS, BACK_SECONDS = 20.0, 30.0, 60.0
+#: A fault without an end of its own is cleared after this time, on average.
+HELD_SECONDS = 8.0
+#: Bounds of what is kept of what is over.
+ENDED_KEPT, ENTRIES_KEPT, DRIVE_ENTRIES_KEPT = 16, 512, 16
+#: What may be less at a rest than at the start, where some of the start-up was left.
+SLACK = {"searches": 0, "calls": 0, "replies kept": 0}
+#: Scenarios at work at once.
+MOST_SCENARIOS = 2
+#: Rests before memory is compared: the first ones fill what is bounded.
+WARM_RESTS = 3
+#: What one kind of object, or its number in the second half, may differ by without being a leak.
+OBJECT_SLACK, OBJECT_SHARE = 40, 0.02
+OCTETS_SLACK = 64 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What is held when nothing is in force: traced octets, objects of each kind, tables."""
+
+    seconds: float
+    octets: int
+    objects: Counter[str]
+    holds: dict[str, Any]
+
+
+def grown(rests: list[Rest]) -> list[Check]:
+    """Memory and objects at the last rest against those at the middle one; not judged with fewer than six rests."""
+    if len(rests) < WARM_RESTS + 3:
+        told = f"{len(rests)} rests: too few to judge"
+        return [Check("memory flat", ok=None, told=told), Check("objects flat", ok=None, told=told)]
+    half = rests[max(WARM_RESTS, len(rests) // 2) :]
+    # one rest may hold a frame that another does not: only what all of the later ones have more of is growth
+    third = max(1, len(half) // 3)
+    before = max(rest.octets for rest in half[:third])
+    after = min(rest.octets for rest in half[-third:])
+    allowed = max(OCTETS_SLACK, int(before * MOST_GROWTH))
+    memory = Check(
+        "memory flat",
+        ok=after - before <= allowed,
+        told=f"{before / 1024:,.0f} to {after / 1024:,.0f} KiB from {half[0].seconds:.0f} to {half[-1].seconds:.0f} s",
+    )
+    more = []
+    for kind in half[-1].objects:
+        old = max(rest.objects[kind] for rest in half[:third])
+        new = min(rest.objects[kind] for rest in half[-third:])
+        if new > old + max(OBJECT_SLACK, int(old * OBJECT_SHARE)):
+            more.append(f"{kind} {old} -> {new}")
+    counted = sum(half[-1].objects.values())
+    return [memory, Check("objects flat", ok=not more, told=", ".join(more[:6]) or f"{counted:,} objects")]
+
+
+def _objects() -> Counter[str]:
+    kinds = Counter(map(type, gc.get_objects()))
+    # the module of some metaclasses' classes is no text
+    return Counter({
+        f"{kind.__module__}.{kind.__qualname__}": count
+        for kind, count in kinds.items()
+        if str(kind.__module__).startswith("pnfarm.") or kind in {dict, list, set, deque, tuple, partial}
+    })
+
+
+class _Line:
+    """A farm of all models and its controller, as :mod:`storm` looks at one."""
+
+    def __init__(self, drives: int) -> None:
+        self.log, self.plc_log = EventLog(quiet=True), EventLog(quiet=True)
+        config = parse_farm(farm_text(drives, "memory", "off"))
+        made = asyncio.run(controller_line.VirtualLine.create(config, log=self.log, plc_log=self.plc_log))
+        self.world, self.farm, self.plc = made.world, made.farm, made.plc
+        self.faults = self.farm.injections
+        self.faults._ended = deque(maxlen=ENDED_KEPT)
+        for log in (self.log, self.plc_log):
+            log._farm = deque(maxlen=ENTRIES_KEPT)
+            log._drives = {name: deque(maxlen=DRIVE_ENTRIES_KEPT) for name in self.names}
+
+    @property
+    def names(self) -> dict[str, str]:
+        return {station.configured_name: station.model.name for station in self.farm.stations}
+
+    def away(self) -> list[str]:
+        """Drives that are not in operation or exchange no data."""
+        return [
+            name
+            for name in self.names
+            if int(self.farm.station(name).handle.axis.drive.state) != 4
+            or self.farm.station(name).handle.axis.faults.code[0]
+            or not self.farm.station(name).device.connected
+            or not self.plc.exchanging(name)
+        ]
+
+
+class VirtualRun:
+    """``options``: hours, seed, drives, rate."""
+
+    def __init__(self, options: argparse.Namespace) -> None:
+        self.options = options
+        self.line = _Line(options.drives)
+        self.stream = Stream()
+        self.choices = Choices(options.seed, self.line.names, options.rate)
+        self.rng = Random(f"times/{options.seed}")
+        self.collector = FarmCollector(self.line.farm)
+        self.done: Counter[str] = Counter()
+        self.kinds: Counter[str] = Counter()
+        self.wrong: list[str] = []
+        self.rests: list[Rest] = []
+        self.scenarios: list[ScenarioRun] = []
+        self.due: list[tuple[int, str]] = []
+        self.before: dict[tuple[str, str], int] = {}
+        self.held: tuple[dict[str, Any], dict[str, Any]] | None = None
+        self.digest = 0
+        self.began = self.line.world.now
+
+    @property
+    def seconds(self) -> float:
+        return (self.line.world.now - self.began) / 1e9
+
+    def go(self, *, tell: bool = True) -> list[Check]:
+        self._bring_back(BACK_SECONDS)
+        self._read()
+        self.held = self._holds()
+        end = self.options.hours * 3600
+        while self.seconds < end:
+            until = min(end, self.seconds + ROUND_SECONDS)
+            while self.seconds < until:
+                self._act(self.choices.next())
+                self._pass(self.choices.pause())
+            checks = self._rest()
+            bad = [check for check in checks if check.ok is False]
+            if tell:
+                rest = self.rests[-1]
+                print(
+                    f"{rest.seconds / 60:6.1f} min  {rest.octets >> 10:,} KiB, {sum(rest.objects.values()):,} objects,"
+                    f" {sum(self.kinds.values())} faults, {self.stream.entries:,} events, {len(self.wrong)} wrong",
+                    flush=True,
+                )
+            if bad:
+                return [*checks, *self._always()]
+        return [*checks, *grown(self.rests), *self._always()]
+
+    def _always(self) -> list[Check]:
+        told = f"{sum(self.kinds.values()):,} faults of {len(self.kinds)} kinds; digest {self.digest:08x}"
+        return [
+            *self.stream.checks(self.line.log.newest),
+            Check("each request answered as it should", ok=not self.wrong, told="; ".join(self.wrong[:5]) or told),
+        ]
+
+    # -- time --------------------------------------------------------------------------------------------------------
+
+    def _pass(self, seconds: float) -> None:
+        """Let time pass, with what is due in it."""
+        world = self.line.world
+        end = world.now + round(seconds * 1e9)
+        while True:
+            now = world.now
+            for at, name in [entry for entry in self.due if entry[0] <= now]:
+                self.due.remove((at, name))
+                self._clear(name)
+            looks = [run.advance(now) for run in self.scenarios]
+            self.scenarios = [run for run in self.scenarios if not run.finished]
+            # a scenario that watches a condition looks each millisecond; here twenty are enough
+            looks = [max(at, now + 20_000_000) for at, run in zip(looks, self.scenarios, strict=False)]
+            self._read()
+            if now >= end:
+                return
+            following = min([end, *(at for at, _ in self.due), *looks])
+            world.run(max(following - now, 1) / 1e9)
+
+    def _read(self) -> None:
+        """What the event stream would send."""
+        log = self.line.log
+        while entries := log.entries(after=self.stream.last, most=64):
+            lost = entries[0].sequence - self.stream.last - 1
+            if lost > 0:
+                self.stream.message("gap", "", str(lost))
+                self.stream.last += lost
+            for entry in entries:
+                shown_as = entry.as_dict()
+                text = json.dumps(shown_as, default=str)
+                self.stream.message("", str(entry.sequence), text)
+                del shown_as["time"]
+                self.digest = zlib.crc32(json.dumps(shown_as, default=str).encode(), self.digest)
+
+    # -- harm --------------------------------------------------------------------------------------------------------
+
+    def _act(self, action: Action) -> None:
+        self.done[action.what] += 1
+        try:
+            self._carry_out(action)
+        except PnfarmError as exc:
+            self.done[f"{action.what} refused"] += 1
+            if action.refused is False:
+                self.wrong.append(f"{action} was refused: {exc}")
+        else:
+            if action.refused:
+                self.wrong.append(f"{action} was not refused")
+
+    def _carry_out(self, action: Action) -> None:
+        line, now, fields = self.line, self.line.world.now, action.fields
+        farm = line.farm
+        match action.what:
+            case "fault":
+                injection = line.faults.inject(fields, now)
+                self.kinds[injection.spec.kind.name] += 1
+                if injection.state.value != "ended":
+                    self.due.append((now + round(self.rng.expovariate(1 / HELD_SECONDS) * 1e9), injection.id))
+            case "invalid":
+                if not isinstance(fields, dict):
+                    raise ConfigError("the API takes an object")
+                line.faults.inject(fields, now)
+            case "dry-run":
+                line.faults.reach(fields)
+            case "clear":
+                if self.due:
+                    self._clear(self.due.pop(self.rng.randrange(len(self.due)))[1])
+            case "reset":
+                self.due.clear()
+                line.faults.clear(None, now)
+            case "power-cycle":
+                station = farm.station(action.drive)
+                station.power_cycle(now)
+                farm.settle(station, now)
+            case "write":
+                self._write(action.drive, fields["pnu"])
+            case "wrong-write":
+                if not isinstance(fields["value"], int):
+                    raise ConfigError("the API takes a whole number")
+                farm.station(action.drive).store.set(fields["pnu"], fields["value"])
+            case "trace":
+                self._trace(fields)
+            case "scenario":
+                self._scenario(fields["text"])
+            case "scrape":
+                self.collector.gather().text()
+            case "look":
+                station = farm.station(action.drive)
+                json.dumps(drive_snapshot(farm, station, now))
+                json.dumps(controller_view(farm, station, now))
+                json.dumps([injection.as_dict() for injection in line.faults.list()])
+                json.dumps([engine_snapshot(farm), line.plc.snapshot()])
+
+    def _clear(self, name: str) -> None:
+        try:
+            self.line.faults.clear(name, self.line.world.now)
+        except ConfigError:
+            self.done["clear of one that ended"] += 1
+
+    def _write(self, drive: str, pnu: str) -> None:
+        station = self.line.farm.station(drive)
+        if not station.powered:
+            return
+        parameter, subindex = station.model.resolve(pnu)
+        if (drive, pnu) in self.before and self.rng.random() < 0.5:
+            value = self.before.pop((drive, pnu))
+        else:
+            self.before.setdefault((drive, pnu), station.store.read(parameter.pnu, subindex)[0])
+            value = self.choices.value(parameter.minimum, parameter.maximum)
+        station.store.set(pnu, value)
+        self.line.farm.settle(station, self.line.world.now)
+
+    def _trace(self, fields: Any) -> None:
+        traces, now = self.line.farm.traces, self.line.world.now
+        for trace in traces.kept()[:-4]:
+            trace.recording().csv()
+            traces.delete(trace.id, now)
+        traces.start(fields, now, keep_ns=600_000_000_000)
+
+    def _scenario(self, text: str) -> None:
+        if len(self.scenarios) >= MOST_SCENARIOS:
+            return
+        farm = self.line.farm
+        models = {station.configured_name: station.model for station in farm.stations}
+        binding = bind_scenario(parse_scenario(text), models, fault_kinds())
+        self.scenarios.append(ScenarioRun(binding, farm, self.collector, self.line.world.now))
+
+    # -- rests -------------------------------------------------------------------------------------------------------
+
+    def _bring_back(self, seconds: float) -> bool:
+        world = self.line.world
+        end = world.now + round(seconds * 1e9)
+        while self.line.away() and world.now < end:
+            world.run(0.1)
+            self._read()
+        return not self.line.away()
+
+    def _holds(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        return of_farm(self.line.farm), of_controller(self.line.plc)
+
+    def _rest(self) -> list[Check]:
+        """Take everything back; then every drive is back and nothing is left."""
+        line = self.line
+        self.due.clear()
+        for run in self.scenarios:
+            run.cancel(line.world.now)
+        self.scenarios.clear()
+        for trace in line.farm.traces.kept():
+            line.farm.traces.delete(trace.id, line.world.now)
+        line.faults.clear(None, line.world.now)
+        self._bring_back(BACK_SECONDS)
+        for (drive, pnu), value in self.before.items():
+            station = line.farm.station(drive)
+            station.store.set(pnu, value)
+            line.farm.settle(station, line.world.now)
+        self.before.clear()
+        back = self._bring_back(BACK_SECONDS)
+        self._pass(CALM_SECONDS)
+        away = line.away()
+        told = [f"{name} {[entry.event for entry in line.log.entries(name)][-6:]}" for name in away[:3]]
+        checks = [Check("every drive in operation", ok=back and not away, told="; ".join(told) or f"{len(line.names)}")]
+        left = {name: value for name, value in left_behind(line).items() if "awaits" not in name}
+        checks.append(Check("nothing of the faults left", ok=not left, told=str(left) if left else "nothing"))
+        assert self.held is not None
+        for name, before, after in zip(("farm", "controller"), self.held, self._holds(), strict=True):
+            checks.append(same_as_before(name, before, after, SLACK))
+        gc.collect()
+        octets = tracemalloc.get_traced_memory()[0]
+        self.rests.append(Rest(self.seconds, octets, _objects(), kept(line)))
+        return checks
+
+
+def main(options: argparse.Namespace) -> int:
+    """0: everything held; 1: something did not."""
+    began = time.process_time()
+    tracemalloc.start()
+    try:
+        run = VirtualRun(options)
+        try:
+            checks = run.go()
+        except KeyboardInterrupt:
+            print("interrupted", file=sys.stderr)
+            return 130
+    finally:
+        tracemalloc.stop()
+    print(f"\n{shown(checks)}")
+    print(f"{run.seconds:.0f} s of virtual time in {time.process_time() - began:.0f} s of the processor's")
+    if options.out is not None:
+        report = {
+            "options": vars(options),
+            "checks": [{"name": check.name, "ok": check.ok, "told": check.told} for check in checks],
+            "actions": dict(run.done.most_common()),
+            "kinds": dict(run.kinds.most_common()),
+            "events": dict(run.stream.kinds.most_common()),
+            "wrong": run.wrong,
+            "rests": [{"seconds": r.seconds, "octets": r.octets, "objects": dict(r.objects), **r.holds} for r in run.rests],
+        }
+        options.out.write_text(json.dumps(report, indent=1, default=str) + "\n")
+    return 0 if all(check.ok is not False for check in checks) else 1
