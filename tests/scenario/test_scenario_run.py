@@ -126,6 +126,14 @@ def test_what_a_scenario_did_is_undone_at_its_end_and_noted() -> None:
     assert "power on" in [item["text"] for item in record["timeline"] if item.get("drive") == "axis-02"]
 
 
+def test_a_scenario_with_more_faults_than_the_farm_remembers_ends_with_its_verdict(monkeypatch) -> None:
+    monkeypatch.setattr("pnfarm.faults.manager.KEPT", 2)
+    fault = "      - fault: {kind: silence, on: axis-01, for: 10ms, as: w$round}\n"
+    record = run_steps(f"{UP}  - repeat:\n      times: 6\n      steps:\n  {fault}        - wait: 200ms\n")
+    assert record["verdict"] == "passed", told(record)
+    assert [fault["ended_seconds"] is not None for fault in record["faults"]] == [True] * 6
+
+
 def test_load_switches_drives_on_over_time() -> None:
     record = run_steps(
         UP

@@ -215,7 +215,7 @@ class Choices:
             {**good, "share": "0%"},
             {**good, "rate": "often", "for": "1s"},
             {**good, rng.randbytes(6).hex(): None},
-            {"kind": "loss", "on": drive, "probability": rng.choice([-0.1, 1.1, "often", None, []])},
+            {"kind": "loss", "on": drive, "probability": rng.choice([-0.1, 1.1, "often", []])},
             {"kind": "delay", "on": drive, "params": {"delay": rng.choice(["1h", "-1ms", "soon", 7])}},
             {"kind": "loss", "on": drive, "params": {"model": "burst", "burst": 0}},
             {"on": drive},
