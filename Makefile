@@ -16,7 +16,7 @@ PEERS := "industriagents-profinet-mcp" "uphy-upgen>=1.1,<2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-annotate --custom-compile-command "make lock"
 
-.PHONY: demo test lint install fuzz bench lock clean
+.PHONY: demo test lint install fuzz soak bench lock clean
 
 demo: $(STAMP)
 	@$(BIN)/pnfarm demo $(ARGS)
@@ -32,6 +32,9 @@ lint: $(LINT_STAMP)
 
 fuzz: $(TEST_STAMP)
 	$(BIN)/python -m tests.fuzz $(ARGS)
+
+soak: $(TEST_STAMP)
+	$(BIN)/python -m tests.soak $(ARGS)
 
 bench: $(STAMP)
 	$(BIN)/pnfarm bench $(ARGS)

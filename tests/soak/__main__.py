@@ -32,7 +32,9 @@ def _drives(text: str) -> int:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.soak", description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--hours", type=_positive, default=2.0, help="how long (default: 2); of virtual time with --virtual")
+    parser.add_argument(
+        "--hours", type=_positive, default=2.0, help="how long (default: 2); of virtual time with --virtual"
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--drives", type=_drives, default=None, help="1 to 200 (default: 64; 8 with --virtual)")
     parser.add_argument("--rate", type=_positive, default=1.5, help="actions a second (default: 1.5)")

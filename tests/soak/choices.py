@@ -235,7 +235,8 @@ class Choices:
     def _trace(self, drive: str) -> dict[str, Any]:
         rng = self._rng
         triggers = (
-            "now", "fault", "state changes", "velocity > 100", "disconnect", "injection", "zsw1.fault_present", "manual",
+            "now", "fault", "state changes", "velocity > 100", "disconnect", "injection", "zsw1.fault_present",
+            "manual",
         )  # fmt: skip
         signals = ("velocity", "zsw1.*", "state", "frame_age", "injected", "stw1", "fault", "following_error")
         return {

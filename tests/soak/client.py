@@ -14,6 +14,8 @@ from tests.soak.judge import Stream
 __all__ = ["Answer", "Api", "EventReader"]
 
 SECONDS = 30.0
+#: A connection that was idle for longer is not used again: the farm closes it after 5 s.
+IDLE_SECONDS = 2.0
 #: A proxy would close a quiet stream; the farm sends a comment each 15 s.
 STREAM_SECONDS = 60.0
 
@@ -44,21 +46,31 @@ class Api:
         self._connection: http.client.HTTPConnection | None = None
         self.failures: list[str] = []
         self.requests = 0
+        self._used = 0.0
 
     def __call__(self, method: str, path: str, body: Any = ...) -> Answer:
         """``body`` as JSON, None is ``null``; answers of 500 and above, and none at all, are noted as failures."""
         data = None if body is ... else json.dumps(body)
         self.requests += 1
+        if time.monotonic() - self._used > IDLE_SECONDS:
+            self.close()
+        answer = Answer(0, "")
         for attempt in range(2):
+            reused = self._connection is not None
             try:
                 answer = self._once(method, path, data)
                 break
+            except TimeoutError as exc:
+                self.close()
+                answer = Answer(0, f"TimeoutError: {exc}")
+                break
             except (OSError, http.client.HTTPException) as exc:
+                # a server closes a connection that was idle, in the very moment in which it is used again
                 self.close()
                 answer = Answer(0, f"{type(exc).__name__}: {exc}")
-                # a server may close a connection that was idle; only what changes nothing is sent again
-                if attempt or method != "GET":
+                if attempt or not reused:
                     break
+        self._used = time.monotonic()
         if answer.status >= 500 or not answer.status:
             self.failures.append(f"{method} {path} {(data or '')[:300]}: {answer.status} {answer.text[:300]}")
         return answer

@@ -1,4 +1,4 @@
-"""What a farm and a controller hold at a moment: rows of tables, frames that wait, timers, tasks; all cheap to count."""
+"""What a farm and a controller hold at a moment: table rows, frames that wait, timers, tasks; all cheap to count."""
 
 from __future__ import annotations
 

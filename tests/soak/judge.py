@@ -23,7 +23,9 @@ SHORTEST_SECONDS, FEWEST_SAMPLES = 600.0, 20
 ENDS_SECONDS = 300.0
 #: Lines and findings that are kept of a log, for the report.
 KEPT = 200
-_SUSPICIOUS = re.compile(r"traceback|internal error|unhandled|never retrieved|task exception|never awaited", re.IGNORECASE)
+_SUSPICIOUS = re.compile(
+    r"traceback|internal error|unhandled|never retrieved|task exception|never awaited", re.IGNORECASE
+)
 #: Levels that a fault on a drive may not cause.
 _BAD_LEVELS = ("error", "critical", "exception")
 
@@ -175,7 +177,9 @@ class Stream:
             Check(
                 "each injected fault ended",
                 ok=not ended,
-                told=f"{len(ended)} without an end: {', '.join(ended[:5])}" if ended else f"{self.kinds['fault injected']:,} began",
+                told=f"{len(ended)} without an end: {', '.join(ended[:5])}"
+                if ended
+                else f"{self.kinds['fault injected']:,} began",
             ),
         ]
 

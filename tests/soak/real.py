@@ -29,6 +29,7 @@ __all__ = ["RealRun", "main"]
 ROOT = Path(__file__).resolve().parents[2]
 PORT = 8702
 V1 = "/api/v1"
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 #: Between two samples, two lines on the terminal, two rests.
 SAMPLE_SECONDS, TOLD_SECONDS, REST_SECONDS = 10.0, 60.0, 600.0
 #: A start may compile; after a rest's reset every drive is back within this time, on a machine that others use.
@@ -39,7 +40,14 @@ HELD_SECONDS = 15.0
 SLACK = {"threads": 8, "files": 12, "garbage": 0, "replies kept": 1 << 30, "calls": 0, "searches": 0, "traces": 0,
          "fault timers": 0}  # fmt: skip
 #: Tasks that serve requests and streams: they come and go.
-PASSING_TASKS = ("RequestResponseCycle", "Throttle", "event_stream", "StreamingResponse", "listen_for_disconnect", "wrap")
+PASSING_TASKS = (
+    "RequestResponseCycle",
+    "Throttle",
+    "event_stream",
+    "StreamingResponse",
+    "listen_for_disconnect",
+    "wrap",
+)
 CALM = ("fault", "connection", "impair", "gate", "held frames", "provider rows", "consumer rows", "log subscribers")
 
 
@@ -154,10 +162,7 @@ class RealRun:
 
     def close(self) -> None:
         """Whatever happened, nothing stays."""
-        for name in ("reader",):
-            if hasattr(self, name):
-                getattr(self, name).stop()
-        for name in ("plc", "farm"):
+        for name in ("reader", "plc", "farm"):
             if hasattr(self, name):
                 getattr(self, name).stop()
         self.api.close()
@@ -322,7 +327,7 @@ class RealRun:
 
     def _trace(self, fields: Any) -> Answer:
         answer = self.api("POST", f"{V1}/traces", fields)
-        if answer.status == 422 or answer.status == 409 or answer.status == 400:
+        if answer.refused:
             kept = self.api("GET", f"{V1}/traces").json()["traces"]
             if len(kept) > 8:
                 for trace in kept[:4]:
@@ -380,7 +385,9 @@ class RealRun:
         self._sample()
         self._settled(last=True)
         away = self._away()
-        self.checks.append(Check("every drive in operation", ok=not away, told=self._described() if away else f"{self.options.drives}"))
+        self.checks.append(
+            Check("every drive in operation", ok=not away, told=self._described() if away else f"{self.options.drives}")
+        )
         faults = self.api("GET", f"{V1}/faults").json()["faults"]
         self.checks.append(Check("no fault left", ok=not faults, told=", ".join(f["id"] for f in faults[:5]) or "none"))
         for series in ("rss", "blocks"):
@@ -393,7 +400,9 @@ class RealRun:
         self.reader.stop()
         failures = [*self.api.failures, *self.wrong]
         told = f"{self.api.requests:,} requests, {sum(self.kinds.values()):,} faults of {len(self.kinds)} kinds"
-        self.checks.append(Check("each request answered as it should", ok=not failures, told="; ".join(failures[:5]) or told))
+        self.checks.append(
+            Check("each request answered as it should", ok=not failures, told="; ".join(failures[:5]) or told)
+        )
 
     def _newest(self) -> int:
         text = self.api("GET", f"{V1}/events?follow=false&after={max(0, self.stream.last - 1)}").text
@@ -420,10 +429,13 @@ class RealRun:
             (newest[f"{side.name} cpu"] - first[f"{side.name} cpu"]) / spent if spent else 0.0
             for side in (self.farm, self.plc)
         ]
+        sides = ", ".join(
+            f"{side.name} {newest[f'{side.name} rss'] >> 10:,} KiB {newest[f'{side.name} blocks']:,} blocks"
+            for side in (self.farm, self.plc)
+        )
         print(
-            f"{newest['seconds'] / 60:6.1f} min  farm {newest['farm rss'] >> 10:,} KiB {newest['farm blocks']:,} blocks,"
-            f" controller {newest['controller rss'] >> 10:,} KiB {newest['controller blocks']:,} blocks,"
-            f" {sum(self.kinds.values())} faults, {self.stream.entries:,} events, {newest['farm holds']['faults']} in force,"
+            f"{newest['seconds'] / 60:6.1f} min  {sides}, {sum(self.kinds.values())} faults,"
+            f" {newest['farm holds']['faults']} in force, {self.stream.entries:,} events,"
             f" cpu {cpu[0]:.0%} + {cpu[1]:.0%}, {len(self.api.failures) + len(self.wrong)} wrong",
             flush=True,
         )
@@ -465,8 +477,19 @@ def _processor_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
+def _interrupt(number: int, frame: object) -> None:
+    del frame
+    # once: what follows is the clean-up
+    for each in STOP_SIGNALS:
+        signal.signal(each, signal.SIG_IGN)
+    raise KeyboardInterrupt(signal.Signals(number).name)
+
+
 def main(options: argparse.Namespace) -> int:
-    """0: everything held; 1: something did not; 4: this machine has no namespace for it."""
+    """0: everything held; 1: something did not; 130: a signal ended it."""
+    for number in STOP_SIGNALS:
+        # also where a shell had it ignored, as behind an &
+        signal.signal(number, _interrupt)
     with tempfile.TemporaryDirectory(prefix="pnfarm-soak-") as name:
         run = RealRun(options, Path(name))
         code = 1

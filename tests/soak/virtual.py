@@ -1,7 +1,7 @@
 """The same in virtual time: farm and controller in this process; a seed makes the same run again, entry for entry.
 
-What is kept of what is over (ended faults, the event log) is bounded, but by numbers that only hours fill: here the
-bounds are small, so that minutes show whether anything else grows.
+What is kept of what is over (ended faults, the event log) is bounded, but by numbers that only hours fill: each rest
+empties them, so that minutes show whether anything else grows.
 """
 
 # ruff: noqa: T201 - what it prints is its answer
@@ -18,7 +18,7 @@ import tracemalloc
 import zlib
 from collections import Counter, deque
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from random import Random
 from typing import Any
 
@@ -30,6 +30,7 @@ from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.farm.controller_view import controller_view
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot
+from pnfarm.faults.connection import CONNECTION
 from pnfarm.metrics import FarmCollector
 from pnfarm.scenario.binding import bind_scenario
 from pnfarm.scenario.file import parse_scenario
@@ -45,25 +46,27 @@ __all__ = ["Rest", "VirtualRun", "grown", "main"]
 ROUND_SECONDS, CALM_SECONDS, BACK_SECONDS = 20.0, 30.0, 60.0
 #: A fault without an end of its own is cleared after this time, on average.
 HELD_SECONDS = 8.0
-#: Bounds of what is kept of what is over.
-ENDED_KEPT, ENTRIES_KEPT, DRIVE_ENTRIES_KEPT = 16, 512, 16
 #: What may be less at a rest than at the start, where some of the start-up was left.
 SLACK = {"searches": 0, "calls": 0, "replies kept": 0}
+#: The log is read so often that a storm of alarms does not overrun it.
+READ_NS = 100_000_000
 #: Scenarios at work at once.
 MOST_SCENARIOS = 2
 #: Rests before memory is compared: the first ones fill what is bounded.
 WARM_RESTS = 3
 #: What one kind of object, or its number in the second half, may differ by without being a leak.
 OBJECT_SLACK, OBJECT_SHARE = 40, 0.02
-OCTETS_SLACK = 64 * 1024
+#: The same for memory: octets if it is traced, otherwise blocks of the interpreter.
+OCTETS_SLACK, BLOCKS_SLACK = 64 * 1024, 3000
 
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """What is held when nothing is in force: traced octets, objects of each kind, tables."""
+    """What is held when nothing is in force: memory (octets if ``traced``, otherwise blocks), objects, tables."""
 
     seconds: float
-    octets: int
+    memory: int
+    traced: bool
     objects: Counter[str]
     holds: dict[str, Any]
 
@@ -76,13 +79,14 @@ def grown(rests: list[Rest]) -> list[Check]:
     half = rests[max(WARM_RESTS, len(rests) // 2) :]
     # one rest may hold a frame that another does not: only what all of the later ones have more of is growth
     third = max(1, len(half) // 3)
-    before = max(rest.octets for rest in half[:third])
-    after = min(rest.octets for rest in half[-third:])
-    allowed = max(OCTETS_SLACK, int(before * MOST_GROWTH))
+    before = max(rest.memory for rest in half[:third])
+    after = min(rest.memory for rest in half[-third:])
+    allowed = max(OCTETS_SLACK if half[0].traced else BLOCKS_SLACK, int(before * MOST_GROWTH))
+    unit = "octets" if half[0].traced else "blocks"
     memory = Check(
         "memory flat",
         ok=after - before <= allowed,
-        told=f"{before / 1024:,.0f} to {after / 1024:,.0f} KiB from {half[0].seconds:.0f} to {half[-1].seconds:.0f} s",
+        told=f"{before:,} to {after:,} {unit} from {half[0].seconds:.0f} to {half[-1].seconds:.0f} s",
     )
     more = []
     for kind in half[-1].objects:
@@ -94,14 +98,21 @@ def grown(rests: list[Rest]) -> list[Check]:
     return [memory, Check("objects flat", ok=not more, told=", ".join(more[:6]) or f"{counted:,} objects")]
 
 
-def _objects() -> Counter[str]:
-    kinds = Counter(map(type, gc.get_objects()))
+@cache
+def _counted(kind: type) -> str:
+    """The name under which a class is counted, "" if it is not; names are made once, so that rests cost little."""
     # the module of some metaclasses' classes is no text
-    return Counter({
-        f"{kind.__module__}.{kind.__qualname__}": count
-        for kind, count in kinds.items()
-        if str(kind.__module__).startswith("pnfarm.") or kind in {dict, list, set, deque, tuple, partial}
-    })
+    if str(kind.__module__).startswith("pnfarm.") or kind in {dict, list, set, deque, tuple, partial}:
+        return f"{kind.__module__}.{kind.__qualname__}"
+    return ""
+
+
+def _objects() -> Counter[str]:
+    found: Counter[str] = Counter()
+    for kind, count in Counter(map(type, gc.get_objects())).items():
+        if name := _counted(kind):
+            found[name] += count
+    return found
 
 
 class _Line:
@@ -113,10 +124,18 @@ class _Line:
         made = asyncio.run(controller_line.VirtualLine.create(config, log=self.log, plc_log=self.plc_log))
         self.world, self.farm, self.plc = made.world, made.farm, made.plc
         self.faults = self.farm.injections
-        self.faults._ended = deque(maxlen=ENDED_KEPT)
+
+    def forget(self) -> None:
+        """Empty what is kept of what is over."""
+        self.faults._ended.clear()
         for log in (self.log, self.plc_log):
-            log._farm = deque(maxlen=ENTRIES_KEPT)
-            log._drives = {name: deque(maxlen=DRIVE_ENTRIES_KEPT) for name in self.names}
+            for entries in (log._farm, *log._drives.values()):
+                entries.clear()
+        for name in self.names:
+            # each keeps the state machines that it saw last: one earlier life of a drive that has booted
+            drive = self.faults.drive(name)
+            drive.refresh(self.world.now)
+            drive.part(CONNECTION).now()
 
     @property
     def names(self) -> dict[str, str]:
@@ -174,7 +193,7 @@ class VirtualRun:
             if tell:
                 rest = self.rests[-1]
                 print(
-                    f"{rest.seconds / 60:6.1f} min  {rest.octets >> 10:,} KiB, {sum(rest.objects.values()):,} objects,"
+                    f"{rest.seconds / 60:6.1f} min  {rest.memory >> 10:,} KiB, {sum(rest.objects.values()):,} objects,"
                     f" {sum(self.kinds.values())} faults, {self.stream.entries:,} events, {len(self.wrong)} wrong",
                     flush=True,
                 )
@@ -207,7 +226,7 @@ class VirtualRun:
             self._read()
             if now >= end:
                 return
-            following = min([end, *(at for at, _ in self.due), *looks])
+            following = min([end, now + READ_NS, *(at for at, _ in self.due), *looks])
             world.run(max(following - now, 1) / 1e9)
 
     def _read(self) -> None:
@@ -356,9 +375,12 @@ class VirtualRun:
         assert self.held is not None
         for name, before, after in zip(("farm", "controller"), self.held, self._holds(), strict=True):
             checks.append(same_as_before(name, before, after, SLACK))
+        self._read()
+        line.forget()
         gc.collect()
-        octets = tracemalloc.get_traced_memory()[0]
-        self.rests.append(Rest(self.seconds, octets, _objects(), kept(line)))
+        traced = tracemalloc.is_tracing()
+        memory = tracemalloc.get_traced_memory()[0] if traced else sys.getallocatedblocks()
+        self.rests.append(Rest(self.seconds, memory, traced, _objects(), kept(line)))
         return checks
 
 
@@ -385,7 +407,9 @@ def main(options: argparse.Namespace) -> int:
             "kinds": dict(run.kinds.most_common()),
             "events": dict(run.stream.kinds.most_common()),
             "wrong": run.wrong,
-            "rests": [{"seconds": r.seconds, "octets": r.octets, "objects": dict(r.objects), **r.holds} for r in run.rests],
+            "rests": [
+                {"seconds": r.seconds, "octets": r.memory, "objects": dict(r.objects), **r.holds} for r in run.rests
+            ],
         }
         options.out.write_text(json.dumps(report, indent=1, default=str) + "\n")
     return 0 if all(check.ok is not False for check in checks) else 1

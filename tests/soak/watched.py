@@ -6,7 +6,9 @@
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import json
+import signal
 import sys
 import threading
 import time
@@ -15,6 +17,7 @@ from typing import Any
 
 from tests.soak.holdings import of_controller, of_farm, of_process
 
+_PR_SET_PDEATHSIG = 1
 #: Objects of the program, noted when it makes them.
 _made: dict[str, Any] = {}
 
@@ -52,6 +55,8 @@ def _write(file: Path, seconds: float) -> None:
 
 def main() -> None:
     file, seconds, *arguments = sys.argv[1:]
+    # the run may be killed, and nothing of it is to stay
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
     _note_cores()
     threading.Thread(target=_write, args=(Path(file), float(seconds)), daemon=True).start()
     sys.argv = ["pnfarm", *arguments]
