@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import socket
-import time
 from typing import TYPE_CHECKING, Any
 
 import anyio
@@ -165,7 +164,7 @@ async def serve_farm(
         task_status.started(("", 0))
         return
     token = token_of(farm.config)
-    app = make_app(farm.core, poke=farm.driver.poke, token=token.value, read_token=token.read)
+    app = make_app(farm.core, now=farm.now, poke=farm.driver.poke, token=token.value, read_token=token.read)
     token_place: dict[str, str] = {}
     if token.file is not None:
         token_place["token_file"] = str(token.file)
@@ -175,7 +174,7 @@ async def serve_farm(
     def up(address: tuple[str, int]) -> None:
         host, port = address
         url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
-        farm.log.record(time.monotonic_ns(), "", ApiListening(url, **token_place))
+        farm.log.record(farm.now(), "", ApiListening(url, **token_place))
         task_status.started(address)
 
     try:

@@ -190,7 +190,12 @@ def _local(
     from pnfarm.scenario.slices import failure_windows, slice_capture
 
     if not virtual and config.link is not None and config.link.kind == "memory":
-        raise ConfigError("the farm is on a memory link, which runs in virtual time here: add --virtual")
+        if config.controller is None:
+            raise ConfigError(
+                "on a memory link the farm needs its own controller: add a `controller:` section to its file"
+            )
+        if pcap is not None:
+            raise ConfigError("a memory link has no interface to capture from in real time: add --virtual")
 
     def passing(run: ScenarioRun, now: int) -> str:
         progress.passing(run, now)

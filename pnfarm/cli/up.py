@@ -272,11 +272,14 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
     from pnfarm.api.server import listen
     from pnfarm.api.token import token_of
     from pnfarm.cli.running import compile_ahead, stop_on_signals
+    from pnfarm.controller.beside import ControllerBeside
     from pnfarm.farm.capture import prepare
     from pnfarm.farm.farm import Farm
+    from pnfarm.station.event_log import EventLog
 
     token_of(config)  # report a capture file that cannot be created before any interface is made
     farm = Farm(config, capture=capture)
+    ControllerBeside(farm, log=EventLog())
     if (section := config.api) is not None:
         # report a port in use before the drives send anything: another farm may have the same drives on the wire
         farm.on_start.append(lambda _: listen(section.host, section.port).close())

@@ -41,7 +41,7 @@ class TapLink(Section):
 
 
 class MemoryLink(Section):
-    """No network: drives and controller in one process, in virtual time."""
+    """No network and no rights: the drives and the file's controller in one process, on one clock."""
 
     kind: Literal["memory"]
 

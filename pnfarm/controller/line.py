@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import asyncio
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.controller import ControllerHost
 from pnfarm.config.ip import IpController
@@ -20,16 +22,78 @@ from pnfarm.links.pcap import PcapLink
 from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from pnfarm.buses.controller import Controller
     from pnfarm.controller.axis_program import AxisProgram
+    from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.links.base import Link
     from pnfarm.links.memory import MemoryLink
 
-__all__ = ["VirtualLine"]
+__all__ = ["JoinedController", "VirtualLine", "join_controller"]
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedController:
+    """A controller in a world; ``programs``: the users' programs of its axes, None where the file has none."""
+
+    plc: Controller
+    programs: ProgramRunner | None
+    link: MemoryLink
+
+    def summary(self) -> list[dict[str, Any]]:
+        """Its drives, as rows of ``pnfarm plc --json``."""
+        programs = self.programs
+        return [
+            row | {"program": None if programs is None else programs.snapshot(row["name"])}
+            for row in self.plc.snapshot()
+        ]
+
+    async def close(self) -> None:
+        """End the users' programs, and leave the world's switch."""
+        if self.programs is not None:
+            await asyncio.to_thread(self.programs.close)
+        await self.link.close()
+
+
+async def join_controller(
+    world: VirtualWorld,
+    config: FarmConfig,
+    drives: Sequence[DriveConfig],
+    log: EventLog,
+    program: type[AxisProgram] | None = None,
+) -> JoinedController | None:
+    """Put the file's controller into a world that has its farm already, and power it on; None where it has none.
+
+    ``program`` replaces the file of a program of one's own.  Raises :class:`ConfigError` for one that needs a network.
+    """
+    section = config.controller
+    if section is None:
+        return None
+    mac = controller_mac(config)
+    if isinstance(section, IpController) and (mac is None or section.ip is None):
+        raise ConfigError("a controller in memory needs `ip`, and no `interface`")
+    link = world.link()
+    (port,) = await link.open([PortSpec(section.name, mac or b"")])
+    bus, plan = plan_controller(config, drives)
+    plc = bus.controller(plan, ControllerHost(link, port, log, seed=b"plc", lldp=config.lldp))
+    kind, runner = program or program_of(config), None
+    if kind is not None:
+        runner = ProgramRunner(
+            plc.columns,
+            plan.devices,
+            kind,
+            log.record,
+            limit_ns=section.program.limit_ns,
+            in_real_time=False,
+            call_ns=section.program.call_time_ns,
+        )
+    world.join(plc if runner is None else ProgrammedNode(plc, runner), [port])
+    plc.start(world.now)
+    return JoinedController(plc, runner, link)
 
 
 class VirtualLine:
@@ -101,30 +165,9 @@ class VirtualLine:
         )
         world.join(farm, ports)
         farm.start(world.now)
-        section = config.controller
-        if section is None:
+        joined = await join_controller(world, config, drives, plc_log or EventLog(quiet=True), program)
+        if joined is None:
             return cls(config, world, farm, link, None)
-        mac = controller_mac(config)
-        if isinstance(section, IpController) and (mac is None or section.ip is None):
-            raise ConfigError("a controller in memory needs `ip`, and no `interface`")
-        plc_link = world.link()
-        (port,) = await plc_link.open([PortSpec(section.name, mac or b"")])
-        bus, plan = plan_controller(config, drives)
-        records = plc_log or EventLog(quiet=True)
-        plc = bus.controller(plan, ControllerHost(plc_link, port, records, seed=b"plc", lldp=config.lldp))
-        kind, runner = program or program_of(config), None
-        if kind is not None:
-            runner = ProgramRunner(
-                plc.columns,
-                plan.devices,
-                kind,
-                records.record,
-                limit_ns=section.program.limit_ns,
-                in_real_time=False,
-                call_ns=section.program.call_time_ns,
-            )
-        world.join(plc if runner is None else ProgrammedNode(plc, runner), [port])
-        plc.start(world.now)
-        line = cls(config, world, farm, link, plc)
-        line.programs = runner
+        line = cls(config, world, farm, link, joined.plc)
+        line.programs = joined.programs
         return line

@@ -12,6 +12,7 @@ import anyio
 
 from pnfarm.buses.controller import ControllerHost
 from pnfarm.config.links import MacvlanLink as MacvlanSection
+from pnfarm.config.links import MemoryLink as MemorySection
 from pnfarm.config.links import TapLink as TapSection
 from pnfarm.config.links import VethLink as VethSection
 from pnfarm.controller.plan import plan_controller
@@ -70,6 +71,11 @@ def _link(config: FarmConfig, interface: str | None, owner: str) -> Link:
             if wanted.bridge is None:
                 raise ConfigError("TAPs without a bridge reach no other station; give `link: {kind: tap, bridge: br0}`")
             return TapLink(owner, bridge=wanted.bridge)
+        case MemorySection():
+            raise ConfigError(
+                "on a memory link the controller runs in the farm's own process: `pnfarm up FILE` starts both; "
+                "a controller beside it needs a veth link"
+            )
         case _:
             raise ConfigError(
                 "the file names no interface for the controller; give `controller: {interface: ...}` or --interface"

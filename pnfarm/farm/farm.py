@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Self
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import MacvlanLink as MacvlanSection
+from pnfarm.config.links import MemoryLink as MemorySection
 from pnfarm.config.links import TapLink as TapSection
 from pnfarm.config.links import VethLink as VethSection
 from pnfarm.drives.behaviour import with_behaviour
@@ -32,9 +33,11 @@ from pnfarm.farm.events import CaptureStarted, FarmStarted, FarmStopped, RealTim
 from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
 from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.injections import add_impairments
+from pnfarm.farm.memory import MemoryDriver
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.state import FarmState
 from pnfarm.farm.tracing import FarmTrace, trace_fields
+from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link
 from pnfarm.links.interfaces import remove_leftovers, remove_leftovers_now
@@ -45,14 +48,14 @@ from pnfarm.links.veth import VethLink
 from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Awaitable, Callable, Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
 
     from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.model import Model
     from pnfarm.faults.manager import Injection, InjectionManager
-    from pnfarm.links.base import Link
+    from pnfarm.links.base import Link, Port
     from pnfarm.station.events import Event
 
 #: Up to this many drives the kernel stamps every frame unless the file says otherwise: 5 % of a frame's cost.
@@ -71,7 +74,7 @@ def model_of(config: DriveConfig) -> Model:
 def make_link(config: FarmConfig) -> Link:
     """The link that a farm file requests, not open yet.
 
-    Raises :class:`ConfigError` for one that has no real interfaces.
+    Raises :class:`ConfigError` for one without interfaces: in memory, a farm makes its own.
     """
     name, section = config.farm or "farm", config.link
     match section:
@@ -84,7 +87,11 @@ def make_link(config: FarmConfig) -> Link:
         case None:
             raise ConfigError("the file has no link; add for example `link: {kind: macvlan, parent: eth1}`")
         case _:
-            raise ConfigError(f"a {section.kind} link runs in tests and in the demo only; use macvlan, veth or tap")
+            raise ConfigError(f"a {section.kind} link has no interfaces; use macvlan, veth or tap")
+
+
+def _in_memory(config: FarmConfig) -> bool:
+    return isinstance(config.link, MemorySection)
 
 
 def realtime_settings(config: FarmConfig, drives: int) -> RealTimeSettings:
@@ -112,7 +119,7 @@ class DriveHandle:
         """State, telegram, controller, motor; as ``GET drives/{name}`` gives it."""
         from pnfarm.farm.snapshot import drive_snapshot  # noqa: PLC0415 - snapshots look at farms, farms need none
 
-        return drive_snapshot(self.farm.core, self.farm.core.station(self.name), time.monotonic_ns())
+        return drive_snapshot(self.farm.core, self.farm.core.station(self.name), self.farm.now())
 
     async def fault(self, kind: str, **fields: Any) -> Injection:
         """Inject something into this drive: ``fault("loss", probability=0.1)``, ``fault("f702", **{"for": "2s"})``.
@@ -138,15 +145,26 @@ class Farm:
         self._capture_settings = capture
         #: The running or last capture.
         self.capture: FarmCapture | None = None
-        self.link = link or make_link(config)
+        #: The farm and its controller in memory; None on a link with interfaces.
+        self.world = VirtualWorld(time.monotonic_ns()) if link is None and _in_memory(config) else None
+        if self.world is not None and capture is not None:
+            raise ConfigError(
+                "a memory link has no interface to capture from: use a veth link, or run a scenario in virtual time "
+                "(`pnfarm run SCENARIO --virtual --pcap FILE`)"
+            )
+        self.link = link or (make_link(config) if self.world is None else self.world.link())
         self.drives = expand(config)
         self._lock = FarmLock(config.farm or "farm", config.state_directory)
         self._state: FarmState | None = None
-        self._driver: RealTimeDriver | None = None
+        self._driver: RealTimeDriver | MemoryDriver | None = None
         self._core: FarmCore | None = None
         self.started_ns = 0
         #: Called before the engine starts, with the core.
         self.on_start: list[Callable[[FarmCore], None]] = []
+        #: Called with the world of a farm in memory: what joins it beside the drives.
+        self.on_world: list[Callable[[VirtualWorld], Awaitable[None]]] = []
+        #: Called when the farm has stopped, or could not start.
+        self.on_close: list[Callable[[], Awaitable[None]]] = []
 
     @classmethod
     def from_file(cls, path: str | Path, **overrides: Any) -> Self:
@@ -161,10 +179,14 @@ class Farm:
         return self._core
 
     @property
-    def driver(self) -> RealTimeDriver:
+    def driver(self) -> RealTimeDriver | MemoryDriver:
         if self._driver is None:
             raise ConfigError("the farm is not running: use it inside `async with`")
         return self._driver
+
+    def now(self) -> int:
+        """The farm's time, ns: the machine's, or that of its world in memory."""
+        return self.driver.now()
 
     def drive(self, name: str) -> DriveHandle:
         self.core.station(name)
@@ -177,13 +199,13 @@ class Farm:
 
     def inject(self, fields: Mapping[str, Any]) -> Injection:
         """Put an injection in force; ``fields`` as in a scenario's ``fault:`` step.  Raises :class:`ConfigError`."""
-        injection = self.injections.inject(fields, time.monotonic_ns())
+        injection = self.injections.inject(fields, self.now())
         self.driver.poke()
         return injection
 
     def clear_injections(self, injection_id: str | None = None) -> list[Injection]:
         """End one injection, or all; returns those that ended.  Raises :class:`ConfigError` for an unknown id."""
-        cleared = self.injections.clear(injection_id, time.monotonic_ns())
+        cleared = self.injections.clear(injection_id, self.now())
         self.driver.poke()
         return cleared
 
@@ -206,7 +228,10 @@ class Farm:
         self._lock.acquire()
         try:
             self._make_capture()
-            await remove_leftovers(self.config.farm or "farm")
+            if self.world is None:
+                await remove_leftovers(self.config.farm or "farm")
+            else:
+                self.world.clock.now = time.monotonic_ns()
             self._state = FarmState(self.config.state_directory)
             ports = await self.link.open([PortSpec(drive.name, drive.mac) for drive in self.drives])
             if self.capture is not None:
@@ -220,23 +245,32 @@ class Farm:
                 memory=self._state,
                 log=self.log,
                 seed=os.urandom(16),
-                clock=time.monotonic_ns,
+                clock=time.monotonic_ns if self.world is None else self.world.clock,
                 lldp=self.config.lldp,
             )
             for action in self.on_start:
                 action(self._core)
-            self._driver = RealTimeDriver(
-                self._core, realtime_settings(self.config, len(self.drives)), lateness=self._core.lateness
-            )
-            now = time.monotonic_ns()
+            now = await self._make_driver(self._core, ports)
             add_impairments(self._core.injections, self.drives, now)
             self._core.start(now)
-            await self._driver.start()
+            await self.driver.start()
             self.started_ns = now
             self._report(now)
         except BaseException:
             await self.close()
             raise
+
+    async def _make_driver(self, core: FarmCore, ports: Sequence[Port]) -> int:
+        """What lets time pass; returns the farm's time at its start."""
+        if self.world is None:
+            settings = realtime_settings(self.config, len(self.drives))
+            self._driver = RealTimeDriver(core, settings, lateness=core.lateness)
+            return time.monotonic_ns()
+        self.world.join(core, ports)
+        for join in self.on_world:
+            await join(self.world)
+        self._driver = MemoryDriver(self.world)
+        return self.world.now
 
     def _make_capture(self) -> None:
         """Called before any interface is made, so that an unwritable file is reported before the drives send."""
@@ -270,13 +304,15 @@ class Farm:
         """Stop, notify the controllers, and remove every interface that the farm created."""
         try:
             if self._core is not None and self._driver is not None:
-                now = time.monotonic_ns()
+                now = self.now()
                 self._core.stop(now)
                 self.log.record(now, "", FarmStopped())
             if self._driver is not None:
                 await self._driver.close()
         finally:
             try:
+                for action in self.on_close:
+                    await action()
                 if self.capture is not None:
                     await asyncio.to_thread(self.capture.stop)
                 await self.link.close()

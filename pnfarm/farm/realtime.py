@@ -111,6 +111,10 @@ class RealTimeDriver:
         if self._failed is not None and not self._failed.done():
             self._failed.cancel()
 
+    def now(self) -> int:
+        """The farm's time, ns: the machine's."""
+        return time.monotonic_ns()
+
     def poke(self) -> None:
         """The node was changed from outside: process the consequences now."""
         self._guard(self._service)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import time
 from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.errors import ConfigError, RemoteError
@@ -56,7 +55,7 @@ class FarmTrace:
 
     def fire(self) -> None:
         """Trigger it now."""
-        self._farm.core.traces.fire(self.trace.id, time.monotonic_ns())
+        self._farm.core.traces.fire(self.trace.id, self._farm.now())
 
     async def complete(self, within: float | None = None) -> Recording:
         """Wait for the last sample; raises :class:`RemoteError` if it has not come ``within`` so many seconds."""
@@ -76,7 +75,7 @@ class FarmTrace:
         return trace.recording()
 
     async def __aenter__(self) -> Self:
-        self._trace = self._farm.core.traces.start(self._fields, time.monotonic_ns())
+        self._trace = self._farm.core.traces.start(self._fields, self._farm.now())
         self._farm.driver.poke()
         return self
 
@@ -84,4 +83,4 @@ class FarmTrace:
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._trace is not None and not self._trace.deleted:
-            self._farm.core.traces.delete(self._trace.id, time.monotonic_ns())
+            self._farm.core.traces.delete(self._trace.id, self._farm.now())

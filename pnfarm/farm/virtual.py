@@ -51,8 +51,8 @@ class VirtualWorld:
     Make links with :meth:`link`, nodes on their ports, then :meth:`join` them and :meth:`run`.
     """
 
-    def __init__(self) -> None:
-        self.clock = VirtualClock()
+    def __init__(self, begin_ns: int = EPOCH_NS) -> None:
+        self.clock = VirtualClock(begin_ns)
         self.switch = MemorySwitch()
         self._nodes: list[Node] = []
         #: For each node: its table, and the field that counts its events.

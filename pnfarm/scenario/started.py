@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import anyio
 
+from pnfarm.controller.beside import ControllerBeside
 from pnfarm.farm.capture import prepare
 from pnfarm.farm.farm import Farm
 from pnfarm.metrics import FarmCollector
@@ -52,13 +53,21 @@ async def run_started(
 ) -> Outcome:
     """The controller is the one on the wire: a PLC, or ``pnfarm plc`` in another process.
 
+<<<<<<< HEAD
     ``passing`` as of :func:`.carry_out`; ``before`` is called before the farm starts, once it is known that it may.
+=======
+    The controller is the one on the wire: a PLC, or ``pnfarm plc`` in another process; on a memory link the file's.
+>>>>>>> 067297a (A farm on a memory link runs in real time with its controller, without any privilege)
     """
     # what happens is in the record; on the terminal is the scenario's progress
     farm = Farm(config, log=EventLog(quiet=True), capture=capture)
     farm.check_rights()
+<<<<<<< HEAD
     if before is not None:
         await before()
+=======
+    ControllerBeside(farm)
+>>>>>>> 067297a (A farm on a memory link runs in real time with its controller, without any privilege)
     collectors: list[FarmCollector] = []
 
     def listen(core: FarmCore) -> None:
@@ -69,7 +78,7 @@ async def run_started(
         prepare()
     failures: list[Exception] = []
     async with farm:
-        now = time.monotonic_ns()
+        now = farm.now()
         epoch = time.time_ns()
         lateness = FarmLateness(farm.core, binding.scenario.budget_ns, now)
         run = ScenarioRun(binding, farm.core, collectors[0], now, lateness=lateness, traced=traced, tell=tell)
@@ -82,8 +91,13 @@ async def run_started(
                 run.cancel(time.monotonic_ns(), f"the farm ended: {error}", broken=True)
 
         async with anyio.create_task_group() as tasks:
+<<<<<<< HEAD
             tasks.start_soon(watch_farm)
             await carry_out(run, farm.core, farm.driver.poke, passing=passing)
+=======
+            tasks.start_soon(farm.wait)
+            await carry_out(run, farm.core, farm.driver.poke, farm.now)
+>>>>>>> 067297a (A farm on a memory link runs in real time with its controller, without any privilege)
             tasks.cancel_scope.cancel()
         collectors[0].close()
     return Outcome(run.record.as_dict(), epoch, failures[0] if failures else None)
