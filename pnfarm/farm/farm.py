@@ -15,6 +15,8 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
+import anyio
+
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import MacvlanLink as MacvlanSection
@@ -188,6 +190,10 @@ class Farm:
         """The farm's time, ns: the machine's, or that of its world in memory."""
         return self.driver.now()
 
+    def poke(self) -> None:
+        """The farm was changed from outside: process the consequences now."""
+        self.driver.poke()
+
     def drive(self, name: str) -> DriveHandle:
         self.core.station(name)
         return DriveHandle(self, name)
@@ -257,7 +263,8 @@ class Farm:
             self.started_ns = now
             self._report(now)
         except BaseException:
-            await self.close()
+            with anyio.CancelScope(shield=True):
+                await self.close()
             raise
 
     async def _make_driver(self, core: FarmCore, ports: Sequence[Port]) -> int:
@@ -334,7 +341,8 @@ class Farm:
     async def __aexit__(
         self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
     ) -> None:
-        await self.close()
+        with anyio.CancelScope(shield=True):
+            await self.close()
 
 
 def remove_farm(config: FarmConfig) -> list[str]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from pnfarm.errors import ConfigError, RemoteError
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from types import TracebackType
 
-    from pnfarm.farm.farm import Farm
+    from pnfarm.farm.core import FarmCore
     from pnfarm.trace import Recording, Trace
 
 __all__ = ["FarmTrace", "trace_fields"]
@@ -29,10 +29,21 @@ def trace_fields(on: str | Sequence[str], signals: Sequence[str] | str, fields: 
     return {**fields, "on": drives, "signals": signals if isinstance(signals, str) else list(signals)}
 
 
+class Running(Protocol):
+    """What a trace needs of its farm."""
+
+    @property
+    def core(self) -> FarmCore: ...
+
+    def now(self) -> int: ...
+
+    def poke(self) -> None: ...
+
+
 class FarmTrace:
     """An asynchronous context manager: the trace runs inside it, and is deleted at its end."""
 
-    def __init__(self, farm: Farm, fields: Mapping[str, Any]) -> None:
+    def __init__(self, farm: Running, fields: Mapping[str, Any]) -> None:
         self._farm = farm
         self._fields = dict(fields)
         self._trace: Trace | None = None
@@ -76,7 +87,7 @@ class FarmTrace:
 
     async def __aenter__(self) -> Self:
         self._trace = self._farm.core.traces.start(self._fields, self._farm.now())
-        self._farm.driver.poke()
+        self._farm.poke()
         return self
 
     async def __aexit__(

@@ -18,9 +18,9 @@ With pytest, the fixture ``pnfarm_farm`` makes lines and closes them (docs/testi
 
 from __future__ import annotations
 
+from pnfarm.farm.wait import NotInTime
 from pnfarm.testing.drive import Drive, FaultReading
 from pnfarm.testing.fault import Fault
 from pnfarm.testing.line import Line
-from pnfarm.testing.wait import NotInTime
 
 __all__ = ["Drive", "Fault", "FaultReading", "Line", "NotInTime"]

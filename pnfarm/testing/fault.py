@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -11,22 +11,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.evidence import Evidence
     from pnfarm.faults.manager import Injection
 
-__all__ = ["Fault", "fields_of"]
-
-#: What belongs to every injection; all other keywords are parameters of its kind.
-_COMMON = {"probability", "seed", "direction", "after_cycles", "after", "count", "for", "cycles", "name", "params"}
-
-
-def fields_of(kind: str, on: str | list[str], options: dict[str, Any]) -> dict[str, Any]:
-    """The fields of an injection; ``for_`` stands for ``for``, seconds may be numbers."""
-    given = {key.removesuffix("_"): value for key, value in options.items()}
-    common = {key: value for key, value in given.items() if key in _COMMON}
-    for key in ("after", "for"):
-        if isinstance(common.get(key), (int, float)) and not isinstance(common[key], bool):
-            common[key] = f"{round(common[key] * 1e9)}ns"
-    params = {key: value for key, value in given.items() if key not in _COMMON} | dict(common.pop("params", {}))
-    return {"kind": kind, "on": on, "params": params, **common}
-
+__all__ = ["Fault"]
 
 class Fault:
     """An injection in force: a context manager that ends it, with its evidence."""

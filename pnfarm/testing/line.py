@@ -12,11 +12,12 @@ from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import load_farm, parse_farm
+from pnfarm.farm.injection_fields import fields_of
 from pnfarm.farm.injections import add_impairments
+from pnfarm.farm.wait import NotInTime
 from pnfarm.station.event_log import EventLog
 from pnfarm.testing.drive import Drive
-from pnfarm.testing.fault import Fault, fields_of
-from pnfarm.testing.wait import NotInTime
+from pnfarm.testing.fault import Fault
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Mapping

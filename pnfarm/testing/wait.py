@@ -1,9 +1,0 @@
-"""What a wait that failed says."""
-
-from __future__ import annotations
-
-__all__ = ["NotInTime"]
-
-
-class NotInTime(AssertionError):  # noqa: N818 - a test that waits in vain has failed, as by an assertion
-    """A condition did not hold in time; the message shows the drives."""
