@@ -8,30 +8,31 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.controller.runtime import Plc
-    from pnfarm.farm.farm import Farm
+    from pnfarm.farm.wait import NotInTime
+    from pnfarm.library import Farm
 
 __version__ = "0.1.0"
 
-__all__ = ["AxisProgram", "Farm", "Plc", "__version__"]
+__all__ = ["AxisProgram", "Farm", "NotInTime", "Plc", "__version__"]
+
+
+#: Where the names are that are imported on demand: a farm brings NumPy and the engine along, which `import pnfarm` alone
+#: should not cost.
+_PLACES = {
+    "AxisProgram": "pnfarm.controller.axis_program",
+    "Farm": "pnfarm.library",
+    "NotInTime": "pnfarm.farm.wait",
+    "Plc": "pnfarm.controller.runtime",
+}
 
 
 def __getattr__(name: str) -> Any:
-    # on demand: a farm brings NumPy and the engine along, which `import pnfarm` alone should not cost
-    if name == "Farm":
-        from pnfarm.farm.farm import Farm  # noqa: PLC0415 - see above
-
-        return Farm
-    if name == "Plc":
-        from pnfarm.controller.runtime import Plc  # noqa: PLC0415 - see above
-
-        return Plc
-    if name == "AxisProgram":
-        from pnfarm.controller.axis_program import AxisProgram  # noqa: PLC0415 - see above
-
-        return AxisProgram
+    if name in _PLACES:
+        return getattr(import_module(_PLACES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

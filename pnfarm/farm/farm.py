@@ -1,10 +1,4 @@
-"""A running farm: what ``pnfarm up`` runs and what Python code uses.
-
-::
-
-    async with Farm.from_file("line-1.pnfarm.yml") as farm:
-        await farm.drive("axis-01").fault("f702")
-"""
+"""A running farm in real time: what ``pnfarm up`` runs, and what :class:`pnfarm.Farm` is for Python code."""
 
 from __future__ import annotations
 
@@ -12,7 +6,6 @@ import asyncio
 import contextlib
 import os
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import anyio
@@ -38,7 +31,6 @@ from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.memory import MemoryDriver
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.state import FarmState
-from pnfarm.farm.tracing import FarmTrace, trace_fields
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link
@@ -50,7 +42,7 @@ from pnfarm.links.veth import VethLink
 from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Mapping, Sequence
+    from collections.abc import Awaitable, Callable, Sequence
     from pathlib import Path
     from types import TracebackType
 
@@ -108,27 +100,6 @@ def realtime_settings(config: FarmConfig, drives: int) -> RealTimeSettings:
         nice=section.nice,
         timestamps=stamped,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class DriveHandle:
-    """One drive, for Python code."""
-
-    farm: Farm
-    name: str
-
-    def snapshot(self) -> dict[str, Any]:
-        """State, telegram, controller, motor; as ``GET drives/{name}`` gives it."""
-        from pnfarm.farm.snapshot import drive_snapshot  # noqa: PLC0415 - snapshots look at farms, farms need none
-
-        return drive_snapshot(self.farm.core, self.farm.core.station(self.name), self.farm.now())
-
-    async def fault(self, kind: str, **fields: Any) -> Injection:
-        """Inject something into this drive: ``fault("loss", probability=0.1)``, ``fault("f702", **{"for": "2s"})``.
-
-        ``fields`` are those of :class:`~pnfarm.faults.plan.InjectionSpec`.  Raises :class:`ConfigError`.
-        """
-        return self.farm.inject({**fields, "kind": kind, "on": self.name})
 
 
 class Farm:
@@ -194,10 +165,6 @@ class Farm:
         """The farm was changed from outside: process the consequences now."""
         self.driver.poke()
 
-    def drive(self, name: str) -> DriveHandle:
-        self.core.station(name)
-        return DriveHandle(self, name)
-
     @property
     def injections(self) -> InjectionManager:
         """After a change here, call :meth:`RealTimeDriver.poke`."""
@@ -214,13 +181,6 @@ class Farm:
         cleared = self.injections.clear(injection_id, self.now())
         self.driver.poke()
         return cleared
-
-    def trace(self, on: str | Sequence[str], signals: Sequence[str] | str, **fields: Any) -> FarmTrace:
-        """Record signals of drives around a trigger; use it with ``async with`` (:mod:`pnfarm.farm.tracing`).
-
-        ``fields`` are the others of :class:`~pnfarm.trace.TraceRequest`: ``trigger="fault 702", pre="200ms"``.
-        """
-        return FarmTrace(self, trace_fields(on, signals, fields))
 
     def check_rights(self) -> None:
         """Raises :class:`EnvironmentError_` where this process may not do what the farm's link needs."""
@@ -317,18 +277,21 @@ class Farm:
             if self._driver is not None:
                 await self._driver.close()
         finally:
-            try:
-                for action in self.on_close:
-                    await action()
+            # each of these is done, whatever the others raise
+            async with contextlib.AsyncExitStack() as stack:
+                stack.callback(self._release)
+                stack.push_async_callback(self.link.close)
                 if self.capture is not None:
-                    await asyncio.to_thread(self.capture.stop)
-                await self.link.close()
-            finally:
-                if self._state is not None:
-                    self._state.close()
-                    self._state = None
-                self._lock.release()
-                self._driver = None
+                    stack.push_async_callback(asyncio.to_thread, self.capture.stop)
+                for action in self.on_close:
+                    stack.push_async_callback(action)
+
+    def _release(self) -> None:
+        if self._state is not None:
+            self._state.close()
+            self._state = None
+        self._lock.release()
+        self._driver = None
 
     async def wait(self) -> None:
         """Wait until something fails; raises its exception."""

@@ -96,7 +96,7 @@ class DriveReadings:
         return [self._reading(code) for code in self._axis.faults.code if code]
 
     @property
-    def fault(self) -> FaultReading | None:
+    def active_fault(self) -> FaultReading | None:
         """The active one; None without."""
         return next(iter(self.faults), None)
 
@@ -175,7 +175,8 @@ class DriveReadings:
         return found if text is None else [entry for entry in found if entry.event == text]
 
     def __repr__(self) -> str:
-        fault = f", fault {self.fault}" if self.fault is not None else ""
+        active = self.active_fault
+        fault = f", fault {active}" if active is not None else ""
         link = "connected" if self.connected else "not connected"
         return f"<{type(self).__name__} {self.name} {self.state}, {link}{fault}, {self.velocity:.1f} rpm, STW1 {self.stw1!r}>"
 

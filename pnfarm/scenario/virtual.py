@@ -5,6 +5,8 @@ from __future__ import annotations
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Any
 
+import anyio.lowlevel
+
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import expand
@@ -18,10 +20,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.farm.virtual import VirtualWorld
     from pnfarm.scenario.binding import Binding
     from pnfarm.scenario.run import Passing, Tell
 
-__all__ = ["run_virtual"]
+__all__ = ["carry_out_virtually", "run_virtual"]
 
 #: Longest stretch without a look: the wall time of one keeps progress visible and Ctrl-C quick.
 STRETCH_NS = 10_000_000_000
@@ -34,6 +37,24 @@ async def _line(config: FarmConfig, log: EventLog, pcap: Path | None) -> AsyncIt
         yield line
     finally:
         await line.close()
+
+
+async def carry_out_virtually(run: ScenarioRun, world: VirtualWorld, passing: Passing | None = None) -> None:
+    """Until the scenario has ended; other tasks of the event loop have their turn at least every STRETCH_NS."""
+    while not run.finished:
+        due = min(run.advance(world.now), world.now + STRETCH_NS)
+
+        def looked() -> bool:
+            # a step that ends may change the farm: the world takes its deadlines anew
+            begun, cases = run.steps_begun, len(run.record.cases)
+            run.advance(world.now)
+            if passing is not None and (why := passing(run, world.now)):
+                run.cancel(world.now, why)
+            return run.finished or run.steps_begun != begun or len(run.record.cases) != cases
+
+        if not run.finished and due > world.now:
+            world.run((due - world.now) / 1e9, until=looked, look_ns=LOOK_NS if run.polled else None)
+        await anyio.lowlevel.checkpoint()
 
 
 async def run_virtual(
@@ -57,19 +78,7 @@ async def run_virtual(
         collector, begin = FarmCollector(line.farm), world.now
         try:
             run = ScenarioRun(binding, line.farm, collector, world.now, tell=tell, traced=traced)
-            while not run.finished:
-                due = min(run.advance(world.now), world.now + STRETCH_NS)
-
-                def looked() -> bool:
-                    # a step that ends may change the farm: the world takes its deadlines anew
-                    begun, cases = run.steps_begun, len(run.record.cases)
-                    run.advance(world.now)
-                    if passing is not None and (why := passing(run, world.now)):
-                        run.cancel(world.now, why)
-                    return run.finished or run.steps_begun != begun or len(run.record.cases) != cases
-
-                if not run.finished and due > world.now:
-                    world.run((due - world.now) / 1e9, until=looked, look_ns=LOOK_NS if run.polled else None)
+            await carry_out_virtually(run, world, passing)
         finally:
             collector.close()
     return run.record.as_dict(), begin

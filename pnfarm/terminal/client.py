@@ -116,14 +116,27 @@ class FarmClient:
         except ValueError as exc:
             raise self._not_a_farm() from exc
 
-    def events(self, drive: str | None = None, *, follow: bool = True) -> Iterator[dict[str, Any]]:
-        """The farm's event log from its oldest entry, of one drive or of all; with ``follow`` also new entries until
-        the farm stops.
+    def metrics(self) -> str:
+        """The farm's metrics in Prometheus's text format."""
+        import httpx
+
+        try:
+            response = self._client.get(self._client.base_url.join("/metrics"))
+        except httpx.HTTPError as exc:
+            raise self._unreachable(exc) from exc
+        self._raise_for(response)
+        return response.text
+
+    def events(
+        self, drive: str | None = None, *, follow: bool = True, after: int = 0
+    ) -> Iterator[dict[str, Any]]:
+        """The farm's event log behind the entry ``after``, of one drive or of all; with ``follow`` also new entries
+        until the farm stops.
         """
         import httpx
 
         patience = httpx.Timeout(TIMEOUT_SECONDS, read=None)
-        headers = {"Accept": "text/event-stream", "Last-Event-ID": "0"}
+        headers = {"Accept": "text/event-stream", "Last-Event-ID": str(after)}
         chosen = {"drive": drive} if drive else {}
         if not follow:
             chosen["follow"] = "false"

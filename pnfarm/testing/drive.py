@@ -39,6 +39,11 @@ class Drive(DriveReadings):
         super().__init__(host.core, station, lambda: host.now_ns)
         self._host = host
 
+    @property
+    def fault(self) -> FaultReading | None:
+        """The active one; None without."""
+        return self.active_fault
+
     def parameter(self, name: str | int) -> int:
         """A parameter by number or by the manual's name, ``NAME.SUB`` for an element: the number as on the wire.
 

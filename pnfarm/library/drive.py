@@ -1,0 +1,102 @@
+"""One drive of a farm in this process, for asynchronous code."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import ConfigError
+from pnfarm.farm.readings import DriveReadings
+from pnfarm.farm.wait import NotInTime
+from pnfarm.library.arguments import duration_ns
+from pnfarm.scenario.watch import Watch
+from pnfarm.station.conditions import bind
+from pnfarm.vocabulary.conditions import ConditionError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.library.farm import Farm
+    from pnfarm.library.fault import FaultHandle
+    from pnfarm.library.passing import Passing
+    from pnfarm.station.station import Station
+
+__all__ = ["Drive"]
+
+
+class Drive(DriveReadings):
+    """A drive: every reading is the present one."""
+
+    def __init__(self, farm: Farm, passing: Passing, station: Station) -> None:
+        super().__init__(passing.core, station, passing.now)
+        self._farm = farm
+        self._passing = passing
+
+    def fault(self, kind: str, **options: Any) -> FaultHandle:
+        """Break it: :meth:`pnfarm.Farm.fault` on this drive; ``await`` the result or use it with ``async with``."""
+        return self._farm.fault(kind, self.name, **options)
+
+    async def wait_for(self, condition: str, within: float | str) -> float:
+        """Until a condition holds, as scenarios write it: ``"state == S4 and velocity > 1000"``; how long it took, s.
+
+        A state, fault or connection that lasted a moment counts.  ``within``: seconds, or a duration as ``"500ms"``.
+        Raises :class:`ConfigError` for a condition that this drive cannot have, :class:`NotInTime`.
+        """
+        try:
+            bound = bind(condition, self._station.model)
+        except ConditionError as exc:
+            raise ConfigError(f"{condition!r}: {exc}") from exc
+        within_ns = duration_ns(within, "within")
+        passing, began = self._passing, self._passing.now()
+        watch = Watch({self.name: bound}, {self.name: self._station})
+        unsubscribe = passing.log.subscribe(watch.note)
+
+        def holds() -> bool:
+            watch.look(passing.now())
+            return watch.all_held
+
+        try:
+            held = await passing.wait(holds, within_ns, polled=watch.polled)
+        finally:
+            unsubscribe()
+        if not held:
+            values = ", ".join(f"{key} = {value}" for key, value in watch.values()[self.name].items())
+            raise NotInTime(f"{condition} did not hold within {within_ns / 1e9:g} s: {values}; {self!r}")
+        return max(0, watch.held_ns[self.name] - began) / 1e9
+
+    async def refresh(self) -> Drive:
+        """Does nothing: readings of a farm in this process are the present ones; as :meth:`RemoteDrive.refresh`."""
+        return self
+
+    async def parameter(self, name: str | int) -> int:
+        """A parameter by number or by the manual's name, ``NAME.SUB`` for an element: the number as on the wire.
+
+        Raises the drive's own error (:class:`pnfarm.drives.parameter.ParameterError`), which says what is wrong.
+        """
+        return self._get_parameter(name)
+
+    async def set_parameter(self, name: str | int, value: int) -> None:
+        """Write a parameter; raises the drive's own error, which says what is allowed."""
+        self._set_parameter(name, value)
+        self._changed()
+
+    async def power_off(self) -> None:
+        """Switch its supply off: it leaves the network at once."""
+        self._power(self._station.power_off)
+
+    async def power_on(self) -> None:
+        """Switch its supply on: it boots."""
+        self._power(self._station.power_on)
+
+    async def power_cycle(self) -> None:
+        """Off and on."""
+        self._power(self._station.power_cycle)
+
+    def _power(self, action: Callable[[int], None]) -> None:
+        action(self._passing.now())
+        self._changed()
+
+    def _changed(self) -> None:
+        core, now = self._passing.core, self._passing.now()
+        core.settle(self._station, now)
+        core.injections.touch(self.name)
+        self._passing.poke()

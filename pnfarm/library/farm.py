@@ -1,0 +1,279 @@
+"""A farm for asynchronous code: in real time on the link of its file, or in memory in virtual time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import anyio
+
+from pnfarm.buses.registry import fault_kinds
+from pnfarm.config.known import catalogue
+from pnfarm.errors import ConfigError
+from pnfarm.farm.file.reading import load_farm, parse_farm
+from pnfarm.farm.injection_fields import fields_of
+from pnfarm.farm.tracing import FarmTrace, trace_fields
+from pnfarm.farm.wait import NotInTime
+from pnfarm.library.arguments import duration_ns
+from pnfarm.library.drive import Drive
+from pnfarm.library.events import FarmEvent
+from pnfarm.library.fault import FaultHandle
+from pnfarm.library.metrics import Metrics
+from pnfarm.library.passing import RealPassing, VirtualPassing
+from pnfarm.library.remote import RemoteFarm
+from pnfarm.library.result import ScenarioResult
+from pnfarm.scenario.binding import bind_scenario
+from pnfarm.scenario.file import load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+    from types import TracebackType
+
+    from pnfarm.controller.axis_program import AxisProgram
+    from pnfarm.farm.core import FarmCore
+    from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.manager import Injection, InjectionManager
+    from pnfarm.library.passing import Passing
+    from pnfarm.trace import Recording
+
+__all__ = ["Farm"]
+
+#: The longest wait for the next event of a farm in virtual time, between two looks at whether its reader goes on.
+EVENT_STRETCH_NS = 3_600_000_000_000
+
+
+class Farm:
+    """``async with`` starts it and stops it, also after an exception or a cancellation.
+
+    On a link with interfaces the controller is the one on the wire: a PLC, or :class:`pnfarm.Plc` beside it.  On a
+    memory link the file's controller runs with the farm.  ``virtual``: in memory whatever the link, and time passes
+    only while something is awaited of the farm; an hour takes seconds.
+
+    Errors are those of :mod:`pnfarm.errors`, with the sentences of the command line.
+    """
+
+    def __init__(self, config: FarmConfig, *, virtual: bool = False) -> None:
+        self.config = config
+        self.is_virtual = virtual
+        self._passing: Passing = VirtualPassing(config) if virtual else RealPassing(config)
+        self._began_ns = 0
+        self._drives: dict[str, Drive] = {}
+
+    @classmethod
+    def from_file(cls, path: str | Path, *, virtual: bool = False, **overrides: Any) -> Self:
+        """A farm from its file; ``overrides`` set keys of the file.  Raises :class:`ConfigError`."""
+        config = load_farm(path, catalogue(frozenset(fault_kinds())))
+        return cls(config.with_overrides(overrides, origin="argument"), virtual=virtual)
+
+    @classmethod
+    def from_text(cls, text: str, *, virtual: bool = False) -> Self:
+        """As :meth:`from_file`, from the file's text."""
+        return cls(parse_farm(text, known=catalogue(frozenset(fault_kinds()))), virtual=virtual)
+
+    @staticmethod
+    def connect(url: str, *, token: str | None = None) -> RemoteFarm:
+        """A farm that runs already, by its API: ``Farm.connect("http://127.0.0.1:8702")``."""
+        return RemoteFarm(url, token=token)
+
+    # -- start and end
+
+    async def open(self) -> None:
+        """Start it; on failure nothing is left behind.  Raises :class:`~pnfarm.errors.EnvironmentError_`."""
+        await self._passing.open()
+        self._began_ns = self._passing.now()
+        self._drives = {s.configured_name: Drive(self, self._passing, s) for s in self.core.stations}
+
+    async def close(self) -> None:
+        """End every fault, stop the drives, and remove every interface that the farm made.  Twice does nothing."""
+        with anyio.CancelScope(shield=True):
+            await self._passing.close()
+
+    async def __aenter__(self) -> Self:
+        await self.open()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    # -- drives and time
+
+    @property
+    def drives(self) -> list[Drive]:
+        """Every drive, in the file's order; empty while the farm does not run."""
+        return list(self._drives.values())
+
+    def drive(self, name: str) -> Drive:
+        """A drive by its name in the file, or the one that DCP gave it.  Raises :class:`ConfigError`."""
+        return self._drives[self.core.station(name).configured_name]
+
+    @property
+    def now(self) -> float:
+        """Seconds since the start, by the farm's clock."""
+        return (self._passing.now() - self._began_ns) / 1e9
+
+    async def run(self, seconds: float | str) -> None:
+        """Let time pass."""
+        await self._passing.wait(lambda: False, duration_ns(seconds, "seconds"), polled=False)
+
+    async def wait_until(self, holds: Callable[[], object], within: float | str, *, what: str = "it") -> float:
+        """Until ``holds()`` is true, looked at each millisecond; how long it took, s.  Raises :class:`NotInTime`."""
+        within_ns, began = duration_ns(within, "within"), self._passing.now()
+        if not await self._passing.wait(lambda: bool(holds()), within_ns):
+            shown = "; ".join(map(repr, self.drives[:8])) + (" ..." if len(self.drives) > 8 else "")
+            raise NotInTime(f"{what} did not hold within {within_ns / 1e9:g} s: {shown}")
+        return (self._passing.now() - began) / 1e9
+
+    async def wait_connected(self, within: float | str = 20.0) -> float:
+        """Until every drive exchanges data with its controller."""
+        return await self.wait_until(lambda: all(d.connected for d in self.drives), within, what="every connection")
+
+    async def wait_running(self, within: float | str = 20.0) -> float:
+        """Until every drive is in operation (S4)."""
+        return await self.wait_until(
+            lambda: all(d.state == "S4" for d in self.drives), within, what="operation (S4) of every drive"
+        )
+
+    # -- faults, traces, scenarios
+
+    def fault(self, kind: str, on: str | Sequence[str] = "all", **options: Any) -> FaultHandle:
+        """Break drives: ``await farm.fault("loss", on="axis-*", probability=0.1)``, or with ``async with``.
+
+        ``options`` are the common fields (``count``, ``cycles``, ``for_``, ``after``, ``ttl`` in seconds,
+        ``probability``, ``seed``, ``direction``, ``share`` ...) and the parameters of the kind (``pnfarm fault
+        kinds``).  Raises :class:`ConfigError` when it is awaited.
+        """
+
+        async def begin() -> _LocalFault:
+            found = self._injections.inject(fields_of(kind, on, options), self._passing.now())
+            self._passing.poke()
+            return _LocalFault(self._passing, found)
+
+        return FaultHandle(begin)
+
+    async def reset(self) -> list[str]:
+        """End every injected fault; the ids of those that ended."""
+        ended = self._injections.clear(None, self._passing.now())
+        self._passing.poke()
+        return [injection.id for injection in ended]
+
+    def trace(self, on: str | Sequence[str], signals: Sequence[str] | str, **fields: Any) -> FarmTrace:
+        """Record signals of drives around a trigger; use it with ``async with`` (docs/trace.md).
+
+        ``fields`` are the others of a trace: ``trigger="fault 702", pre="200ms", length="2s"``.
+        """
+        return _Trace(self._passing, trace_fields(on, signals, fields))
+
+    async def run_scenario(self, path: str | Path) -> ScenarioResult:
+        """Run a scenario on this farm (its ``farm:`` is not looked at).  Raises :class:`ConfigError` before it begins.
+
+        A cancellation ends it, and its faults.
+        """
+        scenario = load_scenario(path)
+        if scenario.overrides:
+            raise ConfigError(f"{path}: with: sets keys of a farm file, and this farm runs already; leave it out")
+        models = {station.configured_name: station.model for station in self.core.stations}
+        return ScenarioResult(await self._passing.carry_out(bind_scenario(scenario, models, fault_kinds())))
+
+    # -- what happened
+
+    async def events(self, drive: str | None = None, *, follow: bool = True) -> AsyncIterator[FarmEvent]:
+        """What happened since the start, oldest first (of the last 4,096 entries), then what happens until it is left.
+
+        ``drive``: of this drive only.  Without ``follow`` it ends with the newest entry.
+        """
+        wanted = None if drive is None else self.drive(drive).name
+        log, last = self._passing.log, 0
+        while True:
+            entries = log.entries(after=last)
+            for entry in entries:
+                last = entry.sequence
+                if wanted in {None, entry.drive}:
+                    yield FarmEvent.of(entry.as_dict())
+            if log.newest > last:
+                continue
+            if not follow:
+                return
+            seen = last
+            await self._passing.wait(lambda seen=seen: log.newest > seen, EVENT_STRETCH_NS, polled=False)  # type: ignore[misc]  # mypy does not type the default
+
+    async def metrics(self) -> Metrics:
+        """Every metric as it is now."""
+        self._passing.now()
+        return Metrics(self._passing.collector.gather().metrics())
+
+    def controller(self, name: str) -> Mapping[str, Any]:
+        """The built-in controller's view of a drive.  Raises :class:`ConfigError` where it is not in this process."""
+        for row in self._passing.controller_rows():
+            if row["name"] == name:
+                return row
+        raise ConfigError(f"the controller has no drive {name!r}")
+
+    def program(self, name: str) -> AxisProgram:
+        """The object of an axis of a controller's program in Python (docs/plc-programs.md)."""
+        return self._passing.program(name)
+
+    @property
+    def core(self) -> FarmCore:
+        """The farm itself, for what this class does not offer; not part of the public interface."""
+        return self._passing.core
+
+    @property
+    def _injections(self) -> InjectionManager:
+        return self._passing.core.injections
+
+    def __repr__(self) -> str:
+        return f"<Farm {self.config.farm or 'farm'}: {'; '.join(map(repr, self.drives[:8])) or 'not running'}>"
+
+
+class _LocalFault:
+    def __init__(self, passing: Passing, injection: Injection) -> None:
+        self._passing = passing
+        self._injection = injection
+
+    @property
+    def id(self) -> str:
+        return self._injection.id
+
+    @property
+    def kind(self) -> str:
+        return self._injection.spec.kind.name
+
+    @property
+    def drives(self) -> tuple[str, ...]:
+        return self._injection.drives
+
+    @property
+    def state(self) -> str:
+        return self._injection.state.value
+
+    @property
+    def evidence(self) -> Evidence:
+        return self._injection.evidence()
+
+    async def clear(self) -> None:
+        if self.state != "ended":
+            self._passing.core.injections.clear(self.id, self._passing.now())
+            self._passing.poke()
+
+    async def refresh(self) -> None:
+        pass
+
+
+class _Trace(FarmTrace):
+    """In virtual time, time passes while its end is awaited."""
+
+    def __init__(self, passing: Passing, fields: Mapping[str, Any]) -> None:
+        super().__init__(passing, fields)
+        self._passing = passing
+
+    async def complete(self, within: float | None = None) -> Recording:
+        """Wait for the last sample; raises :class:`NotInTime` if it has not come ``within`` so many seconds."""
+        trace = self.trace
+        within_ns = EVENT_STRETCH_NS if within is None else duration_ns(within, "within")
+        if not await self._passing.wait(lambda: trace.complete, within_ns):
+            what = f"trace {trace.id} is {trace.state} after {within_ns / 1e9:g} s"
+            raise NotInTime(f"{what} (trigger: {trace.request.trigger.text})")
+        return trace.recording()

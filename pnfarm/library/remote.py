@@ -1,0 +1,382 @@
+"""A farm that runs in another process, by its API: the same names as :class:`pnfarm.Farm`.
+
+Readings are those of the last :meth:`RemoteDrive.refresh`.  Conditions are watched by the farm itself, so that what
+lasted only a moment counts here too.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import anyio
+from prometheus_client.parser import text_string_to_metric_families
+
+from pnfarm.drives.catalogue import model as model_by_name
+from pnfarm.drives.signal_view import SignalForm, Word
+from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.errors import ConfigError
+from pnfarm.farm.injection_fields import fields_of
+from pnfarm.farm.readings import FaultReading
+from pnfarm.farm.wait import NotInTime
+from pnfarm.faults.evidence import Evidence
+from pnfarm.library.arguments import duration_ns
+from pnfarm.library.events import FarmEvent
+from pnfarm.library.fault import FaultHandle
+from pnfarm.library.metrics import Metrics
+from pnfarm.library.result import ScenarioResult
+from pnfarm.table.signals import STW1, ZSW1
+from pnfarm.terminal.client import FarmClient
+from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.vocabulary.yaml_lines import MAX_OCTETS
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+    from types import TracebackType
+
+__all__ = ["RemoteDrive", "RemoteFarm"]
+
+#: Between two questions of a wait.
+ASK_SECONDS = 0.02
+
+
+class RemoteFarm:
+    """``async with`` connects; at its end the faults that were injected here, and are still in force, are cleared."""
+
+    def __init__(self, url: str, *, token: str | None = None) -> None:
+        self.url = url
+        self._client = FarmClient(url, token)
+        self._drives: dict[str, RemoteDrive] = {}
+        self._faults: dict[str, _RemoteFault] = {}
+
+    async def ask(self, method: Callable[..., Any], *path: str, **options: Any) -> Any:
+        """One request, in a thread; the client gives up after 10 s."""
+        return await asyncio.to_thread(method, *path, **options)
+
+    @property
+    def client(self) -> FarmClient:
+        """The API's client."""
+        return self._client
+
+    # -- start and end
+
+    async def open(self) -> None:
+        """Connect.  Raises :class:`~pnfarm.errors.EnvironmentError_` where no farm answers."""
+        await self.refresh()
+
+    async def close(self) -> None:
+        """Clear what was injected here, and disconnect; the farm runs on."""
+        with anyio.CancelScope(shield=True):
+            try:
+                for fault in list(self._faults.values()):
+                    await fault.clear()
+            finally:
+                with self._client:
+                    self._faults.clear()
+
+    async def __aenter__(self) -> Self:
+        await self.open()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        await self.close()
+
+    # -- drives and time
+
+    async def refresh(self) -> Self:
+        """Read every drive."""
+        found = await self.ask(self._client.get, "drives")
+        for view in found["drives"]:
+            self._drives.setdefault(view["name"], RemoteDrive(self, view)).view = view
+        return self
+
+    @property
+    def drives(self) -> list[RemoteDrive]:
+        """Every drive, in the farm's order; empty before it is connected."""
+        return list(self._drives.values())
+
+    def drive(self, name: str) -> RemoteDrive:
+        """A drive by its name in the farm file.  Raises :class:`ConfigError`."""
+        if name not in self._drives:
+            known = ", ".join(self._drives) or "none, before `async with`"
+            raise ConfigError(f"there is no drive {name!r} in the farm at {self.url}; there are {known}")
+        return self._drives[name]
+
+    async def run(self, seconds: float | str) -> None:
+        """Let time pass."""
+        await anyio.sleep(duration_ns(seconds, "seconds") / 1e9)
+
+    async def wait_until(self, holds: Callable[[], object], within: float | str, *, what: str = "it") -> float:
+        """Until ``holds()`` is true; the drives are read every 20 ms.  How long it took, s; raises NotInTime."""
+        within_ns = duration_ns(within, "within")
+        began = asyncio.get_running_loop().time()
+        while True:
+            await self.refresh()
+            took = asyncio.get_running_loop().time() - began
+            if holds():
+                return took
+            if took * 1e9 >= within_ns:
+                shown = "; ".join(map(repr, self.drives[:8])) + (" ..." if len(self.drives) > 8 else "")
+                raise NotInTime(f"{what} did not hold within {within_ns / 1e9:g} s: {shown}")
+            await anyio.sleep(ASK_SECONDS)
+
+    async def wait_connected(self, within: float | str = 20.0) -> float:
+        """Until every drive exchanges data with its controller."""
+        return await self.wait_until(lambda: all(d.connected for d in self.drives), within, what="every connection")
+
+    async def wait_running(self, within: float | str = 20.0) -> float:
+        """Until every drive is in operation (S4)."""
+        return await self.wait_until(
+            lambda: all(d.state == "S4" for d in self.drives), within, what="operation (S4) of every drive"
+        )
+
+    # -- faults and scenarios
+
+    def fault(self, kind: str, on: str | Sequence[str] = "all", **options: Any) -> FaultHandle:
+        """As :meth:`pnfarm.Farm.fault`."""
+
+        async def begin() -> _RemoteFault:
+            body = fields_of(kind, on, options)
+            found = _RemoteFault(self, await self.ask(self._client.post, "faults", body=body))
+            self._faults[found.id] = found
+            return found
+
+        return FaultHandle(begin)
+
+    def forget(self, fault_id: str) -> None:
+        """A fault of this client has ended."""
+        self._faults.pop(fault_id, None)
+
+    async def reset(self) -> list[str]:
+        """End every injected fault of the farm, whoever injected it; the ids of those that ended."""
+        found = await self.ask(self._client.post, "reset")
+        self._faults.clear()
+        return list(found["cleared"])
+
+    async def run_scenario(self, path: str | Path) -> ScenarioResult:
+        """Run a scenario on the farm.  A cancellation ends it, and its faults."""
+        path = Path(path)
+        try:
+            text = read_regular(path, MAX_OCTETS).decode()
+        except (OSError, UnicodeError) as exc:
+            raise ConfigError(f"{path} cannot be read: {getattr(exc, 'strerror', None) or exc}") from exc
+        return await self.run_text(text)
+
+    async def run_text(self, text: str) -> ScenarioResult:
+        """As :meth:`run_scenario`, from the file's text."""
+        begun = await self.ask(self._client.post, "scenarios", body={"text": text})
+        try:
+            while True:
+                found = await self.ask(self._client.get, "scenarios", begun["id"])
+                if found["state"] == "ended":
+                    return ScenarioResult(found)
+                await anyio.sleep(ASK_SECONDS)
+        except BaseException:
+            with anyio.CancelScope(shield=True):
+                await self.ask(self._client.delete, "scenarios", begun["id"])
+            raise
+
+    # -- what happened
+
+    async def events(self, drive: str | None = None, *, follow: bool = True) -> AsyncIterator[FarmEvent]:
+        """What happened, oldest first, then what happens until it is left; the farm is asked every 20 ms."""
+        last = 0
+        while True:
+            asked = self._client.events(drive, follow=False, after=last)
+            entries = await asyncio.to_thread(lambda asked=asked: list(asked))  # type: ignore[misc]  # mypy does not type the default
+            for entry in entries:
+                if "sequence" in entry:
+                    last = int(entry["sequence"])
+                    yield FarmEvent.of(entry)
+            if not follow:
+                return
+            await anyio.sleep(ASK_SECONDS)
+
+    async def metrics(self) -> Metrics:
+        """Every metric as it is now."""
+        text = await asyncio.to_thread(self._client.metrics)
+        return Metrics(text_string_to_metric_families(text))
+
+    def __repr__(self) -> str:
+        return f"<RemoteFarm {self.url}: {'; '.join(map(repr, self.drives[:8])) or 'not connected'}>"
+
+
+class RemoteDrive:
+    """A drive: readings are those of the last :meth:`refresh`."""
+
+    def __init__(self, farm: RemoteFarm, view: Mapping[str, Any]) -> None:
+        self._farm = farm
+        #: As ``GET drives/{name}`` gave it.
+        self.view = view
+        self._model = model_by_name(view["model"])
+
+    async def refresh(self) -> Self:
+        """Read it again."""
+        self.view = await self._farm.ask(self._farm.client.get, "drives", self.name)
+        return self
+
+    @property
+    def name(self) -> str:
+        return str(self.view["name"])
+
+    @property
+    def model(self) -> str:
+        return str(self.view["model"])
+
+    def snapshot(self) -> dict[str, Any]:
+        """Everything at once."""
+        return dict(self.view)
+
+    @property
+    def state(self) -> str:
+        """``S1`` to ``S5``, ``boot``, or ``off``."""
+        return str(self.view["state"])
+
+    @property
+    def connected(self) -> bool:
+        """Whether a controller exchanges data with it."""
+        return self.view["cycle_seconds"] is not None and self.view["ar_state"] == "DATA"
+
+    @property
+    def faults(self) -> list[FaultReading]:
+        """The active ones, the first one first."""
+        return [FaultReading(self._model, found["number"]) for found in self.view["faults"]]
+
+    @property
+    def active_fault(self) -> FaultReading | None:
+        """The active one; None without."""
+        return next(iter(self.faults), None)
+
+    @property
+    def last_fault(self) -> FaultReading | None:
+        """The active one, or the one that was acknowledged last."""
+        found = self.view["last_fault"]
+        return None if found is None else FaultReading(self._model, found["number"])
+
+    @property
+    def warning(self) -> FaultReading | None:
+        found = self.view["warning"]
+        return None if found is None else FaultReading(self._model, found["number"])
+
+    @property
+    def stw1(self) -> Word:
+        """The control word that the drive obeys, with its bits by name."""
+        return self._word("STW1", STW1, STW1_BITS)
+
+    @property
+    def zsw1(self) -> Word:
+        """The status word, with its bits by name."""
+        return self._word("ZSW1", ZSW1, ZSW1_BITS)
+
+    @property
+    def setpoint(self) -> float:
+        """Speed set point, rpm."""
+        return float(self.view["setpoint_rpm"])
+
+    @property
+    def velocity(self) -> float:
+        """The motor's speed, rpm."""
+        return float(self.view["velocity_rpm"])
+
+    @property
+    def position(self) -> float:
+        """From the home position, revolutions."""
+        return float(self.view["position_revolutions"])
+
+    @property
+    def current(self) -> float:
+        """The motor's current, A."""
+        return float(self.view["current_amperes"])
+
+    @property
+    def torque(self) -> float:
+        """The motor's torque, N m."""
+        return float(self.view["torque_newton_metres"])
+
+    @property
+    def following_error(self) -> float:
+        """Revolutions."""
+        return float(self.view["following_error_revolutions"])
+
+    def fault(self, kind: str, **options: Any) -> FaultHandle:
+        """As :meth:`pnfarm.library.Drive.fault`."""
+        return self._farm.fault(kind, self.name, **options)
+
+    async def wait_for(self, condition: str, within: float | str) -> float:
+        """As :meth:`pnfarm.library.Drive.wait_for`; the farm watches the condition."""
+        within_ns = duration_ns(within, "within")
+        step = {"drive": self.name, "that": condition, "within": format_duration(max(1, within_ns))}
+        # JSON is YAML
+        result = await self._farm.run_text(json.dumps({"scenario": "wait", "steps": [{"expect": step}]}))
+        (case,) = result.cases
+        await self.refresh()
+        if case["verdict"] != "passed":
+            raise NotInTime(f"{condition} did not hold within {within_ns / 1e9:g} s: {case['message']}; {self!r}")
+        return float(case["held_after_seconds"].get(self.name, 0.0))
+
+    async def parameter(self, name: str | int) -> int:
+        """A parameter by number or by the manual's name."""
+        found = await self._farm.ask(self._farm.client.get, "drives", self.name, "params", str(name))
+        return int(found["value"])
+
+    async def set_parameter(self, name: str | int, value: int) -> None:
+        """Write a parameter; raises the drive's error."""
+        path = ("drives", self.name, "params", str(name))
+        await self._farm.ask(self._farm.client.put, *path, body={"value": value})
+
+    async def power_cycle(self) -> None:
+        """Off and on."""
+        self.view = await self._farm.ask(self._farm.client.post, "drives", self.name, "power-cycle")
+
+    def _word(self, name: str, slot: int, usual: tuple[str, ...]) -> Word:
+        names = self._model.profidrive.bit_names(name, self.view["telegram"]) or usual
+        form = SignalForm(name.lower(), slot, 16, False, 0.0, "", names)
+        return Word(int(self.view[name.lower()], 16), form)
+
+    def __repr__(self) -> str:
+        fault = f", fault {self.active_fault}" if self.active_fault is not None else ""
+        link = "connected" if self.connected else "not connected"
+        return f"<RemoteDrive {self.name} {self.state}, {link}{fault}, {self.velocity:.1f} rpm, STW1 {self.stw1!r}>"
+
+
+class _RemoteFault:
+    def __init__(self, farm: RemoteFarm, found: Mapping[str, Any]) -> None:
+        self._farm = farm
+        self._found = found
+
+    @property
+    def id(self) -> str:
+        return str(self._found["id"])
+
+    @property
+    def kind(self) -> str:
+        return str(self._found["kind"])
+
+    @property
+    def drives(self) -> tuple[str, ...]:
+        return tuple(self._found["drives"])
+
+    @property
+    def state(self) -> str:
+        return str(self._found["state"])
+
+    @property
+    def evidence(self) -> Evidence:
+        seen = self._found["evidence"]
+        contradicted = seen["reason"] if seen["confirmation"] == "contradicted" else ""
+        first, last = (None if s is None else round(s * 1e9) for s in (seen["first_seconds"], seen["last_seconds"]))
+        return Evidence(seen["checks"], seen["activations"], first, last, seen["confirmed"], contradicted)
+
+    async def refresh(self) -> None:
+        self._found = await self._farm.ask(self._farm.client.get, "faults", self.id)
+
+    async def clear(self) -> None:
+        await self.refresh()
+        if self.state != "ended":
+            self._found = await self._farm.ask(self._farm.client.delete, "faults", self.id)
+        self._farm.forget(self.id)
