@@ -1,32 +1,61 @@
-"""The pytest plugin: the fixture ``pnfarm_farm``.  Nothing else is imported before a test asks for it.
+"""The pytest plugin: the fixtures ``pnfarm_farm`` and ``pnfarm_rig``.  Nothing is imported before a test asks for one.
 
 ::
 
-    def test_the_axis_runs(pnfarm_farm):
+    def test_the_axis_runs(pnfarm_farm):                    # in memory, in virtual time
         line = pnfarm_farm("axis-01", model="hiwin-e1")
         line.wait_running()
+
+
+    def test_the_plc_brings_it_back(pnfarm_rig):            # pytest --pnfarm-rig line-1.pnfarm.yml
+        axis = pnfarm_rig.drive("axis-01")
+        with axis.inject("f702", count=1):
+            axis.wait_for("state == S4 and fault == 0", within=5)
 """
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator, Iterable, Iterator
     from pathlib import Path
 
-    from pnfarm.testing import Line
+    from pnfarm.testing import Line, Rig
 
-__all__ = ["Lines", "pnfarm_farm"]
+__all__ = ["Lines", "pnfarm_farm", "pnfarm_rig"]
+
+OPTION = "--pnfarm-rig"
+#: With this in the environment a test that lacks its rig fails.
+REQUIRE_ALL = "PNFARM_REQUIRE_ALL"
+#: Drives, and events of each line or rig, that the report of a failed test shows.
+MOST_DRIVES = 16
+MOST_EVENTS = 25
+
+#: What a test uses: shown when it fails.
+_USED = pytest.StashKey["list[Line | Rig]"]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """``--pnfarm-rig``."""
+    group = parser.getgroup("pnfarm", "virtual drives")
+    group.addoption(
+        OPTION,
+        metavar="FILE",
+        default=os.environ.get("PNFARM_RIG"),
+        help="Farm file, or URL of a running farm's API, for tests with pnfarm_rig; default: PNFARM_RIG. The token of "
+        "an API is in PNFARM_TOKEN or PNFARM_TOKEN_FILE.",
+    )
 
 
 class Lines:
     """Makes lines in memory (:class:`pnfarm.testing.Line`) and closes them at the end of the test."""
 
     def __init__(self) -> None:
-        self._open: list[Line] = []
+        self.open: list[Line | Rig] = []
 
     def __call__(self, *names: str, **options: Any) -> Line:
         """Drives by name; arguments of :class:`pnfarm.testing.Line`."""
@@ -47,18 +76,80 @@ class Lines:
         return self._kept(Line.from_text(text))
 
     def _kept(self, line: Line) -> Line:
-        self._open.append(line)
+        self.open.append(line)
         return line
 
     def close(self) -> None:
-        """Close every line, also if one of them fails."""
-        while self._open:
-            self._open.pop().close()
+        """Close every line; what the first that failed raised is raised when all are closed."""
+        failures: list[Exception] = []
+        while self.open:
+            try:
+                self.open.pop().close()
+            except Exception as exc:  # noqa: BLE001 - raised below, when the others are closed
+                failures.append(exc)
+        if failures:
+            raise failures[0]
 
 
 @pytest.fixture
-def pnfarm_farm() -> Iterator[Lines]:
+def pnfarm_farm(request: pytest.FixtureRequest) -> Iterator[Lines]:
     """Farms in memory, in virtual time: ``pnfarm_farm("axis-01", model="hiwin-e1")`` is a pnfarm.testing.Line."""
     lines = Lines()
+    request.node.stash[_USED] = lines.open
     yield lines
     lines.close()
+
+
+@pytest.fixture(scope="session")
+def _pnfarm_session_rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
+    where = request.config.getoption(OPTION)
+    if not where:
+        why = f"needs a rig: {OPTION} FILE, a farm file or the URL of a running farm"
+        if os.environ.get(REQUIRE_ALL, "") not in {"", "0"}:
+            pytest.fail(f"{why} ({REQUIRE_ALL} is set)", pytrace=False)
+        pytest.skip(why)
+    from pnfarm.errors import PnfarmError  # noqa: PLC0415 - as above
+    from pnfarm.testing import Rig  # noqa: PLC0415 - as above
+
+    try:
+        rig = Rig(where, token=os.environ.get("PNFARM_TOKEN"))
+        rig.open()
+    except PnfarmError as exc:
+        pytest.fail(f"{OPTION} {where}: {exc}", pytrace=False)
+    try:
+        yield rig
+    finally:
+        rig.close()
+
+
+@pytest.fixture
+def pnfarm_rig(request: pytest.FixtureRequest, _pnfarm_session_rig: Rig) -> Iterator[Rig]:
+    """The farm that ``--pnfarm-rig`` names (pnfarm.testing.Rig), the same for all tests; each ends with a reset."""
+    request.node.stash[_USED] = [_pnfarm_session_rig]
+    yield _pnfarm_session_rig
+    _pnfarm_session_rig.reset()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Show the drives of a failed test, and what happened to them last."""
+    report = yield
+    if report.failed and report.when == "call":
+        for used in item.stash.get(_USED, []):
+            report.sections.append(("pnfarm", "\n".join(_shown(used))))
+    return report
+
+
+def _shown(used: Line | Rig) -> Iterable[str]:
+    try:
+        drives, events = used.drives, used.events()
+    except Exception as exc:  # noqa: BLE001 - the report of the failure itself must come
+        yield f"the drives cannot be shown: {exc}"
+        return
+    for drive in drives[:MOST_DRIVES]:
+        yield repr(drive)
+    if len(drives) > MOST_DRIVES:
+        yield f"... and {len(drives) - MOST_DRIVES} more drives"
+    yield f"the last of {len(events)} events:"
+    for event in events[-MOST_EVENTS:]:
+        yield f"  {event}"

@@ -17,7 +17,7 @@ def duration_ns(value: float | str, name: str) -> int:
         try:
             return parse_duration(value)
         except ValueError as exc:
-            raise ConfigError(f"{name}: {exc}") from exc
+            raise ConfigError(f"{name} is {shown(value)}: {exc}") from exc
     if isinstance(value, bool) or not math.isfinite(value) or value < 0:
         raise ConfigError(f"{name} is {shown(value)}: seconds from 0, or a duration such as '500ms'")
     return round(value * 1e9)

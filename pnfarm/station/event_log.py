@@ -48,6 +48,11 @@ class LogEntry:
         """Its values, plain JSON."""
         return self.what.details()
 
+    def __str__(self) -> str:
+        values = ", ".join(f"{key} {value}" for key, value in self.data.items())
+        who = f"{self.drive}: " if self.drive else ""
+        return f"{self.now_ns / 1e9:.3f} s {who}{self.event}" + (f" ({values})" if values else "")
+
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
         return {

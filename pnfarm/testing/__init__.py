@@ -13,7 +13,8 @@
                 line.wait_until(lambda: axis.fault == 702, within=0.1)
             line.wait_until(lambda: axis.state == "S4", within=2)
 
-With pytest, the fixture ``pnfarm_farm`` makes lines and closes them (docs/testing.md).
+A :class:`Rig` is the same for a farm on a real link, or one that runs already.  With pytest, the fixture ``pnfarm_farm`` makes lines and closes them,
+and ``pnfarm_rig`` is the rig that ``--pnfarm-rig`` names (docs/testing.md).
 """
 
 from __future__ import annotations
@@ -22,5 +23,6 @@ from pnfarm.farm.wait import NotInTime
 from pnfarm.testing.drive import Drive, FaultReading
 from pnfarm.testing.fault import Fault
 from pnfarm.testing.line import Line
+from pnfarm.testing.rig import Rig, RigDrive, RigFault
 
-__all__ = ["Drive", "Fault", "FaultReading", "Line", "NotInTime"]
+__all__ = ["Drive", "Fault", "FaultReading", "Line", "NotInTime", "Rig", "RigDrive", "RigFault"]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+
+import pytest
 
 USES = """
 def test_the_axis_runs(pnfarm_farm):
@@ -17,13 +20,66 @@ import sys
 def test_nothing_is_loaded():
     assert not {"numba", "numpy", "pnfarm.testing"} & set(sys.modules)
 """
+FAILS = """
+def test_it_stops(pnfarm_farm):
+    line = pnfarm_farm("axis-01", "axis-02")
+    line.wait_running()
+    line["axis-02"].inject("drive-fault", fault=702, count=1)
+    line.run(0.05)
+    assert not line["axis-02"].fault
+"""
+RIG = """
+import pytest
+
+def test_a_fault_is_left_behind(pnfarm_rig):
+    pnfarm_rig.wait_running()
+    pnfarm_rig.inject("not-ready", on="axis-01")
+    assert pnfarm_rig.drive("axis-01").wait_for("state != S4", within=5) >= 0
+
+def test_the_next_test_does_not_see_it(pnfarm_rig):
+    assert not pnfarm_rig.drive("axis-01").snapshot()["faults_injected"]
+    pnfarm_rig.wait_running()
+
+def test_readings_and_waits(pnfarm_rig):
+    axis = pnfarm_rig["axis-01"]
+    with axis.inject("f702", count=1) as fault:
+        axis.wait_for("fault == 702", within=5)
+    assert fault.state == "ended"
+    assert fault.evidence.activations == 1
+    axis.wait_for("state == S4 and fault == 0", within=5)
+    assert axis.last_fault == 702
+    assert axis.zsw1.operation_enabled
+    assert axis.stw1.enable_operation
+    assert axis.parameter("DRV.OPMODE") == axis.parameter(930)
+    assert pnfarm_rig.metrics().value("pnfarm_axis_faults_total", drive="axis-01") >= 1
+    assert "fault" in {event.event for event in axis.events()}
+    assert pnfarm_rig.wait_until(lambda: axis.velocity > 30, within=5) >= 0
+
+def test_it_fails(pnfarm_rig):
+    with pytest.raises(AssertionError):
+        pnfarm_rig.wait_until(lambda: False, within=0.01)
+    pnfarm_rig.drive("axis-01").wait_for("state == S1", within=0.05)
+"""
+FILE = """
+farm: plugin
+link: {kind: memory}
+api: off
+drives:
+  - {name: axis-01, model: akd-profinet, ip: 10.77.0.11/24}
+controller:
+  ip: 10.77.0.1/24
+  program: {kind: constant, speed_rpm: 60, acknowledge_after: 200ms}
+"""
 
 
-def _session(folder, text):
+def _session(folder, text, *options, **environment):
     file = folder / "test_mine.py"
     file.write_text(text)
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "pnfarm.pytest_plugin", "--rootdir", str(folder), str(file)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", "pytest", "-q", "-rs", "-p", "no:cacheprovider", "--rootdir", str(folder)]
+    # an installed one registers the plugin by its entry point, which -p would repeat
+    command += ["-p", "pnfarm.pytest_plugin", *options, str(file)]
+    known = {key: value for key, value in os.environ.items() if not key.startswith("PNFARM_RE") and key != "PNFARM_RIG"}
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=known | environment)
 
 
 def test_the_fixture_makes_a_line(tmp_path):
@@ -34,3 +90,33 @@ def test_the_fixture_makes_a_line(tmp_path):
 def test_a_session_that_does_not_use_it_loads_no_engine(tmp_path):
     done = _session(tmp_path, UNUSED)
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_a_failed_test_shows_the_drives_and_their_last_events(tmp_path):
+    done = _session(tmp_path, FAILS)
+    assert done.returncode == 1
+    assert "- pnfarm -" in done.stdout
+    assert "<Drive axis-01 S4, connected, 60.0 rpm" in done.stdout
+    assert "<Drive axis-02 S5, connected, fault 702" in done.stdout
+    assert " s axis-02: fault (number 702" in done.stdout
+
+
+def test_without_the_option_a_test_of_a_rig_is_skipped_with_the_reason_or_fails_where_all_is_required(tmp_path):
+    text = "def test_it(pnfarm_rig):\n    pass\n"
+    done = _session(tmp_path, text)
+    assert done.returncode == 0
+    assert "needs a rig: --pnfarm-rig FILE" in done.stdout
+    done = _session(tmp_path, text, PNFARM_REQUIRE_ALL="1")
+    assert done.returncode == 1
+    assert "PNFARM_REQUIRE_ALL is set" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("where", "sentence"),
+    [("no-such.pnfarm.yml", "cannot be read"), ("http://127.0.0.1:9", "no farm answers at http://127.0.0.1:9")],
+)
+def test_a_rig_that_cannot_be_had_fails_with_one_sentence(tmp_path, where, sentence):
+    done = _session(tmp_path, "def test_it(pnfarm_rig):\n    pass\n", "--pnfarm-rig", where)
+    assert done.returncode == 1
+    assert f"--pnfarm-rig {where}: " in done.stdout
+    assert sentence in done.stdout

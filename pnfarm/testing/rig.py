@@ -1,0 +1,346 @@
+"""A farm in real time for plain test functions: on the link of its file, or one that runs already.
+
+The farm lives in a thread with an event loop of its own; every call waits for its result.  The names are those of
+:class:`pnfarm.testing.Line`, so that a test may run against either.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+from pnfarm.errors import ConfigError
+from pnfarm.farm.wait import NotInTime
+from pnfarm.library import Farm, RemoteFarm
+from pnfarm.library.arguments import duration_ns
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Coroutine, Mapping, Sequence
+    from pathlib import Path
+    from types import TracebackType
+
+    from pnfarm.drives.signal_view import Word
+    from pnfarm.farm.readings import FaultReading
+    from pnfarm.faults.evidence import Evidence
+    from pnfarm.library import Drive, FarmEvent, FaultHandle, Metrics, RemoteDrive, ScenarioResult
+
+__all__ = ["Rig", "RigDrive", "RigFault"]
+
+_T = TypeVar("_T")
+
+
+class Rig:
+    """``where``: a farm file, or the URL of a running farm's API.  Use it in a ``with`` statement.
+
+    Raises the errors of :mod:`pnfarm.errors`.
+    """
+
+    def __init__(self, where: str | Path, *, token: str | None = None) -> None:
+        self.where = str(where)
+        self._farm: Farm | RemoteFarm
+        self._farm = Farm.connect(self.where, token=token) if "://" in self.where else Farm.from_file(where)
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread: threading.Thread | None = None
+
+    def open(self) -> None:
+        """Start the farm, or connect to it; on failure nothing is left behind."""
+        if self._loop is not None:
+            raise ConfigError("the rig runs already")
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="pnfarm-rig", daemon=True)
+        self._thread.start()
+        try:
+            self.call(self._farm.open())
+        except BaseException:
+            self._end_loop()
+            raise
+
+    def close(self) -> None:
+        """Clear what was injected, and stop the farm, or disconnect.  Closing twice does nothing."""
+        if self._loop is not None:
+            try:
+                self.call(self._farm.close())
+            finally:
+                self._end_loop()
+
+    def _end_loop(self) -> None:
+        loop, thread, self._loop, self._thread = self._loop, self._thread, None, None
+        if loop is not None and thread is not None:
+            loop.call_soon_threadsafe(loop.stop)
+            thread.join()
+            loop.run_until_complete(loop.shutdown_asyncgens())
+            loop.run_until_complete(loop.shutdown_default_executor())
+            loop.close()
+
+    def __enter__(self) -> Self:
+        self.open()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def call(self, work: Coroutine[Any, Any, _T]) -> _T:
+        """Carry out a coroutine of :attr:`farm` in the rig's thread; Ctrl-C cancels it.  Raises :class:`ConfigError`."""
+        if self._loop is None:
+            work.close()
+            raise ConfigError("the rig is not running: use it in a `with` statement")
+        future = asyncio.run_coroutine_threadsafe(work, self._loop)
+        try:
+            return future.result()
+        except BaseException:
+            future.cancel()
+            raise
+
+    @property
+    def farm(self) -> Farm | RemoteFarm:
+        """The asynchronous farm."""
+        return self._farm
+
+    # -- drives and time
+
+    @property
+    def drives(self) -> list[RigDrive]:
+        """Every drive, in the farm's order."""
+        return [RigDrive(self, drive) for drive in self._farm.drives]
+
+    def drive(self, name: str) -> RigDrive:
+        """A drive by its name.  Raises :class:`ConfigError`."""
+        return RigDrive(self, self._farm.drive(name))
+
+    def __getitem__(self, name: str) -> RigDrive:
+        return self.drive(name)
+
+    def run(self, seconds: float) -> None:
+        """Let time pass."""
+        self.call(self._farm.run(seconds))
+
+    def wait_until(self, condition: Callable[[], object], within: float, *, what: str = "the condition") -> float:
+        """Until ``condition()`` is true; how long it took, s.  Raises :class:`pnfarm.NotInTime`.
+
+        It is called in the test's own thread, each millisecond.
+        """
+        end = time.monotonic_ns() + duration_ns(within, "within")
+        began = time.monotonic()
+        while not condition():
+            if time.monotonic_ns() >= end:
+                raise NotInTime(f"{what} did not hold within {within:g} s: {self._farm!r}")
+            self.run(0.001)
+        return time.monotonic() - began
+
+    def wait_connected(self, within: float = 20.0) -> float:
+        """Until every drive exchanges data with its controller."""
+        return self.call(self._farm.wait_connected(within))
+
+    def wait_running(self, within: float = 20.0) -> float:
+        """Until every drive is in operation (S4)."""
+        return self.call(self._farm.wait_running(within))
+
+    # -- faults, scenarios, what happened
+
+    def inject(self, kind: str, on: str | Sequence[str] = "all", **options: Any) -> RigFault:
+        """Break drives: as :meth:`pnfarm.testing.Line.inject`; ends with its ``with`` statement."""
+        return RigFault(self, self.call(_begun(self._farm.fault(kind, on, **options))))
+
+    def reset(self) -> list[str]:
+        """End every injected fault; the ids of those that ended."""
+        return self.call(self._farm.reset())
+
+    def run_scenario(self, path: str | Path) -> ScenarioResult:
+        """Run a scenario on the farm; ``.check()`` of the result raises for one that did not pass."""
+        return self.call(self._farm.run_scenario(path))
+
+    def metrics(self) -> Metrics:
+        """Every metric as it is now."""
+        return self.call(self._farm.metrics())
+
+    def events(self, drive: str | None = None) -> list[FarmEvent]:
+        """What happened, oldest first, of one drive or all."""
+
+        async def kept() -> list[FarmEvent]:
+            return [event async for event in self._farm.events(drive, follow=False)]
+
+        return self.call(kept())
+
+    def __repr__(self) -> str:
+        return f"<Rig {self.where}: {self._farm!r}>"
+
+
+async def _begun(handle: FaultHandle) -> FaultHandle:
+    return await handle
+
+
+class RigFault:
+    """An injection in force: a context manager that ends it, with its evidence."""
+
+    def __init__(self, rig: Rig, handle: FaultHandle) -> None:
+        self._rig = rig
+        self._handle = handle
+
+    @property
+    def id(self) -> str:
+        return self._handle.id
+
+    @property
+    def kind(self) -> str:
+        return self._handle.kind
+
+    @property
+    def drives(self) -> tuple[str, ...]:
+        """Names of the drives that it is on."""
+        return self._handle.drives
+
+    @property
+    def state(self) -> str:
+        """``waiting``, ``active`` or ``ended``."""
+        return self._rig.call(self._handle.refresh()).state
+
+    @property
+    def is_active(self) -> bool:
+        return self.state == "active"
+
+    @property
+    def evidence(self) -> Evidence:
+        """What happened so far: ``checks``, ``activations``, ``first_ns``, ``last_ns``, ``confirmed``."""
+        return self._rig.call(self._handle.refresh()).evidence
+
+    def clear(self) -> None:
+        """End it; does nothing if it has ended."""
+        self._rig.call(self._handle.clear())
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.clear()
+
+    def __repr__(self) -> str:
+        return repr(self._handle)
+
+
+class RigDrive:
+    """A drive of a rig: every reading asks the farm.  Speeds are rpm, currents A, torques N m."""
+
+    def __init__(self, rig: Rig, drive: Drive | RemoteDrive) -> None:
+        self._rig = rig
+        self._drive = drive
+
+    def _read(self, reading: Callable[[Drive | RemoteDrive], _T]) -> _T:
+        async def read() -> _T:
+            # in the rig's thread, where the farm changes
+            return reading(await self._drive.refresh())
+
+        return self._rig.call(read())
+
+    @property
+    def name(self) -> str:
+        return self._drive.name
+
+    @property
+    def model(self) -> str:
+        return self._drive.model
+
+    def snapshot(self) -> Mapping[str, Any]:
+        """Everything at once, as ``GET drives/{name}`` gives it."""
+        return self._read(lambda drive: drive.snapshot())
+
+    @property
+    def state(self) -> str:
+        """``S1`` to ``S5``, ``boot``, or ``off``."""
+        return self._read(lambda drive: drive.state)
+
+    @property
+    def connected(self) -> bool:
+        """Whether a controller exchanges data with it."""
+        return self._read(lambda drive: drive.connected)
+
+    @property
+    def faults(self) -> list[FaultReading]:
+        """The active ones, the first one first."""
+        return self._read(lambda drive: drive.faults)
+
+    @property
+    def fault(self) -> FaultReading | None:
+        """The active one; None without.  Equals its number (702, ``"32-1"``), code or name."""
+        return self._read(lambda drive: drive.active_fault)
+
+    @property
+    def last_fault(self) -> FaultReading | None:
+        """The active one, or the one that was acknowledged last."""
+        return self._read(lambda drive: drive.last_fault)
+
+    @property
+    def warning(self) -> FaultReading | None:
+        return self._read(lambda drive: drive.warning)
+
+    @property
+    def stw1(self) -> Word:
+        """The control word that the drive obeys, with its bits by name."""
+        return self._read(lambda drive: drive.stw1)
+
+    @property
+    def zsw1(self) -> Word:
+        """The status word, with its bits by name."""
+        return self._read(lambda drive: drive.zsw1)
+
+    @property
+    def setpoint(self) -> float:
+        """Speed set point, rpm."""
+        return self._read(lambda drive: drive.setpoint)
+
+    @property
+    def velocity(self) -> float:
+        """The motor's speed, rpm."""
+        return self._read(lambda drive: drive.velocity)
+
+    @property
+    def position(self) -> float:
+        """From the home position, revolutions."""
+        return self._read(lambda drive: drive.position)
+
+    @property
+    def current(self) -> float:
+        """The motor's current, A."""
+        return self._read(lambda drive: drive.current)
+
+    @property
+    def torque(self) -> float:
+        """The motor's torque, N m."""
+        return self._read(lambda drive: drive.torque)
+
+    @property
+    def following_error(self) -> float:
+        """Revolutions."""
+        return self._read(lambda drive: drive.following_error)
+
+    def wait_for(self, condition: str, within: float | str) -> float:
+        """Until a condition holds, as scenarios write it; what lasted only a moment counts.  How long it took, s."""
+        return self._rig.call(self._drive.wait_for(condition, within))
+
+    def inject(self, kind: str, **options: Any) -> RigFault:
+        """Break it: as :meth:`Rig.inject`, on this drive."""
+        return self._rig.inject(kind, self.name, **options)
+
+    def parameter(self, name: str | int) -> int:
+        """A parameter by number or by the manual's name: the number as on the wire."""
+        return self._rig.call(self._drive.parameter(name))
+
+    def set_parameter(self, name: str | int, value: int) -> None:
+        """Write a parameter; raises the drive's own error, which says what is allowed."""
+        self._rig.call(self._drive.set_parameter(name, value))
+
+    def power_cycle(self) -> None:
+        """Off and on."""
+        self._rig.call(self._drive.power_cycle())
+
+    def events(self) -> list[FarmEvent]:
+        """What happened to it, oldest first."""
+        return self._rig.events(self.name)
+
+    def __repr__(self) -> str:
+        return repr(self._drive)
