@@ -190,6 +190,8 @@ class Farm:
         """Make the interfaces, power the drives on, start the engine.  On failure nothing is left behind."""
         if not self.drives:
             raise ConfigError("the farm has no drives")
+        if self._core is not None:
+            raise ConfigError("this farm has run already: make another one of its file")
         raise_file_limit()
         self._lock.acquire()
         try:

@@ -38,7 +38,7 @@ class Drive(DriveReadings):
     async def wait_for(self, condition: str, within: float | str) -> float:
         """Until a condition holds, as scenarios write it: ``"state == S4 and velocity > 1000"``; how long it took, s.
 
-        A state, fault or connection that lasted a moment counts.  ``within``: seconds, or a duration as ``"500ms"``.
+        From this call on, a state, fault or connection that lasts a moment counts.  ``within``: seconds, or a duration as ``"500ms"``.
         Raises :class:`ConfigError` for a condition that this drive cannot have, :class:`NotInTime`.
         """
         try:
@@ -46,8 +46,9 @@ class Drive(DriveReadings):
         except ConditionError as exc:
             raise ConfigError(f"{condition!r}: {exc}") from exc
         within_ns = duration_ns(within, "within")
-        passing, began = self._passing, self._passing.now()
+        passing = self._passing
         watch = Watch({self.name: bound}, {self.name: self._station})
+        # before the clock is read, which may let time pass: what happens from this call on counts
         unsubscribe = passing.log.subscribe(watch.note)
 
         def holds() -> bool:
@@ -55,6 +56,7 @@ class Drive(DriveReadings):
             return watch.all_held
 
         try:
+            began = passing.now()
             held = await passing.wait(holds, within_ns, polled=watch.polled)
         finally:
             unsubscribe()

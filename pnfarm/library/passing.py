@@ -99,6 +99,7 @@ class RealPassing(Passing):
     def __init__(self, config: FarmConfig) -> None:
         super().__init__()
         self._farm = RealFarm(config, log=self.log)
+        self._is_open = False
         self._beside = ControllerBeside(self._farm)
         self._farm.on_start.append(self._count)
 
@@ -107,13 +108,17 @@ class RealPassing(Passing):
 
     @property
     def core(self) -> FarmCore:
+        if not self._is_open:
+            raise ConfigError("the farm is not running: use it inside `async with`")
         return self._farm.core
 
     async def open(self) -> None:
         self._farm.check_rights()
         await self._farm.open()
+        self._is_open = True
 
     async def close(self) -> None:
+        self._is_open = False
         try:
             await self._farm.close()
         finally:

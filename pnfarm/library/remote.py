@@ -65,7 +65,11 @@ class RemoteFarm:
 
     async def open(self) -> None:
         """Connect.  Raises :class:`~pnfarm.errors.EnvironmentError_` where no farm answers."""
-        await self.refresh()
+        try:
+            await self.refresh()
+        except BaseException:
+            with self._client:
+                raise
 
     async def close(self) -> None:
         """Clear what was injected here, and disconnect; the farm runs on."""
