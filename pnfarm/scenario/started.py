@@ -53,21 +53,15 @@ async def run_started(
 ) -> Outcome:
     """The controller is the one on the wire: a PLC, or ``pnfarm plc`` in another process.
 
-<<<<<<< HEAD
-    ``passing`` as of :func:`.carry_out`; ``before`` is called before the farm starts, once it is known that it may.
-=======
     The controller is the one on the wire: a PLC, or ``pnfarm plc`` in another process; on a memory link the file's.
->>>>>>> 067297a (A farm on a memory link runs in real time with its controller, without any privilege)
+    ``passing`` as of :func:`.carry_out`; ``before`` is called before the farm starts, once it is known that it may.
     """
     # what happens is in the record; on the terminal is the scenario's progress
     farm = Farm(config, log=EventLog(quiet=True), capture=capture)
     farm.check_rights()
-<<<<<<< HEAD
+    ControllerBeside(farm)
     if before is not None:
         await before()
-=======
-    ControllerBeside(farm)
->>>>>>> 067297a (A farm on a memory link runs in real time with its controller, without any privilege)
     collectors: list[FarmCollector] = []
 
     def listen(core: FarmCore) -> None:
@@ -91,13 +85,8 @@ async def run_started(
                 run.cancel(time.monotonic_ns(), f"the farm ended: {error}", broken=True)
 
         async with anyio.create_task_group() as tasks:
-<<<<<<< HEAD
             tasks.start_soon(watch_farm)
-            await carry_out(run, farm.core, farm.driver.poke, passing=passing)
-=======
-            tasks.start_soon(farm.wait)
-            await carry_out(run, farm.core, farm.driver.poke, farm.now)
->>>>>>> 067297a (A farm on a memory link runs in real time with its controller, without any privilege)
+            await carry_out(run, farm.core, farm.driver.poke, farm.now, passing=passing)
             tasks.cancel_scope.cancel()
         collectors[0].close()
     return Outcome(run.record.as_dict(), epoch, failures[0] if failures else None)

@@ -239,10 +239,18 @@ def test_doctor_fails_only_for_what_a_farm_cannot_do_without(pnfarm, monkeypatch
     assert [finding["name"] for finding in answer["findings"]] == [finding.name for finding in findings]
 
 
-def test_what_has_no_interfaces_is_refused_by_up(pnfarm, write):
-    found = pnfarm("up", write(FARM.replace("{kind: macvlan, parent: eth1}", "{kind: memory}")))
+def test_the_controller_of_a_memory_link_runs_with_its_farm_not_beside_it(pnfarm, write):
+    text = FARM.replace("{kind: macvlan, parent: eth1}", "{kind: memory}") + "controller: {ip: 10.77.0.1/24}\n"
+    found = pnfarm("plc", write(text))
     assert found.code == 2
-    assert "memory" in found.err
+    assert "runs in the farm's own process: `pnfarm up FILE` starts both" in found.err
+
+
+def test_frames_in_memory_are_not_captured_by_up(pnfarm, write, tmp_path):
+    text = FARM.replace("{kind: macvlan, parent: eth1}", "{kind: memory}")
+    found = pnfarm("up", write(text), "--pcap", tmp_path / "out.pcapng")
+    assert found.code == 2
+    assert "no interface to capture from" in found.err
 
 
 def test_plc_needs_a_controller_section(pnfarm, write):
