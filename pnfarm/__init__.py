@@ -22,8 +22,8 @@ __version__ = "0.1.0"
 __all__ = ["AxisProgram", "Farm", "NotInTime", "Plc", "__version__"]
 
 
-#: Where the names are that are imported on demand: a farm brings NumPy and the engine along, which `import pnfarm` alone
-#: should not cost.
+#: Where the names are that are imported on demand: a farm brings NumPy and the engine along, which `import pnfarm`
+#: alone should not cost.
 _PLACES = {
     "AxisProgram": "pnfarm.controller.axis_program",
     "Farm": "pnfarm.library",

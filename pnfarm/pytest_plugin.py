@@ -2,12 +2,12 @@
 
 ::
 
-    def test_the_axis_runs(pnfarm_farm):                    # in memory, in virtual time
+    def test_the_axis_runs(pnfarm_farm):  # in memory, in virtual time
         line = pnfarm_farm("axis-01", model="hiwin-e1")
         line.wait_running()
 
 
-    def test_the_plc_brings_it_back(pnfarm_rig):            # pytest --pnfarm-rig line-1.pnfarm.yml
+    def test_the_plc_brings_it_back(pnfarm_rig):  # pytest --pnfarm-rig line-1.pnfarm.yml
         axis = pnfarm_rig.drive("axis-01")
         with axis.inject("f702", count=1):
             axis.wait_for("state == S4 and fault == 0", within=5)

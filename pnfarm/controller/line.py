@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.buses.controller import Controller
-    from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.config.drive import DriveConfig
+    from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.links.base import Link

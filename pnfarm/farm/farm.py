@@ -42,7 +42,7 @@ from pnfarm.links.veth import VethLink
 from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Sequence
+    from collections.abc import Awaitable, Callable, Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
 

@@ -178,7 +178,8 @@ class DriveReadings:
         active = self.active_fault
         fault = f", fault {active}" if active is not None else ""
         link = "connected" if self.connected else "not connected"
-        return f"<{type(self).__name__} {self.name} {self.state}, {link}{fault}, {self.velocity:.1f} rpm, STW1 {self.stw1!r}>"
+        moves = f"{self.velocity:.1f} rpm, STW1 {self.stw1!r}"
+        return f"<{type(self).__name__} {self.name} {self.state}, {link}{fault}, {moves}>"
 
     # -- inside
 

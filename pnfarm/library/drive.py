@@ -38,7 +38,8 @@ class Drive(DriveReadings):
     async def wait_for(self, condition: str, within: float | str) -> float:
         """Until a condition holds, as scenarios write it: ``"state == S4 and velocity > 1000"``; how long it took, s.
 
-        From this call on, a state, fault or connection that lasts a moment counts.  ``within``: seconds, or a duration as ``"500ms"``.
+        From this call on, a state, fault or connection that lasts a moment counts.
+        ``within``: seconds, or a duration as ``"500ms"``.
         Raises :class:`ConfigError` for a condition that this drive cannot have, :class:`NotInTime`.
         """
         try:

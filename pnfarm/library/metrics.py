@@ -37,9 +37,7 @@ class Metrics:
         series = self._samples.get(name)
         if series is None:
             raise ConfigError(f"there is no metric {name}{did_you_mean(name, self._samples)}")
-        found = [
-            value for known, value in series if all(known.get(key) == wanted for key, wanted in labels.items())
-        ]
+        found = [value for known, value in series if all(known.get(key) == wanted for key, wanted in labels.items())]
         if not found:
             shown = ", ".join(f'{key}="{wanted}"' for key, wanted in labels.items())
             raise ConfigError(f"{name} has no series with {shown}")

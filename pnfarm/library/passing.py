@@ -14,6 +14,7 @@ from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import Farm as RealFarm
+from pnfarm.farm.file.reading import expand
 from pnfarm.farm.injections import add_impairments
 from pnfarm.metrics import FarmCollector
 from pnfarm.scenario.lateness import Lateness
@@ -195,8 +196,7 @@ class VirtualPassing(Passing):
         self._line = await VirtualLine.create(self._config, memory=VolatileMemory(), log=self.log)
         self._collector = FarmCollector(self._line.farm)
         farm = self._line.farm
-        configs = [station.config for station in farm.stations]
-        add_impairments(farm.injections, configs, self._line.world.now)  # type: ignore[misc]  # as the farm does
+        add_impairments(farm.injections, expand(self._config), self._line.world.now)
 
     async def close(self) -> None:
         line, self._line = self._line, None

@@ -127,9 +127,7 @@ class FarmClient:
         self._raise_for(response)
         return response.text
 
-    def events(
-        self, drive: str | None = None, *, follow: bool = True, after: int = 0
-    ) -> Iterator[dict[str, Any]]:
+    def events(self, drive: str | None = None, *, follow: bool = True, after: int = 0) -> Iterator[dict[str, Any]]:
         """The farm's event log behind the entry ``after``, of one drive or of all; with ``follow`` also new entries
         until the farm stops.
         """

@@ -13,7 +13,9 @@
                 line.wait_until(lambda: axis.fault == 702, within=0.1)
             line.wait_until(lambda: axis.state == "S4", within=2)
 
-A :class:`Rig` is the same for a farm on a real link, or one that runs already.  With pytest, the fixture ``pnfarm_farm`` makes lines and closes them,
+A :class:`Rig` is the same for a farm on a real link, or one that runs already.
+
+With pytest, the fixture ``pnfarm_farm`` makes lines and closes them,
 and ``pnfarm_rig`` is the rig that ``--pnfarm-rig`` names (docs/testing.md).
 """
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Fault"]
 
+
 class Fault:
     """An injection in force: a context manager that ends it, with its evidence."""
 

@@ -84,7 +84,7 @@ class Rig:
         self.close()
 
     def call(self, work: Coroutine[Any, Any, _T]) -> _T:
-        """Carry out a coroutine of :attr:`farm` in the rig's thread; Ctrl-C cancels it.  Raises :class:`ConfigError`."""
+        """Carry out a coroutine of :attr:`farm` in the rig's thread; Ctrl-C cancels it."""
         if self._loop is None:
             work.close()
             raise ConfigError("the rig is not running: use it in a `with` statement")

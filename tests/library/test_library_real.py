@@ -81,7 +81,7 @@ def test_a_machine_that_stalls_makes_no_watchdog_expire_in_memory():
         async with pnfarm.Farm.from_text(FILE) as farm:
             await farm.wait_running(10)
             before = farm.now
-            time.sleep(0.5)  # the event loop itself stands still: the default watchdog has 48 ms
+            time.sleep(0.5)  # noqa: ASYNC251 - the stall is the test; the event loop itself stands still: the default watchdog has 48 ms
             assert farm.now - before <= MOST_BEHIND_NS / 1e9 + 0.05
             await farm.run(0.1)
             assert all(drive.connected and not drive.faults for drive in farm.drives)
@@ -92,7 +92,7 @@ def test_a_machine_that_stalls_makes_no_watchdog_expire_in_memory():
 
 def test_a_cancellation_or_an_exception_ends_the_farm():
     async def work():
-        with pytest.raises(TimeoutError):
+        with pytest.raises(TimeoutError):  # noqa: PT012 - a block is what is cancelled
             async with asyncio.timeout(0.3), pnfarm.Farm.from_text(FILE) as farm:
                 await farm.fault("silence", on="axis-01")
                 await farm.run(3600)
@@ -197,7 +197,7 @@ def test_a_running_farm_is_reached_by_its_api_with_the_same_names():
 
 def test_no_farm_and_a_token_that_is_missing_are_told_in_one_sentence():
     async def work():
-        with pytest.raises(EnvironmentError_, match="no farm answers at http://127.0.0.1:9"):
+        with pytest.raises(EnvironmentError_, match=r"no farm answers at http://127\.0\.0\.1:9"):
             await pnfarm.Farm.connect("http://127.0.0.1:9").open()
         with pytest.raises(ConfigError, match="is not the address of a farm"):
             pnfarm.Farm.connect("ftp://x")
@@ -224,7 +224,7 @@ def test_a_rig_gives_plain_functions_and_ends_its_thread(tmp_path):
         assert axis.fault is None
         assert axis.snapshot()["state"] == "S4"
         assert rig.wait_until(lambda: axis.velocity > 30, within=5) >= 0
-        with pytest.raises(pnfarm.NotInTime, match="did not hold within 0.01 s"):
+        with pytest.raises(pnfarm.NotInTime, match=r"did not hold within 0\.01 s"):
             rig.wait_until(lambda: False, within=0.01)
         rig.inject("not-ready", on="axis-02")
         assert len(rig.reset()) == 1

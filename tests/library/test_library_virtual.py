@@ -61,7 +61,7 @@ def test_a_fault_ends_with_its_block_also_after_an_exception(running):
         fault = axis.fault("silence")
         with pytest.raises(ConfigError, match="was not injected"):
             fault.state  # noqa: B018 - the access is the test
-        with pytest.raises(ZeroDivisionError):
+        with pytest.raises(ZeroDivisionError):  # noqa: PT012 - a block is what ends
             async with fault:
                 await axis.wait_for("not connected", within=1)
                 raise ZeroDivisionError
@@ -200,7 +200,7 @@ def test_a_trace_is_complete_in_virtual_time(running):
     async def work(farm):
         axis = farm.drive("axis-01")
         async with farm.trace("axis-01", ["velocity"], trigger="fault 702", pre="20ms", length="100ms") as trace:
-            with pytest.raises(pnfarm.NotInTime, match="is waiting after 0.1 s"):
+            with pytest.raises(pnfarm.NotInTime, match=r"is waiting after 0\.1 s"):
                 await trace.complete(within=0.1)
             async with axis.fault("f702", count=1):
                 recording = await trace.complete(within=2)

@@ -28,48 +28,6 @@ def test_it_stops(pnfarm_farm):
     line.run(0.05)
     assert not line["axis-02"].fault
 """
-RIG = """
-import pytest
-
-def test_a_fault_is_left_behind(pnfarm_rig):
-    pnfarm_rig.wait_running()
-    pnfarm_rig.inject("not-ready", on="axis-01")
-    assert pnfarm_rig.drive("axis-01").wait_for("state != S4", within=5) >= 0
-
-def test_the_next_test_does_not_see_it(pnfarm_rig):
-    assert not pnfarm_rig.drive("axis-01").snapshot()["faults_injected"]
-    pnfarm_rig.wait_running()
-
-def test_readings_and_waits(pnfarm_rig):
-    axis = pnfarm_rig["axis-01"]
-    with axis.inject("f702", count=1) as fault:
-        axis.wait_for("fault == 702", within=5)
-    assert fault.state == "ended"
-    assert fault.evidence.activations == 1
-    axis.wait_for("state == S4 and fault == 0", within=5)
-    assert axis.last_fault == 702
-    assert axis.zsw1.operation_enabled
-    assert axis.stw1.enable_operation
-    assert axis.parameter("DRV.OPMODE") == axis.parameter(930)
-    assert pnfarm_rig.metrics().value("pnfarm_axis_faults_total", drive="axis-01") >= 1
-    assert "fault" in {event.event for event in axis.events()}
-    assert pnfarm_rig.wait_until(lambda: axis.velocity > 30, within=5) >= 0
-
-def test_it_fails(pnfarm_rig):
-    with pytest.raises(AssertionError):
-        pnfarm_rig.wait_until(lambda: False, within=0.01)
-    pnfarm_rig.drive("axis-01").wait_for("state == S1", within=0.05)
-"""
-FILE = """
-farm: plugin
-link: {kind: memory}
-api: off
-drives:
-  - {name: axis-01, model: akd-profinet, ip: 10.77.0.11/24}
-controller:
-  ip: 10.77.0.1/24
-  program: {kind: constant, speed_rpm: 60, acknowledge_after: 200ms}
-"""
 
 
 def _session(folder, text, *options, **environment):
