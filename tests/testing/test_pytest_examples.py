@@ -1,4 +1,4 @@
-"""The tests that a tester copies (configs/pytest), as pytest runs them; the rig's run with the farm file beside them."""
+"""The tests that a tester copies (configs/pytest), as pytest runs them; the rig's with the farm file beside them."""
 
 from __future__ import annotations
 
