@@ -24,7 +24,7 @@ from pnfarm.api.faults import add_faults
 from pnfarm.api.guard import Guard
 from pnfarm.api.problems import install_handlers
 from pnfarm.api.scenarios import add_scenarios
-from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version
+from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version, problems_of
 from pnfarm.api.throttle import Throttle
 from pnfarm.api.traces import add_traces
 from pnfarm.buses.registry import BUSES
@@ -193,9 +193,11 @@ def _describe_problems(app: FastAPI) -> None:
             problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
             schemas.update(problem.pop("$defs", {}))
             schemas["Problem"] = problem
-            for path in described["paths"].values():
-                for operation in path.values():
+            for place, path in described["paths"].items():
+                for method, operation in path.items():
+                    # FastAPI's own 422 is of another form
                     operation["responses"].pop("422", None)
+                    operation["responses"].update(problems_of(method, place, operation))
             schemas.pop("HTTPValidationError", None)
             schemas.pop("ValidationError", None)
             app.openapi_schema = described

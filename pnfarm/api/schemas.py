@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, Field
 
 from pnfarm.web.bodies import Schema
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 __all__ = [
     "Controller",
@@ -23,6 +26,7 @@ __all__ = [
     "Ready",
     "Reset",
     "Version",
+    "problems_of",
 ]
 
 
@@ -293,3 +297,26 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
         "content": {"application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}}},
     }
 }
+
+_PROBLEM = PROBLEMS["default"]["content"]
+#: Status -> when it is answered.
+_WHEN = {
+    "401": "The token is missing or wrong",
+    "403": "This client may not: a token that only reads, or a page of another origin",
+    "404": "Nothing has this name, number or id",
+    "409": "Not in the present state",
+    "422": "The request is wrong; `errors` says field by field what is allowed",
+}
+
+
+def problems_of(method: str, path: str, operation: Mapping[str, Any]) -> dict[str, Any]:
+    """The error responses of an operation, by status; ``default`` stays for the rare ones, such as overload."""
+    named = "{" in path or any(found["name"] == "drive" for found in operation.get("parameters", ()))
+    found = ["401", "403"]
+    if named:
+        found.append("404")
+    if named and (method != "get" or "/params/" in path):
+        found.append("409")
+    if method != "get" or "parameters" in operation:
+        found.append("422")
+    return {status: {"description": _WHEN[status], "content": _PROBLEM} for status in found}

@@ -12,6 +12,8 @@ from api_world import ApiWorld, assert_problem
 
 #: Of every operation of the description; there are some twenty.
 CASES = 60
+#: Those that any operation may have, under `default`: a head or body that is none, a method of another path, overload.
+UNNAMED = {400, 405, 413, 414, 415, 503}
 WORDS = (
     "", "axis-01", "axis-02", "axis-*", "all", "922", "915.1", "DRV.OPMODE", "MT.NUM", "fault-1", "0", "1", "-1",
     "65535", "1e9", "nan", "1" * 400, "x" * 400, "%00", "\x00", "..", "../..", "a/b", "ä\u202e\U0001f600", " ", "null",
@@ -118,6 +120,19 @@ def request(
     return {"method": method.upper(), "path": place(rng, path, faults), **options}
 
 
+def test_each_operation_names_its_errors_as_problem_documents(described):
+    for path, methods in described["paths"].items():
+        for method, operation in methods.items():
+            named = {status: found for status, found in operation["responses"].items() if status[0] in "4d"}
+            assert {"401", "403", "default"} <= named.keys(), (method, path)
+            assert ("{" not in path) or "404" in named, (method, path)
+            assert ("requestBody" not in operation) or "422" in named, (method, path)
+            for found in named.values():
+                assert found["description"]
+                schema = found["content"]["application/problem+json"]["schema"]
+                assert schema == {"$ref": "#/components/schemas/Problem"}
+
+
 def test_no_request_after_the_description_is_answered_by_a_server_error(described, world):
     rng = Random(8702)
     operations = [
@@ -134,6 +149,8 @@ def test_no_request_after_the_description_is_answered_by_a_server_error(describe
         assert response.status_code < 500 or path == "/api/v1/readyz", (asked, response.text)
         if response.status_code >= 400:
             assert_problem(response, response.status_code)
+        known = operation["responses"]
+        assert str(response.status_code) in known or response.status_code in UNNAMED, (asked, response.text)
         seen.add((method, path, response.status_code // 100))
         if number % 100 == 99:
             world.line.run(0.05)
