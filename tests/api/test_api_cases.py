@@ -12,8 +12,9 @@ from api_world import ApiWorld, assert_problem
 
 #: Of every operation of the description; there are some twenty.
 CASES = 60
-#: Those that any operation may have, under `default`: a head or body that is none, a method of another path, overload.
-UNNAMED = {400, 405, 413, 414, 415, 503}
+#: Those that any operation may have, under `default`: a head or body that is none, overload; an empty name makes the path
+#: another one (307, 405).
+UNNAMED = {307, 400, 405, 413, 414, 415, 503}
 WORDS = (
     "", "axis-01", "axis-02", "axis-*", "all", "922", "915.1", "DRV.OPMODE", "MT.NUM", "fault-1", "0", "1", "-1",
     "65535", "1e9", "nan", "1" * 400, "x" * 400, "%00", "\x00", "..", "../..", "a/b", "ä\u202e\U0001f600", " ", "null",
