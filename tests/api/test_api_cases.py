@@ -25,6 +25,12 @@ HEADERS: tuple[dict[str, str], ...] = (
     {}, {}, {}, {"Content-Type": "text/plain"}, {"Content-Type": ""}, {"Accept": "text/html"}, {"Accept-Encoding": "x"},
     {"Last-Event-ID": "x"}, {"Last-Event-ID": "9" * 40}, {"Range": "bytes=9-1"}, {"Cookie": "=;="},
 )  # fmt: skip
+#: Bodies that no chance would find.
+WHOLE = {
+    "/api/v1/traces": {"on": "axis-01", "signals": ["velocity"]},
+    "/api/v1/faults": {"kind": "not-ready", "on": "axis-01", "ttl": "60s"},
+    "/api/v1/scenarios": {"text": "scenario: short\nsteps: [{wait: 1ms}]"},
+}
 BROKEN = (b"", b"{", b"[" * 5000, b"\xff\xfe", b'{"a":1}{"b":2}', b'{"value":', b"null", b"0", b'"\\ud800"', b"NaN")
 
 
@@ -94,6 +100,8 @@ def place(rng: Random, path: str, faults: list[str]) -> str:
         "{pnu}": rng.choice(("922", "DRV.OPMODE", "VL.LIMITP", "3072")),
         "{slot}": "1",
         "{fault_id}": rng.choice(faults),
+        "{trace_id}": f"trace-{rng.randrange(1, 9)}",
+        "{scenario_id}": f"scenario-{rng.randrange(1, 9)}",
     }
     for word, known in there.items():
         path = path.replace(word, known if rng.random() < 0.75 else quote(rng.choice(WORDS), safe=""))
@@ -116,6 +124,8 @@ def request(
             # few faults of any fields fit together: the kind alone, and one field more
             extra = rng.choice(sorted({*value, "kind"} - {"on"}))
             value = {"kind": value.get("kind"), extra: value.get(extra), "on": rng.choice(("axis-01", "all"))}
+        if (whole_body := WHOLE.get(path)) is not None and rng.random() < 0.25:
+            value = whole_body
         options["content"] = rng.choice(BROKEN) if rng.random() < 0.1 else json.dumps(value).encode()
         options["headers"].setdefault("Content-Type", "application/json")
     return {"method": method.upper(), "path": place(rng, path, faults), **options}
