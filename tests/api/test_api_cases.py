@@ -12,7 +12,7 @@ from api_world import ApiWorld, assert_problem
 
 #: Of every operation of the description; there are some twenty.
 CASES = 60
-#: Those that any operation may have, under `default`: a head or body that is none, overload; an empty name makes the path
+#: Any operation may have these, under `default`: a head or body that is none, overload; an empty name makes the path
 #: another one (307, 405).
 UNNAMED = {307, 400, 405, 413, 414, 415, 503}
 WORDS = (
