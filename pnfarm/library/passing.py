@@ -17,7 +17,7 @@ from pnfarm.farm.farm import Farm as RealFarm
 from pnfarm.farm.file.reading import expand
 from pnfarm.farm.injections import add_impairments
 from pnfarm.metrics import FarmCollector
-from pnfarm.scenario.lateness import Lateness
+from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.scenario.realtime import PAUSE_NS, carry_out
 from pnfarm.scenario.run import LOOK_NS, ScenarioRun
 from pnfarm.scenario.virtual import carry_out_virtually
@@ -157,7 +157,7 @@ class RealPassing(Passing):
 
     async def carry_out(self, binding: Binding) -> dict[str, Any]:
         now = self.now()
-        lateness = Lateness(self.core, binding.scenario.budget_ns, now)
+        lateness = FarmLateness(self.core, binding.scenario.budget_ns, now)
         run = ScenarioRun(binding, self.core, self.collector, now, lateness=lateness)
         await carry_out(run, self.core, self.poke, self.now)
         return run.record.as_dict()
