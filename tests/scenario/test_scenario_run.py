@@ -190,7 +190,7 @@ def test_bad_input_is_told_before_anything_starts(tmp_path, capsys) -> None:
         assert main(command) == 2
         assert f"{bad}:4: steps[0].expect.drive: no drive matches 'x'" in capsys.readouterr().err
     good = LIBRARY / "f702-recovery.scenario.yml"
-    assert main(["run", str(good)]) == 2
+    assert main(["run", str(good), "--pcap", str(tmp_path / "x.pcapng")]) == 2
     assert "add --virtual" in capsys.readouterr().err
     assert main(["run", str(good), "--virtual", "--junit", "/no/such/folder/x"]) == 2
     assert main(["run", str(tmp_path / "none.scenario.yml")]) == 2
