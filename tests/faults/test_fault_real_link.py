@@ -93,7 +93,7 @@ async def test_a_pulled_cable_takes_the_interface_down_and_a_plugged_one_brings_
             wire.bind(("plc0", 3))
             wire.setblocking(False)
             assert await answers(wire)
-            fault = await farm.drive("axis-01").fault("link-down")
+            fault = farm.inject({"kind": "link-down", "on": "axis-01"})
             await asyncio.sleep(0.15)
             assert fault.evidence().confirmed
             assert not carrier(port)
@@ -104,7 +104,7 @@ async def test_a_pulled_cable_takes_the_interface_down_and_a_plugged_one_brings_
             assert carrier(port)
             assert await answers(wire)
 
-            fault = await farm.drive("axis-01").fault("silence", **{"for": "400ms"})
+            fault = farm.inject({"kind": "silence", "on": "axis-01", "for": "400ms"})
             assert not await answers(wire)
             await asyncio.sleep(0.3)
             assert await answers(wire)
@@ -131,7 +131,7 @@ async def test_an_interface_of_the_kernel_gets_the_address_and_its_own_one_back(
 
         heard: list[bytes] = []
         farm.core.link.listen(station.port.index, lambda way, frame, now: way == "out" and heard.append(frame))
-        fault = await farm.drive("axis-01").fault("mac-change", params={"mac": OTHER})
+        fault = farm.inject({"kind": "mac-change", "on": "axis-01", "params": {"mac": OTHER}})
         heard.clear()
         assert await has(parse_mac(OTHER))
         assert fault.evidence().confirmed
@@ -148,7 +148,7 @@ async def test_an_address_that_the_kernel_refuses_ends_the_fault_with_its_reason
         station = farm.core.stations[0]
         own = station.port.mac
         occupy(OTHER)
-        fault = await farm.drive("axis-01").fault("mac-change", params={"mac": OTHER})
+        fault = farm.inject({"kind": "mac-change", "on": "axis-01", "params": {"mac": OTHER}})
         for _ in range(50):
             await asyncio.sleep(0.01)
             if fault.state == "ended" and station.powered:
