@@ -24,7 +24,8 @@ EXCLUSIVE = (
     "cli/test_cli_log_limit.py", "cli/test_cli_memory.py", "cli/test_cli_run_rigs.py", "cli/test_cli_running.py",
     "engine/test_engine_realtime.py", "engine/test_engine_replay.py", "farm/test_farm_library.py",
     "library/test_library_real.py", "testing/test_pytest_examples.py",
-    "faults/test_fault_real_link.py", "interop", "links", "test_rig_dashboards.py", "test_rig_files.py",
+    "faults/test_fault_real_link.py", "interop", "links", "soak/test_soak_real.py", "test_rig_dashboards.py",
+    "test_rig_files.py",
 )  # fmt: skip
 #: Files in those folders that live in memory and virtual time after all.
 SHARED = (
