@@ -1,4 +1,4 @@
-"""``pnfarm demo``: a farm, a controller, two faults and two recoveries, on any Linux machine, without a PLC.
+"""``pnfarm demo``: a farm, a controller, two faults and two recoveries, and a scenario, on any Linux machine, without a PLC.
 
 It runs in a network of its own: as an ordinary user in a user, network and mount namespace, as root in a network
 namespace.  Where the machine permits neither, it runs in memory, paced by the real clock, and says so.
@@ -62,10 +62,19 @@ def command(
         Path | None,
         typer.Option("--pcap", metavar="FILE", help="Capture all frames of the drives to this pcapng file."),
     ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            "--html", metavar="FILE", help="Write the scenario's report to this file.", show_default="a temporary file"
+        ),
+    ] = None,
 ) -> None:
-    """Run a demo farm: drives, a controller, two faults and the recovery.  Needs no root and no PLC."""
+    """Run a demo farm: drives, a controller, two faults and the recovery, and a scenario with its verdict.
+
+    Needs no root and no PLC.
+    """
     require_address_space(ENGINE)
-    for file in (json_file, svg_file, pcap):
+    for file in (json_file, svg_file, pcap, html):
         _check_writable(file)
     where, why = _enter()
     _announce(where, why)
@@ -84,7 +93,9 @@ def command(
         _cable()
         link = f"{{kind: macvlan, parent: {PARENT}}}"
         text = FILE.format(link=link, groups=_groups(drives), where=f"interface: {PEER}")
-    demo = Demo(text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file, pcap=pcap)
+    demo = Demo(
+        text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file, pcap=pcap, report=html
+    )
     summary: dict[str, Any] = anyio.run(demo.run)
     if json_file is not None:
         json_file.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The steps of the demo: connect, run, inject faults, recover, report."""
+"""The steps of the demo: connect, run, inject faults, recover, carry out a scenario, report."""
 
 from __future__ import annotations
 
@@ -16,12 +16,18 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from pnfarm.cli.demo_scenario import demo_binding, write_report
 from pnfarm.controller.line import VirtualLine
 from pnfarm.controller.runtime import Plc
 from pnfarm.farm.capture import CaptureSettings, prepare
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.metrics import FarmCollector
+from pnfarm.scenario.lateness import FarmLateness
+from pnfarm.scenario.realtime import carry_out
+from pnfarm.scenario.run import ScenarioRun
+from pnfarm.scenario.virtual import carry_on
 from pnfarm.station.event_log import EventLog
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
@@ -30,7 +36,10 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.controller import Controller
     from pnfarm.farm.core import FarmCore
+    from pnfarm.farm.virtual import VirtualWorld
     from pnfarm.faults.manager import InjectionManager
+    from pnfarm.scenario.record import Case
+    from pnfarm.scenario.steps import Step
 
 __all__ = ["Demo"]
 
@@ -39,6 +48,8 @@ POLL_SECONDS = 0.02
 #: Time limit of each stage, after which the demo has failed.
 STAGE_SECONDS = 20.0
 LOG_LINES = 8
+#: In memory, the stretches of time in which the scenario runs and the display stands.
+STRETCH_NS = 50_000_000
 
 
 class Demo:
@@ -53,8 +64,11 @@ class Demo:
         begin: float,
         picture: Path | None = None,
         pcap: Path | None = None,
+        report: Path | None = None,
     ) -> None:
         self._pcap = pcap
+        self._report_file = report
+        self._scenario: dict[str, Any] | None = None
         self._picture_file = picture
         self._config = parse_farm(text)
         self._in_memory = in_memory
@@ -81,7 +95,7 @@ class Demo:
             release = await self._open(stack)
             if self._console.is_terminal:
                 self._live = stack.enter_context(Live(console=self._console, refresh_per_second=8, transient=True))
-            ok = await self._stages()
+            ok = await self._stages() and await self._carry_out()
             summary = self._summary(ok)
             if self._picture_file is not None:
                 self._draw(self._picture_file)
@@ -140,6 +154,54 @@ class Demo:
             await self._pass(min(0.25, (end - self._now()) / 1e9))
         return ok
 
+    async def _carry_out(self) -> bool:
+        """Carry out the scenario and write its report; True unless it failed."""
+        names = [row["name"] for row in self._plc.snapshot()]
+        binding = demo_binding(self._farm, names[min(1, len(names) - 1)], names)
+        self._log(f"scenario {binding.scenario.name}: {binding.scenario.description}")
+        collector = FarmCollector(self._farm)
+        try:
+            lateness = None if self._in_memory else FarmLateness(self._farm, None, self._now())
+            run = ScenarioRun(
+                binding, self._farm, collector, self._now(), lateness=lateness, traced=True, tell=self._told
+            )
+            if self._line is None:
+                await carry_out(run, self._farm, self._poke, passing=self._passing)
+            else:
+                while not run.finished:
+                    self._refresh()
+                    await self._pace(self._line.world, lambda world: carry_on(run, world, STRETCH_NS))
+        finally:
+            collector.close()
+        record = run.record.as_dict()
+        verdict, counts = record["verdict"], ", ".join(f"{n} {word}" for word, n in record["counts"].items() if n)
+        self._log(f"verdict on the PLC program: {verdict} ({counts})")
+        try:
+            report: str | None = str(write_report(record, self._report_file))
+        except OSError as exc:
+            report = None
+            self._log(f"the report cannot be written: {exc}")
+        self._scenario = {
+            "name": record["scenario"],
+            "verdict": verdict,
+            "expectations": [{key: case[key] for key in ("name", "verdict", "measured")} for case in record["cases"]],
+            "report": report,
+        }
+        return verdict in {"passed", "inconclusive"}
+
+    def _told(self, step: Step, case: Case | None) -> None:
+        if case is not None:
+            self._log(f"{case.verdict.value}: {step.title}" + (f", {case.measured}" if case.measured else ""))
+
+    def _refresh(self) -> None:
+        if self._live is not None:
+            self._live.update(self._picture())
+
+    def _passing(self, run: ScenarioRun, now: int) -> str:
+        del run, now
+        self._refresh()
+        return ""
+
     async def _break(self, kind: str, name: str) -> bool:
         """Inject one fault, check its effect, and check that the controller brings the drive back."""
         station = self._farm.station(name)
@@ -195,14 +257,17 @@ class Demo:
 
     async def _pass(self, seconds: float) -> None:
         """Let time pass and refresh the display; in memory, virtual time advances with the wall clock."""
-        if self._live is not None:
-            self._live.update(self._picture())
+        self._refresh()
         if self._line is None:
             await anyio.sleep(seconds)
-            return
-        start = time.monotonic()
-        self._line.world.run(seconds)
-        await anyio.sleep(max(0.0, seconds - (time.monotonic() - start)))
+        else:
+            await self._pace(self._line.world, lambda world: world.run(seconds))
+
+    async def _pace(self, world: VirtualWorld, run: Callable[[VirtualWorld], object]) -> None:
+        """In memory: let virtual time pass, and then as much real time as is left of it."""
+        start, begin = time.monotonic(), world.now
+        run(world)
+        await anyio.sleep(max(0.0, (world.now - begin) / 1e9 - (time.monotonic() - start)))
 
     # -- output -----------------------------------------------------------------------------------------------------
 
@@ -277,6 +342,7 @@ class Demo:
         return {
             "ok": ok and all(d["connected"] and d["recovered"] for d in drives),
             "drives": drives,
+            "scenario": self._scenario,
             "engine": {
                 "cycles": int(engine.cycles),
                 "overruns": int(engine.overruns),
@@ -306,6 +372,12 @@ class Demo:
             f"{engine['lateness_p99_seconds'] * 1e6:.0f} us (p99)",
             highlight=False,
         )
+        scenario = summary["scenario"]
+        if scenario is not None:
+            where = f"; report: {scenario['report']}" if scenario["report"] else ""
+            self._console.print(
+                f"scenario {scenario['name']}: {scenario['verdict']}{where}", highlight=False, soft_wrap=True
+            )
         verdict = "every drive exchanged data and recovered" if summary["ok"] else "the demo FAILED"
         self._console.print(verdict, highlight=False)
         sys.stdout.flush()

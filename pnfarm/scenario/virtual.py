@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.scenario.binding import Binding
     from pnfarm.scenario.run import Passing, Tell
 
-__all__ = ["carry_out_virtually", "run_virtual"]
+__all__ = ["carry_on", "carry_out_virtually", "run_virtual"]
 
 #: Longest stretch without a look: the wall time of one keeps progress visible and Ctrl-C quick.
 STRETCH_NS = 10_000_000_000
@@ -42,19 +42,24 @@ async def _line(config: FarmConfig, log: EventLog, pcap: Path | None) -> AsyncIt
 async def carry_out_virtually(run: ScenarioRun, world: VirtualWorld, passing: Passing | None = None) -> None:
     """Until the scenario has ended; other tasks of the event loop have their turn at least every STRETCH_NS."""
     while not run.finished:
-        due = min(run.advance(world.now), world.now + STRETCH_NS)
-
-        def looked() -> bool:
-            # a step that ends may change the farm: the world takes its deadlines anew
-            begun, cases = run.steps_begun, len(run.record.cases)
-            run.advance(world.now)
-            if passing is not None and (why := passing(run, world.now)):
-                run.cancel(world.now, why)
-            return run.finished or run.steps_begun != begun or len(run.record.cases) != cases
-
-        if not run.finished and due > world.now:
-            world.run((due - world.now) / 1e9, until=looked, look_ns=LOOK_NS if run.polled else None)
+        carry_on(run, world, STRETCH_NS, passing)
         await anyio.lowlevel.checkpoint()
+
+
+def carry_on(run: ScenarioRun, world: VirtualWorld, stretch_ns: int, passing: Passing | None = None) -> None:
+    """Let the time to the scenario's next step pass, at most ``stretch_ns``."""
+    due = min(run.advance(world.now), world.now + stretch_ns)
+
+    def looked() -> bool:
+        # a step that ends may change the farm: the world takes its deadlines anew
+        begun, cases = run.steps_begun, len(run.record.cases)
+        run.advance(world.now)
+        if passing is not None and (why := passing(run, world.now)):
+            run.cancel(world.now, why)
+        return run.finished or run.steps_begun != begun or len(run.record.cases) != cases
+
+    if not run.finished and due > world.now:
+        world.run((due - world.now) / 1e9, until=looked, look_ns=LOOK_NS if run.polled else None)
 
 
 async def run_virtual(
