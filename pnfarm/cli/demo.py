@@ -1,4 +1,4 @@
-"""``pnfarm demo``: a farm, a controller, two faults and two recoveries, and a scenario, on any Linux machine, without a PLC.
+"""``pnfarm demo``: a farm, a controller, two faults, two recoveries and a scenario, on any Linux machine without a PLC.
 
 It runs in a network of its own: as an ordinary user in a user, network and mount namespace, as root in a network
 namespace.  Where the machine permits neither, it runs in memory, paced by the real clock, and says so.

@@ -29,7 +29,7 @@ steps:
       - - fault: {{kind: link-down, on: {axis}, for: 1s}}
         - expect: {{drive: {axis}, that: not connected, within: 2s, name: the connection breaks}}
         - expect: {{drive: {axis}, that: connected, within: 10s, name: the PLC connects again}}
-        - expect: {{drive: {axis}, that: state == S4 and fault == 0, within: 10s, for: 1s, name: the PLC brings it back}}
+        - expect: {{drive: {axis}, that: state == S4, within: 10s, for: 1s, name: the PLC brings it back}}
 """
 OTHERS = "      - expect: {{drive: [{names}], that: state == S4, for: 3s, name: the other drives run on}}"
 
