@@ -34,9 +34,10 @@ def _session(folder, text, *options, **environment):
     file = folder / "test_mine.py"
     file.write_text(text)
     command = [sys.executable, "-m", "pytest", "-q", "-rs", "-p", "no:cacheprovider", "--rootdir", str(folder)]
-    # an installed one registers the plugin by its entry point, which -p would repeat
+    # the plugin by its name alone: also where the project is not installed, or a plugin of others would load the engine
     command += ["-p", "pnfarm.pytest_plugin", *options, str(file)]
     known = {key: value for key, value in os.environ.items() if not key.startswith("PNFARM_RE") and key != "PNFARM_RIG"}
+    known["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
     return subprocess.run(command, capture_output=True, text=True, check=False, env=known | environment)
 
 
