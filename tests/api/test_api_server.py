@@ -178,7 +178,8 @@ def farm_like(world, section, token_path=None):
     """What serving needs of a running farm."""
     driver = SimpleNamespace(poke=lambda: world.line.farm.service(world.line.world.now))
     config = SimpleNamespace(api=section, token_path=token_path)
-    return SimpleNamespace(core=world.line.farm, log=world.line.log, driver=driver, config=config)
+    now = world.line.world.clock
+    return SimpleNamespace(core=world.line.farm, log=world.line.log, driver=driver, config=config, now=now)
 
 
 def test_farm_is_served_as_its_file_says_and_its_new_token_is_told_once():
