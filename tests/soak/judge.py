@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from statistics import fmean, median
 from typing import Any
 
-__all__ = ["Check", "Growth", "LogReader", "Stream", "growth", "memory_checks", "same_as_before", "shown"]
+__all__ = ["Check", "Growth", "LogReader", "Stream", "growth", "lowest", "memory_checks", "same_as_before", "shown"]
 
 #: Memory may grow by this share in the second half of a run.
 MOST_GROWTH = 0.01
@@ -84,11 +84,23 @@ def growth(points: Sequence[tuple[float, float]]) -> Growth:
     )
 
 
-def memory_checks(samples: Sequence[Mapping[str, Any]], series: Iterable[str]) -> list[Check]:
-    """One check for each series (a key of the samples, beside ``seconds``)."""
+def lowest(points: Sequence[tuple[float, float]], seconds: float) -> list[tuple[float, float]]:
+    """The lowest point of each stretch of time: what is left of a series that rises until garbage is collected."""
+    found: dict[int, tuple[float, float]] = {}
+    for at, value in points:
+        place = int(at // seconds)
+        if place not in found or value < found[place][1]:
+            found[place] = at, value
+    return list(found.values())
+
+
+def memory_checks(samples: Sequence[Mapping[str, Any]], series: Iterable[str], *, stretch: float = 0.0) -> list[Check]:
+    """One check for each series (a key of the samples, beside ``seconds``); with ``stretch``, of the lowest in each."""
     found = []
     for name in series:
         points = [(sample["seconds"], float(sample[name])) for sample in samples if sample.get(name) is not None]
+        if stretch:
+            points = lowest(points, stretch)
         seen = growth(points)
         told = (
             f"{seen.fitted:+.2%} along the line, {seen.ends:+.2%} by medians ({seen.first:,.0f} to {seen.last:,.0f})"

@@ -8,8 +8,6 @@ import argparse
 import json
 import os
 import signal
-import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -17,23 +15,27 @@ from collections import Counter
 from contextlib import ExitStack
 from pathlib import Path
 from random import Random
-from typing import IO, Any
+from typing import Any
 from urllib.parse import quote
 
 from tests.soak.choices import Action, Choices, farm_text
 from tests.soak.client import Answer, Api, EventReader
-from tests.soak.judge import Check, LogReader, Stream, memory_checks, same_as_before, shown
+from tests.soak.judge import Check, Stream, memory_checks, same_as_before, shown
+from tests.soak.side import SAMPLE_SECONDS, Side, SoakError
 
 __all__ = ["RealRun", "main"]
 
-ROOT = Path(__file__).resolve().parents[2]
 PORT = 8702
 V1 = "/api/v1"
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-#: Between two samples, two lines on the terminal, two rests.
-SAMPLE_SECONDS, TOLD_SECONDS, REST_SECONDS = 10.0, 60.0, 600.0
+#: Between two lines on the terminal, two rests.
+TOLD_SECONDS, REST_SECONDS = 60.0, 600.0
 #: A start may compile; after a rest's reset every drive is back within this time, on a machine that others use.
-START_SECONDS, BACK_SECONDS, STOP_SECONDS = 300.0, 90.0, 30.0
+START_SECONDS, BACK_SECONDS = 300.0, 90.0
+#: The longest that a rest waits on a machine that does not let the farm keep its cycles.
+STARVED_SECONDS = 900.0
+#: The number of blocks rises until the collection of garbage: its lowest value in so much time counts.
+BLOCKS_SECONDS = 120.0
 #: A fault without an end of its own is cleared after this time, on average; a written parameter is put back.
 HELD_SECONDS = 15.0
 #: What a side may hold more of at the end: connections of HTTP and workers of a pool come and go.
@@ -49,63 +51,6 @@ PASSING_TASKS = (
     "wrap",
 )
 CALM = ("fault", "connection", "impair", "gate", "held frames", "provider rows", "consumer rows", "log subscribers")
-
-
-class SoakError(Exception):
-    """The run cannot go on."""
-
-
-class Side:
-    """One of the two programs: its process, its log, what it holds."""
-
-    def __init__(self, name: str, folder: Path, *arguments: str | Path) -> None:
-        self.name = name
-        self.notes = folder / f"{name}.jsonl"
-        self.log = LogReader()
-        self.before: dict[str, Any] | None = None
-        command = [sys.executable, "-m", "tests.soak.watched", str(self.notes), str(SAMPLE_SECONDS / 4)]
-        self.process = subprocess.Popen(
-            [*command, "--log-format", "json", *map(str, arguments)],
-            cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace",
-            start_new_session=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        )  # fmt: skip
-        self._reader = threading.Thread(target=self._read, args=(self.process.stderr,), daemon=True)
-        self._reader.start()
-
-    def _read(self, lines: IO[str]) -> None:
-        for line in lines:
-            self.log.line(line.rstrip("\n"))
-
-    def newest(self) -> dict[str, Any] | None:
-        """What it noted last."""
-        if not self.notes.exists():
-            return None
-        with self.notes.open("rb") as file:
-            file.seek(max(0, self.notes.stat().st_size - 8192))
-            lines = file.read().split(b"\n")
-        return json.loads(lines[-2]) if len(lines) > 2 or (len(lines) == 2 and lines[0]) else None
-
-    def noted_after(self, at: float) -> dict[str, Any]:
-        """What it noted after a moment of the wall clock."""
-        end = time.monotonic() + STOP_SECONDS
-        while time.monotonic() < end:
-            found = self.newest()
-            if found is not None and found["at"] > at:
-                return found
-            time.sleep(0.2)
-        raise SoakError(f"the {self.name} has noted nothing for {STOP_SECONDS:g} s")
-
-    def stop(self) -> int | None:
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-            try:
-                self.process.wait(STOP_SECONDS)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.wait()
-                return None
-        self._reader.join(5.0)
-        return self.process.returncode
 
 
 class RealRun:
@@ -356,7 +301,7 @@ class RealRun:
             for (drive, pnu), value in list(self.before.items()):
                 self._until(f"{drive} takes {pnu} back", 30.0, lambda d=drive, p=pnu, v=value: self._put_back(d, p, v))
                 del self.before[drive, pnu]
-        seconds = self._until("every drive is back", BACK_SECONDS, lambda: not self._away())
+        seconds = self._back()
         faults = self.api("GET", f"{V1}/faults").json()["faults"]
         if faults:
             self._note(f"faults are left after a reset: {faults[:3]}")
@@ -377,6 +322,27 @@ class RealRun:
         if not first:
             print(f"  at rest: every drive back after {seconds:.1f} s", flush=True)
 
+    def _back(self) -> float:
+        """Wait until every drive is back; the time that it took.
+
+        It begins anew while the farm says that its own lateness breaks connections: the machine has no time for it.
+        """
+        began = until = time.monotonic()
+        by_farm = -1
+        while self._away():
+            self._alive()
+            drives = self._drives()
+            lost = sum(drive["aborts_by_farm"] + drive["watchdog_expirations_by_farm"] for drive in drives)
+            if lost > by_farm:
+                by_farm, until = lost, time.monotonic() + BACK_SECONDS
+            if time.monotonic() > min(until, began + STARVED_SECONDS):
+                self._look_closer()
+                starved = time.monotonic() > began + STARVED_SECONDS
+                why = ", and the machine has no time for the farm" if starved else ""
+                raise SoakError(f"not within {BACK_SECONDS:g} s{why}: every drive is back; {self._described()}")
+            time.sleep(0.25)
+        return time.monotonic() - began
+
     def _put_back(self, drive: str, pnu: str, value: int) -> bool:
         """False while the drive is off or boots."""
         return self.api("PUT", f"{V1}/drives/{drive}/params/{pnu}", {"value": value}).done
@@ -390,9 +356,9 @@ class RealRun:
         )
         faults = self.api("GET", f"{V1}/faults").json()["faults"]
         self.checks.append(Check("no fault left", ok=not faults, told=", ".join(f["id"] for f in faults[:5]) or "none"))
-        for series in ("rss", "blocks"):
-            for side in (self.farm, self.plc):
-                self.checks += memory_checks(self.samples, [f"{side.name} {series}"])
+        sides = (self.farm.name, self.plc.name)
+        self.checks += memory_checks(self.samples, [f"{name} rss" for name in sides])
+        self.checks += memory_checks(self.samples, [f"{name} blocks" for name in sides], stretch=BLOCKS_SECONDS)
         newest = self._newest()
         self._until("the stream has caught up", 30.0, lambda: self.stream.last >= newest)
         with self.lock:

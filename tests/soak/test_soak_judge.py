@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from tests.soak.judge import Check, LogReader, Stream, growth, memory_checks, same_as_before, shown
+from tests.soak.judge import Check, LogReader, Stream, growth, lowest, memory_checks, same_as_before, shown
 from tests.soak.virtual import Rest, grown
 
 MIB = 1 << 20
@@ -57,6 +57,14 @@ def test_the_growth_is_that_of_the_second_half():
     seen = growth([(float(at), 100.0 if at <= 50 else 100.0 + (at - 50) * 0.2) for at in range(101)])
     assert seen.fitted == pytest.approx(0.10, abs=0.01)
     assert (seen.seconds, seen.samples) == (50.0, 51)
+
+
+def test_of_a_saw_tooth_the_lowest_points_count():
+    tooth = [(float(at), 100.0 + at % 60) for at in range(0, 600, 10)]
+    assert lowest(tooth, 120.0) == [(float(at), 100.0) for at in range(0, 600, 120)]
+    rising = [{"seconds": at, "blocks": value + at * 0.01} for at, value in tooth]
+    (check,) = memory_checks([{**one, "seconds": one["seconds"] * 12} for one in rising], ["blocks"], stretch=120.0)
+    assert check.ok is False
 
 
 # -- the event stream

@@ -1,0 +1,77 @@
+"""One of the programs of a run in real time: its process, its log, what it notes of itself."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import IO, Any
+
+from tests.soak.judge import LogReader
+
+__all__ = ["ROOT", "SAMPLE_SECONDS", "STOP_SECONDS", "Side", "SoakError"]
+
+ROOT = Path(__file__).resolve().parents[2]
+SAMPLE_SECONDS, STOP_SECONDS = 10.0, 30.0
+
+
+class SoakError(Exception):
+    """The run cannot go on."""
+
+
+class Side:
+    """One of the two programs: its process, its log, what it holds."""
+
+    def __init__(self, name: str, folder: Path, *arguments: str | Path) -> None:
+        self.name = name
+        self.notes = folder / f"{name}.jsonl"
+        self.log = LogReader()
+        self.before: dict[str, Any] | None = None
+        command = [sys.executable, "-m", "tests.soak.watched", str(self.notes), str(SAMPLE_SECONDS / 4)]
+        self.process = subprocess.Popen(
+            [*command, "--log-format", "json", *map(str, arguments)],
+            cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace",
+            start_new_session=True, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        )  # fmt: skip
+        self._reader = threading.Thread(target=self._read, args=(self.process.stderr,), daemon=True)
+        self._reader.start()
+
+    def _read(self, lines: IO[str]) -> None:
+        for line in lines:
+            self.log.line(line.rstrip("\n"))
+
+    def newest(self) -> dict[str, Any] | None:
+        """What it noted last."""
+        if not self.notes.exists():
+            return None
+        with self.notes.open("rb") as file:
+            file.seek(max(0, self.notes.stat().st_size - 8192))
+            lines = file.read().split(b"\n")
+        return json.loads(lines[-2]) if len(lines) > 2 or (len(lines) == 2 and lines[0]) else None
+
+    def noted_after(self, at: float) -> dict[str, Any]:
+        """What it noted after a moment of the wall clock."""
+        end = time.monotonic() + STOP_SECONDS
+        while time.monotonic() < end:
+            found = self.newest()
+            if found is not None and found["at"] > at:
+                return found
+            time.sleep(0.2)
+        raise SoakError(f"the {self.name} has noted nothing for {STOP_SECONDS:g} s")
+
+    def stop(self) -> int | None:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+            try:
+                self.process.wait(STOP_SECONDS)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+                return None
+        self._reader.join(5.0)
+        return self.process.returncode
