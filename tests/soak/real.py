@@ -50,7 +50,6 @@ PASSING_TASKS = (
     "listen_for_disconnect",
     "wrap",
 )
-CALM = ("fault", "connection", "impair", "gate", "held frames", "provider rows", "consumer rows", "log subscribers")
 
 
 class RealRun:
