@@ -86,6 +86,8 @@ def verdicts(path):
 def test_a_farm_that_the_run_starts_gives_the_verdict_of_virtual_time(folder, process, background, tmp_path):
     same, pcap = folder / "same.scenario.yml", tmp_path / "own.pcapng"
     own = background("run", same, "--json", tmp_path / "own.json", "--pcap", pcap)
+    # its farm has made the bridge that the controller's file names
+    own.wait_for("wait until")
     background("plc", folder / "rigtest.pnfarm.yml").wait_for('"connected"')
     assert own.end() == 1, own.err
     record, found = verdicts(tmp_path / "own.json")
