@@ -46,15 +46,21 @@ class Api:
         self._port = port
         self._connection: http.client.HTTPConnection | None = None
         self.failures: list[str] = []
+        #: Requests without an answer in time: when they began and ended (wall clock), and what they were.
+        self.timeouts: list[tuple[float, float, str]] = []
         self.requests = 0
         self._used = 0.0
 
-    def __call__(self, method: str, path: str, body: Any = ...) -> Answer:
-        """``body`` as JSON, None is ``null``; answers of 500 and above, and none at all, are noted as failures."""
+    def __call__(self, method: str, path: str, body: Any = ..., *, starting: bool = False) -> Answer:
+        """``body`` as JSON, None is ``null``; answers of 500 and above, and none at all, are noted.
+
+        ``starting``: the farm may not listen yet, or answer that it is not ready.
+        """
         data = None if body is ... else json.dumps(body)
         self.requests += 1
         if time.monotonic() - self._used > IDLE_SECONDS:
             self.close()
+        began, timed_out = time.time(), False
         answer = Answer(0, "")
         for attempt in range(2):
             reused = self._connection is not None
@@ -63,7 +69,7 @@ class Api:
                 break
             except TimeoutError as exc:
                 self.close()
-                answer = Answer(0, f"TimeoutError: {exc}")
+                answer, timed_out = Answer(0, f"TimeoutError: {exc}"), True
                 break
             except (OSError, http.client.HTTPException) as exc:
                 # a server closes a connection that was idle, in the very moment in which it is used again
@@ -72,7 +78,9 @@ class Api:
                 if attempt or not reused:
                     break
         self._used = time.monotonic()
-        if answer.status >= 500 or not answer.status:
+        if timed_out:
+            self.timeouts.append((began, time.time(), f"{method} {path}"))
+        elif (answer.status >= 500 or not answer.status) and not starting:
             self.failures.append(f"{method} {path} {(data or '')[:300]}: {answer.status} {answer.text[:300]}")
         return answer
 
