@@ -48,10 +48,14 @@ Clock: TypeAlias = Callable[[], int]
 
 @dataclass(frozen=True, slots=True)
 class PortSpec:
-    """A requested port.  ``mac`` has 6 octets; an :class:`~pnfarm.links.interface.InterfaceLink` ignores it."""
+    """A requested port.  ``mac`` has 6 octets; an :class:`~pnfarm.links.interface.InterfaceLink` ignores it.
+
+    ``kernel``: the station has sockets of the kernel's, which answers for its address; else it is kept silent there.
+    """
 
     station: str
     mac: bytes
+    kernel: bool = False
 
 
 @dataclass(frozen=True, slots=True)

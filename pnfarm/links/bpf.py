@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from pnfarm.wire.rtc import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
 __all__ = [
     "Instruction",
@@ -26,8 +26,10 @@ __all__ = [
     "assemble",
     "attach",
     "cyclic_filter",
+    "datagram_filter",
     "ethertype_filter",
     "join_fanout",
+    "runs_of",
 ]
 
 SO_ATTACH_FILTER = 26
@@ -36,6 +38,10 @@ MAX_INSTRUCTIONS = 4096  # BPF_MAXINSNS
 # Operation codes (linux/bpf_common.h): class | size or operation | mode or source.
 _LD_WORD_ABS = 0x20
 _LD_HALF_ABS = 0x28
+_LD_BYTE_ABS = 0x30
+_LD_HALF_INDEX = 0x48
+_LDX_HEADER_LENGTH = 0xB1
+_JUMP_SET = 0x45
 _JUMP_EQUAL = 0x15
 _JUMP_GREATER = 0x25
 _JUMP_GREATER_EQUAL = 0x35
@@ -64,6 +70,9 @@ _PACKET_FANOUT = 18
 _PACKET_FANOUT_DATA = 22
 _FANOUT_CBPF = 6
 _FANOUT_FLAG_UNIQUE_ID = 0x2000
+
+#: Runs of interfaces that a filter leaves out.
+MOST_RUNS = 32
 
 _NEXT = ""
 _ACCEPT = "accept"
@@ -99,12 +108,52 @@ def _for_these_ports(lowest: int, highest: int, last: int = _LAST_PACKET_TYPE_FO
     ]
 
 
-def ethertype_filter(lowest: int, highest: int, *, mark: int = 0) -> bytes:
+def datagram_filter(lowest: int, highest: int, service: int) -> bytes:
+    """For an IPv4 socket: whole UDP datagrams to the port ``service`` that came in for these interfaces."""
+    return assemble(
+        [
+            *_for_these_ports(lowest, highest),
+            Instruction(_LD_BYTE_ABS, 14 + 9),
+            Instruction(_JUMP_EQUAL, socket.IPPROTO_UDP, _NEXT, _DROP),
+            _load_half(14 + 6),
+            # more fragments, or a fragment's offset
+            Instruction(_JUMP_SET, 0x3FFF, _DROP, _NEXT),
+            Instruction(_LDX_HEADER_LENGTH, 14),
+            Instruction(_LD_HALF_INDEX, 14 + 2),
+            Instruction(_JUMP_EQUAL, service, _ACCEPT, _DROP),
+        ]
+    )
+
+
+def runs_of(indexes: Collection[int], among: Collection[int]) -> list[tuple[int, int]]:
+    """First and last of the runs of ``indexes`` that no other of ``among`` interrupts."""
+    runs: list[tuple[int, int]] = []
+    follows = False
+    for index in sorted(among):
+        if index not in indexes:
+            follows = False
+        elif follows:
+            runs[-1] = (runs[-1][0], index)
+        else:
+            runs.append((index, index))
+            follows = True
+    return runs
+
+
+def ethertype_filter(lowest: int, highest: int, *, mark: int = 0, without: Sequence[tuple[int, int]] = ()) -> bytes:
     """For a socket of one ethertype: all frames that came in for interfaces ``lowest`` to ``highest``.
 
-    Without those that carry ``mark`` (SO_MARK of the sending socket, which a veth and a bridge of one namespace keep).
+    Without those of the runs of interfaces ``without``, in order; at most :data:`MOST_RUNS` are considered, the reader
+    checks again.  Or without those that carry ``mark`` (SO_MARK of the sending socket, which a veth and a bridge of one
+    namespace keep).
     """
     instructions = _for_these_ports(lowest, highest)
+    if without and not mark:
+        instructions.append(_load_word(_ANCILLARY_IFINDEX))
+        for first, last in without[:MOST_RUNS]:
+            # in front of this run and behind the one before: in none
+            instructions.append(Instruction(_JUMP_GREATER_EQUAL, first, _NEXT, _ACCEPT))
+            instructions.append(Instruction(_JUMP_GREATER, last, _NEXT, _DROP))
     if mark:
         instructions += [_load_word(_ANCILLARY_MARK), Instruction(_JUMP_EQUAL, mark, _DROP, _ACCEPT)]
     return assemble(instructions)

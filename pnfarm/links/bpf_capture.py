@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ATOMS", "KINDS", "atoms_of", "capture_filter"]
 
-#: Kinds that a frame can be, each exactly one.
-ATOMS = ("cyclic", "dcp", "alarm", "rpc", "snmp", "arp", "icmp", "lldp", "ptcp", "other")
+#: Kinds that a frame can be, each exactly one; but ``cip`` is inside of ``enip``, where a filter of frames cannot look.
+ATOMS = ("cyclic", "dcp", "alarm", "rpc", "snmp", "enip", "cip", "arp", "icmp", "lldp", "ptcp", "other")
 #: Keywords of the command line: the kinds, and ``acyclic`` for all of them but ``cyclic``.
 KINDS: dict[str, frozenset[str]] = {
     **{atom: frozenset({atom}) for atom in ATOMS},
@@ -40,7 +40,9 @@ _FIRST_DCP, _LAST_DCP = 0xFEFC, 0xFEFF
 #: Frame ids of PTCP (IEC 61158-6-10): sync below those of cyclic data, the rest behind DCP's.
 _SYNCS = (0x0020, 0x0021, 0x0080, 0x0081)
 _CLOCKS = (0xFF00, 0xFF01, 0xFF20, 0xFF21, 0xFF40, 0xFF41, 0xFF42, 0xFF43)
-_ICMP, _UDP = 1, 17
+_ICMP, _TCP, _UDP = 1, 6, 17
+#: Ports of EtherNet/IP (IANA): explicit messages over TCP and UDP, implicit messages over UDP.
+_ENIP_PORT, _IO_PORT = 44818, 2222
 _SNMP_PORTS = (161, 162)
 _UDP_HEAD, _RPC_VERSION = 8, 4
 _OFFSET_MASK = 0x1FFF
@@ -104,6 +106,7 @@ def capture_filter(indexes: Collection[int], atoms: Collection[str], *, others: 
 def _kinds(name: str, base: int, atoms: Collection[str]) -> list[_Op]:
     """The decision for a frame whose EtherType is at offset ``base``."""
     to = {atom: "yes" if atom in atoms else "no" for atom in ATOMS}
+    enip = "yes" if {"enip", "cip"} & set(atoms) else "no"
     network = base + 2
     return [
         _Op(_LD_HALF, base),
@@ -125,15 +128,27 @@ def _kinds(name: str, base: int, atoms: Collection[str]) -> list[_Op]:
         _Op(None, 0, f"{name}ip"),
         _Op(_LD_BYTE, network + 9),
         _Op(_JUMP_EQUAL, _ICMP, to["icmp"]),
-        _Op(_JUMP_EQUAL, _UDP, "", to["other"]),
+        _Op(_JUMP_EQUAL, _UDP, f"{name}udp"),
+        _Op(_JUMP_EQUAL, _TCP, "", to["other"]),
+        _Op(_LD_HALF, network + 6),
+        _Op(_JUMP_SET, _OFFSET_MASK, to["other"]),
+        _Op(_LDX_HEADER_LENGTH, network),
+        _Op(_LD_HALF_INDEXED, network),
+        _Op(_JUMP_EQUAL, _ENIP_PORT, enip),
+        _Op(_LD_HALF_INDEXED, network + 2),
+        _Op(_JUMP_EQUAL, _ENIP_PORT, enip, to["other"]),
+        _Op(None, 0, f"{name}udp"),
         # a further fragment has no ports; only calls are longer than a frame
         _Op(_LD_HALF, network + 6),
         _Op(_JUMP_SET, _OFFSET_MASK, to["rpc"]),
         _Op(_LDX_HEADER_LENGTH, network),
         _Op(_LD_HALF_INDEXED, network),
         *(_Op(_JUMP_EQUAL, port, to["snmp"]) for port in _SNMP_PORTS),
+        _Op(_JUMP_EQUAL, _ENIP_PORT, enip),
         _Op(_LD_HALF_INDEXED, network + 2),
         *(_Op(_JUMP_EQUAL, port, to["snmp"]) for port in _SNMP_PORTS),
+        _Op(_JUMP_EQUAL, _ENIP_PORT, enip),
+        _Op(_JUMP_EQUAL, _IO_PORT, to["cyclic"]),
         # calls use any port; each begins with the protocol's version
         _Op(_LD_BYTE_INDEXED, network + _UDP_HEAD),
         _Op(_JUMP_EQUAL, _RPC_VERSION, to["rpc"], to["other"]),

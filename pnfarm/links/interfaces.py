@@ -22,6 +22,7 @@ from pyroute2.netlink.exceptions import NetlinkError
 
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.links.base import Port, PortSpec
+from pnfarm.links.kernel_network import remove_rules
 from pnfarm.links.ownership import bridge_name, doomed_group_of, group_of, interface_prefix, is_own, tag
 from pnfarm.links.silence import Marked, bring_up, silence
 
@@ -305,6 +306,8 @@ class Interfaces:
         removed. Interfaces that no farm of this name made stay untouched, whatever their index.
         """
         own = [facts for facts in self.owned(farm) if only is None or facts.index in only]
+        # an interface takes its addresses and routes with it, but no rule that names it
+        remove_rules([facts.name for facts in own])
         doomed = doomed_group_of(farm)
         wanted = {facts.index for facts in own}
         if len(own) > 1 and all(facts.index in wanted for facts in self.everything() if facts.group == doomed):
@@ -371,7 +374,12 @@ class Interfaces:
 
     def _start(self, farm: str, ports: Sequence[Port], wanted: Sequence[PortSpec], where: str) -> None:
         """Tag, silence and set up the drives' ends."""
-        silence([Marked(p.index, p.name, tag(farm, spec.station)) for p, spec in zip(ports, wanted, strict=True)])
+        silence(
+            [
+                Marked(p.index, p.name, tag(farm, spec.station), kernel=spec.kernel)
+                for p, spec in zip(ports, wanted, strict=True)
+            ]
+        )
         try:
             bring_up([port.index for port in ports])
         except OSError as exc:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.base import Clock, LinkCounters, Port, PortSpec, Receiver
 from pnfarm.links.interfaces import Interfaces, run_to_completion
+from pnfarm.links.kernel_sockets import KernelSockets
 from pnfarm.links.packet import PacketSockets
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ class PacketLink(ABC):
     def __init__(self, *, clock: Clock = time.monotonic_ns) -> None:
         self._counters = LinkCounters()
         self._sockets = PacketSockets(self._counters, clock)
+        #: Streams and datagrams of the ports whose stations have addresses of the kernel's.
+        self.sockets = KernelSockets(self._counters, clock, own=self.kind != "interface")
         self._ports: dict[int, Port] = {}
         #: Index of the interface that all ports share, None where each has a cable of its own.
         self._shared: int | None = None
@@ -46,13 +49,16 @@ class PacketLink(ABC):
         try:
             ports = await run_to_completion(self._create, list(wanted))
             self._ports = {port.index: port for port in ports}
-            self._sockets.open(ports, shared=self._shared)
+            kernel = [port for port, spec in zip(ports, wanted, strict=True) if spec.kernel]
+            self._sockets.open(ports, shared=self._shared, kernel=[port.index for port in kernel])
+            self.sockets.open(kernel)
         except BaseException:
             await self.close()
             raise
         return ports
 
     async def close(self) -> None:
+        self.sockets.close()
         self._sockets.close()
         self._ports = {}
         if self._touched:
@@ -82,8 +88,14 @@ class PacketLink(ABC):
     def engine_socket(self) -> socket.socket:
         return self._sockets.engine_socket()
 
+    def engine_datagrams(self, service: int) -> socket.socket | None:
+        """See :meth:`pnfarm.links.packet.PacketSockets.engine_datagrams`."""
+        return self._sockets.engine_datagrams(service)
+
     async def set_carrier(self, port_index: int, up: bool) -> None:
         await run_to_completion(self._set_carrier, self._port(port_index), up)
+        if up:
+            self.sockets.restore(port_index)
         self._sockets.set_pulled(port_index, not up)
 
     async def set_mac(self, port_index: int, mac: bytes) -> None:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from pnfarm.errors import InternalError
 from pnfarm.links.base import MULTICAST_LLDP, Clock, LinkCounters, Port, PortSpec, Receiver
+from pnfarm.links.memory_sockets import MemoryNetwork, MemorySockets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
@@ -55,7 +56,11 @@ class MemorySwitch:
         self._audiences: list[tuple[frozenset[int], Audience]] = []
         #: How often a port has changed its address.
         self.moves = 0
-        self._under_way: deque[tuple[int, int, bytes]] = deque()
+        self._under_way: deque[tuple[int, int, bytes | Callable[[int], None]]] = deque()
+        #: Streams and datagrams of stations with addresses of their own.
+        self.network = MemoryNetwork(self._post, self._plugged, self.mac_of, self.join, self.leave)
+        #: Multicast groups that ports have joined, for what passes frames by address.
+        self.groups: list[tuple[bytes, int]] = []
 
     def attach(
         self, mac: bytes, receiver: Receiver | None = None, *, name: str = "", counters: LinkCounters | None = None
@@ -72,15 +77,38 @@ class MemorySwitch:
     def detach(self, port_index: int) -> None:
         """Take a port away; frames on their way to it are lost."""
         socket = self._sockets.pop(port_index, None)
+        self.groups = [(group, index) for group, index in self.groups if index != port_index]
         if socket is not None:
             self._by_mac[socket.mac].remove(port_index)
 
     def set_receiver(self, port_index: int, receiver: Receiver) -> None:
         self._socket(port_index).receiver = receiver
 
-    def set_carrier(self, port_index: int, up: bool) -> None:
+    def set_carrier(self, port_index: int, up: bool, now: int = 0) -> None:
         """Pull or plug a cable; frames on their way are delivered only if it is plugged when they arrive."""
         self._socket(port_index).carrier = up
+        if up:
+            self.network.replugged(port_index, now)
+
+    def _plugged(self, port_index: int) -> bool:
+        socket = self._sockets.get(port_index)
+        return socket is not None and socket.carrier
+
+    def _post(self, port_index: int, action: Callable[[int], None], now: int) -> None:
+        """Call ``action`` when what is sent now arrives, behind everything sent before."""
+        self._under_way.append((now + self._latency_ns, port_index, action))
+
+    def join(self, port_index: int, group: bytes) -> None:
+        """Let cyclic frames to a multicast address pass to this port, one of each table."""
+        if (group, port_index) not in self.groups:
+            self.groups.append((group, port_index))
+            self.moves += 1
+
+    def leave(self, port_index: int, group: bytes) -> None:
+        """Undo :meth:`join`."""
+        if (group, port_index) in self.groups:
+            self.groups.remove((group, port_index))
+            self.moves += 1
 
     def set_mac(self, port_index: int, mac: bytes) -> None:
         """Change a port's address.  Two ports may share one, as on a wire with a duplicate address."""
@@ -123,6 +151,10 @@ class MemorySwitch:
             if not self._under_way or self._under_way[0][0] > now:
                 return delivered
             due, source_port, frame = self._under_way.popleft()
+            if not isinstance(frame, bytes):
+                delivered += 1
+                frame(due)
+                continue
             destination = frame[:6]
             to_all = bool(destination and destination[0] & 1)
             sender = self._sockets.get(source_port) if destination == MULTICAST_LLDP else None
@@ -177,6 +209,7 @@ class MemoryLink:
         self._counters = LinkCounters()
         self._receiver: Receiver | None = None
         self._indexes: set[int] = set()
+        self.sockets = MemorySockets(switch.network, clock, self._counters)
 
     @property
     def counters(self) -> LinkCounters:
@@ -193,6 +226,7 @@ class MemoryLink:
 
     async def close(self) -> None:
         self._switch.set_audience(self._indexes, None)
+        self.sockets.close(self._indexes)
         for index in self._indexes:
             self._switch.detach(index)
         self._indexes = set()
@@ -215,7 +249,7 @@ class MemoryLink:
         self._switch.set_audience(self._indexes, audience)
 
     async def set_carrier(self, port_index: int, up: bool) -> None:
-        self._switch.set_carrier(port_index, up)
+        self._switch.set_carrier(port_index, up, self._clock())
 
     async def set_mac(self, port_index: int, mac: bytes) -> None:
         self._switch.set_mac(port_index, mac)

@@ -32,7 +32,7 @@ from pnfarm.links.base import MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP, Clock, Lin
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
 __all__ = ["BATCH", "MULTICAST_GROUPS", "PacketSockets", "open_packet_socket"]
 
@@ -187,22 +187,27 @@ class PacketSockets:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._macs: dict[int, bytes] = {}
         self._pulled: set[int] = set()
+        self._kernel: frozenset[int] = frozenset()
 
     def set_receiver(self, receiver: Receiver) -> None:
         self._receiver = receiver
 
-    def open(self, ports: Sequence[Port], *, shared: int | None = None) -> None:
+    def open(self, ports: Sequence[Port], *, shared: int | None = None, kernel: Collection[int] = ()) -> None:
         """Open the sockets and watch them in the running event loop.
 
-        ``shared`` is the index of the interface that all ports have in common: their one cable.
+        ``shared`` is the index of the interface that all ports have in common: their one cable.  IPv4 of the ports
+        ``kernel`` is the kernel's own, which also answers ARP there.
         """
+        self._kernel = frozenset(kernel)
         self._names = {port.index: port.name for port in ports}
         self._macs = {port.index: port.mac for port in ports}
         lowest, highest = min(self._names), max(self._names)
         try:
             self._profinet = profinet = self._watch(ETHERTYPE_PROFINET, bpf.acyclic_filter(lowest, highest))
-            for ethertype in (ETHERTYPE_ARP, ETHERTYPE_IPV4):
-                self._watch(ethertype, bpf.ethertype_filter(lowest, highest))
+            runs = bpf.runs_of(self._kernel, self._names)
+            self._watch(ETHERTYPE_ARP, bpf.ethertype_filter(lowest, highest))
+            if self._kernel < self._names.keys():
+                self._watch(ETHERTYPE_IPV4, bpf.ethertype_filter(lowest, highest, without=runs), self._hand_over_unless)
             for index in self._names:
                 for group in MULTICAST_GROUPS:
                     _join(profinet, index, group)
@@ -231,9 +236,14 @@ class PacketSockets:
         for index in self._names:
             _join(sock, index, MULTICAST_LLDP)
 
-    def _watch(self, ethertype: int, filter_code: bytes) -> socket.socket:
+    def _watch(
+        self,
+        ethertype: int,
+        filter_code: bytes,
+        hand_over: Callable[[int, bytes | None, int], None] | None = None,
+    ) -> socket.socket:
         sock = open_packet_socket(ethertype, filter_code, index=self._only_port)
-        return self._read_from(sock, self._hand_over)
+        return self._read_from(sock, hand_over or self._hand_over)
 
     def _read_from(self, sock: socket.socket, hand_over: Callable[[int, bytes | None, int], None]) -> socket.socket:
         self._sockets.append(sock)
@@ -261,6 +271,11 @@ class PacketSockets:
         self._counters.received += 1
         if self._receiver is not None:
             self._receiver(index, frame, now)
+
+    def _hand_over_unless(self, index: int, frame: bytes | None, now: int) -> None:
+        """A frame that may be the kernel's."""
+        if index not in self._kernel:
+            self._hand_over(index, frame, now)
 
     def _deliver_own_cable(self, index: int, frame: bytes | None, now: int) -> None:
         """An LLDP frame of a port's own cable."""
@@ -320,6 +335,13 @@ class PacketSockets:
             bpf.join_fanout(self._profinet, sock)
         return sock
 
+    def engine_datagrams(self, service: int) -> socket.socket | None:
+        """A second socket for the engine: datagrams to a UDP port of the ports ``kernel``; None without such ports."""
+        if not self._kernel:
+            return None
+        code = bpf.datagram_filter(min(self._kernel), max(self._kernel), service)
+        return open_packet_socket(ETHERTYPE_IPV4, code, index=self._only_port)
+
     @property
     def _only_port(self) -> int:
         """The interface index of a link with a single port, 0 for several."""
@@ -345,6 +367,7 @@ class PacketSockets:
         self._names = {}
         self._macs = {}
         self._pulled.clear()
+        self._kernel = frozenset()
 
 
 def _join(sock: socket.socket, index: int, group: bytes) -> None:

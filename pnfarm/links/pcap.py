@@ -12,15 +12,16 @@ from __future__ import annotations
 
 import struct
 import time
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, Any
 
-from pnfarm.errors import EnvironmentError_
+from pnfarm.errors import EnvironmentError_, InternalError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
+    from pnfarm.links.pcap_files import BlockSink
     from pnfarm.wire.direction import Direction
 
 __all__ = [
@@ -104,16 +105,18 @@ def interface_statistics(interface: int, wall_ns: int, *, written: int, lost: in
 
 
 class PcapngWriter:
-    """Writes one section.  Stamps are nanoseconds since 1970.
+    """Writes one section, to ``path`` or ``sink``.  Stamps are nanoseconds since 1970.
 
     The file is flushed at most once a second of recorded time, so a killed run loses the last second.
     Raises :class:`~pnfarm.errors.EnvironmentError_` when the file cannot be written.
     """
 
-    def __init__(self, path: Path, comment: str = "") -> None:
+    def __init__(self, path: Path | None, comment: str = "", *, sink: BlockSink | None = None) -> None:
+        if path is None and sink is None:
+            raise InternalError("a capture needs a file or a sink")
         self._path = path
         try:
-            self._file: BinaryIO = path.open("wb")
+            self._file: Any = sink if path is None else path.open("wb")
         except OSError as exc:
             raise EnvironmentError_(f"capture {path} cannot be written: {exc.strerror}") from exc
         self._interfaces = 0
@@ -146,7 +149,7 @@ class PcapngWriter:
 
 
 class PcapLink:
-    """Wraps ``inner`` and records to ``path``.
+    """Wraps ``inner`` and records to ``path``, or to ``sink``.
 
     ``clock`` is the farm's; ``epoch_ns`` is the date of its zero (default: such that the clock's now is the present
     time). When the disk is full, recording ends, ``failed`` says why, and the frames still pass.
@@ -155,16 +158,17 @@ class PcapLink:
     def __init__(
         self,
         inner: Link,
-        path: Path,
+        path: Path | None,
         *,
         clock: Clock = time.monotonic_ns,
         epoch_ns: int | None = None,
         comment: str = "",
+        sink: BlockSink | None = None,
     ) -> None:
         self.inner = inner
         self._clock = clock
         self._epoch_ns = time.time_ns() - clock() if epoch_ns is None else epoch_ns
-        self._writer: PcapngWriter | None = PcapngWriter(path, comment)
+        self._writer: PcapngWriter | None = PcapngWriter(path, comment, sink=sink)
         self._interfaces: dict[int, int] = {}
         self._receiver: Receiver | None = None
         self.failed: EnvironmentError_ | None = None

@@ -10,7 +10,7 @@ import contextlib
 import os
 import time
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.errors import EnvironmentError_
 
@@ -18,7 +18,31 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-__all__ = ["CaptureFiles"]
+__all__ = ["BlockSink", "CaptureFiles"]
+
+
+class BlockSink(Protocol):
+    """Takes the blocks of a capture: files, or a ring in memory."""
+
+    #: Where they go.
+    current: Path
+    #: What a file ends with.
+    tail: Callable[[], bytes]
+
+    def extend_head(self, more: bytes) -> None:
+        """Blocks that every file begins with."""
+
+    def write(self, blocks: bytes | memoryview) -> int | None:
+        """Whole blocks."""
+
+    def flush(self) -> None:
+        """Hand over what waits."""
+
+    def close(self) -> None:
+        """The capture is over."""
+
+    def abandon(self) -> None:
+        """The capture failed."""
 
 
 class CaptureFiles:
@@ -58,6 +82,9 @@ class CaptureFiles:
             self._finish()
             self._open()
         self._put(blocks)
+
+    def flush(self) -> None:
+        """Nothing waits: writes are unbuffered."""
 
     def close(self) -> None:
         """Write the tail and close; closing twice does nothing."""

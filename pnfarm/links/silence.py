@@ -1,4 +1,4 @@
-"""Keeps the kernel's own IP stack off a drive's interface.
+"""Keeps the kernel's own IP stack off a drive's interface, or in bounds where the drive has sockets of the kernel's.
 
 A drive answers ARP, ICMP and UDP itself (:mod:`pnfarm.protocols.ip`).  The kernel must not answer with
 its address beside it, so on each interface: no ARP (``IFF_NOARP``; else Linux answers for every address
@@ -45,6 +45,14 @@ _ADDR_GEN_MODE_NONE = 1
 _DEVCONF_FORWARDING = 1
 _DEVCONF_ARP_IGNORE = 19
 _DEVCONF_ARP_NOTIFY = 22
+_DEVCONF_RP_FILTER = 8
+_DEVCONF_ARP_ANNOUNCE = 18
+_DEVCONF_ACCEPT_LOCAL = 23
+#: For an interface with an address of its own: ARP for that address alone and from it alone, and a peer may be an
+#: address of this host, whose route leads elsewhere.
+_WITH_ADDRESS = ((_DEVCONF_ARP_IGNORE, 1), (_DEVCONF_ARP_ANNOUNCE, 2), (_DEVCONF_ACCEPT_LOCAL, 1))
+_RP_FILTER_OF_ALL = Path("/proc/sys/net/ipv4/conf/all/rp_filter")
+_ARP_IGNORE_OTHERS = 1  # "reply only if the target IP address is local address configured on the incoming interface"
 _ARP_IGNORE_ALL = 8  # "do not reply for all local addresses"
 
 _IFF_UP = 0x01
@@ -59,13 +67,14 @@ class Marked:
     """An interface to silence and its ownership tag.
 
     ``arp`` is left on at the far end of a cable (a veth's peer, a TAP), where a controller may live with an address
-    of the kernel's.
+    of the kernel's.  ``kernel``: the station itself has one (:mod:`pnfarm.links.kernel_network`).
     """
 
     index: int
     name: str
     alias: str
     arp: bool = False
+    kernel: bool = False
 
 
 def silence(interfaces: Sequence[Marked]) -> None:
@@ -103,6 +112,19 @@ def bring_up(indexes: Sequence[int], up: bool = True) -> None:
     _transact([_link_message(index, flags, _IFF_UP, b"") for index in indexes])
 
 
+def _source_check() -> int:
+    """How strictly the sources of packets to an address are checked: not at all, if the host lets us.
+
+    The higher value of the interface's and that of all interfaces holds, and 2 is milder than 1.  With 2, too, the
+    kernel drops a broadcast if the main table has no route to its sender: for one it asks none of the drive's rules.
+    """
+    try:
+        of_all = _RP_FILTER_OF_ALL.read_text(encoding="ascii").strip()
+    except OSError:
+        return 2
+    return 0 if of_all == "0" else 2
+
+
 def _attribute(kind: int, payload: bytes) -> bytes:
     length = _ATTRIBUTE.size + len(payload)
     return _ATTRIBUTE.pack(length, kind) + payload + bytes(-length % 4)
@@ -118,15 +140,22 @@ def _link_message(index: int, flags: int, change: int, attributes: bytes) -> byt
 
 def _set_silent(interface: Marked, with_ipv6: bool) -> bytes:
     conf = _attribute(_DEVCONF_FORWARDING, struct.pack("=I", 0))
-    if not interface.arp:
-        conf += _attribute(_DEVCONF_ARP_IGNORE, struct.pack("=I", _ARP_IGNORE_ALL))
+    if interface.kernel:
+        for setting, value in (*_WITH_ADDRESS, (_DEVCONF_RP_FILTER, _source_check())):
+            conf += _attribute(setting, struct.pack("=I", value))
+    else:
+        # a bridge that answered for a controller's address elsewhere in this namespace would take its frames away
+        ignored = _ARP_IGNORE_OTHERS if interface.arp else _ARP_IGNORE_ALL
+        conf += _attribute(_DEVCONF_ARP_IGNORE, struct.pack("=I", ignored))
     conf += _attribute(_DEVCONF_ARP_NOTIFY, struct.pack("=I", 0))
     families = _nested(socket.AF_INET, _nested(_IFLA_INET_CONF, conf))
     if with_ipv6:
         mode = _attribute(_IFLA_INET6_ADDR_GEN_MODE, bytes([_ADDR_GEN_MODE_NONE]))
         families += _nested(socket.AF_INET6, mode)
     attributes = _attribute(_IFLA_IFALIAS, interface.alias.encode()) + _nested(_IFLA_AF_SPEC, families)
-    return _link_message(interface.index, 0 if interface.arp else _IFF_NOARP, _IFF_NOARP, attributes)
+    return _link_message(
+        interface.index, 0 if interface.arp or interface.kernel else _IFF_NOARP, _IFF_NOARP, attributes
+    )
 
 
 def _transact(messages: Sequence[bytes]) -> None:

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address
 
 __all__ = [
     "BROADCAST",
@@ -11,6 +15,7 @@ __all__ = [
     "is_group",
     "mac_from_int",
     "mac_to_int",
+    "multicast_mac",
     "parse_mac",
 ]
 
@@ -53,3 +58,8 @@ def mac_from_int(value: int) -> bytes:
 def is_group(mac: bytes) -> bool:
     """Multicast or broadcast."""
     return bool(mac[0] & _GROUP_BIT)
+
+
+def multicast_mac(group: IPv4Address) -> bytes:
+    """The address of an IPv4 multicast group (RFC 1112, 6.4): its lower 23 bits behind 01:00:5E."""
+    return bytes.fromhex("01005e") + (int(group) & 0x7FFFFF).to_bytes(3, "big")

@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import os
 import subprocess
+import time
 
 import pytest
 
@@ -43,12 +44,26 @@ def ip(namespace):
 
 
 @pytest.fixture
-def cable(ip):
+def frames_pass(ip):
+    """Waits until frames pass: before, the kernel drops what is sent through an interface that was set up."""
+
+    def wait(*interfaces: str) -> None:
+        end = time.monotonic() + 10.0
+        while not all("state UP" in ip("-o", "link", "show", interface) for interface in interfaces):
+            assert time.monotonic() < end
+            time.sleep(0.002)
+
+    return wait
+
+
+@pytest.fixture
+def cable(ip, frames_pass):
     """A veth pair ``plc0`` <-> ``nic0``, both up: a NIC and what is plugged into it."""
     ip("link", "add", "nic0", "type", "veth", "peer", "name", "plc0")
     for end in ("nic0", "plc0"):
         ip("link", "set", end, "addrgenmode", "none")
         ip("link", "set", end, "up")
+    frames_pass("nic0", "plc0")
     return "nic0", "plc0"
 
 

@@ -32,7 +32,11 @@ def udp(source: int, destination: int, data: bytes = b"\x04" * 90) -> bytes:
 
 #: kind -> (EtherType, payload) of frames that are of this kind.
 FRAMES = {
-    "cyclic": [(0x8892, b"\x80\x01" + bytes(44)), (0x8892, b"\xfb\xff" + bytes(44))],
+    "cyclic": [
+        (0x8892, b"\x80\x01" + bytes(44)),
+        (0x8892, b"\xfb\xff" + bytes(44)),
+        (0x0800, udp(2222, 2222, bytes(90))),
+    ],
     "dcp": [(0x8892, b"\xfe\xfe" + bytes(44)), (0x8892, b"\xfe\xfd" + bytes(44))],
     "alarm": [(0x8892, b"\xfe\x01" + bytes(44)), (0x8892, b"\xfc\x01" + bytes(44))],
     "rpc": [
@@ -41,6 +45,12 @@ FRAMES = {
         (0x0800, ip(PROTOCOL_UDP, bytes(80), fragment_offset=1480)),
     ],
     "snmp": [(0x0800, udp(161, 40000)), (0x0800, udp(40000, 162))],
+    "enip": [
+        (0x0800, udp(44818, 40000)),
+        (0x0800, udp(40000, 44818)),
+        (0x0800, ip(6, bytes.fromhex("af12c350") + bytes(60))),
+        (0x0800, ip(6, bytes.fromhex("c350af12") + bytes(60))),
+    ],
     "arp": [(0x0806, bytes(46))],
     "icmp": [(0x0800, ip(PROTOCOL_ICMP, bytes(60)))],
     "lldp": [(0x88CC, bytes(46))],
@@ -112,7 +122,9 @@ def test_a_filter_lets_its_kind_through_in_both_directions(cable, send, tmp_path
         found = captured(ring, tmp_path, [index])
     finally:
         ring.close()
-    wanted = [frame for atom, frame in EVERY if atom in KINDS[kind]]
+    # a message of CIP is inside of one of the encapsulation
+    kinds = KINDS[kind] | ({"enip"} if "cip" in KINDS[kind] else set())
+    wanted = [frame for atom, frame in EVERY if atom in kinds]
     for direction in (1, 2):
         assert [data for data, way, _ in found if way == direction] == wanted
 
@@ -153,12 +165,13 @@ def test_at_the_far_end_of_the_cable_directions_turn_round(cable, send, tmp_path
     assert [way for _, way, _ in found] == [2]
 
 
-def test_an_interface_that_goes_and_comes_stays_captured(ip, cable, send, tmp_path):
+def test_an_interface_that_goes_and_comes_stays_captured(ip, cable, send, frames_pass, tmp_path):
     index = socket.if_nametoindex(cable[0])
     ring = PacketRing(capture_filter([index], ATOMS, others=True))
     try:
         ip("link", "set", cable[0], "down")
         ip("link", "set", cable[0], "up")
+        frames_pass(*cable)
         send(cable[1], emitted(0x0806, bytes(46)))
         found = captured(ring, tmp_path, [index])
     finally:
