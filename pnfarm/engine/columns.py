@@ -40,7 +40,7 @@ class Columns(NamedTuple):
     ``frames``      (providers + held,          octets of each provider's frame, row for row, then of each
                     FRAME_SLOT)                 held frame
     ``held_order``  (2, held / 2)               slots of held frames by direction (:mod:`pnfarm.engine.held`)
-    ``lookup``      (4, size, 2)                hash tables ``port << 16 | frame id`` -> consumer row + 1
+    ``lookup``      (4, size, 2)                hash tables ``port << 32 | frame id`` -> consumer row + 1
     ``rx_frames``   (RX_BATCH, FRAME_SLOT)      frames received
     ``rx_length``   (RX_BATCH,)                 their lengths, octets
     ``rx_port``     (RX_BATCH,)                 their ports
@@ -159,7 +159,7 @@ def lookup_rebuild(columns: Columns) -> None:
         consumer = columns.cpm[row]
         if consumer.active == 0:
             continue
-        key = (int(consumer.port) << 16) | int(consumer.frame_id)
+        key = (int(consumer.port) << 32) | int(consumer.frame_id)
         slot = _slot(key, mask)
         while table[slot, 1] != 0:
             slot = (slot + 1) & mask
@@ -169,10 +169,14 @@ def lookup_rebuild(columns: Columns) -> None:
 
 
 @compiled
-def lookup_find(table: Any, consumers: Any, port: int, frame_id: int) -> int:
-    """The active consumer of ``frame_id`` at ``port`` by one look-up ``table``, or -1."""
+def lookup_find(table: Any, consumers: Any, port: int, frame_id: int, destination: int) -> int:
+    """The active consumer of a frame id or connection id at ``port`` by one look-up ``table``, or -1.
+
+    ``destination`` is the frame's address as a number: producers of multicasts choose their connection ids themselves,
+    so that two of them may have the same one, each in its own group.
+    """
     mask = table.shape[0] - 1
-    key = (int(port) << 16) | int(frame_id)
+    key = (int(port) << 32) | int(frame_id)
     slot = _slot(key, mask)
     for _ in range(mask + 1):
         row = table[slot, 1]
@@ -182,7 +186,8 @@ def lookup_find(table: Any, consumers: Any, port: int, frame_id: int) -> int:
             row -= 1
             if row < consumers.shape[0]:
                 consumer = consumers[row]
-                if consumer.active != 0 and consumer.port == port and consumer.frame_id == frame_id:
+                known = consumer.active != 0 and consumer.port == port and consumer.frame_id == frame_id
+                if known and consumer.destination == destination:
                     return row
         slot = (slot + 1) & mask
     return -1

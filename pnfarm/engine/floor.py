@@ -22,7 +22,7 @@ from pnfarm.engine.libc import (
 from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
-__all__ = ["FloorVectors", "make_vectors", "run_floor"]
+__all__ = ["FloorVectors", "copy_floor", "make_vectors", "run_floor"]
 
 BATCH = 256
 SLOT = 1536
@@ -31,24 +31,28 @@ _EDGES = np.array(LATENESS_EDGES_NS, np.int64)
 
 
 class FloorVectors:
-    """Message vectors for ``count`` frames; the arrays live as long as this object."""
+    """Message vectors for ``count`` frames of ``octets``; the arrays live as long as this object."""
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, count: int, octets: int = FRAME) -> None:
         self.rx = np.zeros((BATCH, 8), np.int64)
         self.rx_iov = np.zeros((BATCH, 2), np.int64)
         self.rx_frames = np.zeros((BATCH, SLOT), np.uint8)
         self.rx_address = np.zeros((BATCH, 24), np.uint8)
         self.tx = np.zeros((count, 8), np.int64)
         self.tx_iov = np.zeros((count, 2), np.int64)
-        self.tx_frames = np.zeros((count, FRAME), np.uint8)
+        self.tx_frames = np.zeros((count, octets), np.uint8)
         self.tx_address = np.zeros((count, 24), np.uint8)
         self.counts = np.zeros(2, np.int64)
         self.lateness = np.zeros(len(LATENESS_EDGES_NS) + 1, np.int64)
 
 
-def make_vectors(addresses: list[tuple[int, bytes, bytes]]) -> FloorVectors:
-    """One 64-octet RT frame for each (interface index, source, destination)."""
-    vectors = FloorVectors(len(addresses))
+def make_vectors(addresses: list[tuple[int, bytes, bytes]], packet: bytes = b"") -> FloorVectors:
+    """One frame for each (interface index, source, destination).
+
+    ``packet`` is what follows the addresses, from the EtherType on; without one it is an RT frame of 64 octets.
+    """
+    vectors = FloorVectors(len(addresses), 12 + len(packet) if packet else FRAME)
+    octets = vectors.tx_frames.shape[1]
     for i in range(BATCH):
         vectors.rx_iov[i] = (vectors.rx_frames.ctypes.data + i * SLOT, SLOT)
         vectors.rx[i] = (
@@ -64,9 +68,12 @@ def make_vectors(addresses: list[tuple[int, bytes, bytes]]) -> FloorVectors:
     for i, (index, source, destination) in enumerate(addresses):
         vectors.tx_frames[i, :6] = list(destination)
         vectors.tx_frames[i, 6:12] = list(source)
-        vectors.tx_frames[i, 12:20] = (0x81, 0x00, 0xC0, 0x00, 0x88, 0x92, 0x80 + (i >> 8), i & 0xFF)
-        vectors.tx_iov[i] = (vectors.tx_frames.ctypes.data + i * FRAME, FRAME)
-        vectors.tx_address[i, :4] = (17, 0, 0x88, 0x92)
+        if packet:
+            vectors.tx_frames[i, 12:] = list(packet)
+        else:
+            vectors.tx_frames[i, 12:20] = (0x81, 0x00, 0xC0, 0x00, 0x88, 0x92, 0x80 + (i >> 8), i & 0xFF)
+        vectors.tx_iov[i] = (vectors.tx_frames.ctypes.data + i * octets, octets)
+        vectors.tx_address[i, :4] = (17, 0, *(packet[:2] or (0x88, 0x92)))
         vectors.tx_address[i, 4:8] = list(index.to_bytes(4, "little"))
         vectors.tx[i] = (
             vectors.tx_address.ctypes.data + i * 24,
@@ -121,3 +128,17 @@ def run_floor(
         due += period
         if due < now:
             due = now - now % period + period
+
+
+@compiled
+def copy_floor(sent: Any, taken: Any, rounds: int) -> int:
+    """Copy each frame of ``sent`` (frames, octets) to its place in ``taken`` and read it there, ``rounds`` times."""
+    total = 0
+    for _ in range(rounds):
+        for i in range(sent.shape[0]):
+            for k in range(sent.shape[1]):
+                taken[i, k] = sent[i, k]
+            for k in range(sent.shape[1]):
+                total += taken[i, k]
+            sent[i, 0] = total & 0xFF
+    return total

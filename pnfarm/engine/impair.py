@@ -137,6 +137,8 @@ def _corrupt(row: Any, frame: Any, length: int) -> None:
         if part > 0:
             bit = i * part + signed(_random32(row)) % part
             frame[first + (bit >> 3)] ^= 0x80 >> (bit & 7)
+    if row.mends:
+        framing.mend(frame, length)
 
 
 @compiled
@@ -357,11 +359,11 @@ def impair_sent(
                     frame[provider.iocs_offset[i]] = IOXS_BAD
             elif kind == COUNTER_FREEZE:
                 if row.kept < 0:
-                    row.kept = framing.count_of(provider, frame, length)
-                framing.change_count(provider, frame, length, int(row.kept))
+                    row.kept = framing.count_of(provider, frame, length, signed(row.whole))
+                framing.change_count(provider, frame, length, int(row.kept), signed(row.whole))
             elif kind == COUNTER_JUMP:
-                count = framing.count_of(provider, frame, length) + int(row.amount)
-                framing.change_count(provider, frame, length, count)
+                count = framing.count_of(provider, frame, length, signed(row.whole)) + int(row.amount)
+                framing.change_count(provider, frame, length, count, signed(row.whole))
             elif kind == FRAME_ID:
                 framing.change_id(provider, frame, int(row.amount), row.whole != 0)
             elif kind == LENGTH:

@@ -58,14 +58,21 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
         engine.lateness_sum_ns += late
         engine.lateness_max_ns = max(engine.lateness_max_ns, late)
         batches = 0
-        count = receive_batch(columns, ring, now)
+        count = receive_batch(columns, ring, ring.descriptor, now)
         waited = now - columns.rx_ns[0] if count else 0
         if late > LATE_NS or waited > engine.tick_ns + LATE_NS:
             note_late(engine, columns.late, due, now, waited)
         while count == RX_BATCH and batches < MAX_BATCHES:
             receive(columns, count)
-            count = receive_batch(columns, ring, now)
+            count = receive_batch(columns, ring, ring.descriptor, now)
             batches += 1
+        if ring.beside >= 0:
+            receive(columns, count)
+            count = receive_batch(columns, ring, ring.beside, now)
+            while count == RX_BATCH and batches < MAX_BATCHES:
+                receive(columns, count)
+                count = receive_batch(columns, ring, ring.beside, now)
+                batches += 1
         send_batch(columns, ring, tick(columns, count, now))
         if engine.event_head != told:
             told = engine.event_head
@@ -187,19 +194,25 @@ def _apply(settings: RealTimeSettings, report: RealTimeReport) -> None:
 class RealTimeEngine:
     """Runs :func:`run_loop` in a thread between :meth:`start` and :meth:`stop`.
 
+    ``beside`` is a second socket to receive from: frames of another EtherType.
     ``wake_fd`` becomes readable whenever the engine has written events; the reader drains it with
     ``os.eventfd_read``.
     """
 
     def __init__(
-        self, columns: Columns, channel_socket: socket.socket, settings: RealTimeSettings | None = None
+        self,
+        columns: Columns,
+        channel_socket: socket.socket,
+        settings: RealTimeSettings | None = None,
+        *,
+        beside: socket.socket | None = None,
     ) -> None:
         self.columns = columns
         self.settings = settings or RealTimeSettings()
         self.report = RealTimeReport()
         self.wake_fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._socket = channel_socket
-        self._ring = make_ring(columns, channel_socket, timestamps=self.settings.timestamps)
+        self._ring = make_ring(columns, channel_socket, beside, timestamps=self.settings.timestamps)
         self._one = np.ones(1, np.uint64)
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None

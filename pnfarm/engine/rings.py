@@ -1,4 +1,7 @@
-"""Batches of frames over one AF_PACKET socket: one ``recvmmsg``, one ``sendmmsg`` for the whole farm.
+"""Batches of frames over AF_PACKET sockets: one ``recvmmsg``, one ``sendmmsg`` for the whole farm.
+
+Frames of another EtherType arrive at a socket of their own, which costs a second ``recvmmsg`` for farms that have it;
+all leave through the first.
 
 The message vectors are laid out once.  A ``struct mmsghdr`` of 64-bit Linux is eight 64-bit words::
 
@@ -39,6 +42,8 @@ class Ring(NamedTuple):
     """A socket's message vectors; see the module's docstring.  All arrays belong to the engine's thread."""
 
     descriptor: int
+    #: A second socket to receive from, -1: none.
+    beside: int
     rx_vector: Any
     rx_iov: Any
     rx_address: Any
@@ -49,8 +54,10 @@ class Ring(NamedTuple):
     clock: Any
 
 
-def make_ring(columns: Columns, channel_socket: socket.socket, *, timestamps: bool = True) -> Ring:
-    """Lay out the vectors for ``columns`` over an open, bound AF_PACKET socket.
+def make_ring(
+    columns: Columns, channel_socket: socket.socket, beside: socket.socket | None = None, *, timestamps: bool = True
+) -> Ring:
+    """Lay out the vectors for ``columns`` over an open, bound AF_PACKET socket, and one more to receive from.
 
     With ``timestamps`` the kernel stamps every frame, so that intervals are the controller's and not the
     engine's.  Raises :class:`EnvironmentError_` on a machine whose ``struct msghdr`` is not the 64-bit one.
@@ -60,6 +67,7 @@ def make_ring(columns: Columns, channel_socket: socket.socket, *, timestamps: bo
     frames = columns.frames.shape[0]
     ring = Ring(
         descriptor=channel_socket.fileno(),
+        beside=-1 if beside is None else beside.fileno(),
         rx_vector=np.zeros((RX_BATCH, 8), np.int64),
         rx_iov=np.zeros((RX_BATCH, 2), np.int64),
         rx_address=np.zeros((RX_BATCH, ADDRESS_SLOT), np.uint8),
@@ -77,6 +85,8 @@ def make_ring(columns: Columns, channel_socket: socket.socket, *, timestamps: bo
         ring.rx_vector[i, CONTROL] = ring.rx_control.ctypes.data + i * CONTROL_SLOT
     if timestamps:
         channel_socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        if beside is not None:
+            beside.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
     ring.tx_iov[:, 0] = columns.frames.ctypes.data + np.arange(frames) * FRAME_SLOT
     # sockaddr_ll: family, protocol (network order), interface index (filled per frame)
     ring.tx_address[:, :4] = (socket.AF_PACKET, 0, 0x88, 0x92)
@@ -84,12 +94,12 @@ def make_ring(columns: Columns, channel_socket: socket.socket, *, timestamps: bo
 
 
 @compiled
-def receive_batch(columns: Columns, ring: Ring, now: int) -> int:
-    """Receive up to RX_BATCH frames into the receive slots; returns their number."""
+def receive_batch(columns: Columns, ring: Ring, descriptor: int, now: int) -> int:
+    """Receive up to RX_BATCH frames of one socket into the receive slots; returns their number."""
     for i in range(RX_BATCH):
         ring.rx_vector[i, NAME_LENGTH] = SOCKADDR_LL
         ring.rx_vector[i, CONTROL_LENGTH] = CONTROL_SLOT
-    count = recvmmsg(ring.descriptor, ring.rx_vector.ctypes.data, RX_BATCH, MSG_DONTWAIT, 0)
+    count = recvmmsg(descriptor, ring.rx_vector.ctypes.data, RX_BATCH, MSG_DONTWAIT, 0)
     if count <= 0:
         return 0
     # kernel stamps are wall clock; the engine uses monotonic time
@@ -119,6 +129,10 @@ def send_batch(columns: Columns, ring: Ring, count: int) -> None:
         port = sent_port(columns.ppm, columns.held, row)
         ring.tx_iov[row, 1] = sent_length(columns.ppm, columns.held, row)
         address = ring.tx_address[row]
+        # the EtherType, for what looks at a frame on its way; a tagged frame is PROFINET's
+        plain = columns.frames[row, 12] == 0x08
+        address[2] = 0x08 if plain else 0x88
+        address[3] = 0x00 if plain else 0x92
         address[4] = port & 0xFF
         address[5] = (port >> 8) & 0xFF
         address[6] = (port >> 16) & 0xFF

@@ -28,8 +28,8 @@ from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 __all__ = [
-    "TRAILER", "advance", "change_count", "change_id", "change_status", "count_of", "elapsed", "fits", "locate",
-    "provider_ran", "provider_runs", "refused", "resize", "seal", "start", "take",
+    "TRAILER", "advance", "change_count", "change_id", "change_status", "comes_from", "count_of", "elapsed", "fits",
+    "locate", "provider_ran", "provider_runs", "refused", "repeats", "resize", "seal", "start", "take",
 ]  # fmt: skip
 
 #: Octets before the frame id of an untagged frame, and of a VLAN tag.
@@ -57,14 +57,23 @@ def locate(frame: Any, length: int) -> int:
 
 
 @compiled
-def fits(consumer: Any, length: int, place: int) -> int:
+def fits(consumer: Any, frame: Any, length: int, place: int) -> int:  # noqa: ARG001 - as in every framing
     """Offset of the data after the frame id at ``place``; 0 for a frame of another length than agreed."""
     data = place + FRAME_ID
     return data if length == data + consumer.data_length + TRAILER else 0
 
 
 @compiled
-def refused(consumer: Any, frame: Any, length: int) -> int:
+def comes_from(consumer: Any, frame: Any) -> bool:
+    """Whether the frame has the MAC address of the peer."""
+    address = 0
+    for i in range(6, 12):
+        address = (address << 8) | int(frame[i])
+    return bool(address == consumer.source)
+
+
+@compiled
+def refused(consumer: Any, frame: Any, length: int, data: int) -> int:  # noqa: ARG001 - as in every framing
     """Why the CPM does not take this frame: an index of ``CPM.discarded``, -1 if it does."""
     trailer = length - TRAILER
     if consumer.state == RUN:
@@ -77,7 +86,13 @@ def refused(consumer: Any, frame: Any, length: int) -> int:
 
 
 @compiled
-def provider_runs(frame: Any, length: int) -> int:
+def repeats(consumer: Any, frame: Any, data: int) -> bool:  # noqa: ARG001 - as in every framing
+    """A frame that repeats the one before is refused by its counter."""
+    return False
+
+
+@compiled
+def provider_runs(consumer: Any, frame: Any, length: int, data: int) -> int:  # noqa: ARG001 - as in every framing
     """Whether the sender is in RUN, by the bit of the data status."""
     return int(frame[length - TRAILER + 2]) & STATUS_RUN
 
@@ -89,13 +104,13 @@ def provider_ran(consumer: Any) -> int:
 
 
 @compiled
-def elapsed(consumer: Any, frame: Any, length: int) -> int:
+def elapsed(consumer: Any, frame: Any, length: int, data: int) -> int:  # noqa: ARG001 - as in every framing
     """Time by the sender's cycle counter since the frame that was taken last, ns; it wraps after 2.048 s."""
     return ((_counter(frame, length - TRAILER) - int(consumer.counter)) & 0xFFFF) * SEND_CLOCK_NS
 
 
 @compiled
-def take(consumer: Any, frame: Any, length: int) -> None:
+def take(consumer: Any, frame: Any, length: int, data: int) -> None:  # noqa: ARG001 - as in every framing
     """Store what the next frame is compared with."""
     trailer = length - TRAILER
     consumer.counter = _counter(frame, trailer)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
+from pnfarm.engine.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
 from pnfarm.engine.columns import Columns, lookup_rebuild
 from pnfarm.engine.rtc import TRAILER
 from pnfarm.errors import InternalError
@@ -18,8 +19,6 @@ from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 __all__ = ["ChannelTable", "ConsumerPlan", "ProviderPlan"]
 
-#: Priority-tagged Ethernet header: 6 + 6 + tag 4 + type 2.
-TAGGED_HEADER = 18
 #: Default tag of RT frames: priority 6, VLAN 0 (IEC 61158-6-10).
 RT_TAG = 0xC000
 
@@ -50,9 +49,28 @@ class ProviderPlan:
     tag: int = RT_TAG
     drift: float = 0.0
 
+    framing: ClassVar[int] = FRAMING_RTC
+    trailer: ClassVar[int] = TRAILER
+    run_idle: ClassVar[bool] = False
+
     @property
     def cycle_ns(self) -> int:
         return SEND_CLOCK_NS * self.send_clock_factor * self.reduction_ratio
+
+    @property
+    def counter_step(self) -> int:
+        return self.send_clock_factor * self.reduction_ratio
+
+    @property
+    def phase_ns(self) -> int:
+        return (self.phase % self.reduction_ratio) * self.send_clock_factor * SEND_CLOCK_NS
+
+    @property
+    def header(self) -> bytes:
+        """Everything before the IO data."""
+        tag = ETHERTYPE_VLAN.to_bytes(2, "big") + self.tag.to_bytes(2, "big")
+        kind = ETHERTYPE_PROFINET.to_bytes(2, "big")
+        return self.destination + self.source + tag + kind + self.frame_id.to_bytes(2, "big")
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +97,22 @@ class ConsumerPlan:
     zeroes: bool = False
     drift: float = 0.0
 
+    framing: ClassVar[int] = FRAMING_RTC
+    run_idle: ClassVar[bool] = False
+    own_address: ClassVar[int] = 0
+    awaits_ns: ClassVar[int] = 0
+
+    @property
+    def peer(self) -> int:
+        return int.from_bytes(self.source, "big")
+
     @property
     def cycle_ns(self) -> int:
         return SEND_CLOCK_NS * self.send_clock_factor * self.reduction_ratio
+
+    @property
+    def hold_ns(self) -> int:
+        return self.cycle_ns * self.data_hold_factor
 
 
 def _check(words: Sequence[tuple[int, int]], iops: Iterable[int], data_length: int) -> None:
@@ -96,6 +127,11 @@ def _check(words: Sequence[tuple[int, int]], iops: Iterable[int], data_length: i
         raise InternalError(f"a channel carries {len(statuses)} provider status octets; the table holds {MAX_IOPS}")
     if any(not 0 <= offset < data_length for offset in statuses):
         raise InternalError(f"a provider status lies outside of {data_length} octets of IO data")
+
+
+def _data_end(provider: Any) -> int:
+    """Where the data of a provider's frame end."""
+    return int(provider.length) - (TRAILER if provider.framing == FRAMING_RTC else 0)
 
 
 class ChannelTable:
@@ -152,22 +188,20 @@ class ChannelTable:
             counts.append(sum(owner == image for owner in rows.values()))
         return max(counts)
 
-    def open_provider(self, plan: ProviderPlan) -> int:
+    def open_provider(self, plan: ProviderPlan | Class1ProviderPlan) -> int:
         """A row that sends from the next tick on."""
         _check(plan.words, plan.iops, plan.data_length)
         if any(not 0 <= offset < plan.data_length for offset in plan.iocs):
             raise InternalError(f"a consumer status lies outside of {plan.data_length} octets of IO data")
-        start = TAGGED_HEADER + 2
-        length = start + plan.data_length + TRAILER
+        header = plan.header
+        start = len(header)
+        length = start + plan.data_length + plan.trailer
         if length > FRAME_SLOT:
             raise InternalError(f"a frame of {length} octets does not fit into {FRAME_SLOT}")
         number = self._row("ppm")
         columns = self.columns
         frame = columns.frames[number]
         frame[:] = 0
-        tag = ETHERTYPE_VLAN.to_bytes(2, "big") + plan.tag.to_bytes(2, "big")
-        kind = ETHERTYPE_PROFINET.to_bytes(2, "big")
-        header = plan.destination + plan.source + tag + kind + plan.frame_id.to_bytes(2, "big")
         frame[:start] = list(header)
         for offset, octet in plan.constants:
             frame[start + offset] = octet
@@ -175,16 +209,17 @@ class ChannelTable:
             frame[start + offset] = IOXS_GOOD
         row = columns.ppm[number]
         row.image = plan.image
-        row.framing = FRAMING_RTC
+        row.framing = plan.framing
+        row.run_idle = int(plan.run_idle)
         row.port = plan.port
         row.frame_id = plan.frame_id
         row.length = length
         row.data_offset = start
         row.cycle_ns = plan.cycle_ns
-        row.counter_step = plan.send_clock_factor * plan.reduction_ratio
+        row.counter_step = plan.counter_step
         row.slipped_ns = 0.0
         row.slip_ns = plan.cycle_ns - true_duration(plan.cycle_ns, plan.drift) if plan.drift else 0.0
-        row.phase_ns = (plan.phase % plan.reduction_ratio) * plan.send_clock_factor * SEND_CLOCK_NS
+        row.phase_ns = plan.phase_ns
         row.words = len(plan.words)
         for i, (code, offset) in enumerate(plan.words):
             row.word_code[i] = code
@@ -204,16 +239,18 @@ class ChannelTable:
         row.active = 1
         return number
 
-    def open_consumer(self, plan: ConsumerPlan) -> int:
+    def open_consumer(self, plan: ConsumerPlan | Class1ConsumerPlan) -> int:
         """A row that receives from the next tick on."""
         _check(plan.words, plan.iops, plan.data_length)
         number = self._row("cpm")
         row = self.columns.cpm[number]
         row.image = plan.image
-        row.framing = FRAMING_RTC
+        row.framing = plan.framing
         row.port = plan.port
         row.frame_id = plan.frame_id
-        row.source = int.from_bytes(plan.source, "big")
+        row.run_idle = int(plan.run_idle)
+        row.source = plan.peer
+        row.address = plan.own_address
         row.destination = int.from_bytes(plan.destination, "big")
         row.data_length = plan.data_length
         row.words = len(plan.words)
@@ -227,7 +264,8 @@ class ChannelTable:
         row.zeroes = int(plan.zeroes)
         row.generation = (int(row.generation) + 1) & 0xFFFFFFFF
         row.cycle_ns = plan.cycle_ns
-        row.hold_ns = round(true_duration(plan.cycle_ns * plan.data_hold_factor, plan.drift))
+        row.hold_ns = round(true_duration(plan.hold_ns, plan.drift))
+        row.first_hold_ns = round(true_duration(plan.awaits_ns, plan.drift))
         row.impairment = 0
         row.received = 0
         row.discarded[:] = 0
@@ -237,6 +275,7 @@ class ChannelTable:
         row.jitters[:] = 0
         row.jitter_sum_ns = 0
         row.missed = 0
+        row.repeated = 0
         row.impaired = 0
         row.late = 0
         row.late_own = 0
@@ -248,8 +287,7 @@ class ChannelTable:
     def provided(self, number: int) -> bytes:
         """The IO data of a provider as the engine filled it last."""
         row = self.columns.ppm[number]
-        start = int(row.data_offset)
-        return bytes(self.columns.frames[number][start : int(row.length) - TRAILER])
+        return bytes(self.columns.frames[number][int(row.data_offset) : _data_end(row)])
 
     def consumed(self, number: int) -> bytes:
         """The IO data of a consumer, rebuilt from its words and provider status; what no word carries is zero."""
@@ -260,9 +298,8 @@ class ChannelTable:
             code, offset = int(row.word_code[i]), int(row.word_offset[i])
             if code != WORD_NONE:
                 value = int(image.received[code >> 2])
-                data[offset : offset + 2] = ((value >> 16 if code & 3 == PART_HIGH else value) & 0xFFFF).to_bytes(
-                    2, "big"
-                )
+                word = (value >> 16 if code & 3 == PART_HIGH else value) & 0xFFFF
+                data[offset : offset + 2] = word.to_bytes(2, "big" if row.framing == FRAMING_RTC else "little")
         for i in range(int(row.iops_count)):
             data[int(row.iops_offset[i])] = int(row.iops)
         return bytes(data)
@@ -277,7 +314,7 @@ class ChannelTable:
         """Lay out an open provider's frame again after a plug or pull.  Data that no word carries any more is zero."""
         row = self.columns.ppm[number]
         start = int(row.data_offset)
-        end = int(row.length) - 4
+        end = _data_end(row)
         _check(words, iops, end - start)
         # no words and no status while the frame changes: a tick between may send half of it, its statuses changed first
         row.words = 0
@@ -318,8 +355,8 @@ class ChannelTable:
     def rewrite_words(self, name: str, number: int, words: Sequence[tuple[int, int]]) -> None:
         """Change the telegram words of an open channel; offsets as in the plans."""
         row = getattr(self.columns, name)[number]
-        start = TAGGED_HEADER + 2 if name == "ppm" else 0
-        _check(words, (), int(row.length) - start - 4 if name == "ppm" else int(row.data_length))
+        start = int(row.data_offset) if name == "ppm" else 0
+        _check(words, (), _data_end(row) - start if name == "ppm" else int(row.data_length))
         # no words while the codes change, so that no tick mixes two mappings
         if name == "cpm":
             self._remove_words(row, words)

@@ -1,7 +1,8 @@
 """One tick of the engine: frames in, watchdogs, firmware, frames out.
 
 The same functions serve the real-time loop and virtual time, drives and controllers.  A tick never waits,
-never allocates and accesses nothing but the table.
+never allocates and accesses nothing but the table.  A call that is not inlined copies the description of every array
+that it is given: what runs in each tick takes the arrays that it needs, not all columns.
 """
 
 from __future__ import annotations
@@ -11,28 +12,24 @@ from typing import Any
 from pnfarm.engine import framing
 from pnfarm.engine.columns import Columns, lookup_find
 from pnfarm.engine.conditions import watch_conditions
+from pnfarm.engine.consuming import accept, check, zero
 from pnfarm.engine.held import forget, release_all, take_first
 from pnfarm.engine.impair import GOES_ON, HELD, IS_LOST, WAS_CHANGED, impair_received, impair_sent
-from pnfarm.engine.intervals import measure_interval
 from pnfarm.engine.observe import fault_began, fault_ended, observe
+from pnfarm.engine.providing import pack
 from pnfarm.engine.tracing import sample
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.drive_clock import drive_time
-from pnfarm.firmware.profidrive.axis_program import step_program
-from pnfarm.firmware.profidrive.parameter_words import exchange
+from pnfarm.firmware.front import step_program, tells
 from pnfarm.firmware.profidrive.sign_of_life import count_life
 from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import FAULT_SLOTS
 from pnfarm.table.by_address import by_address
 from pnfarm.table.channel import (
     DISCARD_IMPAIRED,
-    DISCARD_LENGTH,
-    DISCARD_SOURCE,
     FRUN,
     IDLE,
-    IOXS_BAD,
-    IOXS_GOOD,
     RUN,
     W_START,
 )
@@ -43,51 +40,19 @@ from pnfarm.table.engine_row import (
     FAULT_RAISED,
     FAULT_REACTED,
     FAULTS_CLEARED,
-    FIRST_FRAME,
-    IOPS_CHANGED,
     PARAMETER_TASK,
     PHASE_CHANGED,
-    PROVIDER_CHANGED,
     STATE_CHANGED,
     WARNING_CHANGED,
     emit,
 )
 from pnfarm.table.held import INWARD, OUTWARD
-from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_NOT, LOST_STOP
-from pnfarm.table.signals import PART_HIGH, PART_LOW, WORD_NONE
+from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_STOP
 
 __all__ = ["next_due", "receive", "run_firmware", "tick", "transmit"]
 
 #: Its machine code is one for all loops that tick.
 _step = by_address(step, AXIS, IMAGE)
-
-
-@compiled
-def _unpack(consumer: Any, image: Any, frame: Any, data: int) -> None:
-    """Telegram words into the process image."""
-    for i in range(consumer.words):
-        code = int(consumer.word_code[i])
-        if code == WORD_NONE:
-            continue
-        place = data + consumer.word_offset[i]
-        word = (int(frame[place]) << 8) | int(frame[place + 1])
-        slot = code >> 2
-        part = code & 3
-        if part == PART_HIGH:
-            image.received[slot] = (int(image.received[slot]) & 0xFFFF) | ((word ^ 0x8000) - 0x8000 << 16)
-        elif part == PART_LOW:
-            image.received[slot] = (int(image.received[slot]) >> 16 << 16) | word
-        else:
-            image.received[slot] = word
-
-
-@compiled
-def _zero(consumer: Any, image: Any) -> None:
-    """The set points that a consumer brings, in the process image."""
-    for i in range(consumer.words):
-        code = int(consumer.word_code[i])
-        if code != WORD_NONE:
-            image.received[code >> 2] = 0
 
 
 @compiled
@@ -97,19 +62,6 @@ def _address(frame: Any, place: int) -> int:
     for i in range(place, place + 6):
         address = (address << 8) | int(frame[i])
     return address
-
-
-@compiled
-def _check(consumer: Any, frame: Any, length: int, place: int) -> int:
-    """A frame of this consumer, with its id at ``place``, as the CPM checks it: where its data begin, 0: discarded."""
-    data = framing.fits(consumer, length, place)
-    if data == 0:
-        consumer.discarded[DISCARD_LENGTH] += 1
-        return 0
-    if _address(frame, 6) != consumer.source:
-        consumer.discarded[DISCARD_SOURCE] += 1
-        return 0
-    return int(data)
 
 
 @compiled
@@ -135,67 +87,10 @@ def _comes_through(columns: Columns, number: int, frame: Any, length: int, place
 @compiled
 def _is_for(consumer: Any, frame: Any, length: int, place: int) -> bool:
     """Whether a frame that was changed on its way is still one of this consumer."""
-    if framing.locate(frame, length) != place or _address(frame, 6) != consumer.source:
+    if framing.locate(frame, length) != place or not framing.comes_from(consumer, frame):
         return False
-    frame_id = (int(frame[place]) << 8) | int(frame[place + 1])
+    frame_id = framing.identity(frame, place)
     return bool(frame_id == consumer.frame_id and _address(frame, 0) == consumer.destination)
-
-
-@compiled
-def _accept(
-    engine: Any,
-    events: Any,
-    images: Any,
-    number: int,
-    consumer: Any,
-    frame: Any,
-    length: int,
-    data: int,
-    arrival: int,
-) -> None:
-    """Take the data of a frame that has come through, unless the CPM refuses it."""
-    why = framing.refused(consumer, frame, length)
-    if why >= 0:
-        consumer.discarded[why] += 1
-        return
-
-    iops = IOXS_GOOD
-    for i in range(consumer.iops_count):
-        if not frame[data + consumer.iops_offset[i]] & IOXS_GOOD:
-            iops = IOXS_BAD
-    image = images[consumer.image]
-    first = consumer.state != RUN
-    if consumer.feeds:
-        image.interval_ns = 0 if first else arrival - consumer.last_ns
-        image.frame_ns = arrival
-    if first:
-        consumer.state = RUN
-        emit(engine, events, FIRST_FRAME, number, arrival, consumer.generation)
-    else:
-        measure_interval(engine, consumer, arrival, framing.elapsed(consumer, frame, length))
-    runs = framing.provider_runs(consumer, frame, length)
-    if first or runs != framing.provider_ran(consumer):
-        emit(engine, events, PROVIDER_CHANGED, number, arrival, 1 if runs else 0)
-    if first or iops != consumer.iops:
-        emit(engine, events, IOPS_CHANGED, number, arrival, 1 if iops == IOXS_GOOD else 0)
-    framing.take(consumer, frame, length)
-    consumer.iops = iops
-    consumer.impaired = 0
-    consumer.last_ns = arrival
-    consumer.received += 1
-    if consumer.feeds == 0:
-        return
-    if runs and iops == IOXS_GOOD:
-        _unpack(consumer, image, frame, data)
-        image.frames = (int(image.frames) + 1) & 0xFFFFFFFF
-        consumer.fed = 1
-        image.valid = 1
-        image.lost = LOST_NOT
-    elif image.valid:
-        image.valid = 0
-        image.lost = LOST_STOP
-        if consumer.zeroes:
-            _zero(consumer, image)
 
 
 @compiled
@@ -227,25 +122,24 @@ def _release_received(columns: Columns, until: int) -> None:
             continue
         frame = columns.frames[store + slot]
         length = int(item.length)
-        data = framing.fits(consumer, length, int(item.place))
+        data = framing.fits(consumer, frame, length, int(item.place))
         if data == 0 or not _is_for(consumer, frame, length, int(item.place)):
             engine.unknown += 1
             continue
-        _accept(engine, columns.events, columns.image, int(item.row), consumer, frame, length, data, int(item.due_ns))
+        accept(engine, columns.events, columns.image, int(item.row), consumer, frame, length, data, int(item.due_ns))
 
 
 @compiled
-def _release_sent(columns: Columns, now: int, count: int) -> int:
+def _release_sent(
+    engine: Any, held: Any, order: Any, impairments: Any, tx_row: Any, store: int, now: int, count: int
+) -> int:
     """Send the held frames that are due, behind the ``count`` frames in ``tx_row``; the new count."""
-    engine = columns.engine[0]
-    store = columns.ppm.shape[0]
-    order = columns.held_order[OUTWARD]
-    while engine.held_out > 0 and count < columns.tx_row.shape[0] and columns.held[order[0]].due_ns <= now:
-        slot = take_first(columns.held, order, int(engine.held_out), columns.impairment)
+    while engine.held_out > 0 and count < tx_row.shape[0] and held[order[0]].due_ns <= now:
+        slot = take_first(held, order, int(engine.held_out), impairments)
         engine.held_out -= 1
         engine.busy_out += 1
-        if columns.held[slot].row >= 0:
-            columns.tx_row[count] = store + slot
+        if held[slot].row >= 0:
+            tx_row[count] = store + slot
             count += 1
     return count
 
@@ -278,22 +172,22 @@ def receive(columns: Columns, count: int) -> None:
             engine.malformed += 1
             _stray(columns, columns.rx_port[i], frame)
             continue
-        frame_id = (int(frame[place]) << 8) | int(frame[place + 1])
-        number = lookup_find(table, consumers, columns.rx_port[i], frame_id)
-        if number < 0 or _address(frame, 0) != consumers[number].destination:
+        frame_id = framing.identity(frame, place)
+        number = lookup_find(table, consumers, columns.rx_port[i], frame_id, _address(frame, 0))
+        if number < 0:
             # multicast frames have no consumer here; unicast frames count only for their own destination
             engine.unknown += 1
             _stray(columns, columns.rx_port[i], frame)
             continue
         consumer = consumers[number]
-        data = _check(consumer, frame, length, place)
+        data = check(consumer, frame, length, place)
         if data == 0:
             continue
         if consumer.impairment > 0 and not _comes_through(
             columns, number, frame, length, place, data, columns.rx_ns[i]
         ):
             continue
-        _accept(engine, events, images, number, consumer, frame, length, data, columns.rx_ns[i])
+        accept(engine, events, images, number, consumer, frame, length, data, columns.rx_ns[i])
 
 
 @compiled
@@ -305,23 +199,22 @@ def _take_back(consumer: Any, image: Any) -> None:
     if image.valid or image.lost == LOST_STOP:
         image.valid = 0
         image.lost = LOST_CLOSED
-    _zero(consumer, image)
+    zero(consumer, image)
     consumer.fed = 0
 
 
 @compiled
-def _watch(columns: Columns, now: int) -> None:
+def _watch(engine: Any, consumers: Any, images: Any, events: Any, now: int) -> None:
     """Data hold timers, and rows that the station opened or closed since the last tick."""
-    engine = columns.engine[0]
     for number in range(engine.cpm_rows):
-        consumer = columns.cpm[number]
+        consumer = consumers[number]
         if consumer.active == 0:
             if consumer.state != IDLE:
                 consumer.state = IDLE
                 if consumer.fed or consumer.feeds:
-                    _take_back(consumer, columns.image[consumer.image])
+                    _take_back(consumer, images[consumer.image])
         elif consumer.fed and not consumer.feeds:
-            _take_back(consumer, columns.image[consumer.image])
+            _take_back(consumer, images[consumer.image])
         elif consumer.state == IDLE:
             consumer.state = FRUN
             consumer.last_ns = now
@@ -329,11 +222,15 @@ def _watch(columns: Columns, now: int) -> None:
             consumer.state = W_START
             consumer.expirations += 1
             if consumer.feeds:
-                image = columns.image[consumer.image]
+                image = images[consumer.image]
                 if image.valid or image.lost == LOST_STOP:
                     image.valid = 0
                     image.lost = LOST_EXPIRED
-            emit(engine, columns.events, EXPIRED, number, now, now - consumer.last_ns)
+            emit(engine, events, EXPIRED, number, now, now - consumer.last_ns)
+        elif consumer.state == FRUN and consumer.first_hold_ns > 0 and now - consumer.last_ns > consumer.first_hold_ns:
+            consumer.state = W_START
+            consumer.expirations += 1
+            emit(engine, events, EXPIRED, number, now, now - consumer.last_ns)
 
 
 @compiled
@@ -359,7 +256,7 @@ def run_firmware(columns: Columns, now: int) -> None:
             own = drive_time(axis.clock, now)
         if axis.life.settings.watched and axis.powered:
             count_life(axis, columns.image[number])
-        if axis.profidrive.settings.parameter_channel and exchange(columns.image[number], own):
+        if tells(axis, columns.image[number], own):
             emit(engine, events, PARAMETER_TASK, number, now, int(columns.image[number].parameter_task))
         if own - axis.last_ns < axis.step_ns:
             continue
@@ -399,24 +296,6 @@ def run_firmware(columns: Columns, now: int) -> None:
 
 
 @compiled
-def _pack(provider: Any, image: Any, frame: Any) -> None:
-    """The process image into telegram words, provider status, header and trailer."""
-    for i in range(provider.words):
-        code = int(provider.word_code[i])
-        word = 0
-        if code != WORD_NONE:
-            value = int(image.sent[code >> 2])
-            word = (value >> 16) & 0xFFFF if code & 3 == PART_HIGH else value & 0xFFFF
-        place = provider.word_offset[i]
-        frame[place] = word >> 8
-        frame[place + 1] = word & 0xFF
-    status = IOXS_GOOD if image.good else IOXS_BAD
-    for i in range(provider.iops_count):
-        frame[provider.iops_offset[i]] = status
-    framing.seal(provider, frame)
-
-
-@compiled
 def _go_on(provider: Any, cycles: int) -> None:
     """Set the next frame's due time this many cycles later, by the provider's own clock."""
     provider.next_ns += cycles * provider.cycle_ns
@@ -428,21 +307,29 @@ def _go_on(provider: Any, cycles: int) -> None:
 
 
 @compiled
-def transmit(columns: Columns, now: int) -> int:
-    """Fill every frame that is due; their rows are in ``tx_row``, the count is returned."""
-    engine = columns.engine[0]
+def _transmit(
+    engine: Any,
+    providers: Any,
+    images: Any,
+    frames: Any,
+    impairments: Any,
+    held: Any,
+    held_order: Any,
+    tx_row: Any,
+    now: int,
+) -> int:
     count = 0
     overrun = False
     engine.busy_out = 0
     if engine.held_out > 0:
-        count = _release_sent(columns, now, count)
+        count = _release_sent(engine, held, held_order[OUTWARD], impairments, tx_row, providers.shape[0], now, count)
     for number in range(engine.ppm_rows):
-        provider = columns.ppm[number]
+        provider = providers[number]
         if provider.active == 0:
             if provider.state != IDLE:
                 provider.state = IDLE
                 if engine.held_out > 0:
-                    forget(columns.held, columns.held_order[OUTWARD], int(engine.held_out), number)
+                    forget(held, held_order[OUTWARD], int(engine.held_out), number)
             continue
         if provider.state == IDLE:
             # first frame on the grid of the cycle, so that all channels of one cycle share their ticks
@@ -463,30 +350,47 @@ def transmit(columns: Columns, now: int) -> int:
         _go_on(provider, 1)
         framing.advance(provider, 1)
         provider.state = RUN
-        frame = columns.frames[number]
-        image = columns.image[provider.image]
-        _pack(provider, image, frame)
+        frame = frames[number]
+        image = images[provider.image]
+        pack(provider, image, frame)
         image.filled = (int(image.filled) + 1) & 0xFFFFFFFF
         outcome = GOES_ON
         if provider.impairment > 0:
             outcome = impair_sent(
-                engine, columns.impairment, provider, columns.held, columns.held_order, columns.frames,
-                columns.ppm.shape[0], number, now,
-            )  # fmt: skip
+                engine, impairments, provider, held, held_order, frames, providers.shape[0], number, now
+            )
         if outcome == IS_LOST:
             provider.suppressed += 1
             continue
         provider.sent += 1
         provider.last_ns = now
         if outcome == GOES_ON:
-            columns.tx_row[count] = number
+            tx_row[count] = number
             count += 1
     if engine.held_out > 0:
-        count = _release_sent(columns, now, count)
+        count = _release_sent(engine, held, held_order[OUTWARD], impairments, tx_row, providers.shape[0], now, count)
     if overrun:
         engine.overruns += 1
     engine.sent += count
     return count
+
+
+@compiled
+def transmit(columns: Columns, now: int) -> int:
+    """Fill every frame that is due; their rows are in ``tx_row``, the count is returned."""
+    return int(
+        _transmit(
+            columns.engine[0],
+            columns.ppm,
+            columns.image,
+            columns.frames,
+            columns.impairment,
+            columns.held,
+            columns.held_order,
+            columns.tx_row,
+            now,
+        )
+    )
 
 
 @compiled
@@ -498,7 +402,7 @@ def tick(columns: Columns, count: int, now: int) -> int:
     receive(columns, count)
     if engine.held_in > 0:
         _release_received(columns, now)
-    _watch(columns, now)
+    _watch(engine, columns.cpm, columns.image, columns.events, now)
     run_firmware(columns, now)
     if engine.trace_rows != 0:
         sample(
@@ -528,17 +432,21 @@ def tick(columns: Columns, count: int, now: int) -> int:
 
 
 @compiled
-def next_due(columns: Columns, now: int) -> int:
-    """When the next tick is due: at the next frame to send, at the latest ``tick_ns`` from ``now``."""
-    engine = columns.engine[0]
+def _first_due(engine: Any, providers: Any, held: Any, held_order: Any, now: int) -> int:
     # on the grid of tick_ns, so that a farm at rest and a farm at work tick at the same times
     due = now - now % engine.tick_ns + engine.tick_ns
     for number in range(engine.ppm_rows):
-        provider = columns.ppm[number]
+        provider = providers[number]
         if provider.active != 0 and provider.state != IDLE and provider.next_ns < due:
             due = provider.next_ns
     if engine.held_out > 0:
-        due = min(due, max(now, columns.held[columns.held_order[OUTWARD, 0]].due_ns))
+        due = min(due, max(now, held[held_order[OUTWARD, 0]].due_ns))
     if engine.held_in > 0:
-        due = min(due, max(now, columns.held[columns.held_order[INWARD, 0]].due_ns))
+        due = min(due, max(now, held[held_order[INWARD, 0]].due_ns))
     return due
+
+
+@compiled
+def next_due(columns: Columns, now: int) -> int:
+    """When the next tick is due: at the next frame to send, at the latest ``tick_ns`` from ``now``."""
+    return int(_first_due(columns.engine[0], columns.ppm, columns.held, columns.held_order, now))

@@ -18,17 +18,17 @@ __all__ = ["deliver", "run_alone", "run_virtual"]
 
 
 @compiled
-def deliver(sender: Columns, count: int, receiver: Columns, addresses: Any, ports: Any, now: int) -> int:
-    """Pass ``count`` sent frames to ``receiver`` by destination address, as a switch does.
-
-    ``addresses`` int64[n] sorted MAC numbers, ``ports`` int32[n] the receiver's ports.  When the receive
-    slots are full they are processed at once.  Returns how many frames wait in the slots.
-    """
+def _place(
+    sent: Any, frames: Any, ppm: Any, held: Any, slots: Any, lengths: Any, places: Any, times: Any,
+    addresses: Any, ports: Any, first: int, count: int, now: int,
+) -> tuple[int, int]:  # fmt: skip
+    """Put frames of ``sent`` from ``first`` on into the receive slots until these are full; next frame, slots used."""
     waiting = 0
-    for i in range(count):
-        row = sender.tx_row[i]
-        frame = sender.frames[row]
-        length = sent_length(sender.ppm, sender.held, row)
+    while first < count and waiting < RX_BATCH:
+        row = sent[first]
+        first += 1
+        frame = frames[row]
+        length = sent_length(ppm, held, row)
         destination = 0
         for k in range(6):
             destination = (destination << 8) | int(frame[k])
@@ -42,15 +42,30 @@ def deliver(sender: Columns, count: int, receiver: Columns, addresses: Any, port
                 high = middle
         if low >= addresses.shape[0] or addresses[low] != destination:
             continue
-        if waiting == RX_BATCH:
-            receive(receiver, waiting)
-            waiting = 0
-        receiver.rx_frames[waiting, :length] = frame[:length]
-        receiver.rx_length[waiting] = length
-        receiver.rx_port[waiting] = ports[low]
-        receiver.rx_ns[waiting] = now
+        slots[waiting, :length] = frame[:length]
+        lengths[waiting] = length
+        places[waiting] = ports[low]
+        times[waiting] = now
         waiting += 1
-    return waiting
+    return first, waiting
+
+
+@compiled
+def deliver(sender: Columns, count: int, receiver: Columns, addresses: Any, ports: Any, now: int) -> int:
+    """Pass ``count`` sent frames to ``receiver`` by destination address, as a switch does.
+
+    ``addresses`` int64[n] sorted MAC numbers, ``ports`` int32[n] the receiver's ports.  When the receive
+    slots are full they are processed at once.  Returns how many frames wait in the slots.
+    """
+    first = 0
+    while True:
+        first, waiting = _place(
+            sender.tx_row, sender.frames, sender.ppm, sender.held, receiver.rx_frames, receiver.rx_length,
+            receiver.rx_port, receiver.rx_ns, addresses, ports, first, count, now,
+        )  # fmt: skip
+        if first >= count:
+            return int(waiting)
+        receive(receiver, waiting)
 
 
 @compiled

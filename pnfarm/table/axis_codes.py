@@ -175,3 +175,4 @@ SENSOR_PARKING = 12
 # Firmware variants (``front``).
 FIRMWARE_NONE = 0
 FIRMWARE_PROFIDRIVE = 1
+FIRMWARE_ETHERNETIP = 2  # assemblies of the position controller (AKD EtherNet/IP manual 6.2)

@@ -32,13 +32,16 @@ MAX_IOPS = 4
 MAX_IOCS = 32
 
 #: Why a cyclic frame was dropped, by index of ``CPM.discarded``.
-DISCARDS = ("wrong-length", "wrong-source", "old-counter", "data-invalid", "impaired", "transfer-status")
+DISCARDS = (
+    "wrong-length", "wrong-source", "old-counter", "data-invalid", "impaired", "transfer-status", "bad-checksum",
+)  # fmt: skip
 DISCARD_LENGTH = 0
 DISCARD_SOURCE = 1
 DISCARD_COUNTER = 2
 DISCARD_INVALID = 3
 DISCARD_IMPAIRED = 4
 DISCARD_TRANSFER = 5
+DISCARD_CHECKSUM = 6
 
 #: Upper bounds of the interval histogram, nanoseconds; a last bucket takes the rest.
 INTERVAL_EDGES_NS = (
@@ -57,6 +60,7 @@ JITTER_BUCKETS = len(JITTER_EDGES_NS) + 1
 
 # Header and trailer of the data of a frame (``framing``; :mod:`pnfarm.engine.framing`).
 FRAMING_RTC = 0  # frame id before the data, cycle counter and data status after it
+FRAMING_CLASS1 = 1  # UDP: connection id, sequences and run/idle header before the data, words little-endian
 
 # States of both machines.
 IDLE = 0
@@ -86,10 +90,13 @@ PPM = Layout(
         Field("image", "i4", "", "station", "row of the process image that fills it"),
         Field("port", "i4", "", "station", "where it goes out: interface index, or port of a memory link"),
         Field("framing", "u1", "", "station", "what stands around its data: FRAMING_*"),
-        Field("frame_id", "u2", "", "station", ""),
+        Field("frame_id", "u4", "", "station", "frame id, or connection id"),
+        Field("run_idle", "u1", "", "station", "1 = a run/idle header stands before the data"),
         Field("length", "u2", "octets", "station", "whole frame from the destination address, without FCS"),
         Field("data_offset", "u2", "octets", "station", "first octet of the IO data in the frame"),
-        Field("cycle_ns", "i8", "ns", "station", "31,250 ns x send clock factor x reduction ratio"),
+        Field(
+            "cycle_ns", "i8", "ns", "station", "31,250 ns x send clock factor x reduction ratio, or the packet interval"
+        ),
         Field("counter_step", "u2", "31.25 us", "station", "send clock factor x reduction ratio"),
         Field(
             "slip_ns", "f8", "ns", "station", "so much earlier than after a cycle each frame leaves: its clock drifts"
@@ -106,7 +113,8 @@ PPM = Layout(
         Field("data_status", "u1", "", "station", "APDU data status while nothing is impaired"),
         Field("impairment", "i4", "", "fault", "first impairment on this row + 1, 0 = none"),
         Field("next_ns", "i8", "ns", "transmit", "when the next frame is due"),
-        Field("counter", "u2", "31.25 us", "transmit", "cycle counter of the last frame"),
+        Field("counter", "u2", "31.25 us", "transmit", "cycle counter of the last frame, or its sequence count"),
+        Field("sequence", "u4", "", "transmit", "sequence number of the last packet"),
         Field("sent", "i8", "frames", "transmit", "frames given to the link"),
         Field("suppressed", "i8", "frames", "transmit", "frames that an impairment kept back"),
         Field("last_ns", "i8", "ns", "transmit", "when the last frame went out"),
@@ -131,9 +139,11 @@ CPM = Layout(
         Field("zeroes", "u1", "", "station", "1 = data of a provider in STOP or with bad IOPS count as zero"),
         Field("port", "i4", "", "station", "where it comes in"),
         Field("framing", "u1", "", "station", "what stands around its data: FRAMING_*"),
-        Field("frame_id", "u2", "", "station", ""),
-        Field("source", "i8", "", "station", "the only sender accepted: MAC as a 48-bit number"),
+        Field("frame_id", "u4", "", "station", "frame id, or connection id"),
+        Field("run_idle", "u1", "", "station", "1 = a run/idle header stands before the data"),
+        Field("source", "i8", "", "station", "the only sender accepted: MAC as a 48-bit number, or IPv4 address"),
         Field("destination", "i8", "", "station", "the address that it consumes at: MAC as a 48-bit number"),
+        Field("address", "i8", "", "station", "the IPv4 address that it consumes at; not of real-time frames"),
         Field(
             "data_length",
             "u2",
@@ -152,13 +162,18 @@ CPM = Layout(
         Field(
             "hold_ns", "i8", "ns", "station", "data hold time: cycle x data hold factor, by the consumer's own clock"
         ),
+        Field(
+            "first_hold_ns", "i8", "ns", "station", "how long the first frame is awaited, 0 = the station watches that"
+        ),
         Field("cycle_ns", "i8", "ns", "station", "cycle that the peer promised"),
         Field("started_ns", "i8", "ns", "station", "when the row became active: the first frame is awaited from here"),
         Field("impairment", "i4", "", "fault", "first impairment on this row + 1, 0 = none"),
         Field("last_ns", "i8", "ns", "receive", "arrival of the last valid frame"),
         Field("fed", "u1", "", "receive", "1 while its data stands in the process image"),
-        Field("counter", "u2", "31.25 us", "receive", "cycle counter of the last valid frame"),
-        Field("data_status", "u1", "", "receive", "data status of the last valid frame"),
+        Field("counter", "u2", "31.25 us", "receive", "cycle counter of the last valid frame, or its sequence count"),
+        Field("sequence", "u4", "", "receive", "sequence number of the last valid packet"),
+        Field("repeated", "i8", "frames", "receive", "valid packets that brought the data of the one before once more"),
+        Field("data_status", "u1", "", "receive", "data status of the last valid frame, or 1 if its sender was in RUN"),
         Field("iops", "u1", "", "receive", "worst provider status of the last valid frame"),
         Field("received", "i8", "frames", "receive", "valid frames"),
         Field("discarded", "i8", "frames", "receive", "dropped frames by reason (DISCARDS)", (len(DISCARDS),)),

@@ -16,7 +16,7 @@ IOPS_BAD = 2  # own provider status BAD
 PROVIDER_STOP = 3  # data status STOP
 DATA_INVALID = 4  # data status not valid
 IOCS_BAD = 5  # own consumer status BAD
-COUNTER_FREEZE = 6  # the cycle counter of the first frame that was hit
+COUNTER_FREEZE = 6  # the cycle counter of the first frame that was hit; ``whole`` as below
 COUNTER_JUMP = 7  # the cycle counter plus ``amount``
 FRAME_ID = 8  # ``amount`` more than the frame id, or with ``whole`` set ``amount`` itself
 LENGTH = 9  # IO data longer by ``amount`` octets
@@ -25,9 +25,14 @@ COUNT_SKIP = 11  # such a count skips ``amount`` counts
 DELAY = 12  # later by ``delay_ns`` and up to ``jitter_ns`` more
 DUPLICATE = 13  # ``amount`` copies behind it
 REORDER = 14  # behind the ``amount`` frames that follow
-CORRUPT = 15  # ``amount`` bits inverted, with ``whole`` also in the addresses
+CORRUPT = 15  # ``amount`` bits inverted, with ``whole`` also in the addresses, with ``mends`` behind the checksums
 THROTTLE = 16  # ``octet_ns`` for each octet; more than ``delay_ns`` of waiting: dropped
 LATE = 17  # later by ``delay_ns``; what is due in the meantime is not sent
+
+# Which count of a class 1 packet stands or jumps (``whole``); a real-time frame has only one.
+BOTH_COUNTS = 0
+SEQUENCE_NUMBER = 1
+SEQUENCE_COUNT = 2
 
 # How frames are chosen (``model``).
 INDEPENDENT = 0  # each with ``threshold``
@@ -59,6 +64,7 @@ IMPAIRMENT = Layout(
         Field("hit_bad", "u4", "1/2^32", "fault", "probability of an activation in the bad state"),
         Field("amount", "i4", "", "fault", "how much: copies, frames, bits, octets, counts; by the kind"),
         Field("whole", "u1", "", "fault", "by the kind"),
+        Field("mends", "u1", "", "fault", "1 = the checksums of IPv4 and UDP are right again behind the change"),
         Field("slot", "u1", "", "fault", "signal whose word is changed"),
         Field("delay_ns", "i8", "ns", "fault", "delay, or longest wait"),
         Field("jitter_ns", "i8", "ns", "fault", "random delay on top, below this"),

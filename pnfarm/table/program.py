@@ -24,6 +24,13 @@ LEG_STARTED = 2  # STW1.6 changed, no acknowledgement yet
 LEG_MOVING = 3  # acknowledged
 LEG_DWELLING = 4  # ZSW1.10: the target is reached
 
+# Where the handshake of a command is (``loading``), of a drive whose commands are loaded.
+LOAD_NONE = 0  # no command is to be loaded
+LOAD_LOW = 1  # the command is in the assembly, Load/Start is low until the drive has seen that
+LOAD_HIGH = 2  # Load/Start is high, no answer yet
+LOAD_DONE = 3  # Load Complete was seen
+LOAD_REFUSED = 4  # the drive answered with an error
+
 # Where the program is (``phase``).
 OFFLINE = 0  # no valid data from the drive
 SWITCHING_ON = 1  # walking S1, S2, S3
@@ -37,6 +44,7 @@ PROGRAM = Layout(
     "One axis of the built-in controller.",
     [
         Field("active", "u1", "", "station", "row in use"),
+        Field("front", "u1", "", "station", "whose words it speaks: FIRMWARE_* of the axis"),
         Field("kind", "u1", "", "station", "IDLE .. PYTHON"),
         Field("enable", "u1", "", "station", "1 = switch the drive on, 0 = leave it ready"),
         Field("speed", "f8", "rpm", "station", "speed, or amplitude"),
@@ -55,6 +63,9 @@ PROGRAM = Layout(
         Field("task_deceleration_step", "f8", "rpm/s", "station", "one increment of a task's deceleration"),
         Field("task_ramps_signed", "u1", "", "station", "1 = MDI_ACC and MDI_DEC have a sign"),
         Field("ramp_step", "f8", "rpm/s", "station", "one increment of DRV_ACC and DRV_DEC"),
+        Field("speed_up", "f8", "rpm/s", "station", "acceleration of a command that brings a speed"),
+        Field("speed_down", "f8", "rpm/s", "station", "its deceleration"),
+        Field("clear_number", "u2", "", "station", "instance of the parameter that clears faults"),
         Field("life", "u1", "", "station", "1 = send a running sign of life in STW2"),
         Field(
             "acknowledge_after_ns",
@@ -76,9 +87,24 @@ PROGRAM = Layout(
         Field("target_index", "u1", "", "program", "index of the current target"),
         Field("start_bit", "u2", "", "program", "STW1.6 as it was sent last"),
         Field("acknowledged", "u2", "", "program", "ZSW1.12 before the task was started"),
+        Field("loading", "u1", "", "program", "handshake of the command: LOAD_NONE .. LOAD_REFUSED"),
+        Field("loading_ns", "i8", "ns", "program", "when that began"),
+        Field("command", "u1", "", "program", "type of the command that is loaded"),
+        Field("mode_set", "u1", "", "program", "1 = the drive took the operating mode in this connection"),
+        Field("homing_set", "u1", "", "program", "1 = homing was started"),
+        Field("speed_set", "u1", "", "program", "1 = speed_units were taken"),
+        Field("speed_units", "i4", "", "program", "speed of the command that was loaded last, profile units"),
+        Field("refused", "i8", "", "program", "commands that the drive refused"),
+        Field("error", "u2", "", "program", "the last refusal: general status, additional code above it"),
         Field("moves", "i8", "", "program", "targets reached"),
         Field("faults", "i8", "", "program", "faults seen"),
-        Field("zsw1", "u2", "", "program", "status word that was seen last"),
-        Field("stw1", "u2", "", "program", "control word sent"),
+        Field(
+            "zsw1",
+            "u2",
+            "",
+            "program",
+            "status word that was seen last; of an assembly words 1 and 2, the second above",
+        ),
+        Field("stw1", "u2", "", "program", "control word sent; of an assembly the type of its command above it"),
     ],
 )

@@ -11,6 +11,8 @@ from __future__ import annotations
 
 __all__ = [
     "ACTUAL_SLOTS",
+    "ASSEMBLY",
+    "ASSEMBLY_WORDS",
     "FIRST_SENT_BACK",
     "FIRST_SHOWN",
     "PART_HIGH",
@@ -76,6 +78,12 @@ JOG_SPEED_2 = 29
 PKW_HEAD = 60
 #: The value.
 PKW_VALUE = 61
+
+# Both directions, of a drive whose cyclic data are an assembly: its double words, least significant octet first on the
+# wire.  Such a drive has no telegram, and so nothing that is sent back or shown.
+ASSEMBLY = 38
+#: Number of them: 64 octets.
+ASSEMBLY_WORDS = 16
 
 # Drive to controller.
 ZSW1 = 0

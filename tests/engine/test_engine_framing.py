@@ -6,9 +6,9 @@ from pathlib import Path
 from virtual_pair import Pair
 
 import pnfarm
-from pnfarm.table.channel import DISCARD_LENGTH, FRAMING_RTC
+from pnfarm.table.channel import DISCARD_LENGTH, FRAMING_CLASS1, FRAMING_RTC
 
-OTHER = FRAMING_RTC + 1
+OTHER = FRAMING_CLASS1 + 1
 
 
 def test_a_consumer_of_another_framing_takes_no_frame_of_this_one() -> None:

@@ -24,7 +24,7 @@ def test_all_due_frames_go_out_and_come_in_as_they_were():
         sent = [bytes(farm.frames[row][: farm.ppm[row].length]) for row in farm.tx_row[:count]]
         send_batch(farm, sender_ring, count)
         assert farm.engine[0].send_errors == 0
-        assert receive_batch(receiver, receiver_ring, now) == count
+        assert receive_batch(receiver, receiver_ring, receiver_ring.descriptor, now) == count
         received = [bytes(receiver.rx_frames[i][: receiver.rx_length[i]]) for i in range(count)]
         assert received == sent
-        assert receive_batch(receiver, receiver_ring, now) == 0
+        assert receive_batch(receiver, receiver_ring, receiver_ring.descriptor, now) == 0
