@@ -22,11 +22,12 @@ from random import Random
 from typing import NoReturn
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT / "tests" / "support"), str(ROOT / "tests" / "faults")]
+sys.path[:0] = [str(ROOT / "tests" / name) for name in ("support", "faults", "protocols/enip")]
 
 from tests.fuzz import running, storms  # noqa: E402
 from tests.fuzz.corpus import gather  # noqa: E402
 from tests.fuzz.machines import MACHINES  # noqa: E402
+from tests.fuzz.machines_enip import ENIP, enip_layers  # noqa: E402
 from tests.fuzz.machines_more import MORE  # noqa: E402
 from tests.fuzz.targets import parsers  # noqa: E402
 from tests.fuzz.watch import FailureFoundError, resident  # noqa: E402
@@ -61,10 +62,10 @@ class Run:
         self.memory: int | None = None
         corpus = gather()
         self.own, self.captured = len(corpus.to_drive) + len(corpus.to_controller), len(corpus.captured)
-        self.layers = corpus.layers
+        self.layers = {**corpus.layers, **enip_layers()}
         wanted = options.target
         self.parsers = [parser for parser in parsers(self.layers) if fnmatchcase(parser.name, wanted)]
-        self.machines = [machine for machine in (*MACHINES, *MORE) if fnmatchcase(machine.name, wanted)]
+        self.machines = [machine for machine in (*MACHINES, *MORE, *ENIP) if fnmatchcase(machine.name, wanted)]
 
     # -- turns -------------------------------------------------------------------------------------------------------
 
@@ -208,7 +209,7 @@ def main() -> int:
         return running.main(options)
     if options.storms:
         return storms.main(options)
-    names = [target.name for target in (*parsers({"block": []}), *MACHINES, *MORE)]
+    names = [target.name for target in (*parsers({"block": []}), *MACHINES, *MORE, *ENIP)]
     wanted = [name for name in names if fnmatchcase(name, options.target)]
     if not wanted:
         print(f"no target is named {options.target!r}; --list names them", file=sys.stderr)

@@ -381,7 +381,7 @@ def unheard() -> Iterator[tuple[str, bytes]]:
 
 def _descriptions() -> Iterator[tuple[str, bytes]]:
     """Files of makers: those that the project writes, and a small one that has a little of everything."""
-    for name in catalogue.models():
+    for name in (name for name, entry in catalogue.models().items() if entry.bus == "profinet"):
         yield "gsdml", emit_gsdml(describe_model(catalogue.model(name))).encode()
     yield "gsdml", (Path(__file__).parents[1] / "protocols" / "profinet" / "gsdml_miniature.xml").read_bytes()
 

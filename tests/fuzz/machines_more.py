@@ -10,6 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from uuid import UUID
 
+from cip_tape import everything
+
 from pnfarm.buses.profinet.device.modules import modules_view, plug_module, pull_module
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.reading import CapturedFrame, FrameReader
@@ -34,6 +36,8 @@ __all__ = ["MORE"]
 KEYS = ((0, 0, 1), (0, 0, 0x8000), (0, 0, 0x8001), (0x3A00, 1, 1), (0x3A00, 1, 2))
 #: What a decoder may hold of a capture, in entries of containers.
 DECODER_ENTRIES = 200_000
+#: Octets of the headers of Ethernet and IPv4.
+BEHIND_IPV4 = 34
 
 
 class DecoderMachine(Machine):
@@ -69,6 +73,23 @@ class DecoderMachine(Machine):
 
     def said(self):
         return self.lines
+
+
+class EnipDecoderMachine(DecoderMachine):
+    """Frames of EtherNet/IP: what is behind the IPv4 header is changed, and frames come in any order."""
+
+    name = "enip-decoder"
+
+    def start(self, rng):
+        super().start(rng)
+        self.frames = everything()
+        self.inside = [frame[BEHIND_IPV4:] for frame in self.frames]
+
+    def next_input(self, rng):
+        frame = rng.choice(self.frames)
+        if rng.random() < 0.3:
+            return frame
+        return frame[:BEHIND_IPV4] + mutated(rng, frame[BEHIND_IPV4:], self.inside)
 
 
 class CaptureFileMachine(Machine):
@@ -207,4 +228,4 @@ class SubmodulesMachine(Machine):
         super().revive(rng)
 
 
-MORE: tuple[type[Machine], ...] = (DecoderMachine, CaptureFileMachine, SubmodulesMachine)
+MORE: tuple[type[Machine], ...] = (DecoderMachine, EnipDecoderMachine, CaptureFileMachine, SubmodulesMachine)

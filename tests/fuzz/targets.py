@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from random import Random
 
 import pnfarm.drives.profiles.profidrive
+import pnfarm.protocols.enip
 import pnfarm.protocols.profinet
 import pnfarm.wire
 from pnfarm.drives import catalogue
@@ -28,7 +29,7 @@ from tests.fuzz.mutate import variation, varied_xml
 
 __all__ = ["Parser", "parsers"]
 
-ROOTS = (pnfarm.wire, pnfarm.protocols.profinet, pnfarm.drives.profiles.profidrive)
+ROOTS = (pnfarm.wire, pnfarm.protocols.profinet, pnfarm.protocols.enip, pnfarm.drives.profiles.profidrive)
 #: Texts that users write, not octets that peers send.
 NOT_PEERS = {"parse_mac", "parse_record", "parse_number", "parse_tokens", "parse_octets"}
 #: Arguments that are not octets, with the values to try.
@@ -36,6 +37,9 @@ OPTIONS = {
     "little_endian": (True, False),
     "verify_checksum": (True, False),
     "usi": (0x1234, 0x8000, 0x8002, 0x8003, 0x8100),
+    "large": (True, False),
+    "header": (True, False),
+    "code": (0xC1, 0xC7, 0xCA, 0xD0, 0xDA, 0xDC, 0xFF),
 }
 #: What every call of a parser is given besides the octets.
 GIVEN = {
@@ -81,6 +85,19 @@ LAYERS = {
     "parse_integer": ("oid",),
     "parse_gsdml": ("gsdml",),
     "parse_xml": ("gsdml",),
+    "parse_encapsulation": ("enip",),
+    "parse_header": ("enip",),
+    "parse_common_packet": ("enip-packet",),
+    "parse_items": ("enip-items",),
+    "parse_epath": ("enip-path",),
+    "message.parse_request": ("enip-request",),
+    "parse_reply": ("enip-reply",),
+    "parse_multiple_service": ("enip-body",),
+    "parse_forward_open": ("enip-body",),
+    "parse_forward_close": ("enip-body",),
+    "parse_unconnected_send": ("enip-body",),
+    "parse_class1": ("enip-class1",),
+    "parse_eds": ("eds",),
 }
 #: Parsers of text with a syntax of its own: octets changed at random would mostly break that alone.
 DOCUMENTS = {"parse_gsdml", "parse_xml"}
@@ -172,6 +189,11 @@ def _alike(function, types, layers):
     return [octets for kind in types[function] for octets in layers.get(f"block-{kind:04x}", ())]
 
 
+def _suiting(module, name):
+    """The layers of a parser; a name that two modules have stands with its module's."""
+    return LAYERS.get(f"{module.__name__.rsplit('.', 1)[-1]}.{name}", LAYERS.get(name, ()))
+
+
 def _alarms(rta: Sequence[bytes]) -> dict[str, list[bytes]]:
     """The blocks within RTA-PDUs and some that no farm sends, their items, and their bodies behind the version."""
     diagnosis = alarms.AlarmNotification(
@@ -205,7 +227,7 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
             if function in types:
                 pool = layers.get(f"block{suffix[:5]}", []) or _alike(function, types, layers) or layers["block"]
             else:
-                pool = [octets for layer in LAYERS.get(name, ()) for octets in layers.get(layer, ())] or everything
+                pool = [octets for layer in _suiting(module, name) for octets in layers.get(layer, ())] or everything
             title = f"{module.__name__.rsplit('.', 1)[-1]}.{name}{suffix}"
             found[title] = Parser(title, call, pool, varied_xml if name in DOCUMENTS else variation)
     return sorted(found.values(), key=lambda parser: parser.name)

@@ -1,0 +1,196 @@
+"""Connections of a target: what it offers, what is open, and what its owner is told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum, StrEnum
+from typing import TYPE_CHECKING, Final
+
+from pnfarm.protocols.enip.connection_states import ConnectionState
+from pnfarm.protocols.enip.status import ConnectionStatus
+from pnfarm.protocols.enip.wire.encapsulation import IO_PORT
+from pnfarm.protocols.enip.wire.forward_open import CYCLIC, Priority, Triad
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address
+
+    from pnfarm.protocols.enip.wire.epath import ElectronicKey
+
+__all__ = [
+    "CloseReason",
+    "Connection",
+    "ConnectionClosed",
+    "ConnectionKind",
+    "ConnectionOpened",
+    "ConnectionRefused",
+    "ConnectionSettings",
+    "IoOffer",
+    "ManagerEvent",
+    "ProductionMoved",
+    "RpiBelowMinimum",
+]
+
+
+class ConnectionKind(StrEnum):
+    """Application connection types (CIP volume 1, chapter 3-6.4), and class 3."""
+
+    EXCLUSIVE_OWNER = "exclusive owner"
+    INPUT_ONLY = "input only"
+    LISTEN_ONLY = "listen only"
+    EXPLICIT = "explicit"
+
+
+class CloseReason(StrEnum):
+    FORWARD_CLOSE = "forward-close"
+    TIMED_OUT = "timed-out"
+    STREAM_CLOSED = "stream-closed"
+    OWNER_GONE = "owner-gone"
+    ENDED = "ended"
+
+
+class RpiBelowMinimum(Enum):
+    """What a target does with a packet interval below its own."""
+
+    #: The reply's interval of production is the minimum; the originator's own is taken as it is, with its timeout.
+    ROUND_UP = "round-up"
+    REFUSE = "refuse"
+    ACCEPT = "accept"
+
+
+@dataclass(frozen=True, slots=True)
+class IoOffer:
+    """One pair of connection points that a class 1 connection may have.
+
+    ``configuration``, ``consumed`` and ``produced`` are instances of the Assembly object; sizes in octets of data
+    alone.  An offer of the kinds without an owner consumes a heartbeat: 0 octets.
+    """
+
+    kind: ConnectionKind
+    consumed: int
+    produced: int
+    consumed_octets: int
+    produced_octets: int
+    configuration: int | None = None
+    configuration_octets: int = 0
+    consumed_header: bool = True
+    produced_header: bool = False
+
+    @property
+    def consumed_size(self) -> int:
+        """Size as the network connection parameters have it; a heartbeat has no run/idle header."""
+        return 2 + self.consumed_octets + 4 * (self.consumed_header and self.consumed_octets > 0)
+
+    @property
+    def produced_size(self) -> int:
+        return 2 + self.produced_octets + 4 * self.produced_header
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionSettings:
+    """What a target accepts; intervals in microseconds.  ``key`` is its own identity.
+
+    ``paths_told_apart``: a class that takes no connection (0x0117) and a connection point that is in no offer (0x0129
+    to 0x012B) have a status of their own, else every unknown combination is 0x012F.  ``interval_step_us``: the target
+    produces at multiples of it, and rounds an interval up.  ``null_open_status`` refuses a Forward_Open that opens
+    nothing in either direction (a ping, a reconfiguration), unless it names a connection that is open (0x0100).
+    """
+
+    key: ElectronicKey
+    offers: tuple[IoOffer, ...]
+    multicast_address: IPv4Address
+    io_connections: int = 8
+    explicit_connections: int = 16
+    explicit_size: int = 504
+    large_explicit_size: int = 4002
+    minimum_rpi_us: int = 10_000
+    maximum_rpi_us: int = 10_000_000
+    interval_step_us: int = 1
+    below_minimum: RpiBelowMinimum = RpiBelowMinimum.ROUND_UP
+    null_open_status: int = ConnectionStatus.NULL_FORWARD_OPEN_NOT_SUPPORTED
+    triggers: frozenset[int] = frozenset({CYCLIC})
+    paths_told_apart: bool = False
+    io_port: int = IO_PORT
+    #: Data must have come within so long after Forward_Open at the latest, or its own timeout if that is longer
+    #: (CIP volume 1, 3-4.4.2).
+    first_data_ns: int = 10_000_000_000
+
+
+@dataclass(slots=True)
+class Connection:
+    """One row of the Connection Manager's table; ``number`` is never used twice."""
+
+    number: int
+    kind: ConnectionKind
+    triad: Triad
+    offer: IoOffer | None
+    stream: int
+    originator: IPv4Address
+    o_to_t_id: int
+    t_to_o_id: int
+    o_to_t_api_us: int
+    t_to_o_api_us: int
+    timeout_multiplier: int
+    o_to_t_size: int
+    t_to_o_size: int
+    multicast: bool
+    destination: tuple[IPv4Address, int]
+    #: Priority of what is produced, which chooses its DSCP.
+    priority: int = Priority.SCHEDULED
+    state: ConnectionState = ConnectionState.NON_EXISTENT
+    #: Whether this connection's interval drives the production; others of the same multicast listen to it.
+    produces: bool = False
+    received: bool = False
+    last_count: int | None = None
+    last_reply: bytes = field(default=b"", repr=False)
+
+    @property
+    def timeout_ns(self) -> int:
+        """Silence of the originator that ends the connection: the interval times 4, 8, ... 512."""
+        return (self.o_to_t_api_us * 1000) << (2 + self.timeout_multiplier)
+
+    @property
+    def explicit(self) -> bool:
+        return self.kind is ConnectionKind.EXPLICIT
+
+
+MAXIMUM_MULTIPLIER: Final = 7
+
+
+# Events
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionOpened:
+    """``connection`` as it is now.  A producer is needed if ``produces``, a consumer for each I/O connection."""
+
+    connection: Connection
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionClosed:
+    """``before_data``: it timed out and nothing had come at all."""
+
+    connection: Connection
+    reason: CloseReason
+    before_data: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ProductionMoved:
+    """The connection that drove a multicast production has ended; another one takes it over, with its own interval."""
+
+    source: Connection
+    connection: Connection
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionRefused:
+    """A Forward_Open was refused; ``extended`` has the extended status first."""
+
+    status: int
+    extended: tuple[int, ...]
+    triad: Triad | None
+    originator: IPv4Address
+
+
+ManagerEvent = ConnectionOpened | ConnectionClosed | ProductionMoved | ConnectionRefused

@@ -1,0 +1,171 @@
+"""General status of CIP replies (CIP volume 1, appendix B-1), and the extended status of the Connection Manager."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+__all__ = ["ConnectionStatus", "GeneralStatus", "Service", "status_text"]
+
+
+class Service(IntEnum):
+    """Common services (CIP volume 1, appendix A-4), and those of the Connection Manager, which share numbers."""
+
+    GET_ATTRIBUTES_ALL = 0x01
+    SET_ATTRIBUTES_ALL = 0x02
+    GET_ATTRIBUTE_LIST = 0x03
+    SET_ATTRIBUTE_LIST = 0x04
+    RESET = 0x05
+    START = 0x06
+    STOP = 0x07
+    CREATE = 0x08
+    DELETE = 0x09
+    MULTIPLE_SERVICE_PACKET = 0x0A
+    APPLY_ATTRIBUTES = 0x0D
+    GET_ATTRIBUTE_SINGLE = 0x0E
+    SET_ATTRIBUTE_SINGLE = 0x10
+    FIND_NEXT_OBJECT_INSTANCE = 0x11
+    RESTORE = 0x15
+    SAVE = 0x16
+    NO_OPERATION = 0x17
+    GET_MEMBER = 0x18
+    SET_MEMBER = 0x19
+    GET_AND_CLEAR = 0x4C
+    FORWARD_CLOSE = 0x4E
+    UNCONNECTED_SEND = 0x52
+    FORWARD_OPEN = 0x54
+    GET_CONNECTION_DATA = 0x56
+    SEARCH_CONNECTION_DATA = 0x57
+    GET_CONNECTION_OWNER = 0x5A
+    LARGE_FORWARD_OPEN = 0x5B
+
+
+class GeneralStatus(IntEnum):
+    SUCCESS = 0x00
+    CONNECTION_FAILURE = 0x01
+    RESOURCE_UNAVAILABLE = 0x02
+    INVALID_PARAMETER_VALUE = 0x03
+    PATH_SEGMENT_ERROR = 0x04
+    PATH_DESTINATION_UNKNOWN = 0x05
+    PARTIAL_TRANSFER = 0x06
+    CONNECTION_LOST = 0x07
+    SERVICE_NOT_SUPPORTED = 0x08
+    INVALID_ATTRIBUTE_VALUE = 0x09
+    ATTRIBUTE_LIST_ERROR = 0x0A
+    ALREADY_IN_REQUESTED_STATE = 0x0B
+    OBJECT_STATE_CONFLICT = 0x0C
+    OBJECT_ALREADY_EXISTS = 0x0D
+    ATTRIBUTE_NOT_SETTABLE = 0x0E
+    PRIVILEGE_VIOLATION = 0x0F
+    DEVICE_STATE_CONFLICT = 0x10
+    REPLY_DATA_TOO_LARGE = 0x11
+    FRAGMENTATION_OF_PRIMITIVE = 0x12
+    NOT_ENOUGH_DATA = 0x13
+    ATTRIBUTE_NOT_SUPPORTED = 0x14
+    TOO_MUCH_DATA = 0x15
+    OBJECT_DOES_NOT_EXIST = 0x16
+    NO_FRAGMENTATION_SEQUENCE = 0x17
+    NO_STORED_ATTRIBUTE_DATA = 0x18
+    STORE_OPERATION_FAILURE = 0x19
+    REQUEST_TOO_LARGE = 0x1A
+    RESPONSE_TOO_LARGE = 0x1B
+    MISSING_ATTRIBUTE_LIST_ENTRY = 0x1C
+    INVALID_ATTRIBUTE_VALUE_LIST = 0x1D
+    EMBEDDED_SERVICE_ERROR = 0x1E
+    VENDOR_SPECIFIC_ERROR = 0x1F
+    INVALID_PARAMETER = 0x20
+    WRITE_ONCE_ALREADY_WRITTEN = 0x21
+    INVALID_REPLY_RECEIVED = 0x22
+    KEY_FAILURE_IN_PATH = 0x25
+    PATH_SIZE_INVALID = 0x26
+    UNEXPECTED_ATTRIBUTE_IN_LIST = 0x27
+    INVALID_MEMBER_ID = 0x28
+    MEMBER_NOT_SETTABLE = 0x29
+
+
+class ConnectionStatus(IntEnum):
+    """Extended status beside the general status 0x01 (CIP volume 1, table 3-5.33).
+
+    A target itself raises those of its checks (:mod:`pnfarm.protocols.enip.connection_check`).  Of the others, 0x0110
+    and 0x0118 belong to targets with configuration data, 0x012C to 0x012E to those with symbols, 0x0108, 0x0109 and
+    0x0117 to older editions; 0x0203 an originator reports of its own connection, 0x0204, 0x0206, 0x0312 and 0x0318 a
+    router; 0x0316 is optional, as what names a connection is its triad.
+    """
+
+    DUPLICATE_FORWARD_OPEN = 0x0100
+    TRANSPORT_CLASS_AND_TRIGGER = 0x0103
+    OWNERSHIP_CONFLICT = 0x0106
+    CONNECTION_NOT_FOUND = 0x0107
+    NETWORK_CONNECTION_PARAMETER = 0x0108
+    INVALID_CONNECTION_SIZE = 0x0109
+    TARGET_NOT_CONFIGURED = 0x0110
+    RPI_NOT_SUPPORTED = 0x0111
+    RPI_NOT_ACCEPTABLE = 0x0112
+    OUT_OF_CONNECTIONS = 0x0113
+    VENDOR_OR_PRODUCT_MISMATCH = 0x0114
+    DEVICE_TYPE_MISMATCH = 0x0115
+    REVISION_MISMATCH = 0x0116
+    APPLICATION_PATH = 0x0117
+    CONFIGURATION_PATH = 0x0118
+    NO_OWNER_CONNECTION = 0x0119
+    TARGET_OBJECT_OUT_OF_CONNECTIONS = 0x011A
+    RPI_BELOW_INHIBIT_TIME = 0x011B
+    TRANSPORT_CLASS_NOT_SUPPORTED = 0x011C
+    PRODUCTION_TRIGGER_NOT_SUPPORTED = 0x011D
+    DIRECTION_NOT_SUPPORTED = 0x011E
+    O_TO_T_FIXED_OR_VARIABLE = 0x011F
+    T_TO_O_FIXED_OR_VARIABLE = 0x0120
+    O_TO_T_PRIORITY = 0x0121
+    T_TO_O_PRIORITY = 0x0122
+    O_TO_T_CONNECTION_TYPE = 0x0123
+    T_TO_O_CONNECTION_TYPE = 0x0124
+    O_TO_T_REDUNDANT_OWNER = 0x0125
+    CONFIGURATION_SIZE = 0x0126
+    O_TO_T_SIZE = 0x0127
+    T_TO_O_SIZE = 0x0128
+    CONFIGURATION_APPLICATION_PATH = 0x0129
+    CONSUMING_APPLICATION_PATH = 0x012A
+    PRODUCING_APPLICATION_PATH = 0x012B
+    CONFIGURATION_SYMBOL = 0x012C
+    CONSUMING_SYMBOL = 0x012D
+    PRODUCING_SYMBOL = 0x012E
+    INCONSISTENT_APPLICATION_PATHS = 0x012F
+    CONSUMED_DATA_FORMAT = 0x0130
+    PRODUCED_DATA_FORMAT = 0x0131
+    NULL_FORWARD_OPEN_NOT_SUPPORTED = 0x0132
+    TIMEOUT_MULTIPLIER = 0x0133
+    MISMATCHED_T_TO_O_SIZE = 0x0134
+    MISMATCHED_T_TO_O_FIXED_OR_VARIABLE = 0x0135
+    MISMATCHED_T_TO_O_PRIORITY = 0x0136
+    MISMATCHED_TRANSPORT_CLASS = 0x0137
+    MISMATCHED_TRIGGER = 0x0138
+    MISMATCHED_INHIBIT_TIME = 0x0139
+    CONNECTION_TIMED_OUT = 0x0203
+    UNCONNECTED_REQUEST_TIMED_OUT = 0x0204
+    UNCONNECTED_PARAMETER = 0x0205
+    MESSAGE_TOO_LARGE = 0x0206
+    PORT_NOT_AVAILABLE = 0x0311
+    LINK_ADDRESS_NOT_VALID = 0x0312
+    INVALID_SEGMENT = 0x0315
+    FORWARD_CLOSE_PATH = 0x0316
+    LINK_ADDRESS_TO_SELF = 0x0318
+    MISCELLANEOUS = 0x031C
+    NETWORK_LINK_OFFLINE = 0x0800
+    NO_TARGET_DATA = 0x0810
+    OFF_SUBNET_MULTICAST = 0x0813
+
+
+def status_text(status: int, extended: tuple[int, ...] = ()) -> str:
+    """A status in words, with the first extended word: ``connection failure: o to t size (0x0127)``."""
+    text = _words(GeneralStatus, status, f"status 0x{status:02X}")
+    if not extended:
+        return text
+    if status == GeneralStatus.CONNECTION_FAILURE:
+        return f"{text}: {_words(ConnectionStatus, extended[0], 'extended')} (0x{extended[0]:04X})"
+    return f"{text} (0x{extended[0]:04X})"
+
+
+def _words(kind: type[IntEnum], value: int, otherwise: str) -> str:
+    try:
+        return kind(value).name.lower().replace("_", " ")
+    except ValueError:
+        return otherwise
