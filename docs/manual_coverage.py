@@ -30,6 +30,7 @@ STATUSES = ("implemented", "assumed", "not supported", "nothing to do")
 
 #: Each model and its manual, by the first figures of the file's name.
 MANUALS = {
+    "akd-ethernetip": "004",
     "akd-profinet": "000",
     "akd-profinet-2012": "001",
     "hiwin-e1": "002",

@@ -395,7 +395,7 @@ class AxisFields:
         if units is None:
             return 1.0
         chosen = units.revolution[raw(units.unit)] or raw(units.numerator) / raw(units.denominator)
-        return chosen * units.multiple / raw(units.scaling)
+        return chosen * units.multiple / raw(units.scaling, 1)
 
     def _factor(self, parameter: Parameter) -> float:
         if parameter.scale == "velocity":

@@ -88,7 +88,10 @@ def read_motion_tasks(section: Section, parameters: Mapping[int, Parameter]) -> 
 
 
 def read_position_units(section: Section, parameters: Mapping[int, Parameter]) -> PositionUnits | None:
-    """The section of a drive with selectable position units: plain stored parameters, and a value for each unit."""
+    """The section of a drive with selectable position units: plain stored parameters, and a value for each unit.
+
+    A parameter that it does not name counts as 1, or as the first unit.
+    """
     if not section:
         scaled = next((parameter.pnu for parameter in parameters.values() if parameter.scale == "position"), None)
         if scaled is not None:
@@ -96,15 +99,18 @@ def read_position_units(section: Section, parameters: Mapping[int, Parameter]) -
         return None
     units: PositionUnits = section.build(PositionUnits)
     for key in ("scaling", "unit", "numerator", "denominator"):
-        wants_stored(section, key, parameters)
+        if key in section:
+            wants_stored(section, key, parameters)
     for key, number in (("default", units.default), ("multiple", units.multiple)):
         if not isinstance(number, int | float) or number <= 0.0:
             raise ConfigError(f"{section.where(key)}: {number!r} is not a number above 0")
-    if parameters[units.unit].maximum >= len(units.revolution):
+    if not units.revolution:
+        raise ConfigError(f"{section.where('revolution')}: must have a number")
+    if units.unit and parameters[units.unit].maximum >= len(units.revolution):
         where = section.where("revolution")
         raise ConfigError(f"{where}: PNU {units.unit} goes to {parameters[units.unit].maximum}")
     for key, pnu in (("scaling", units.scaling), ("numerator", units.numerator), ("denominator", units.denominator)):
-        if parameters[pnu].minimum < 1:
+        if pnu and parameters[pnu].minimum < 1:
             where = section.where(key)
             raise ConfigError(f"{where}: PNU {pnu} may be {parameters[pnu].minimum}, which divides nothing")
     return units

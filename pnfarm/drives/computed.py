@@ -293,6 +293,31 @@ def _digital_input(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     return [int(drive.handle.axis.machine.inputs) >> parameter.index & 1]
 
 
+def _digital_inputs(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    """The levels of all inputs, the first is bit 0."""
+    return [int(drive.handle.axis.machine.inputs) & 0x7F]
+
+
+def _drive_status(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+    """STATUS3: active, torque allowed, positive and negative limit switch, the same of software limits, from bit 0."""
+    (limits,) = _software_limits(drive, parameter)
+    switch = int(drive.handle.axis.machine.limit_switch)
+    bits = (
+        drive.handle.in_operation,
+        _torque_allowed(drive, parameter)[0],
+        switch & 0x2,
+        switch & 0x1,
+        limits & 0x2,
+        limits & 0x1,
+    )
+    return [sum(1 << bit for bit, there in enumerate(bits) if there)]
+
+
+def _connected(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    """Whether a controller sends set points, or is in STOP."""
+    return [int(drive.handle.controlled or int(drive.handle.image.lost) == LOST_STOP)]
+
+
 def _torque_allowed(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """STO.STATE: bit 6 of DRIVE_INPUTS (AKD PROFINET manual 5.8.1)."""
     return [int(drive.handle.image.sent[DRIVE_INPUTS]) >> 6 & 1]
@@ -424,6 +449,9 @@ COMPUTED: dict[str, _Function] = {
     "disable-sources": _disable_sources,
     "hardware-enable": _hardware_enable,
     "digital-input": _digital_input,
+    "digital-inputs": _digital_inputs,
+    "drive-status": _drive_status,
+    "connected": _connected,
     "torque-allowed": _torque_allowed,
     "mechanical-position": _mechanical_position,
     "shaft-position": _shaft_position,

@@ -41,6 +41,7 @@ from pnfarm.drives.model_parts import FollowingError, Identity, SignOfLife
 from pnfarm.drives.motor_kinds import axis_values, read_motor_kinds
 from pnfarm.drives.numbering import read_numbering
 from pnfarm.drives.parameter_rows import axis_parameters, parameter_names, read_only_names, read_parameters
+from pnfarm.drives.profiles.cip.part import CIP, Cip, read_cip
 from pnfarm.drives.profiles.profidrive.part import PROFIDRIVE, Profidrive
 from pnfarm.drives.realism import read_realism
 from pnfarm.drives.sections import Sections
@@ -100,6 +101,7 @@ def load_model(folder: Path) -> Model:
         ),
         # the drive on its bus
         profidrive=_profidrive(files, sections, parameters, numbers, faults),
+        cip=read_cip(files, parameters) if sections.data.get("profile") == CIP else Cip(),
         dap=read_dap(sections.wanted("dap"), sections.place) if sections.data["bus"] == "profinet" else NO_MODULE,
         bus_facts=sections.section(sections.data["bus"]),
         access=read_access(sections.section("parameter_access"), parameters),

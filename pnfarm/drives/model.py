@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.model_parts import MESSAGE_CAUSES, SWITCH_CAUSES
 from pnfarm.drives.numbering import Numbering, read_number
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.profiles.cip.part import CIP
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.axis_codes import FAULT_WORDS
+from pnfarm.table.axis_codes import FAULT_WORDS, FIRMWARE_ETHERNETIP, FIRMWARE_PROFIDRIVE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
         Point,
         PositionUnits,
     )
+    from pnfarm.drives.profiles.cip.part import Cip
     from pnfarm.drives.profiles.profidrive.part import Profidrive
     from pnfarm.drives.realism import Realism
     from pnfarm.drives.telegram import Module
@@ -86,6 +88,7 @@ class Model:
     #: The module in slot 0 of a PROFINET device.
     dap: Module
     profidrive: Profidrive
+    cip: Cip
     #: Data that only the model's bus reads: the section named after the bus.
     bus_facts: Mapping[str, Fact]
     parameters: Mapping[int, Parameter]
@@ -112,6 +115,11 @@ class Model:
     def __hash__(self) -> int:
         # its mappings have no hash
         return hash(self.name)
+
+    @property
+    def front(self) -> int:
+        """The front of its axis: ``axis.front``."""
+        return FIRMWARE_ETHERNETIP if self.profile == CIP else FIRMWARE_PROFIDRIVE
 
     # parameters
 

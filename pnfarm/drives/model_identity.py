@@ -6,15 +6,19 @@ import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from pnfarm.drives.model_parts import Fact
+from pnfarm.drives.profiles.cip.part import CIP
 from pnfarm.drives.telegram import Module, Submodule
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pnfarm.drives.model import Model
 
-__all__ = ["OVERRIDES", "with_identity"]
+__all__ = ["CIP_OVERRIDES", "OVERRIDES", "with_identity"]
 
-#: Keys of the farm file's ``identity`` section.
+#: Keys of the farm file's ``identity`` section, for a PROFIdrive model.
 OVERRIDES: Mapping[str, str] = {
     "vendor": "vendor id, 0..0xFFFF",
     "device": "device id, 0..0xFFFF",
@@ -28,6 +32,14 @@ OVERRIDES: Mapping[str, str] = {
     "dap_submodules": "mapping: subslot -> submodule ident",
     "access_point": "submodule ident of the parameter access point",
     "telegrams": "mapping: telegram -> module ident, or {module: ident, submodule: ident}",
+}
+#: The same for a CIP model.
+CIP_OVERRIDES: Mapping[str, str] = {
+    "vendor": "vendor id, 0..0xFFFF",
+    "device_type": "0..0xFFFF",
+    "product_code": "0..0xFFFF",
+    "product_name": "up to 32 ASCII characters",
+    "revision": "a text such as '1.13'",
 }
 
 
@@ -94,13 +106,44 @@ def _telegram_subslot(module: Module) -> int:
     return max(submodule.subslot for submodule in module.submodules)
 
 
+def _revision(value: Any) -> list[int]:
+    """Major and minor revision; a number would lose the zero of 1.10."""
+    major, _, minor = value.partition(".") if isinstance(value, str) else ("", "", "")
+    parts = [int(part) if part.isascii() and part.isdigit() and len(part) < 4 else 0 for part in (major, minor)]
+    if not all(0 < part <= limit for part, limit in zip(parts, (127, 255), strict=True)):
+        raise ConfigError(f"identity.revision: {value!r} is not a text like '1.13' (1 to 127, and 1 to 255)")
+    return parts
+
+
+def _with_cip_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
+    """The same for a CIP model, whose identity is among the facts of its bus."""
+    readers: dict[str, tuple[str, Callable[[Any], Any]]] = {
+        "vendor": ("vendor_id", lambda value: _number(value, "vendor", 0xFFFF)),
+        "device_type": ("device_type", lambda value: _number(value, "device_type", 0xFFFF)),
+        "product_code": ("product_code", lambda value: _number(value, "product_code", 0xFFFF)),
+        "product_name": ("product_name", lambda value: _text(value, "product_name", 32)),
+        "revision": ("revision", _revision),
+    }
+    facts = dict(model.bus_facts)
+    for key, value in overrides.items():
+        field, read = readers[key]
+        facts[field] = Fact(read(value), "farm file")
+    return dataclasses.replace(model, bus_facts=facts)
+
+
 def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
-    """The model under another identity; see :data:`OVERRIDES` for the keys.  Raises :class:`ConfigError`."""
+    """The model under another identity; :data:`OVERRIDES` has the keys, :data:`CIP_OVERRIDES` those of a CIP model.
+
+    Raises :class:`ConfigError`.
+    """
     if not overrides:
         return model
+    known = CIP_OVERRIDES if model.profile == CIP else OVERRIDES
     for key in overrides:
-        if key not in OVERRIDES:
-            raise ConfigError(f"identity.{key}: unknown; there are {', '.join(OVERRIDES)}")
+        if key not in known:
+            raise ConfigError(f"identity.{key}: unknown; there are {', '.join(known)}")
+    if model.profile == CIP:
+        return _with_cip_identity(model, overrides)
     changes: dict[str, Any] = {}
     for key, field in _NUMBERS.items():
         if key in overrides:

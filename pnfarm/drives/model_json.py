@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.effects import effect_of
 from pnfarm.drives.parameter import Form
+from pnfarm.drives.profiles.profidrive.part import PROFIDRIVE
 from pnfarm.drives.telegram import TASK_FORMS
 
 if TYPE_CHECKING:
     from pnfarm.drives.model import Model
     from pnfarm.drives.model_parts import Point
     from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.profiles.cip.part import CipInstance
     from pnfarm.drives.telegram import Module, Submodule, Telegram
 
 __all__ = ["as_json"]
@@ -114,6 +116,10 @@ def _point_json(point: Point) -> dict[str, Any]:
     }
 
 
+def _instance_json(instance: CipInstance) -> dict[str, Any]:
+    return {**asdict(instance), "scaling": instance.scaling.value}
+
+
 def as_json(described: Model) -> dict[str, Any]:
     """See the module's head."""
     return {
@@ -127,7 +133,7 @@ def as_json(described: Model) -> dict[str, Any]:
         "edition": described.edition,
         "firmware_version": described.firmware_version,
         "identity": _with_sources(described, "identity", asdict(described.profidrive.identity))
-        if described.profile
+        if described.profile == PROFIDRIVE
         else None,
         "dap": _module_json(described.dap) if described.dap.submodules else None,
         "default_telegram": described.profidrive.default_telegram,
@@ -221,5 +227,15 @@ def as_json(described: Model) -> dict[str, Any]:
         "diagnosis_coding": _fact_json(described, "diagnosis_coding"),
         "behaviour": [_point_json(point) for point in described.behaviour],
         "realism": _fact_json(described, "realism"),
+        **(
+            {"instances": [_instance_json(one) for one in described.cip.instances.values()]}
+            if described.cip.instances
+            else {}
+        ),
+        **(
+            {"attributes": [asdict(one) for one in described.cip.attributes.values()]}
+            if described.cip.attributes
+            else {}
+        ),
         **({"bus_facts": _fact_json(described, described.bus)} if described.bus_facts else {}),
     }

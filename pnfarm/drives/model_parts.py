@@ -224,25 +224,25 @@ class MotionTaskParameters:
 
 @dataclass(frozen=True, slots=True)
 class PositionUnits:
-    """The PNUs that determine the scale ``position``: units per revolution.
+    """The PNUs that determine the scale ``position``: units per revolution; 0 for a drive without such a parameter.
 
     The value of ``unit`` selects one of ``revolution``, units per revolution, where 0 means ``numerator`` by
     ``denominator``; ``multiple`` multiplies the selected one, ``scaling`` divides it.  The defaults of such parameters
     count ``default`` units per revolution.
     """
 
-    scaling: int
-    unit: int
-    numerator: int
-    denominator: int
     revolution: tuple[float, ...]
     default: float
+    scaling: int = 0
+    unit: int = 0
+    numerator: int = 0
+    denominator: int = 0
     multiple: float = 1.0
 
     @property
     def numbers(self) -> frozenset[int]:
         """All the PNUs."""
-        return frozenset({self.scaling, self.unit, self.numerator, self.denominator})
+        return frozenset({self.scaling, self.unit, self.numerator, self.denominator} - {0})
 
 
 @dataclass(frozen=True, slots=True)

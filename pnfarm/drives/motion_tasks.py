@@ -123,6 +123,11 @@ class MotionTasks:
         self._apply(number)
         return True
 
+    def store(self, task: MotionTask) -> None:
+        """Store a task that the drive was given in another way than by its parameters, under its number."""
+        self._values.tasks[task.number] = self._raw(task, self._edited)
+        self._apply(task.number)
+
     def load(self) -> bool:
         """Copy the task whose number MT.NUM gives into the parameters; false when there is none."""
         kept = self._values.tasks.get(self._values.raw(self._edited.number))

@@ -120,6 +120,7 @@ class ParameterType(IntEnum):
     BYTE = 1
     WORD = 2
     DWORD = 4
+    QWORD = 8
 
     @property
     def octets(self) -> int:
@@ -181,6 +182,8 @@ class Parameter:
     defaults: tuple[int, ...] = ()
     #: With the scale ``a|b|...``: the values of the raw numbers 0, 1, ...
     choices: tuple[float, ...] = ()
+    #: The only values that it accepts; empty for all within its limits.
+    only: frozenset[int] = frozenset()
     #: The kind of motor that it is for, ``rotary`` or ``linear``; empty for all.  With another kind it has no effect.
     motor: str = ""
     form: Form = Form.INTEGER
@@ -222,7 +225,7 @@ class Parameter:
         """Whether it accepts ``value``: within its limits, and finite if it is a float."""
         if self.form is Form.FLOAT and value & FLOAT_EXPONENT == FLOAT_EXPONENT:
             return False
-        return self.minimum <= value <= self.maximum
+        return self.minimum <= value <= self.maximum and (not self.only or value in self.only)
 
     def wrap(self, value: int) -> int:
         """``value`` cut to the type's bits."""

@@ -28,6 +28,7 @@ _TYPES = {
     "Byte": ParameterType.BYTE,
     "Word": ParameterType.WORD,
     "DWord": ParameterType.DWORD,
+    "QWord": ParameterType.QWORD,
     "Float": ParameterType.DWORD,
     "String": ParameterType.BYTE,
 }
@@ -177,7 +178,9 @@ def _parameter(pnu: int, row: Mapping[str, str], where: str, numbers: ParameterN
     if row["type"] == "Float":
         highest = FLOAT_HIGHEST
     minimum = integer(row["min"], where, "min", lowest)
-    maximum = integer(row["max"], where, "max", highest)
+    *others, last = row["max"].split("|")
+    maximum = integer(last, where, "max", highest)
+    only = frozenset(integer(text, where, "max") for text in (*others, last)) if others else frozenset()
     elements = integer(row["elements"], where, "elements", 0)
     usual = min(max(0, minimum), maximum)
     defaults = tuple(integer(text, where, "default") for text in row["default"].split()) or (usual,)
@@ -186,6 +189,8 @@ def _parameter(pnu: int, row: Mapping[str, str], where: str, numbers: ParameterN
         raise ConfigError(
             f"{where}, default: {row['default']!r} does not fit {minimum}..{maximum}, {elements} elements"
         )
+    if only and not (min(only) >= minimum and max(only) == maximum and default in only):
+        raise ConfigError(f"{where}, max: {row['max']!r} must ascend from {minimum} on and have the default {default}")
     if not lowest <= minimum <= default <= maximum <= highest:
         raise ConfigError(
             f"{where}, min, default, max: {minimum}, {default}, {maximum} must ascend within {lowest}..{highest}"
@@ -230,6 +235,7 @@ def _parameter(pnu: int, row: Mapping[str, str], where: str, numbers: ParameterN
             else ()
         ),
         choices=_choices(row["scale"], maximum, where),
+        only=only,
         motor=row.get(_MOTOR, ""),
         form=_FORMS.get(row["type"], Form.INTEGER),
     )

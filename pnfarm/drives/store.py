@@ -317,6 +317,11 @@ class ParameterStore:
         if self._tasks is not None:
             self._tasks.give(given)
 
+    def keep_task(self, task: MotionTask) -> None:
+        """Store a motion task that the controller brought, as MT.SET does; nothing without such parameters."""
+        if self._tasks is not None and self.model.motion_tasks is not None:
+            self._tasks.store(task)
+
     # what computed parameters use
 
     def raw(self, pnu: int, default: int = 0) -> int:

@@ -15,7 +15,6 @@ from pnfarm.drives.model import Model
 from pnfarm.drives.parameter import ParameterError
 from pnfarm.drives.store import ParameterStore
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import IMAGE, LOST_NOT
 from pnfarm.table.signals import NSOLL_A, STW1, ZSW1
 
@@ -48,7 +47,7 @@ def new_drive(name: str) -> Drive:
     axis, image = rows[0][0], rows[1][0]
     store = ParameterStore(described, AxisHandle(axis, image))
     described.apply_motor(axis)
-    axis.front = FIRMWARE_PROFIDRIVE
+    axis.front = described.front
     store.power_on()
     return Drive(described, axis, image, store, rows)
 

@@ -12,6 +12,7 @@ from drives_kit import Drive, new_drive
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pnfarm.drives.catalogue import models
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ATTRIBUTE_DESCRIPTION,
@@ -60,6 +61,12 @@ def ask(drive: Drive, data: bytes, index: int = 47) -> bytes:
     response = channel.read_response()
     assert response is not None
     return response
+
+
+@pytest.fixture(params=sorted(name for name, entry in models().items() if entry.bus == "profinet"))
+def drive(request: pytest.FixtureRequest) -> Drive:
+    """A drive of each model with PROFIdrive's parameter access."""
+    return new_drive(request.param)
 
 
 def read(drive: Drive, *addresses: ParameterAddress) -> ParameterResponse:

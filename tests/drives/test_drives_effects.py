@@ -358,11 +358,12 @@ def disturb(store: ParameterStore) -> None:
     axis.machine.limit_switch, axis.machine.inputs, axis.life.failed, axis.life.count = 3, 0x7F, 1, 20
     axis.drive.settings.interlocks, axis.drive.lacks = 3, 7
     axis.foldback.settings.fault_level = 0.5
-    image.sent[:], image.received[:] = 0x0155, 0x02AA
+    image.sent[:], image.received[:], image.valid = 0x0155, 0x02AA, 1
     store.network = _Elsewhere()
     store.watchdog_ns = 48 * MS
     mode = int(axis.drive.settings.opmode)
-    store.plug_telegram([number for number in store.model.profidrive.telegrams if number != store.telegram_number][-1])
+    if others_of := [number for number in store.model.profidrive.telegrams if number != store.telegram_number]:
+        store.plug_telegram(others_of[-1])
     axis.drive.settings.opmode = 2 if mode != 2 else 1
     changed = next((p for p in store.model.parameters.values() if p.backing is Backing.STORED and p.writable), None)
     if changed is not None:

@@ -10,6 +10,7 @@ from pnfarm.drives.model_json import as_json
 from pnfarm.drives.model_parts import Fault
 from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations
+from pnfarm.drives.profiles.profidrive.part import PROFIDRIVE
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import (
     CMD_CLEAR_WARNING,
@@ -64,7 +65,7 @@ class Running:
         return int(self.image.sent[ZSW1]) & 0xFFFF
 
 
-@pytest.fixture(params=sorted(models()))
+@pytest.fixture(params=sorted(name for name in models() if model(name).profile == PROFIDRIVE))
 def running(request: pytest.FixtureRequest) -> Running:
     return Running(request.param)
 
@@ -153,10 +154,11 @@ def test_a_model_is_printed_with_every_row_and_its_source(name: str) -> None:
         assert all(row["source"] for row in found[section]), section
     for key, fact in described.facts.items():
         section, *parts = key.split(".")
-        shown = found[section].get("sources", found[section])
+        part = found["bus_facts" if section == described.bus else section]
+        shown = part.get("sources", part)
         if section == "motors":
-            kind, part, *parts = parts
-            shown = shown[kind][part]
+            kind, of, *parts = parts
+            shown = shown[kind][of]
         shown = shown[".".join(parts)]
         assert (shown["source"], shown["note"]) == (fact.source, fact.note), key
 
