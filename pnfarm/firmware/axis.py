@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from pnfarm.firmware.records.direction import DIRECTION_RECORD
 from pnfarm.firmware.records.drive_clock import CLOCK_RECORD
+from pnfarm.firmware.records.ethernetip import ETHERNETIP_RECORD
 from pnfarm.firmware.records.faults import COMMANDS_RECORD, FAULTS_RECORD
 from pnfarm.firmware.records.foldback import FOLDBACK_RECORD
 from pnfarm.firmware.records.homing import HOMING_RECORD
@@ -57,6 +58,7 @@ AXIS = Layout(
         FAULTS_RECORD,
         WARNINGS_RECORD,
         PROFIDRIVE_RECORD,
+        ETHERNETIP_RECORD,
         LIFE_RECORD,
         DIRECTION_RECORD,
         MACHINE_RECORD,

@@ -71,9 +71,9 @@ def brake_holds(brake: Any) -> bool:
 
 
 @compiled
-def torque_controlled(drive: Any, brake: Any) -> bool:
+def torque_controlled(orders: Any, drive: Any, brake: Any) -> bool:
     """Whether the torque set point is in control: only in operation, because stops are ramps of the speed."""
-    return drive.state == 4 and drive.settings.opmode == TORQUE_MODE and not brake_holds(brake)
+    return not orders.halt and drive.state == 4 and drive.settings.opmode == TORQUE_MODE and not brake_holds(brake)
 
 
 @compiled
@@ -173,7 +173,7 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
         + _fed_forward(axis.load, axis.motor, axis.positioning, axis.profile, seconds)
         + axis.torque.settings.additive
     )
-    led = torque_controlled(axis.drive, axis.brake)
+    led = torque_controlled(axis.orders, axis.drive, axis.brake)
     if led:
         given = limited_torque(
             axis.motor, axis.foldback, axis.torque, axis.homing, axis.torque.setpoint + axis.torque.settings.additive
@@ -292,7 +292,7 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
         axis.motor.thermal_load += (
             (part * part - axis.motor.thermal_load) * seconds / (axis.motor.settings.thermal_time + seconds)
         )
-    if not powered_stage or torque_controlled(axis.drive, axis.brake):
+    if not powered_stage or torque_controlled(axis.orders, axis.drive, axis.brake):
         axis.profile.position = axis.motor.position
         axis.profile.velocity = following
         # the next speed control starts from here

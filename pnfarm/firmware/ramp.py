@@ -122,7 +122,7 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
             down = quick_stop_ramp(axis.drive, axis.ramp, down)
         axis.ramp.command = approach(axis.ramp.command, 0.0, down, down, ramped)
         return
-    if axis.drive.state != 4 or torque_controlled(axis.drive, axis.brake):
+    if axis.drive.state != 4 or torque_controlled(axis.orders, axis.drive, axis.brake):
         # the axis coasts, stands or is torque controlled: a later start begins at its present speed
         axis.ramp.command = axis.motor.velocity
         axis.ramp.jogging = 0

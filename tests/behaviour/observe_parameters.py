@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import assembly_points
 from open_points import FAULT, RUN, SPEED, Plc, observes, speed_plc
 
 from pnfarm.drives.catalogue import model
@@ -20,6 +21,8 @@ POSITION = 2294
 @observes("mode-change", {"at-once": (None, True), "disabled-only": (0x11, False)})
 def mode_change(name: str, behaviour: str) -> object:
     """The error of a change in operation, and whether the mode is the new one."""
+    if name == assembly_points.NAME:
+        return assembly_points.mode_change(behaviour)
     plc = speed_plc(name, behaviour)
     pnu, form, other = MODE[name]
     error = plc.change(pnu, form, other)
@@ -70,6 +73,8 @@ def parameter_memory(name: str, behaviour: str) -> object:
 @observes("fault-history", {"kept": True, "lost": False})
 def fault_history(name: str, behaviour: str) -> object:
     """Whether the fault buffer has anything behind a power cycle."""
+    if name == assembly_points.NAME:
+        return assembly_points.fault_history(behaviour)
     plc = Plc(name, behaviour, SPEED[name])
     number = {"hiwin-e1": 17, "moog-msd": "9-1"}.get(name, 702)
     plc.inject("drive-fault", fault=number)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import assembly_points
 import pytest
 from open_points import (
     COUNTS_E1,
@@ -71,6 +72,8 @@ def target_reached_bit(name: str, behaviour: str) -> object:
 @observes("relative-task", {"last-target": 6, "here": 2})
 def relative_task(name: str, behaviour: str) -> object:
     """Where a way of one revolution ends that begins one revolution from the start of a task over five."""
+    if name == assembly_points.NAME:
+        return assembly_points.relative_task(behaviour)
     plc = task_plc(name, behaviour)
     assert start(plc, 5.0)
     plc.wait_for(lambda: plc.axis.profile.position - plc.axis.homing.origin > 0.95)
@@ -271,6 +274,8 @@ def sensor_home_position(name: str, behaviour: str) -> object:
 @observes("home-after-power-on", {"lost": False, "kept": True})
 def home_after_power_on(name: str, behaviour: str) -> object:
     """ZSW1.11 behind a power cycle."""
+    if name == assembly_points.NAME:
+        return assembly_points.home_after_power_on(behaviour)
     plc = task_plc(name, behaviour, homed=False)
     home(plc)
     assert plc["ZSW1"] & HOMED

@@ -9,13 +9,16 @@ from pathlib import Path
 import pytest
 from open_points import OBSERVATIONS
 
+from pnfarm.buses.registry import BUSES
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model, models
 
 for module in sorted(Path(__file__).parent.glob("observe_*.py")):
     importlib.import_module(module.stem)
 
-POINTS = [(name, point) for name in sorted(models()) for point in model(name).behaviour]
+#: A drive is looked at over its bus.
+JOINED = sorted(name for name, entry in models().items() if entry.bus in BUSES)
+POINTS = [(name, point) for name in JOINED for point in model(name).behaviour]
 READINGS = [(name, point.name, reading) for name, point in POINTS for reading in point.readings]
 
 

@@ -10,7 +10,6 @@ from bench_axis import BenchAxis
 
 from pnfarm import firmware
 from pnfarm.table.axis_codes import (
-    FIRMWARE_PROFIDRIVE,
     POWER_ENABLE,
     POWER_NO_COAST,
     POWER_NO_QUICK_STOP,
@@ -20,6 +19,8 @@ from pnfarm.table.axis_codes import (
 
 READY = POWER_NO_COAST | POWER_NO_QUICK_STOP
 RUN = READY | POWER_ON | POWER_ENABLE
+#: A number that no front has.
+NO_FRONT = 255
 FOLDER = Path(firmware.__file__).parent
 BEHIND = sorted(path for path in FOLDER.glob("*.py") if path.name not in {"front.py", "axis.py", "__init__.py"})
 
@@ -29,7 +30,7 @@ class LedByOrders(BenchAxis):
 
     def __init__(self) -> None:
         super().__init__()
-        self.axis.front = FIRMWARE_PROFIDRIVE + 1
+        self.axis.front = NO_FRONT
         for name in self.axis.orders.dtype.names:
             self.axis.orders[name] = 0
         self.image.sent[:] = 0

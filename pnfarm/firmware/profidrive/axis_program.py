@@ -6,15 +6,14 @@ bit 0 is cleared in S1 to leave the switching-on inhibit, also after a fault.
 
 from __future__ import annotations
 
-from math import pi, sin
 from typing import Any
 
 from pnfarm.firmware.profidrive.telegram import clamp16, clamp32, clamp_unsigned, long_step
+from pnfarm.firmware.program_steps import begin_leg, enter, runs, speed_of
 from pnfarm.table.axis_codes import CONFIG_RISING_EDGE, MDI_SELECTED, TASKS_TARPOS
 from pnfarm.table.compiled import compiled
 from pnfarm.table.program import (
     ACKNOWLEDGING,
-    CONSTANT,
     FAULTED,
     LEG_DWELLING,
     LEG_HOMING,
@@ -24,9 +23,7 @@ from pnfarm.table.program import (
     OFFLINE,
     POSITIONS,
     PYTHON,
-    RAMP,
     RUNNING,
-    SINE,
     STOPPED,
     SWITCHING_ON,
 )
@@ -79,38 +76,6 @@ EDGE_NS = 1_000_000_000
 
 
 @compiled
-def _enter(program: Any, phase: int, now: int) -> None:
-    if program.phase != phase:
-        program.phase = phase
-        program.phase_ns = now
-
-
-@compiled
-def _speed(program: Any, now: int) -> float:
-    """The set point of a running axis, rpm."""
-    if program.kind == CONSTANT:
-        return program.speed
-    if program.kind in (RAMP, SINE):
-        if program.period_ns <= 0:
-            return 0.0
-        share = ((now - program.run_ns) % program.period_ns) / program.period_ns
-        if program.kind == SINE:
-            return program.speed * sin(2.0 * pi * share)
-        if share < 0.25:
-            return program.speed * 4.0 * share
-        if share < 0.75:
-            return program.speed * (2.0 - 4.0 * share)
-        return program.speed * (4.0 * share - 4.0)
-    return 0.0
-
-
-@compiled
-def _leg(program: Any, leg: int, now: int) -> None:
-    program.leg = leg
-    program.leg_ns = now
-
-
-@compiled
 def _write_task(program: Any, image: Any) -> None:
     """Write the current target to the signals of the telegram's form."""
     target = clamp32(program.targets[program.target_index] / program.target_step)
@@ -140,24 +105,24 @@ def _position(program: Any, image: Any, zsw1: int, now: int) -> int:
     if program.leg == LEG_HOMING:
         if not zsw1 & HOME_POSITION_SET:
             return POSITION | START_HOMING
-        _leg(program, LEG_LOADING, now)
+        begin_leg(program, LEG_LOADING, now)
     elif program.leg == LEG_LOADING:
         if toggles or not zsw1 & TASK_ACKNOWLEDGED:
             program.acknowledged = zsw1 & TASK_ACKNOWLEDGED
             program.start_bit ^= START_TASK
-            _leg(program, LEG_STARTED, now)
+            begin_leg(program, LEG_STARTED, now)
     elif program.leg == LEG_STARTED:
         if (zsw1 & TASK_ACKNOWLEDGED) != program.acknowledged:
             if not toggles:
                 program.start_bit = 0
-            _leg(program, LEG_MOVING, now)
+            begin_leg(program, LEG_MOVING, now)
     elif program.leg == LEG_MOVING:
         if zsw1 & TARGET_REACHED and (toggles or not zsw1 & TASK_ACKNOWLEDGED):
             program.moves += 1
-            _leg(program, LEG_DWELLING, now)
+            begin_leg(program, LEG_DWELLING, now)
     elif now - program.leg_ns >= program.dwell_ns:
         program.target_index = (program.target_index + 1) % max(1, int(program.target_count))
-        _leg(program, LEG_LOADING, now)
+        begin_leg(program, LEG_LOADING, now)
     return POSITION | program.start_bit
 
 
@@ -175,22 +140,12 @@ def _measure(program: Any, image: Any, stw1: int, zsw1: int, now: int) -> None:
 
 
 @compiled
-def _runs(program: Any, now: int) -> None:
-    """The axis came into operation."""
-    program.run_ns = now
-    if program.fault_ns != 0:
-        program.recovery_ns = now - program.fault_ns
-        program.fault_ns = 0
-    _enter(program, RUNNING, now)
-
-
-@compiled
 def _follow(program: Any, image: Any, now: int) -> None:
     """Phase and measures of an axis whose set points a user's program writes."""
     stw1 = image.sent[STW1] & 0xFFFF
     zsw1 = 0
     if not image.valid:
-        _enter(program, OFFLINE, now)
+        enter(program, OFFLINE, now)
     else:
         zsw1 = image.received[ZSW1] & 0xFFFF
         if zsw1 & 0x0008:
@@ -198,14 +153,14 @@ def _follow(program: Any, image: Any, now: int) -> None:
                 program.faults += 1
                 if program.fault_ns == 0:
                     program.fault_ns = now
-            _enter(program, ACKNOWLEDGING if stw1 & ACKNOWLEDGE else FAULTED, now)
+            enter(program, ACKNOWLEDGING if stw1 & ACKNOWLEDGE else FAULTED, now)
         elif zsw1 & 0x0004:
             if program.phase != RUNNING:
-                _runs(program, now)
+                runs(program, now)
         elif stw1 & 0x0001:
-            _enter(program, SWITCHING_ON, now)
+            enter(program, SWITCHING_ON, now)
         else:
-            _enter(program, STOPPED, now)
+            enter(program, STOPPED, now)
     _measure(program, image, stw1, zsw1, now)
 
 
@@ -218,7 +173,7 @@ def step_program(program: Any, image: Any, now: int) -> None:
     stw1 = READY
     speed = 0.0
     if not image.valid:
-        _enter(program, OFFLINE, now)
+        enter(program, OFFLINE, now)
         zsw1 = 0
     else:
         zsw1 = image.received[ZSW1] & 0xFFFF
@@ -227,29 +182,29 @@ def step_program(program: Any, image: Any, now: int) -> None:
                 if now - program.phase_ns < RETRY_NS:
                     stw1 |= ACKNOWLEDGE
                 else:
-                    _enter(program, FAULTED, now)
+                    enter(program, FAULTED, now)
             elif program.phase != FAULTED:
                 program.faults += 1
                 if program.fault_ns == 0:
                     program.fault_ns = now
-                _enter(program, FAULTED, now)
+                enter(program, FAULTED, now)
             elif 0 <= program.acknowledge_after_ns <= now - program.phase_ns:
                 stw1 |= ACKNOWLEDGE
-                _enter(program, ACKNOWLEDGING, now)
+                enter(program, ACKNOWLEDGING, now)
         elif not program.enable:
-            _enter(program, STOPPED, now)
+            enter(program, STOPPED, now)
         elif zsw1 & 0x0004:
             stw1 = RUN
             if program.phase != RUNNING:
-                _leg(program, LEG_HOMING, now)
+                begin_leg(program, LEG_HOMING, now)
                 program.start_bit = 0
-                _runs(program, now)
+                runs(program, now)
             if program.kind == POSITIONS:
                 stw1 = _position(program, image, zsw1, now)
             else:
-                speed = _speed(program, now)
+                speed = speed_of(program, now)
         else:
-            _enter(program, SWITCHING_ON, now)
+            enter(program, SWITCHING_ON, now)
             if zsw1 & 0x0002 and (now - program.phase_ns) % (EDGE_AFTER_NS + EDGE_NS) >= EDGE_AFTER_NS:
                 stw1 = ON
             elif zsw1 & 0x0002:

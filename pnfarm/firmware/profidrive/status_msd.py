@@ -102,7 +102,7 @@ def take_generator(axis: Any) -> None:
     working = (
         axis.drive.state >= 4
         and generator_in_force(axis.ramp) == RAMP_GENERATED
-        and not torque_controlled(axis.drive, axis.brake)
+        and not torque_controlled(axis.orders, axis.drive, axis.brake)
     )
     before = abs(axis.profidrive.generator_speed)
     axis.profidrive.generator_speed = speed

@@ -11,12 +11,11 @@ from pnfarm.firmware.measurement import measured_current, measured_position, mea
 from pnfarm.firmware.own_warnings import warned
 from pnfarm.firmware.profidrive.position_status import (
     actual_task,
-    drive_inputs,
     first_position_word,
-    motion_status,
     second_position_word,
 )
 from pnfarm.firmware.profidrive.status_word import second_status_word
+from pnfarm.firmware.reported import drive_inputs, motion_status
 from pnfarm.firmware.torque_limits import torque_limited
 from pnfarm.firmware.travel import position_number
 from pnfarm.table.axis_codes import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED

@@ -23,6 +23,13 @@ ORDERS_RECORD = subject(
         Field("home", "u1", "", "firmware", "1 = homing"),
         Field("home_changed", "u1", "", "firmware", "1 = home changed in this step"),
         Field("jog", "u1", "", "firmware", "jogging at the first or second set point: bits 0 and 1"),
+        Field(
+            "halt",
+            "u1",
+            "",
+            "firmware",
+            "1 = the axis comes to rest along the ramp and stays enabled, in torque control, too",
+        ),
         Field("jog_barred", "u1", "", "firmware", "1 = other requests keep a jog from beginning"),
     ],
 )

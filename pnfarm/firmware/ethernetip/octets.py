@@ -1,0 +1,54 @@
+"""Octets of an assembly in the process image, which has them as 16 double words, least significant octet first."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.compiled import compiled
+from pnfarm.table.signals import ASSEMBLY
+
+__all__ = ["put", "received", "received_long", "received_octet", "rounded", "signed32"]
+
+
+@compiled
+def signed32(value: int) -> int:
+    """Wrap to a signed 32-bit number."""
+    value &= 0xFFFFFFFF
+    return value - 0x100000000 if value & 0x80000000 else value
+
+
+@compiled
+def rounded(value: float) -> int:
+    """The nearest signed 32-bit number."""
+    if value >= 2147483647.0:
+        return 0x7FFFFFFF
+    if value <= -2147483648.0:
+        return -0x80000000
+    return round(value)
+
+
+@compiled
+def received(image: Any, octet: int) -> int:
+    """The signed double word that begins at this octet, a multiple of 4."""
+    return int(image.received[ASSEMBLY + (octet >> 2)])
+
+
+@compiled
+def received_octet(image: Any, octet: int) -> int:
+    """One octet."""
+    return (int(image.received[ASSEMBLY + (octet >> 2)]) >> ((octet & 3) * 8)) & 0xFF
+
+
+@compiled
+def received_long(image: Any, octet: int) -> int:
+    """The signed number of eight octets that begins at this one, a multiple of 4."""
+    return received(image, octet + 4) << 32 | received(image, octet) & 0xFFFFFFFF
+
+
+@compiled
+def put(image: Any, octet: int, size: int, value: int) -> None:
+    """Put the lowest ``size`` octets of a number into the response, whose octets there are zero."""
+    for i in range(size):
+        slot = ASSEMBLY + ((octet + i) >> 2)
+        part = ((value >> (8 * i)) & 0xFF) << (((octet + i) & 3) * 8)
+        image.sent[slot] = signed32(int(image.sent[slot]) | part)
