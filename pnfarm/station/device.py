@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from pnfarm.errors import EnvironmentError_
 
@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Address
 
-__all__ = ["ChannelCounts", "ConnectionView", "Device", "KeptValueError"]
+    from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
+
+__all__ = ["ChannelCounts", "ConnectionView", "Device", "KeptValueError", "SocketDevice"]
 
 
 class KeptValueError(EnvironmentError_):
@@ -185,4 +187,25 @@ class Device(Protocol):
 
     def view(self, now: int) -> dict[str, Any]:
         """Data of the drive that only this bus has, plain JSON values for its snapshot."""
+        ...
+
+
+@runtime_checkable
+class SocketDevice(Protocol):
+    """What a device offers besides if it speaks over streams or datagrams of an address of its own.
+
+    The farm carries them only while the drive is on the wire.  When its supply goes, address and sockets are gone at
+    once, and its peers are told nothing; the device forgets its streams in :meth:`Device.stop`.
+    """
+
+    def services(self) -> Services | None:
+        """Address and ports; None for now without an address.  Asked after each input: another value restarts them."""
+        ...
+
+    def socket_event(self, event: SocketEvent, now: int) -> None:
+        """A stream was opened, brought octets or is closed, or a datagram came; none from before the last boot."""
+        ...
+
+    def pump_sockets(self, now: int) -> list[SocketAction]:
+        """What to send and to close, behind the frames of :meth:`Device.pump`."""
         ...

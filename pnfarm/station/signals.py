@@ -1,8 +1,9 @@
 """Named signals of one drive, for conditions: ``velocity``, ``state``, ``zsw1.fault_present``, ``param("DRV.OPMODE")``.
 
-Every drive has the signals of :data:`SIGNALS`.  The bits of its control and status words have the names of its model's
-manual (of any telegram of the model), else the profile's; ``zsw1.3`` and ``zsw1.bit_3`` is a bit by its number.  What a
-model's manual does not define, its drives do not have.
+Every drive has the signals of :data:`SIGNALS`, and the words of its model's profile: ``stw1`` and ``zsw1`` of
+PROFIdrive, ``control``, ``status_1`` and ``status_2`` of CIP's position controller.  Their bits have the names of the
+model's manual (of any telegram of the model), else the profile's; ``zsw1.3`` and ``zsw1.bit_3`` is a bit by its number.
+What a model's manual does not define, its drives do not have.
 """
 
 from __future__ import annotations
@@ -14,9 +15,12 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.profiles.cip.part import CIP
+from pnfarm.drives.profiles.cip.words import CONTROL_BITS, STATUS_1_BITS, STATUS_2_BITS
 from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, POWER_ENABLE, POWER_ON
 from pnfarm.table.places import place_of
 
 if TYPE_CHECKING:
@@ -27,19 +31,68 @@ if TYPE_CHECKING:
     from pnfarm.table.places import Place
     from pnfarm.vocabulary.conditions import Value
 
-__all__ = ["EVENT_SIGNALS", "SIGNALS", "STATES", "DriveSignal", "find_signal", "signal_names"]
+__all__ = [
+    "EVENT_SIGNALS",
+    "SIGNALS",
+    "STATES",
+    "STATUS_BITS",
+    "DriveSignal",
+    "ProfileWord",
+    "find_parameter",
+    "find_signal",
+    "profile_words",
+    "signal_names",
+]
 
+#: Signals that say what an axis does and what it waits for, whatever its bus.
+STATUS_BITS = ("ready", "enabled", "in_operation", "at_rest", "homed", "task_active", "target_reached")
 #: Words of the signal ``state``.
 STATES = ("off", "boot", "S1", "S2", "S3", "S4", "S5")
 #: Signals whose every change is an event, so that none is missed between two readings.
 EVENT_SIGNALS = frozenset({"state", "fault", "faulted", "warning", "connected", "powered"})
-_WORD_BITS: Mapping[str, tuple[str, ...]] = {"stw1": STW1_BITS, "zsw1": ZSW1_BITS}
 _BIT = re.compile(r"(?:bit_)?([0-9]{1,2})")
 
 
 def _nowhere(station: Station) -> Place | None:
     del station
     return None
+
+
+@dataclass(frozen=True, slots=True)
+class ProfileWord:
+    """A word of a drive's profile, of 16 bits or fewer: its field, and its lowest bit there; names of its bits."""
+
+    doc: str
+    path: tuple[str, str]
+    names: tuple[str, ...]
+    shift: int = 0
+    bits: int = 16
+
+    def read(self, station: Station) -> int:
+        subject, field = self.path
+        whole = int(getattr(getattr(station.handle.axis, subject), field))
+        return whole >> self.shift & (1 << self.bits) - 1
+
+    def place(self, bit: int | None = None) -> Place:
+        """Where the word is, or one bit of it."""
+        whole = place_of(AXIS, ".".join(self.path))
+        shift, bits = (self.shift, self.bits) if bit is None else (self.shift + bit, 1)
+        return dataclasses.replace(whole, shift=whole.shift + shift, mask=(1 << bits) - 1, sign=0)
+
+
+_PROFIDRIVE_WORDS = {
+    "stw1": ProfileWord("control word 1 in force", ("profidrive", "stw1"), STW1_BITS),
+    "zsw1": ProfileWord("status word 1", ("profidrive", "zsw1"), ZSW1_BITS),
+}
+_CIP_WORDS = {
+    "control": ProfileWord("control word in force", ("ethernetip", "word"), CONTROL_BITS, bits=8),
+    "status_1": ProfileWord("status word 1", ("ethernetip", "status"), STATUS_1_BITS, bits=8),
+    "status_2": ProfileWord("status word 2", ("ethernetip", "status"), STATUS_2_BITS, shift=8, bits=8),
+}
+
+
+def profile_words(model: Model) -> Mapping[str, ProfileWord]:
+    return _CIP_WORDS if model.profile == CIP else _PROFIDRIVE_WORDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +119,25 @@ def _state(station: Station) -> str:
 
 def _fault(station: Station) -> int:
     return next((int(code) & NUMBER_MASK for code in station.handle.axis.faults.code if code), 0)
+
+
+def _ready(station: Station) -> bool:
+    drive = station.handle.axis.drive
+    return station.powered and int(drive.state) > 0 and not int(drive.lacks) and _fault(station) == 0
+
+
+def _enabled(station: Station) -> bool:
+    axis = station.handle.axis
+    if int(axis.front) == FIRMWARE_ETHERNETIP:
+        # it is asked for while a fault keeps it from being ordered
+        return bool(axis.ethernetip.wanted)
+    both = POWER_ON | POWER_ENABLE
+    return int(axis.orders.power) & both == both
+
+
+def _at_rest(station: Station) -> bool:
+    axis = station.handle.axis
+    return abs(float(axis.motor.velocity)) <= float(axis.ramp.settings.standstill)
 
 
 def _connected(station: Station) -> bool:
@@ -103,7 +175,24 @@ def _number(name: str, unit: str, doc: str, *path: str) -> DriveSignal:
 
 
 _FAULT_PLACE = place_of(AXIS, "faults.code", mask=NUMBER_MASK)
-_WORD_PLACES = {word: place_of(AXIS, f"profidrive.{word}") for word in _WORD_BITS}
+#: S4 and S5 are the states that have this bit.
+_RUNNING_PLACE = dataclasses.replace(
+    place_of(AXIS, "drive.state"), shift=place_of(AXIS, "drive.state").shift + 2, mask=1
+)
+
+
+def _motion_bit(bit: int) -> Place:
+    """A bit of DRV.MOTIONSTAT."""
+    whole = place_of(AXIS, "profidrive.motion_status")
+    return dataclasses.replace(whole, shift=whole.shift + bit, mask=1)
+
+
+def _motion(bit: int) -> Callable[[Station], Value]:
+    return lambda station: bool(int(station.handle.axis.profidrive.motion_status) >> bit & 1)
+
+
+_TASK_ACTIVE, _AT_TARGET = 0, 11
+
 
 #: By name.
 SIGNALS: Mapping[str, DriveSignal] = {
@@ -121,6 +210,34 @@ SIGNALS: Mapping[str, DriveSignal] = {
             "active warning by the manual's number, 0 for none",
             lambda station: int(station.handle.axis.warnings.code) & NUMBER_MASK,
             place_of(AXIS, "warnings.code", mask=NUMBER_MASK),
+        ),
+        _signal("ready", "bit", "", "nothing but the controller keeps the power stage off", _ready),
+        _signal("enabled", "bit", "", "the controller asks for operation", _enabled),
+        _signal(
+            "in_operation",
+            "bit",
+            "",
+            "the power stage is on: S4 and S5",
+            lambda station: station.handle.in_operation,
+            _RUNNING_PLACE,
+        ),
+        _signal("at_rest", "bit", "", "the shaft does not turn", _at_rest),
+        _signal(
+            "homed",
+            "bit",
+            "",
+            "the home position is known",
+            lambda station: bool(station.handle.axis.homing.homed),
+            place_of(AXIS, "homing.homed"),
+        ),
+        _signal("task_active", "bit", "", "a motion task runs", _motion(_TASK_ACTIVE), _motion_bit(_TASK_ACTIVE)),
+        _signal(
+            "target_reached",
+            "bit",
+            "",
+            "the last motion task ended in its target, and the shaft is there",
+            _motion(_AT_TARGET),
+            _motion_bit(_AT_TARGET),
         ),
         _number("setpoint", "rpm", "velocity that the controller requests", "ramp", "setpoint"),
         _number("velocity", "rpm", "actual velocity of the shaft", "motor", "velocity"),
@@ -141,22 +258,6 @@ SIGNALS: Mapping[str, DriveSignal] = {
         _signal("connects", "number", "", "connections that reached data exchange", lambda s: s.device.connects),
         _signal("watchdog_expirations", "number", "", "expired watchdogs", lambda s: s.device.watchdog_expirations),
         _signal("telegram", "number", "", "number of the telegram in force", lambda s: s.store.telegram_number),
-        _signal(
-            "stw1",
-            "word",
-            "",
-            "control word 1 in force",
-            lambda s: int(s.handle.axis.profidrive.stw1),
-            _WORD_PLACES["stw1"],
-        ),
-        _signal(
-            "zsw1",
-            "word",
-            "",
-            "status word 1",
-            lambda s: int(s.handle.axis.profidrive.zsw1),
-            _WORD_PLACES["zsw1"],
-        ),
     )
 }
 
@@ -169,7 +270,7 @@ def _bits(model: Model, word: str) -> Mapping[str, tuple[tuple[frozenset[int], i
         (frozenset(bits.telegrams), bits.names) for bits in model.profidrive.word_bits if bits.word == word.upper()
     ]
     if not any(not telegrams for telegrams, _ in tables):
-        tables.append((frozenset(), _WORD_BITS[word]))
+        tables.append((frozenset(), profile_words(model)[word].names))
     for telegrams, names in tables:
         for bit, name in enumerate(names):
             if name:
@@ -177,9 +278,10 @@ def _bits(model: Model, word: str) -> Mapping[str, tuple[tuple[frozenset[int], i
     return {name: tuple(places) for name, places in found.items()}
 
 
-def _bit_signal(word: str, name: str, places: Sequence[tuple[frozenset[int], int]]) -> DriveSignal:
+def _bit_signal(model: Model, word: str, name: str, places: Sequence[tuple[frozenset[int], int]]) -> DriveSignal:
     """A bit where the telegram in force has it; false where that telegram has no such bit."""
     own = {telegram for telegrams, _ in places for telegram in telegrams}
+    whole = profile_words(model)[word]
 
     def bit_now(station: Station) -> int | None:
         telegram = station.store.telegram_number
@@ -190,19 +292,19 @@ def _bit_signal(word: str, name: str, places: Sequence[tuple[frozenset[int], int
 
     def read(station: Station) -> Value:
         bit = bit_now(station)
-        return bit is not None and bool(int(getattr(station.handle.axis.profidrive, word)) >> bit & 1)
+        return bit is not None and bool(whole.read(station) >> bit & 1)
 
     def place(station: Station) -> Place | None:
         bit = bit_now(station)
-        whole = _WORD_PLACES[word]
-        return None if bit is None else dataclasses.replace(whole, shift=whole.shift + bit, mask=1, sign=0)
+        return None if bit is None else whole.place(bit)
 
     return DriveSignal(name, "bit", "", f"bit of {word.upper()}", read, place)
 
 
 def signal_names(model: Model) -> list[str]:
     """Every name that a condition on a drive of this model may use, but for parameters."""
-    return [*SIGNALS, *(f"{word}.{name}" for word in _WORD_BITS for name in _bits(model, word))]
+    words = profile_words(model)
+    return [*SIGNALS, *words, *(f"{word}.{name}" for word in words for name in _bits(model, word))]
 
 
 def find_signal(model: Model, name: str) -> DriveSignal | None:
@@ -211,13 +313,15 @@ def find_signal(model: Model, name: str) -> DriveSignal | None:
     if (known := SIGNALS.get(lower)) is not None:
         return known
     word, dot, bit = lower.partition(".")
-    if dot and word in _WORD_BITS:
+    if (whole := profile_words(model).get(word)) is not None:
+        if not dot:
+            return _signal(word, "word", "", whole.doc, whole.read, whole.place())
         if (places := _bits(model, word).get(bit)) is not None:
-            return _bit_signal(word, lower, places)
+            return _bit_signal(model, word, lower, places)
         number = _BIT.fullmatch(bit)
-        if number is not None and int(number[1]) < 16:
+        if number is not None and int(number[1]) < whole.bits:
             everywhere = ((frozenset[int](), int(number[1])),)
-            return _bit_signal(word, lower, everywhere)
+            return _bit_signal(model, word, lower, everywhere)
         return None
     if re.fullmatch(r"p[0-9]+(\.[0-9]+)?", lower):
         return find_parameter(model, lower[1:])

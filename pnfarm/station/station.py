@@ -22,7 +22,7 @@ from pnfarm.drives.store import (
     TelegramChanged,
 )
 from pnfarm.errors import ConfigError
-from pnfarm.station.device import KeptValueError
+from pnfarm.station.device import KeptValueError, SocketDevice
 from pnfarm.station.events import (
     Booted,
     MemoryNotTaken,
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.events import Event
     from pnfarm.station.imperfections import Imperfections
+    from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 __all__ = ["Station", "StationConfig", "StationPort"]
 
@@ -109,6 +110,8 @@ class Station:
         self._booted_ns: int | None = None
         #: When a drive that boots comes on the wire.
         self._answers_ns: int | None = None
+        #: How often it came on the wire.
+        self.starts = 0
         self.device = make_device(self)
         self._build()
         restore_history(handle.axis, self.kept.get("faults", ()))
@@ -163,6 +166,7 @@ class Station:
     def _start(self, now: int) -> None:
         """The drive came on the wire."""
         self._answers_ns = None
+        self.starts += 1
         left_out = [*self._left_out, *self.device.start(now)]
         if left_out:
             self.note(now, MemoryNotTaken(len(left_out), left_out[0]))
@@ -201,6 +205,23 @@ class Station:
     def pump(self, now: int) -> list[bytes]:
         """Finish what inputs began; the frames to send."""
         return self.device.pump(now) if self.on_the_wire else []
+
+    def services(self) -> Services | None:
+        """The address and the ports that it has now, on a bus that uses sockets."""
+        if not self.on_the_wire or not isinstance(self.device, SocketDevice):
+            return None
+        return self.device.services()
+
+    def socket_event(self, event: SocketEvent, now: int) -> None:
+        """Something of a stream, or a datagram."""
+        if self.on_the_wire and isinstance(self.device, SocketDevice):
+            self.device.socket_event(event, now)
+
+    def pump_sockets(self, now: int) -> list[SocketAction]:
+        """What it sends over its streams and as datagrams."""
+        if not self.on_the_wire or not isinstance(self.device, SocketDevice):
+            return []
+        return self.device.pump_sockets(now)
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is due."""

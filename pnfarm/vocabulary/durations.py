@@ -8,7 +8,14 @@ from decimal import Decimal
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
-__all__ = ["DURATION_PATTERN", "MAX_DURATION_NS", "format_duration", "parse_duration", "read_duration"]
+__all__ = [
+    "DURATION_PATTERN",
+    "MAX_DURATION_NS",
+    "format_duration",
+    "format_measured",
+    "parse_duration",
+    "read_duration",
+]
 
 _UNITS_NS = {
     "ns": 1,
@@ -59,3 +66,18 @@ def format_duration(duration_ns: int) -> str:
             value = Decimal(duration_ns) / _UNITS_NS[unit]
             return f"{value:f}{unit}"
     return f"{duration_ns}ns"
+
+
+def format_measured(seconds: float) -> str:
+    """A measured time for people: ``43.3 ms``, ``850 us``, ``3 s``, ``2.504 s``; no file or parser reads it.
+
+    Three significant digits below a second, to the millisecond above, so that places in a run stay distinct.
+    """
+    size = abs(seconds)
+    for unit, factor in (("ns", 1e9), ("us", 1e6), ("ms", 1e3)):
+        # rounded first: 999.96 us are 1 ms
+        rounded = float(f"{size * factor:.3g}")
+        if rounded < 1000:
+            sign = "-" if seconds < 0 and rounded else ""
+            return f"{sign}{rounded:g} {unit}" if rounded else "0 s"
+    return f"{round(seconds, 3):.3f}".rstrip("0").rstrip(".") + " s"

@@ -5,15 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
+from assembly_bench import ENABLE, MOVE, REVOLUTION, AssemblyBench, command
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from pnfarm.drives.catalogue import model, models
 from pnfarm.station.conditions import bind
+from pnfarm.station.signals import STATUS_BITS
+from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 from pnfarm.vocabulary.conditions import ConditionError, evaluate, parse_condition, text_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from pnfarm.drives.model import Model
 
 AKD = model("akd-profinet")
 
@@ -46,6 +51,60 @@ KNOWN = {
 )
 def test_a_condition_is_read_as_a_tester_means_it(text: str, expected: bool) -> None:
     assert bind(text, AKD).holds(None, KNOWN) is expected
+
+
+EIP = model("akd-ethernetip")
+
+
+class Drive:
+    """A drive on the bench, as signals look at it."""
+
+    powered = True
+
+    def __init__(self, bench: AssemblyBench) -> None:
+        self.bench, self.store, self.handle, self.model = bench, bench.store, bench.store.handle, EIP
+
+
+def test_a_drive_on_ethernet_ip_has_the_conditions_of_any_axis_and_its_own_words() -> None:
+    bench = AssemblyBench()
+    drive = Drive(bench)
+
+    def holds(text: str) -> bool:
+        return bind(text, EIP).holds(drive)
+
+    bench.send(command(0), 10)
+    assert holds("ready and not enabled and not in_operation and at_rest and homed and state == S1")
+    bench.enable(50)
+    assert holds("ready and enabled and in_operation and state == S4 and not faulted")
+    assert holds("control.enable and status_1.enable_state and not status_1.in_motion and control == 0x80")
+    bench.load(
+        ENABLE, MOVE, position=20 * REVOLUTION, velocity=10 * REVOLUTION, up=100 * REVOLUTION, down=100 * REVOLUTION
+    )
+    bench.run(500)
+    assert holds("velocity > 500 rpm and not at_rest and task_active and not target_reached")
+    assert holds("status_1.in_motion and status_2.load_complete and control.load_start and status_2.7")
+    bench.run(3000)
+    assert holds("at_rest and target_reached and status_1.in_position and position > 19.9 and position < 20.1")
+    bench.store.handle.push_command(CMD_RAISE_FAULT, EIP.fault("702").code)
+    bench.run(500)
+    assert holds("faulted and fault == 702 and fault == 'communication-loss' and status_1.general_fault")
+    assert holds("not ready and enabled and not in_operation"), "the controller still asks for it"
+    bench.send(command(0), 10)
+    assert holds("not enabled")
+
+
+@pytest.mark.parametrize("name", STATUS_BITS)
+def test_every_model_has_the_conditions_of_any_axis(name: str) -> None:
+    for entry in models():
+        assert set(bind(name, model(entry)).signals) == {name}
+
+
+@pytest.mark.parametrize(
+    ("text", "of"), [("zsw1.fault_present", EIP), ("stw1 == 0", EIP), ("control.enable", AKD), ("status_1 > 0", AKD)]
+)
+def test_a_drive_has_no_words_of_another_profile(text: str, of: Model) -> None:
+    with pytest.raises(ConditionError, match="has no signal"):
+        bind(text, of)
 
 
 @pytest.mark.parametrize(
@@ -88,7 +147,7 @@ def test_what_is_wrong_is_one_sentence_with_its_column(text: str, sentence: str)
     assert "\n" not in str(found.value)
 
 
-@pytest.mark.parametrize("name", sorted(models()))
+@pytest.mark.parametrize("name", sorted(name for name in models() if model(name).profile == "profidrive"))
 def test_every_model_names_its_bits_and_its_faults(name: str) -> None:
     drive = model(name)
     assert bind("zsw1.operation_enabled and not zsw1.fault_present", drive)

@@ -11,7 +11,7 @@ from pnfarm.buses.registry import fault_kinds
 from pnfarm.cli.one_device import one_device
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.vocabulary.durations import format_duration, parse_duration, read_duration
+from pnfarm.vocabulary.durations import format_duration, format_measured, parse_duration, read_duration
 from pnfarm.vocabulary.problem import Problem
 
 KINDS = fault_kinds()
@@ -142,3 +142,14 @@ def test_any_duration_is_read_or_is_a_problem(value):
     except Problem:
         return
     assert duration_ns >= 0
+
+
+@pytest.mark.parametrize(
+    ("seconds", "shown"),
+    [
+        (0.043320265, "43.3 ms"), (0.0, "0 s"), (3.0, "3 s"), (2.504, "2.504 s"), (0.99996, "1 s"), (850e-9, "850 ns"),
+        (31.25e-6, "31.2 us"), (999.96e-6, "1 ms"), (-0.004, "-4 ms"), (86400.0, "86400 s"), (12.3456, "12.346 s"),
+    ],
+)  # fmt: skip
+def test_a_measured_time_has_three_digits_and_a_unit(seconds: float, shown: str) -> None:
+    assert format_measured(seconds) == shown
