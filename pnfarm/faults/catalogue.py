@@ -9,11 +9,12 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import InternalError
 from pnfarm.faults import kinds as neutral_kinds
-from pnfarm.faults.kind import InjectionKind
+from pnfarm.faults.kind import InjectionKind, KindOnBus
 from pnfarm.faults.plan import InjectionSpec
 
 if TYPE_CHECKING:
@@ -42,14 +43,21 @@ def neutral() -> tuple[InjectionKind, ...]:
 
 
 class Catalogue(Mapping[str, InjectionKind]):
-    """Kinds by name, family by family.  Raises :class:`InternalError` for a duplicate name or an unknown family."""
+    """Kinds by name, family by family; ``on``: bus -> kind -> what differs there.
 
-    def __init__(self, kinds: Iterable[InjectionKind]) -> None:
+    A bus may speak of kinds that are not there.  Raises :class:`InternalError` for a duplicate name or an unknown
+    family.
+    """
+
+    def __init__(
+        self, kinds: Iterable[InjectionKind], on: Mapping[str, Mapping[str, KindOnBus]] = MappingProxyType({})
+    ) -> None:
         self._kinds: dict[str, InjectionKind] = {}
         for kind in sorted(kinds, key=_order):
             if kind.name in self._kinds:
                 raise InternalError(f"there are two kinds of injections named {kind.name}")
-            self._kinds[kind.name] = kind
+            told = {bus: some[kind.name] for bus, some in on.items() if kind.name in some}
+            self._kinds[kind.name] = kind.joined(told) if told else kind
 
     def __getitem__(self, name: str) -> InjectionKind:
         return self._kinds[name]

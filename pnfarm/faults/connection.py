@@ -58,6 +58,11 @@ class ConnectionPart(DrivePart, ABC):
     def sent_data(self, since: int) -> bool:
         """Whether a cyclic frame left at or after ``since``."""
 
+    def reports(self, status: Status) -> bool:
+        """Whether its cyclic frames can report this status at all."""
+        del status
+        return True
+
     @abstractmethod
     def sent_status(self, status: Status, since: int) -> bool:
         """Whether a cyclic frame that left at or after ``since`` reports this status."""

@@ -8,6 +8,7 @@ from pnfarm.faults.choice import Choice
 from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.effect import POLL_NS, Effect, Window, seed_of
 from pnfarm.faults.evidence import NOTHING, Evidence
+from pnfarm.faults.frame_words import check_word
 from pnfarm.faults.gate import EVERY_FRAME, GateRule
 from pnfarm.faults.wire import WIRE
 from pnfarm.table.impairment import LOSS
@@ -151,6 +152,7 @@ class FramesEffect(Effect):
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
+        check_word(self.values.get("frames", "all"), drive.name, drive.part(WIRE).classes)
         self._cyclic, acyclic = self.acts_on()
         self._frames = Frames(
             spec,

@@ -104,8 +104,11 @@ class GateRule:
         instead: Callable[[bytes], bytes | None] = lambda _: None,
         choice: Choice | None = None,
         shape: Shape | None = None,
+        of_messages: bool = False,
     ) -> None:
         self.classes = classes
+        #: What it takes of a stream, TCP repeats; else it takes or changes whole messages, or makes them late.
+        self.is_repeated = shape is None and not of_messages
         self._count = count
         self._stop_ns = stop_ns
         self._armed = armed
@@ -143,14 +146,16 @@ class GateRule:
             self._on_loss()
         return lost
 
-    def left(self, direction: Direction, frame_class: str, frame: bytes, due: int, *, hit: bool) -> list[Passing]:
-        """What goes on instead of a frame that would at ``due``."""
+    def left(
+        self, direction: Direction, frame_class: str, frame: bytes, due: int, *, hit: bool, bare: bool = False
+    ) -> list[Passing]:
+        """What goes on instead of a frame that would at ``due``; ``bare``: octets without the headers of a frame."""
         if not hit:
             if self.shape is not None and direction in self._evidence and frame_class in self.classes:
                 due = self.shape.passes(direction, due)
             return [(due, frame)]
         if self.shape is not None:
-            return self.shape.hit(direction, frame, due)
+            return self.shape.hit(direction, frame, due, bare=bare)
         other = self.instead(frame)
         return [] if other is None else [(due, other)]
 

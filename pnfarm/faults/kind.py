@@ -13,9 +13,10 @@ an occurrence is.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from pnfarm.errors import InternalError
 from pnfarm.vocabulary.durations import read_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
@@ -28,7 +29,18 @@ if TYPE_CHECKING:
     from pnfarm.faults.given import GivenInjection
     from pnfarm.wire.direction import Directions
 
-__all__ = ["EACH", "EVERY_DIRECTION", "FRAMES", "HELD", "OCTET", "WORD", "InjectionKind", "ParamSpec", "words_of"]
+__all__ = [
+    "EACH",
+    "EVERY_DIRECTION",
+    "FRAMES",
+    "HELD",
+    "OCTET",
+    "WORD",
+    "InjectionKind",
+    "KindOnBus",
+    "ParamSpec",
+    "words_of",
+]
 
 ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault", "octets", "mac"]
 
@@ -164,6 +176,24 @@ class ParamSpec:
         }
 
 
+@dataclass(frozen=True, slots=True)
+class KindOnBus:
+    """What a kind is on drives of one bus: further parameters, what is on its wire and what its controllers report.
+
+    Empty texts: as for any bus.  ``refused`` says why drives on this bus have no such thing.  ``title`` is the bus's.
+    """
+
+    title: str
+    params: Mapping[str, ParamSpec] = field(default_factory=dict)
+    wire: str = ""
+    reports: str = ""
+    refused: str = ""
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"params": list(self.params), "wire": self.wire, "reports": self.reports, "refused": self.refused}
+
+
 def _no_misfits(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
     del spec
     return ()
@@ -177,7 +207,7 @@ class InjectionKind:
     fields that it accepts, besides ``after`` and ``after_cycles``, which all take.  ``misfits`` reports
     fields that exclude each other. ``wire`` is what a capture shows, ``reports`` what controllers report; what is
     inferred there is marked "(assumed)".  ``place`` is its position in the list of its family; kinds with the same
-    place are sorted by name.
+    place are sorted by name.  ``on`` has what differs on a bus, by the bus's name.
     """
 
     name: str
@@ -193,6 +223,20 @@ class InjectionKind:
     reports: str = ""
     misfits: Callable[[GivenInjection], Iterable[tuple[str, Problem]]] = _no_misfits
     place: int = 1000
+    on: Mapping[str, KindOnBus] = field(default_factory=dict)
+
+    def joined(self, on: Mapping[str, KindOnBus]) -> InjectionKind:
+        """The kind with what buses have to say about it, and with their parameters.
+
+        Raises :class:`InternalError` for a parameter that is there twice.
+        """
+        params = dict(self.params)
+        for one in on.values():
+            for name, spec in one.params.items():
+                if name in params:
+                    raise InternalError(f"{self.name} has two parameters {name}")
+                params[name] = spec
+        return replace(self, params=params, on=dict(on))
 
     @property
     def common(self) -> tuple[str, ...]:
@@ -209,6 +253,7 @@ class InjectionKind:
             "occurrence": self.occurrence,
             "wire": self.wire,
             "reports": self.reports,
+            "buses": {bus: one.as_dict() for bus, one in self.on.items()},
             "params": {name: spec.as_dict() for name, spec in self.params.items()},
             "directions": list(self.directions),
             "takes": [*self.common, *sorted(self.takes)],

@@ -35,6 +35,8 @@ __all__ = ["MOST_INJECTIONS", "DriveRun", "Injection", "InjectionManager", "RunS
 
 #: Number of ended injections whose evidence is kept.
 KEPT = 1024
+#: Entries of the heap that may be out of date, beside as many as there are runs.
+SPARE_ENTRIES = 256
 #: Injections that wait or are in force at once.
 MOST_INJECTIONS = 4096
 
@@ -451,6 +453,10 @@ class InjectionManager:
         if self._due.get(run.key, (None,))[0] != due:
             heapq.heappush(self._heap, (due, run.key))
         self._due[run.key] = (due, injection, run)
+        if len(self._heap) > 2 * len(self._due) + SPARE_ENTRIES:
+            # most are of runs that ended, or were put off: an hour's worth may wait behind one that stays
+            self._heap = [(at, key) for key, (at, _, _) in self._due.items()]
+            heapq.heapify(self._heap)
 
     @staticmethod
     def _wait_until(spec: InjectionSpec, run: DriveRun, now: int) -> int | None:

@@ -52,7 +52,7 @@ class InjectedDrive:
     """One drive.
 
     ``names`` are that of the farm file and that of its bus; ``models`` the model's name and aliases.
-    ``machines`` returns a new object after each boot.
+    ``machines`` returns a new object after each boot.  ``bus`` is the name of its bus.
     """
 
     def __init__(
@@ -62,8 +62,10 @@ class InjectedDrive:
         models: tuple[str, ...],
         parts: Mapping[Part[Any], DrivePart],
         machines: Callable[[], object],
+        bus: str = "",
     ) -> None:
         self.name = name
+        self.bus = bus
         self._names = names
         self.models = models
         self._parts = parts

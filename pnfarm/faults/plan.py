@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import (
-    BaseModel,
     ConfigDict,
     Field,
     PlainSerializer,
@@ -21,19 +20,18 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
+from pnfarm.config.fault_fields import FaultFields
 from pnfarm.faults.errors import InjectionError
-from pnfarm.vocabulary.conditions import CONDITION_SCHEMA, read_condition
-from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_duration
+from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.globs import GLOBS, GLOBS_SCHEMA, is_pattern, means, read_globs
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
-from pnfarm.vocabulary.rates import RATE_PATTERN, SHARE_PATTERN, format_rate, format_share, read_rate, read_share
-from pnfarm.wire.direction import Direction, Directions  # noqa: TC001 - pydantic reads the annotations of fields
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from pnfarm.faults.kind import InjectionKind
+    from pnfarm.wire.direction import Direction
 
 __all__ = ["InjectionSpec", "matching"]
 
@@ -54,8 +52,6 @@ _ALLOWED = {
 MAX_FIELDS = 64
 #: A shorter time to live could lapse between two renewals of a client on a busy machine.
 SHORTEST_TTL_NS = 100_000_000
-#: With the longest cycle, this many still fit the table's time.
-_COUNT_END = 1 << 32
 
 
 def _kind(value: Any, info: ValidationInfo) -> InjectionKind:
@@ -83,77 +79,21 @@ Globs = Annotated[
     PlainValidator(read_globs),
     WithJsonSchema(GLOBS_SCHEMA),
 ]
-Duration = Annotated[
-    int,
-    PlainValidator(read_duration),
-    PlainSerializer(format_duration, return_type=str, when_used="unless-none"),
-    WithJsonSchema({"type": "string", "pattern": DURATION_PATTERN}),
-]
-Share = Annotated[
-    float,
-    PlainValidator(read_share),
-    PlainSerializer(format_share, return_type=str, when_used="unless-none"),
-    WithJsonSchema({"type": "string", "pattern": SHARE_PATTERN}),
-]
-Rate = Annotated[
-    tuple[float, str],
-    PlainValidator(read_rate),
-    PlainSerializer(format_rate, return_type=str, when_used="unless-none"),
-    WithJsonSchema({"type": "string", "pattern": RATE_PATTERN}),
-]
-When = Annotated[str, PlainValidator(read_condition), WithJsonSchema(CONDITION_SCHEMA)]
 Params = Annotated[
     dict[str, Any],
     WithJsonSchema({"type": "object", "additionalProperties": {"type": ["number", "string", "boolean"]}}),
 ]
 
 
-class InjectionSpec(BaseModel):
+class InjectionSpec(FaultFields):
     """See the module's docstring. Times are nanoseconds here and durations such as ``500ms`` outside."""
 
     # the title is what the API's description calls it
-    model_config = ConfigDict(title="FaultSpec", extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(title="FaultSpec")
 
     kind: Kind = Field(description="What it does, one of `pnfarm fault kinds`.")
     on: Globs = Field(description="Which drives: globs over their names, model:NAME, or all.")
     params: Params = Field(default_factory=dict, description="Parameters of this kind.")
-    probability: float | None = Field(default=None, gt=0, le=1, description="Of each occurrence; left out, 1.")
-    seed: int | None = Field(default=None, ge=0, lt=1 << 64, description="Seed of the random choices, to repeat a run.")
-    direction: Directions | None = Field(default=None, description="Direction, seen from the drive.")
-    when: When | None = Field(
-        default=None,
-        description="Begin once this holds on the drive, such as `velocity > 1000`; `after` and `after_cycles` then "
-        "count from there.",
-    )
-    after_cycles: int = Field(
-        default=0, ge=0, lt=_COUNT_END, description="Healthy cycles of the connection to let pass first."
-    )
-    after_ns: Duration = Field(default=0, alias="after", description="Begin after this time.")
-    count: int | None = Field(default=None, ge=1, lt=_COUNT_END, description="End after this many occurrences.")
-    for_ns: Duration | None = Field(default=None, alias="for", description="End after this time.")
-    cycles: int | None = Field(default=None, ge=1, lt=_COUNT_END, description="Cycles of the connection, then it ends.")
-    share: Share | None = Field(
-        default=None,
-        description="Only this percentage of the drives that `on` matches, at least one, chosen by the seed.",
-    )
-    most: int | None = Field(
-        default=None, ge=1, lt=_COUNT_END, description="At most so many of the drives that `on` matches, by the seed."
-    )
-    rate: Rate | None = Field(
-        default=None,
-        description="Begin again and again at random, so often on each drive on average (exponential), such as 2/min.",
-    )
-    times: int | None = Field(
-        default=None, ge=1, lt=_COUNT_END, description="With rate: how often it begins on each drive, then it is over."
-    )
-    ttl_ns: Duration | None = Field(
-        default=None,
-        alias="ttl",
-        description="Time to live: it ends after this time unless it is renewed, also when its client is gone.",
-    )
-    name: str | None = Field(
-        default=None, alias="as", pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$", description="Name to clear it by."
-    )
 
     @classmethod
     def parse(cls, data: Mapping[str, Any], kinds: Mapping[str, InjectionKind]) -> Self:
@@ -219,10 +159,6 @@ class InjectionSpec(BaseModel):
                 return ("out",)
             case _:
                 return ("out", "in")
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON; :meth:`parse` reads it."""
-        return self.model_dump(mode="json", by_alias=True, exclude_defaults=True)
 
 
 def _misfits(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:

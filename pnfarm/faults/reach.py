@@ -19,6 +19,7 @@ from pnfarm.faults.plan import matching
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from pnfarm.faults.kind import KindOnBus
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.faults.plan import InjectionSpec
 
@@ -93,10 +94,26 @@ def reach_of(
 
 
 def check_parts(drive: InjectedDrive, spec: InjectionSpec) -> None:
-    """Raises :class:`InjectionError` for a kind whose parts this drive does not have."""
+    """Raises :class:`InjectionError` for a kind or a parameter that is not for this drive's bus, or lacks a part."""
+    here = spec.kind.on.get(drive.bus)
+    if here is not None and here.refused:
+        raise InjectionError([("kind", f"{drive.name} is on {here.title}: {here.refused}", "")])
+    if drive.bus:
+        _check_params(drive, spec, here)
     for part in spec.kind.effect.needs:
         if drive.find(part) is None:
             raise InjectionError([("kind", f"{drive.name} has no {part.title}, which {spec.kind.name} needs", "")])
     if (spec.cycles or spec.after_cycles) and drive.find(CONNECTION) is None:
         field = "cycles" if spec.cycles else "after_cycles"
         raise InjectionError([(field, f"{drive.name} has no {CONNECTION.title} whose cycles could be counted", "")])
+
+
+def _check_params(drive: InjectedDrive, spec: InjectionSpec, here: KindOnBus | None) -> None:
+    """Raises :class:`InjectionError` for a parameter that only drives on other buses have."""
+    for name in spec.params:
+        owners = [one.title for one in spec.kind.on.values() if name in one.params]
+        if owners and (here is None or name not in here.params):
+            others = {other for one in spec.kind.on.values() if one is not here for other in one.params}
+            allowed = ", ".join(param for param in spec.kind.params if param not in others)
+            what = f"is for drives on {' and '.join(owners)}, which {drive.name} is not"
+            raise InjectionError([(f"params.{name}", what, allowed or "no parameter")])

@@ -306,10 +306,10 @@ class Servo(DrivePart):
 
     def _put_loads(self) -> None:
         """Summed again each time: a running sum of floats would keep rounding errors."""
-        axis = self._station.handle.axis
-        axis.load.settings.added_torque = math.fsum(torque for torque, _, _ in self._loads)
-        axis.load.settings.added_inertia = math.fsum(inertia for _, inertia, _ in self._loads)
-        axis.load.settings.added_friction = math.fsum(friction for _, _, friction in self._loads)
+        settings = self._station.handle.axis.load.settings
+        settings.added_torque = math.fsum(torque for torque, _, _ in self._loads)
+        settings.added_inertia = math.fsum(inertia for _, inertia, _ in self._loads)
+        settings.added_friction = math.fsum(friction for _, _, friction in self._loads)
 
     # the ramps
 

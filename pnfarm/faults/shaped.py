@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pnfarm.faults.effect import seed_of
-from pnfarm.faults.frame_words import classes_of
+from pnfarm.faults.errors import InjectionError
+from pnfarm.faults.frame_words import NO_STREAM, classes_of
 from pnfarm.faults.frames import FramesEffect
 from pnfarm.faults.gate import GateRule
 
@@ -21,10 +22,17 @@ MOST_NS = 10_000_000_000
 
 
 class ShapedEffect(FramesEffect):
-    """Those of the parameter ``frames``."""
+    """Those of the parameter ``frames``.  ``no_streams``: why it can do nothing to streams, empty if it can."""
+
+    no_streams: ClassVar[str] = ""
 
     def acts_on(self) -> tuple[int | None, FrameClasses | None]:
-        cyclic, acyclic = classes_of(self.values["frames"])
+        word = self.values["frames"]
+        cyclic, acyclic = classes_of(word)
+        if self.no_streams:
+            if word == "streams":
+                raise InjectionError([("params.frames", self.no_streams, "datagrams, cyclic, acyclic or all")])
+            acyclic = NO_STREAM if word in {"all", "acyclic"} else acyclic
         return self.cyclic if cyclic else None, acyclic
 
     @abstractmethod

@@ -42,11 +42,11 @@ class Shape:
         self._overtakes = overtakes
         self._free_ns: dict[Direction, int] = {"out": 0, "in": 0}
 
-    def hit(self, direction: Direction, frame: bytes, due: int) -> list[tuple[int, bytes]]:
-        """(time, octets) of what goes on instead of a frame that would at ``due``."""
+    def hit(self, direction: Direction, frame: bytes, due: int, *, bare: bool = False) -> list[tuple[int, bytes]]:
+        """(time, octets) of what goes on instead of a frame, or of octets without headers, that would at ``due``."""
         random = self._random[direction]
         if self._bits:
-            frame = corrupted(frame, self._bits, random, whole=self._whole)
+            frame = corrupted(frame, self._bits, random, whole=self._whole or bare)
         due += self._delay_ns + int(random.uniform() * self._jitter_ns)
         if self._delay_ns or self._jitter_ns:
             if not self._overtakes:

@@ -63,6 +63,9 @@ class ShownEffect(Effect):
             self._look_since = None
             return
         connection = self._connection.now()
+        if self.status is not None and not self._connection.reports(self.status):
+            # nothing that leaves can show it
+            return
         if connection is not None and self.must_show and self.status is not None and self._connection.sent_data(since):
             self._missed_ns = now if self._missed_ns is None else self._missed_ns
             if now - self._missed_ns >= SHOWN_WITHIN * connection.cycle_ns:

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
 from pnfarm.faults.errors import InjectionError
+from pnfarm.faults.holes import Holes
 from pnfarm.firmware.axis import AXIS
 from pnfarm.station.conditions import bind
 from pnfarm.table import condition as codes
 from pnfarm.table.places import Place, place_of
+from pnfarm.table.plain import plain
 from pnfarm.table.trace import SOURCE_AXIS_REAL
 from pnfarm.vocabulary.conditions import Both, Comparison, ConditionError, Either, Name, Not, Text, evaluate
 
@@ -39,6 +41,11 @@ _SIGNS = {
     ">": codes.OP_ABOVE,
     ">=": codes.OP_AT_LEAST,
 }
+#: An operation's row, field by field, unless it says otherwise; it counts operations from its condition's first.
+_OPERATION: Mapping[str, float] = {
+    "code": codes.OP_GIVEN, "left": 0, "right": 0, "given": 0.0, "word": 0, "less": -1, "shift": 0, "mask": 0,
+    "sign": 0, "value": 0.0,
+}  # fmt: skip
 _POWERED = place_of(AXIS, "powered")
 _STATE = place_of(AXIS, "drive.state")
 
@@ -48,13 +55,13 @@ class Conditions:
 
     def __init__(self, stations: Sequence[Station], columns: Columns) -> None:
         self._stations = {station.configured_name: station for station in stations}
-        self._columns = columns
+        self._engine = columns.engine
+        self._conditions, self._ops = plain(columns.condition), plain(columns.condition_op)
         self._watches: dict[int, ConditionWatch] = {}
+        #: Rows below the highest one in use that are free.
         self._rows: list[int] = []
         self._most_rows = 0
-        #: Length -> parts of the table of operations that were used and are free.
-        self._parts: dict[int, list[int]] = {}
-        self._most_ops = 0
+        self._holes = Holes(len(self._ops))
         self._serial = 0
 
     def bind(self, drive: str, text: str) -> Condition:
@@ -83,45 +90,44 @@ class Conditions:
 
     def open(self, watch: ConditionWatch, ops: Sequence[Mapping[str, float]]) -> tuple[int, int]:
         """A row for a condition: its number, and its first operation.  Raises :class:`ConfigError` without room."""
-        columns, length = self._columns, len(ops)
-        row = self._rows.pop() if self._rows else self._most_rows
-        first = parts.pop() if (parts := self._parts.get(length)) else self._most_ops
-        if row >= columns.condition.shape[0] or first + length > columns.condition_op.shape[0]:
+        length = len(ops)
+        row = self._rows[-1] if self._rows else self._most_rows
+        first = self._holes.take(length) if row < len(self._conditions) else None
+        if first is None:
             raise ConfigError(f"{len(self._watches)} conditions are watched already, which is all there is room for")
+        if self._rows:
+            self._rows.pop()
         self._most_rows = max(self._most_rows, row + 1)
-        self._most_ops = max(self._most_ops, first + length)
         for number, op in enumerate(ops, start=first):
-            table = columns.condition_op[number]
-            table.code = op["code"]
-            table.left, table.right = first + int(op.get("left", 0)), first + int(op.get("right", 0))
-            table.given = op.get("given", 0.0)
-            table.word, table.less = op.get("word", 0), op.get("less", -1)
-            table.shift, table.mask, table.sign = op.get("shift", 0), op.get("mask", 0), op.get("sign", 0)
-        table = columns.condition[row]
-        table.first_op, table.ops = first, length
+            fields = {**_OPERATION, **op}
+            fields["left"] += first
+            fields["right"] += first
+            # at once, as fields one by one take ten times as long; the engine's value is that of no tick yet
+            self._ops[number] = tuple(fields.values())
+        table = self._conditions[row]
+        table["first_op"], table["ops"] = first, length
         self._serial += 1
-        table.serial = self._serial
-        table.active = 1
+        table["serial"] = self._serial
+        table["active"] = 1
         watch.serial = self._serial
         self._watches[row] = watch
-        columns.engine[0].condition_rows = self._most_rows
+        self._engine[0].condition_rows = self._most_rows
         return row, first
 
     def give(self, op: int, value: float) -> None:
         """What the event loop knows, for the engine."""
-        self._columns.condition_op[op].given = value
+        self._ops[op]["given"] = value
 
     def close(self, row: int, first: int, length: int) -> None:
         """Free a row."""
-        self._columns.condition[row].active = 0
+        self._conditions[row]["active"] = 0
         del self._watches[row]
         self._rows.append(row)
-        self._parts.setdefault(length, []).append(first)
+        self._holes.give(first, length)
         if not self._watches:
             self._rows.clear()
-            self._parts.clear()
-            self._most_rows = self._most_ops = 0
-            self._columns.engine[0].condition_rows = 0
+            self._most_rows = 0
+            self._engine[0].condition_rows = 0
 
 
 @lru_cache(maxsize=64)

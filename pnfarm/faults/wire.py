@@ -14,15 +14,18 @@ if TYPE_CHECKING:
     from pnfarm.engine.impairments import CyclicEvidence, ImpairmentTable
     from pnfarm.faults.carrier import Carriers
     from pnfarm.faults.gate import DelayRule, GatedLink, GateRule, Listener
+    from pnfarm.faults.socket_gate import SocketGate
     from pnfarm.wire.direction import Direction
 
-__all__ = ["WIRE", "Wire"]
+__all__ = ["AGREED_LENGTH", "MESSAGES", "WIRE", "Wire"]
 
 
 class Wire(DrivePart):
     """``station`` is the drive's row of the table, ``port`` its port of the link.
 
-    ``carrier_changed(up)`` notifies the drive.
+    ``carrier_changed(up)`` notifies the drive.  ``classes`` are those of its acyclic frames, None where they are not
+    known, ``messages`` those that open its connections and reach its parameters.  ``sockets`` is the gate of a drive
+    with streams and datagrams; what holds for acyclic frames holds for them.
     """
 
     def __init__(
@@ -34,6 +37,10 @@ class Wire(DrivePart):
         gate: GatedLink,
         carriers: Carriers,
         carrier_changed: Callable[[bool], None],
+        *,
+        classes: frozenset[str] | None = None,
+        messages: frozenset[str] = frozenset(),
+        sockets: SocketGate | None = None,
     ) -> None:
         self._drive = drive
         self._station = station
@@ -42,6 +49,9 @@ class Wire(DrivePart):
         self._gate = gate
         self._carriers = carriers
         self._carrier_changed = carrier_changed
+        self.classes = classes
+        self.messages = messages
+        self._sockets = sockets
 
     def rebooted(self, now: int) -> None:
         del now
@@ -50,10 +60,13 @@ class Wire(DrivePart):
     def forget(self) -> None:
         """The drive lost its supply: drop what is held back."""
         self._gate.forget(self._port)
+        if self._sockets is not None:
+            self._sockets.forget(self._port)
 
     def in_force(self) -> list[Any]:
         pulled = ["cable"] if self._carriers.is_pulled(self._port) else []
-        return [*self._impairments.of_station(self._station), *self._gate.in_force(self._port), *pulled]
+        sockets = [] if self._sockets is None else self._sockets.in_force(self._port)
+        return [*self._impairments.of_station(self._station), *self._gate.in_force(self._port), *sockets, *pulled]
 
     # cyclic frames
 
@@ -119,18 +132,26 @@ class Wire(DrivePart):
     def gate(self, rule: GateRule) -> None:
         """Apply ``rule`` to every acyclic frame."""
         self._gate.add(self._port, rule)
+        if self._sockets is not None:
+            self._sockets.add(self._port, rule)
 
     def ungate(self, rule: GateRule) -> None:
         """Remove it."""
         self._gate.remove(self._port, rule)
+        if self._sockets is not None:
+            self._sockets.remove(self._port, rule)
 
     def delay(self, rule: DelayRule) -> None:
         """Let ``rule`` hold back acyclic frames that the drive sends."""
         self._gate.delay(self._port, rule)
+        if self._sockets is not None:
+            self._sockets.delay(self._port, rule)
 
     def undelay(self, rule: DelayRule) -> None:
         """Remove it; frames that no other rule holds back leave at once."""
         self._gate.undelay(self._port, rule)
+        if self._sockets is not None:
+            self._sockets.undelay(self._port, rule)
 
     # a second station at the drive's port
 
@@ -174,3 +195,7 @@ def _evidence(seen: CyclicEvidence) -> Evidence:
 
 
 WIRE: Part[Wire] = Part("wire")
+#: A wire whose ``messages`` open connections and reach parameters, beside the cyclic frames.
+MESSAGES: Part[Wire] = Part("acyclic messages")
+#: A wire whose cyclic frames have data of a length that was agreed.
+AGREED_LENGTH: Part[Wire] = Part("cyclic frames of an agreed length")

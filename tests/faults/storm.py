@@ -6,14 +6,17 @@ from random import Random
 from typing import Any
 
 import numpy as np
+import pytest
+from cip_line import CipLine
 from fault_line import FaultLine
+from kinds_of import fits
 
+from pnfarm.buses.ethernetip.device.connections import nobody
 from pnfarm.buses.profinet.device.modules import modules_view
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
 from pnfarm.faults.kind import InjectionKind, ParamSpec
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.program import RUNNING
 
 #: Numbers of a load that a small motor survives: what runs away is another test's.
 _LOADS = {"torque": (-1.0, 1.0), "inertia": (0.0, 1e-4), "friction": (0.0, 2.0)}
@@ -32,29 +35,49 @@ LINES: dict[str, dict[str, Any]] = {
 }
 
 
-def model_for(kind: InjectionKind) -> str:
+#: A model of each bus.
+MODELS = {"profinet": "akd-profinet", "ethernetip": "akd-ethernetip"}
+
+
+def model_for(kind: InjectionKind, bus_name: str | None = None) -> str:
     """A model that can have this kind."""
-    return "hiwin-e1" if kind.family == "liveness" else "akd-profinet"
+    if kind.family == "liveness":
+        return "hiwin-e1"
+    return MODELS[bus_name or next(name for name in MODELS if fits(kind, name))]
 
 
-def line_of(model: str, drives: int) -> FaultLine:
+def every_kind() -> list[Any]:
+    """Each kind with a model of each bus that can have it."""
+    return [
+        pytest.param(kind, model_for(kind, name), id=kind.name if name == "profinet" else f"{kind.name}-{name}")
+        for kind in fault_kinds().values()
+        for name in MODELS
+        if fits(kind, name)
+    ]
+
+
+def empty_line(kind: InjectionKind) -> FaultLine | CipLine:
+    """One drive that can have this kind, without a connection."""
+    model = model_for(kind)
+    if model == MODELS["ethernetip"]:
+        return CipLine()
+    return FaultLine(model=model, limits="lax", **{**LINES[model], "cycle": "4ms"})
+
+
+def line_of(model: str, drives: int) -> FaultLine | CipLine:
     """Drives of one model, connected and in operation."""
-    line = FaultLine(drives, model=model, **LINES[model])
+    line = CipLine(drives) if model == MODELS["ethernetip"] else FaultLine(drives, model=model, **LINES[model])
     line.connect(20.0)
     line.enable(20.0)
     return line
 
 
-def back(line: FaultLine) -> None:
+def back(line: FaultLine | CipLine) -> None:
     """Reset, and see every drive exchange data and run again in time."""
     line.clear()
     line.run(0.002)  # the engine lets held frames go in its next step
     assert line.until(lambda: line.plc.all_connected, BACK_SECONDS), line.reasons()
-    assert line.until(lambda: line.plc.all_running, RUNNING_SECONDS), [
-        (session.plan.name, line.events(session.plan.name)[-6:])
-        for session in line.plc.sessions
-        if line.plc.columns.program[session.index].phase != RUNNING
-    ]
+    assert line.until(lambda: line.plc.all_running, RUNNING_SECONDS), line.reasons()
 
 
 def value_of(rng: Random, kind: InjectionKind, name: str, spec: ParamSpec, faults: list[Any]) -> Any:
@@ -107,7 +130,7 @@ def random_fault(rng: Random, kind: InjectionKind, drive: str, faults: list[Any]
     return fields
 
 
-def add(line: FaultLine, fields: dict[str, Any]) -> bool:
+def add(line: FaultLine | CipLine, fields: dict[str, Any]) -> bool:
     """Put a fault in force; false where this drive cannot do it."""
     rest = {key: value for key, value in fields.items() if key not in {"kind", "on"}}
     try:
@@ -117,7 +140,7 @@ def add(line: FaultLine, fields: dict[str, Any]) -> bool:
     return True
 
 
-def storm(line: FaultLine, seed: int, count: int, gap: float) -> None:
+def storm(line: FaultLine | CipLine, seed: int, count: int, gap: float) -> None:
     """So many faults on random drives, with up to ``gap`` seconds between two."""
     rng = Random(seed)
     kinds = list(fault_kinds().values())
@@ -130,7 +153,7 @@ def storm(line: FaultLine, seed: int, count: int, gap: float) -> None:
         line.run(rng.uniform(0.0, gap))
 
 
-def left_behind(line: FaultLine) -> dict[str, Any]:
+def left_behind(line: FaultLine | CipLine) -> dict[str, Any]:
     """What faults have left of themselves anywhere; empty when they left nothing."""
     found: dict[str, Any] = {}
 
@@ -158,6 +181,13 @@ def left_behind(line: FaultLine) -> dict[str, Any]:
         look(f"{name} axis", {key: float(AXIS.read(axis, key)) for key in _OF_FAULTS if AXIS.read(axis, key)})
         look(f"{name} without power", not station.powered)
         look(f"{name} has another address", station.port.mac != station.config.mac)
+        if isinstance(line, CipLine):
+            device = station.device
+            look(f"{name} refuses", device.connections.refuse is not nobody)
+            look(f"{name} is listened to", device.connections.listeners)
+            look(f"{name} refuses requests", device.adapter.router.refuse is not None)
+            look(f"{name} has another identity", device.identity.product_code != device.product.product_code)
+            continue
         look(f"{name} refuses", station.device.cm.refuse_connect is not None)
         look(f"{name} delays ready", station.device.connections.ready_delay_ns != 0)
         look(f"{name} answers late", station.device.rpc.late is not None)
@@ -170,7 +200,7 @@ def left_behind(line: FaultLine) -> dict[str, Any]:
     return found
 
 
-def kept(line: FaultLine) -> dict[str, int]:
+def kept(line: FaultLine | CipLine) -> dict[str, int]:
     """How many entries each list has that grows with what happens, after a rest."""
     manager = line.faults
     return {

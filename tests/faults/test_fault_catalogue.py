@@ -7,8 +7,9 @@ import sys
 import pytest
 import toy_kinds
 from fault_line import FaultLine
-from storm import LINES, model_for
+from storm import empty_line
 
+from pnfarm.buses.bus import kinds_here
 from pnfarm.buses.registry import BUSES, bus, fault_kinds
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.faults import kinds as neutral_kinds
@@ -17,7 +18,7 @@ from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.effect import Effect
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.gate import GatedLink
-from pnfarm.faults.kind import InjectionKind
+from pnfarm.faults.kind import InjectionKind, KindOnBus, ParamSpec
 from pnfarm.faults.manager import InjectionManager
 from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
 from pnfarm.faults.servo import SERVO
@@ -52,7 +53,7 @@ def test_a_kind_in_a_file_of_its_own_is_injected_and_taken_back():
 
 def test_each_file_of_a_package_of_kinds_is_found_in_the_order_of_its_name():
     found = [kind.name for kind in kinds_in(neutral_kinds)]
-    assert found[:6] == ["undervoltage", "encoder-error", "following-error", "sto", "corrupt", "delay"]
+    assert found[:6] == ["ar-abort", "undervoltage", "encoder-error", "following-error", "sto", "connect-refuse"]
     assert {"loss", "silence", "f702", "power-cycle"} < set(found)
 
 
@@ -98,8 +99,7 @@ def manager_of(drive: InjectedDrive) -> InjectionManager:
 
 @pytest.mark.parametrize("kind", fault_kinds().values(), ids=lambda kind: kind.name)
 def test_a_drive_with_the_parts_that_a_kind_needs_takes_it_and_one_without_any_refuses_it(kind):
-    model = model_for(kind)
-    line = FaultLine(model=model, limits="lax", **{**LINES[model], "cycle": "4ms"})
+    line = empty_line(kind)
     whole = line.faults.drive("axis-01")
     parts = {part: whole.part(part) for part in kind.effect.needs}
     fields = {"kind": kind.name, "on": "all", "params": FIELDS.get(kind.name, {})}
@@ -167,3 +167,19 @@ def test_every_kind_says_what_a_capture_shows_and_what_controllers_report(kind):
     assert kind.doc.endswith(".")
     assert kind.wire.endswith(".")
     assert kind.reports.rstrip(")").endswith(".")
+    for on in kind.on.values():
+        assert on.wire.endswith(".") or not on.wire
+        assert on.reports.rstrip(")").endswith(".") or not on.reports
+        assert not on.refused.endswith("."), "a part of a sentence"
+
+
+@pytest.mark.parametrize("name", BUSES)
+def test_a_bus_speaks_of_kinds_that_there_are(name):
+    assert set(kinds_here(bus(name))) <= set(fault_kinds())
+
+
+def test_a_parameter_of_two_buses_is_a_program_error():
+    (kind,) = kinds_in(toy_kinds)
+    told = {name: {"hiccup": KindOnBus(name, {"code": ParamSpec("number", "One.")})} for name in ("one", "other")}
+    with pytest.raises(InternalError, match="hiccup has two parameters code"):
+        Catalogue([kind], told)

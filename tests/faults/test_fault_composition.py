@@ -5,7 +5,8 @@ from itertools import permutations
 
 import pytest
 from fault_line import FaultLine
-from storm import BACK_SECONDS, LINES, RUNNING_SECONDS, left_behind, line_of, model_for
+from kinds_of import fits
+from storm import BACK_SECONDS, LINES, MODELS, RUNNING_SECONDS, left_behind, line_of, model_for
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
@@ -71,6 +72,9 @@ MEANWHILE = {
     "power cycle": partial(FaultLine.add, kind="power-cycle", params={"off": "300ms"}),
     "reconnect": partial(FaultLine.add, kind="ar-abort"),
     "module pulled": partial(FaultLine.add, kind="module-missing", for_="500ms"),
+    # of a PROFINET drive, which has no session: its connection
+    "session dropped": partial(FaultLine.add, kind="session-drop", for_="500ms"),
+    "farm stopped": lambda line: line.farm.stop(line.world.now),
     "reset": FaultLine.clear,
 }
 
@@ -93,9 +97,21 @@ def put_all(line: FaultLine, family: str) -> int:
 
 
 @pytest.mark.parametrize("what", MEANWHILE)
-@pytest.mark.parametrize("family", FAMILIES)
-def test_nothing_of_a_family_stays_after_what_happens_in_its_middle(family, what):
-    line = line_of(model_for(next(kind for kind in fault_kinds().values() if kind.family == family)), 1)
+@pytest.mark.parametrize(
+    ("family", "model"),
+    [
+        pytest.param(family, model_for(kinds[0], name), id=family if name == "profinet" else f"{family}-{name}")
+        for family in FAMILIES
+        for name in MODELS
+        if (kinds := [kind for kind in fault_kinds().values() if kind.family == family and fits(kind, name)])
+    ],
+)
+def test_nothing_of_a_family_stays_after_what_happens_in_its_middle(family, model, what):
+    if what == "module pulled" and model == MODELS["ethernetip"]:
+        what = "session dropped"
+    elif what == "session dropped" and model != MODELS["ethernetip"]:
+        what = "reconnect"
+    line = line_of(model, 1)
     assert put_all(line, family)
     MEANWHILE[what](line)
     line.run(1.0)

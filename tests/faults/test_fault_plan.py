@@ -98,7 +98,8 @@ def test_several_misfits_with_the_kind_are_reported_at_once():
 
 def test_parameters_are_read_by_word_number_and_default():
     spec = KINDS.parse({"kind": "connect-refuse", "on": "all", "params": {"code1": "cmdev", "code2": "0x01"}})
-    assert spec.values() == {"code1": 0x3D, "code2": 1}
+    values = spec.values()
+    assert (values["code1"], values["code2"]) == (0x3D, 1)
     assert KINDS.parse({"kind": "ar-abort", "on": "all"}).values() == {"code": 0x0D}
     assert KINDS.parse({"kind": "undervoltage", "on": "all"}).values() == {
         "fault": "undervoltage",

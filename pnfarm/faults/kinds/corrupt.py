@@ -25,7 +25,7 @@ class Corrupt(ShapedEffect):
 
     def settings(self, direction: Direction) -> Mapping[str, float]:
         del direction
-        return {"amount": self.values["bits"], "whole": self.values["whole"]}
+        return {"amount": self.values["bits"], "whole": self.values["whole"], "mends": self.values["mend"]}
 
     def shape(self, seed: int) -> Shape:
         return Shape(seed, bits=self.values["bits"], whole=self.values["whole"])
@@ -44,6 +44,12 @@ KINDS = (
                 "whole number", "Bits that are inverted, spread over the frame.", default=1, low=1, high=64
             ),
             "whole": ParamSpec("yes or no", "Whether also in the addresses and the EtherType.", default=False),
+            "mend": ParamSpec(
+                "yes or no",
+                "Whether the checksums of IPv4 and UDP of a cyclic frame are made right again, so that its receiver "
+                "takes the wrong data; a frame without such checksums is not changed by it.",
+                default=False,
+            ),
         },
         directions=EVERY_DIRECTION,
         takes=FRAMES,

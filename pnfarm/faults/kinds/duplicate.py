@@ -22,6 +22,7 @@ class Duplicate(ShapedEffect):
     """Cyclic frames by the engine, acyclic ones by the gate."""
 
     cyclic: ClassVar[int | None] = DUPLICATE
+    no_streams = "a stream never brings an octet twice: TCP leaves out what it has already"
 
     def settings(self, direction: Direction) -> Mapping[str, float]:
         del direction

@@ -21,7 +21,8 @@ class LimitSwitch(StandingEffect):
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._side = str(self.values["side"])
-        self.status = Status.WARNING if self._servo.warns_of_limit(self._side) else None
+        warns = self._servo.warns_of_limit(self._side) and self._connection.reports(Status.WARNING)
+        self.status = Status.WARNING if warns else None
 
     def put(self) -> None:
         self._servo.reach_limit(self._side)

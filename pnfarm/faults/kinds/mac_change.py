@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pnfarm.errors import ConfigError
 from pnfarm.faults.adapter import ADAPTER
+from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.effect import POLL_NS, Effect, Tally, Window, seed_of
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
@@ -33,6 +34,7 @@ class MacChange(Effect):
         self._wire = drive.part(WIRE)
         self._tally = Tally()
         self._due: int | None = None
+        self._changed_ns = 0
         # locally administered, of one station
         self.mac: bytes = (
             self.values["mac"] or b"\x02" + seed_of(spec, f"adapter of {drive.name}").to_bytes(8, "big")[:5]
@@ -54,6 +56,7 @@ class MacChange(Effect):
         """Count the change once it is made."""
         if not self._tally.seen.checks and self._adapter.mac == self.mac:
             self._tally.note(now)
+            self._changed_ns = now
 
     def _hear(self, direction: Direction, frame: bytes, now: int) -> None:
         if direction == "out" and frame[6:12] == self.mac:
@@ -64,6 +67,9 @@ class MacChange(Effect):
         if self._adapter.failure:
             raise ConfigError(self._adapter.failure)
         self._count(now)
+        connection = self.drive.find(CONNECTION)
+        if self._tally.seen.activations and connection is not None and connection.sent_data(self._changed_ns + 1):
+            self._tally.confirm()
         if self._due is not None and now >= self._due:
             self._due = None if self._tally.seen.confirmed else now + POLL_NS
 

@@ -24,6 +24,7 @@ class Reorder(ShapedEffect):
     """Cyclic frames by the engine, acyclic ones by the gate."""
 
     cyclic: ClassVar[int | None] = REORDER
+    no_streams = "a stream's octets keep their order: TCP puts them in order"
 
     def settings(self, direction: Direction) -> Mapping[str, float]:
         del direction

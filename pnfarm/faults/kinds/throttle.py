@@ -9,6 +9,7 @@ from pnfarm.faults.gate import GateRule
 from pnfarm.faults.kind import EVERY_DIRECTION, HELD, InjectionKind, ParamSpec
 from pnfarm.faults.shaped import MOST_NS, ShapedEffect
 from pnfarm.faults.shaping import LINE_OCTETS, Shape
+from pnfarm.faults.socket_gate import STREAM
 from pnfarm.table.impairment import THROTTLE
 from pnfarm.vocabulary.problem import Problem
 
@@ -23,6 +24,8 @@ __all__ = ["KINDS"]
 
 #: Nanoseconds that an octet takes at 1 kbit/s.
 OCTET_NS = 8_000_000.0
+#: Octets of Ethernet, IPv4 and TCP in front of a message.
+HEADERS = 54
 
 
 class SlowLine(GateRule):
@@ -30,6 +33,7 @@ class SlowLine(GateRule):
 
     def __init__(self, *args: Any, octet_ns: float, queue_ns: int, **fields: Any) -> None:
         super().__init__(*args, **fields)
+        self.is_repeated = False
         self._octet_ns = octet_ns
         self._queue_ns = queue_ns
         self._free_ns: dict[Direction, int] = {"out": 0, "in": 0}
@@ -39,14 +43,18 @@ class SlowLine(GateRule):
         self._now = now
         return self._free_ns[direction] > now
 
-    def left(self, direction: Direction, frame_class: str, frame: bytes, due: int, *, hit: bool) -> list[Passing]:
+    def left(
+        self, direction: Direction, frame_class: str, frame: bytes, due: int, *, hit: bool, bare: bool = False
+    ) -> list[Passing]:
         del hit
         if not self.acts(direction, frame_class, self._now):
             return [(due, frame)]
         starts = max(due, self._free_ns[direction])
-        if starts - due > self._queue_ns:
+        # a stream's octets are repeated until they have come
+        if starts - due > self._queue_ns and not frame_class.startswith(STREAM):
             return []
-        self._free_ns[direction] = starts + int((len(frame) + LINE_OCTETS) * self._octet_ns)
+        octets = len(frame) + LINE_OCTETS + HEADERS * bare
+        self._free_ns[direction] = starts + int(octets * self._octet_ns)
         return [(starts, frame)]
 
 

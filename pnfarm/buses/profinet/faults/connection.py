@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.connection import Connection, ConnectionPart, Status
 from pnfarm.table.channel import IDLE
+from pnfarm.table.plain import plain
 from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class ProfinetConnection(ConnectionPart):
     def __init__(self, station: ProfinetDevice, columns: Columns, keys: ArKeys, settle: Callable[[int], None]) -> None:
         self._station = station
         self._columns = columns
+        self._ppm = plain(columns.ppm)
         self._keys = keys
         self._settle = settle
 
@@ -49,20 +51,20 @@ class ProfinetConnection(ConnectionPart):
         if not cyclic:
             return None
         crs = [cr for ar in cyclic.values() for _, cr in ar.providers]
-        rows = [self._columns.ppm[row] for ar in cyclic.values() for row, _ in ar.providers]
+        rows = [self._ppm[row] for ar in cyclic.values() for row, _ in ar.providers]
         return Connection(
             keys=frozenset(map(self._keys.unique, cyclic)),
             established=any(ar.established for ar in cyclic.values()),
             cycle_ns=min(cr.cycle_ns for cr in crs),
             # a controller may use either of the two; they are equal in practice
             watchdog_ns=max(cr.cycle_ns * max(cr.watchdog_factor, cr.data_hold_factor) for cr in crs),
-            next_ns=min((int(row.next_ns) for row in rows if row.state != IDLE), default=0),
+            next_ns=min((int(row["next_ns"]) for row in rows if row["state"] != IDLE), default=0),
         )
 
     def cycles(self) -> int:
         closed = self._station.channels.closed
-        rows = [self._columns.ppm[row] for ar in self._station.ars.values() for row, _ in ar.providers]
-        return closed.sent + closed.suppressed + sum(int(row.sent) + int(row.suppressed) for row in rows)
+        rows = [self._ppm[row] for ar in self._station.ars.values() for row, _ in ar.providers]
+        return closed.sent + closed.suppressed + sum(int(row["sent"]) + int(row["suppressed"]) for row in rows)
 
     def abort(self, code: int, now: int) -> int:
         keys = [key for key, ar in self._station.ars.items() if ar.providers]
@@ -83,8 +85,8 @@ class ProfinetConnection(ConnectionPart):
         return ended
 
     def sent_data(self, since: int) -> bool:
-        rows = (self._columns.ppm[number] for ar in self._station.ars.values() for number, _ in ar.providers)
-        return any(int(row.last_ns) >= since for row in rows)
+        rows = (self._ppm[number] for ar in self._station.ars.values() for number, _ in ar.providers)
+        return any(int(row["last_ns"]) >= since for row in rows)
 
     def sent_status(self, status: Status, since: int) -> bool:
         bit = _ZSW1_BITS[status]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.profinet.faults.alarms import ALARMS, Alarms
 from pnfarm.buses.profinet.faults.connection import ArKeys, ProfinetConnection
 from pnfarm.buses.profinet.faults.diagnosis import DIAGNOSES, Diagnoses
-from pnfarm.buses.profinet.faults.frame_class import frame_class
+from pnfarm.buses.profinet.faults.frame_class import CLASSES, RPC, frame_class
 from pnfarm.buses.profinet.faults.frames import PROFINET_FRAMES
 from pnfarm.buses.profinet.faults.modules import MODULES, Modules
 from pnfarm.buses.profinet.faults.records import RECORDS, Records
@@ -16,9 +16,10 @@ from pnfarm.buses.profinet.faults.set_up import SET_UP, SetUp
 from pnfarm.faults.adapter import ADAPTER, Adapter
 from pnfarm.faults.connection import CONNECTION
 from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
 from pnfarm.faults.servo import SERVO, Servo
 from pnfarm.faults.sign_of_life import LIFE, SignOfLife
-from pnfarm.faults.wire import WIRE, Wire
+from pnfarm.faults.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
 
 if TYPE_CHECKING:
     from pnfarm.buses.bus import InjectionHost
@@ -39,9 +40,21 @@ def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDriv
     def came_on(now: int) -> None:
         drive.refresh(now)
 
-    wire = Wire(name, station.index, port, host.impairments, host.gate, host.carriers, carrier_changed)
+    wire = Wire(
+        name,
+        station.index,
+        port,
+        host.impairments,
+        host.gate,
+        host.carriers,
+        carrier_changed,
+        classes=CLASSES,
+        messages=frozenset({RPC}),
+    )
     servo = Servo(station.station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
     diagnoses = Diagnoses(station, host.settle)
+    set_up = SetUp(station, host.settle)
+    records = Records(station, host.settle)
     parts: dict[Part[Any], DrivePart] = {
         SERVO: servo,
         WIRE: wire,
@@ -49,13 +62,19 @@ def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDriv
         PROFINET_FRAMES: wire,
         CONNECTION: ProfinetConnection(station, host.columns, keys, host.settle),
         NEIGHBOUR: Neighbour(station),
-        SET_UP: SetUp(station, host.settle),
+        MESSAGES: wire,
+        AGREED_LENGTH: wire,
+        SET_UP: set_up,
+        CONNECT_REQUESTS: set_up,
         MODULES: Modules(station, keys, host.settle, diagnoses.put),
         DIAGNOSES: diagnoses,
         ALARMS: Alarms(station, host.impairments, keys, host.settle),
         LIFE: SignOfLife(station.station, station.index, host.columns),
-        RECORDS: Records(station, host.settle),
+        RECORDS: records,
+        PARAMETER_ACCESS: records,
     }
     model = station.model
-    drive = InjectedDrive(name, lambda: (name, station.name), (model.name, *model.aliases), parts, lambda: station.cm)
+    drive = InjectedDrive(
+        name, lambda: (name, station.name), (model.name, *model.aliases), parts, lambda: station.cm, model.bus
+    )
     return drive

@@ -11,7 +11,8 @@ from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaType, emit_rta, par
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 
 __all__ = [
-    "ALARM", "ALARM_ACK", "ALARM_ERROR", "ARP", "DCP", "LLDP", "OTHER", "RPC", "acknowledging_nothing", "frame_class",
+    "ALARM", "ALARM_ACK", "ALARM_ERROR", "ARP", "CLASSES", "DCP", "LLDP", "OTHER", "RPC", "acknowledging_nothing",
+    "frame_class",
 ]  # fmt: skip
 
 #: Hello, Get, Set, Identify and their answers.
@@ -27,6 +28,7 @@ ALARM_ERROR: Final = "alarm-error"
 ARP: Final = "arp"
 LLDP: Final = "lldp"
 OTHER: Final = ""
+CLASSES: Final = frozenset({DCP, RPC, ALARM, ALARM_ACK, ALARM_ERROR, ARP, LLDP})
 
 _ETHERTYPES = {ETHERTYPE_ARP: ARP, ETHERTYPE_LLDP: LLDP}
 _UDP = 17

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.parts import DrivePart, Part
+from pnfarm.faults.parts import Part
+from pnfarm.faults.requests import ParameterAccess
+from pnfarm.protocols.profinet.errors import PnioStatus, RecordError
 from pnfarm.protocols.profinet.wire.rpc import Opnum
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.faults.gate import LateRule
-    from pnfarm.protocols.profinet.errors import RecordError
     from pnfarm.protocols.profinet.rpc_events import CallKey
 
 __all__ = ["RECORDS", "Records"]
@@ -20,7 +22,19 @@ __all__ = ["RECORDS", "Records"]
 _RECORDS = frozenset({Opnum.READ, Opnum.WRITE, Opnum.READ_IMPLICIT})
 
 
-class Records(DrivePart):
+@dataclass(frozen=True, slots=True)
+class _CountedError(RecordError):
+    """An error code that counts its uses."""
+
+    given: Callable[[], None] = field(kw_only=True)
+
+    def status(self, service: int) -> PnioStatus:
+        self.given()
+        # a dataclass with slots is made twice, so that a bare super() would look for the first
+        return RecordError.status(self, service)
+
+
+class Records(ParameterAccess):
     """Applies what is in force to the drive's present handler and RPC server (:class:`~.rpc_events.LateAnswers`)."""
 
     def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
@@ -46,6 +60,9 @@ class Records(DrivePart):
         return [*self._errors, *self._hooks, *self._late]
 
     # refusals
+
+    def error(self, values: Mapping[str, Any], given: Callable[[], None]) -> RecordError:
+        return _CountedError(values["code"], values["code2"], given=given)
 
     def refuse_records(self, error: RecordError) -> None:
         """Refuse the drive's own records with ``error``; its ``status`` is read at each refusal. The latest counts."""

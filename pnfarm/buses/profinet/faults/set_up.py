@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-from pnfarm.faults.parts import DrivePart, Part
+from pnfarm.faults.parts import Part
+from pnfarm.faults.requests import ConnectRequests
 from pnfarm.protocols.profinet.ar import CmdevState
+from pnfarm.protocols.profinet.errors import ErrorCode, pnio_error
 from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq, ArProperties
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.protocols.profinet.errors import PnioStatus
@@ -25,7 +27,7 @@ class ReadyRule(Protocol):
         ...
 
 
-class SetUp(DrivePart):
+class SetUp(ConnectRequests):
     """Rules on each AR with cyclic data, from its Connect request on."""
 
     def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
@@ -42,6 +44,9 @@ class SetUp(DrivePart):
 
     def in_force(self) -> list[Any]:
         return [*self._connect_hooks, *self._ready_rules]
+
+    def refusal(self, values: Mapping[str, Any]) -> PnioStatus:
+        return pnio_error(ErrorCode.CONNECT, values["code1"], values["code2"])
 
     def hook_connect(self, hook: Callable[[int], PnioStatus | None]) -> None:
         """Ask ``hook`` about every readable Connect for cyclic data; its status refuses it."""

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 from fault_line import FaultLine
+from kinds_of import kinds_of
 from profinet_state import read
 
-from pnfarm.buses.registry import fault_kinds
 from pnfarm.faults.kind import InjectionKind
 
 #: How each model's line is run.
@@ -36,7 +36,7 @@ WITHOUT_CONNECTION = frozenset(
     }
 )  # fmt: skip
 
-EVERY_KIND = pytest.mark.parametrize("kind", fault_kinds().values(), ids=lambda kind: kind.name)
+EVERY_KIND = pytest.mark.parametrize("kind", kinds_of("profinet"), ids=lambda kind: kind.name)
 
 
 def model_of(kind: InjectionKind) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.faults.records import RECORDS
 from pnfarm.faults.kind import EACH, InjectionKind
 from pnfarm.faults.late import LATE_PARAMS, LateEffect
+from pnfarm.faults.requests import PARAMETER_ACCESS
 
 if TYPE_CHECKING:
     from pnfarm.faults.effect import Window
@@ -17,13 +17,13 @@ __all__ = ["KINDS"]
 
 
 class RecordDelay(LateEffect):
-    """In the server of the calls."""
+    """As its bus holds back answers."""
 
-    needs = (RECORDS,)
+    needs = (PARAMETER_ACCESS,)
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
-        self._records = drive.part(RECORDS)
+        self._records = drive.part(PARAMETER_ACCESS)
 
     def begin(self, window: Window, now: int) -> None:
         del window, now
@@ -37,7 +37,7 @@ KINDS = (
     InjectionKind(
         "record-delay",
         "records",
-        "The drive answers Read and Write late; to a repeated call it answers meanwhile that it is working.",
+        "The drive answers requests for its parameters late.",
         "an answer that is late",
         RecordDelay,
         LATE_PARAMS,

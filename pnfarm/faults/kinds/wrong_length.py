@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from pnfarm.buses.profinet.faults.frames import ProfinetFramesEffect
+from pnfarm.faults.frames import FramesEffect
 from pnfarm.faults.kind import FRAMES, InjectionKind, ParamSpec
+from pnfarm.faults.wire import AGREED_LENGTH
 from pnfarm.table.impairment import LENGTH
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from pnfarm.faults.effect import Needs
+    from pnfarm.faults.gate import FrameClasses
     from pnfarm.faults.given import GivenInjection
     from pnfarm.wire.direction import Direction
 
 __all__ = ["KINDS"]
 
 
-class WrongLength(ProfinetFramesEffect):
+class WrongLength(FramesEffect):
     """Cut, or lengthened by zeros."""
 
+    needs: ClassVar[Needs] = (*FramesEffect.needs, AGREED_LENGTH)
+    acyclic: ClassVar[FrameClasses | None] = None
     cyclic: ClassVar[int | None] = LENGTH
 
     def settings(self, direction: Direction) -> Mapping[str, float]:

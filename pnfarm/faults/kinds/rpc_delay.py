@@ -1,14 +1,13 @@
-"""rpc-delay: datagrams leave late, so that the drive's stack seems slow."""
+"""rpc-delay: acyclic messages leave late, so that the drive's stack seems slow."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.faults.frame_class import RPC
-from pnfarm.buses.profinet.faults.frames import PROFINET_FRAMES
 from pnfarm.faults.gate import DelayRule
 from pnfarm.faults.kind import EACH, InjectionKind
 from pnfarm.faults.late import LATE_PARAMS, LateEffect
+from pnfarm.faults.wire import MESSAGES
 
 if TYPE_CHECKING:
     from pnfarm.faults.effect import Window
@@ -21,12 +20,12 @@ __all__ = ["KINDS"]
 class RpcDelay(LateEffect):
     """Delayed on the way to the link."""
 
-    needs = (PROFINET_FRAMES,)
+    needs = (MESSAGES,)
 
     def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
-        self._wire = drive.part(PROFINET_FRAMES)
-        self._rule = DelayRule(frozenset({RPC}), self)
+        self._wire = drive.part(MESSAGES)
+        self._rule = DelayRule(self._wire.messages, self)
 
     def begin(self, window: Window, now: int) -> None:
         del window, now
@@ -41,8 +40,8 @@ KINDS = (
     InjectionKind(
         "rpc-delay",
         "connection",
-        "RPC datagrams of the drive (connections, parameters, control) leave late, in order.",
-        "a datagram that is late",
+        "Acyclic messages of the drive (connections, parameters, control) leave late, in order.",
+        "a message that is late",
         RpcDelay,
         LATE_PARAMS,
         takes=EACH,
