@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.table import program
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pnfarm.config.controller import Program
 
-__all__ = ["IDLE", "AxisProgram", "axis_program"]
+__all__ = ["IDLE", "PHASES", "AxisProgram", "axis_program", "configure"]
+
+#: Phases of an axis program by number.
+PHASES = {
+    program.OFFLINE: "offline",
+    program.SWITCHING_ON: "switching on",
+    program.RUNNING: "running",
+    program.FAULTED: "faulted",
+    program.ACKNOWLEDGING: "acknowledging",
+    program.STOPPED: "stopped",
+}
 
 _KINDS = {
     "idle": program.IDLE,
@@ -51,3 +63,20 @@ def axis_program(section: Program) -> AxisProgram:
         acceleration=section.acceleration,
         dwell_ns=section.dwell_ns,
     )
+
+
+def configure(row: Any, wanted: AxisProgram, steps: Mapping[str, Any]) -> None:
+    """Fill a row of the table with a program, and with what the drive's bus knows of the drive, by the row's fields."""
+    row.kind = wanted.kind
+    row.enable = wanted.enable
+    row.speed = wanted.speed_rpm
+    row.period_ns = wanted.period_ns
+    row.acknowledge_after_ns = wanted.acknowledge_after_ns
+    for index, target in enumerate(wanted.targets):
+        row.targets[index] = target
+    row.target_count = len(wanted.targets)
+    row.acceleration = wanted.acceleration
+    row.dwell_ns = wanted.dwell_ns
+    for step, value in steps.items():
+        setattr(row, step, value)
+    row.active = 1

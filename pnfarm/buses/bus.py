@@ -7,10 +7,11 @@ another.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from ipaddress import IPv4Address
     from pathlib import Path
 
     from fastapi import FastAPI
@@ -27,20 +28,26 @@ if TYPE_CHECKING:
     from pnfarm.faults.addresses import Addresses
     from pnfarm.faults.carrier import Carriers
     from pnfarm.faults.gate import GatedLink
-    from pnfarm.faults.kind import InjectionKind
+    from pnfarm.faults.kind import InjectionKind, KindOnBus
     from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.socket_gate import SocketGate
     from pnfarm.station.device import Device
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 
-__all__ = ["Bus", "DeviceServices", "InjectionHost", "RouteHost", "Segment"]
+__all__ = [
+    "Bus", "DeviceServices", "InjectionHost", "RouteHost", "Segment", "SocketBus", "SpeakingBus", "kinds_here",
+    "uses_sockets",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceServices:
     """What a device uses and does not own: rows of the channel and impairment tables, a seed for its UUIDs.
 
-    ``lateness``: how late the farm itself was; ``lldp``: whether the drives speak LLDP.
+    ``lateness``: how late the farm itself was; ``lldp``: whether the drives speak LLDP.  ``next_hop(port, address)``:
+    the MAC address to which a drive's frames for an IPv4 address go, None while it is not known, and ``answers_arp``:
+    whether the link answers ARP for a drive's address, so that its device must not; both only for buses with sockets.
     """
 
     channels: ChannelTable
@@ -48,6 +55,8 @@ class DeviceServices:
     lateness: LatenessRecord
     seed: bytes
     lldp: bool = True
+    next_hop: Callable[[int, IPv4Address], bytes | None] = lambda _port, _address: None
+    answers_arp: bool = False
 
 
 class Segment(Protocol):
@@ -68,7 +77,10 @@ class Segment(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class InjectionHost:
-    """Services of the farm for injections into one drive.  ``settle(now)`` lets its device process their effects."""
+    """Services of the farm for injections into one drive.
+
+    ``settle(now)`` lets its device process their effects; ``sockets`` is what its streams and datagrams pass.
+    """
 
     columns: Columns
     impairments: ImpairmentTable
@@ -76,6 +88,7 @@ class InjectionHost:
     carriers: Carriers
     addresses: Addresses
     settle: Callable[[int], None]
+    sockets: SocketGate
 
 
 class RouteHost(Protocol):
@@ -181,3 +194,36 @@ class Bus(Protocol):
     def injected_drive(self, device: Any, host: InjectionHost) -> InjectedDrive:
         """A drive of this bus as injections see it; ``device`` is the bus's own."""
         ...
+
+
+@runtime_checkable
+class SocketBus(Protocol):
+    """What a bus says besides if its stations have sockets; one without this has none."""
+
+    @property
+    def uses_sockets(self) -> bool:
+        """Whether its drives are a :class:`~pnfarm.station.device.SocketDevice`.
+
+        On a link with interfaces, the kernel then answers for the addresses of drives and controller: no IPv4 comes
+        to :meth:`~pnfarm.station.device.Device.receive`, and ARP comes to be heard, not to be answered.
+        """
+        ...
+
+
+@runtime_checkable
+class SpeakingBus(Protocol):
+    """What a bus says besides about kinds of injections that are not its own; one without this says nothing."""
+
+    def kinds_here(self) -> Mapping[str, KindOnBus]:
+        """By the kind's name: parameters of its own, texts, or why its drives refuse the kind."""
+        ...
+
+
+def kinds_here(bus: Bus) -> Mapping[str, KindOnBus]:
+    """What a bus says about kinds of injections."""
+    return bus.kinds_here() if isinstance(bus, SpeakingBus) else {}
+
+
+def uses_sockets(bus: Bus) -> bool:
+    """Whether the drives of a bus have sockets."""
+    return isinstance(bus, SocketBus) and bus.uses_sockets

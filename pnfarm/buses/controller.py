@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
+from pnfarm.links.sockets import sockets_of
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from ipaddress import IPv4Interface
@@ -13,6 +15,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.signal_view import AxisSignals
     from pnfarm.engine.columns import Columns
     from pnfarm.links.base import Link, Port
+    from pnfarm.links.sockets import SocketCarrier
     from pnfarm.station.event_log import EventLog
 
 __all__ = ["Controller", "ControllerHost", "ControllerPlan", "ProgrammableDevice"]
@@ -30,6 +33,11 @@ class ControllerHost:
     log: EventLog
     seed: bytes
     lldp: bool = True
+
+    @property
+    def sockets(self) -> SocketCarrier | None:
+        """What carries streams and datagrams of its port; a controller sets itself as its user."""
+        return sockets_of(self.link)
 
 
 class ProgrammableDevice(Protocol):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CONTROLLER", "Claims", "Expansion", "FarmFilePart", "PlacedGroup"]
 
-#: Owner of the values in the controller's section.
+#: Owner of the values in the controller's section; with several controllers, followed by "on" and the bus's title.
 CONTROLLER = "the controller"
 
 Group = TypeVar("Group", bound=DriveGroup)
@@ -37,7 +37,7 @@ class Claims:
         owner = self._owners.setdefault((key, value), (where, name))
         if owner == (where, name):
             return None
-        return CONTROLLER if owner[0] == CONTROLLER else f"{shown(owner[1])} of {owner[0]}"
+        return owner[0] if owner[0].startswith(CONTROLLER) else f"{shown(owner[1])} of {owner[0]}"
 
     def place(self, key: str, value: object) -> str:
         """The place of the first owner of a value."""
@@ -55,7 +55,7 @@ class PlacedGroup(Generic[Group]):
 
 @dataclass(frozen=True, slots=True)
 class Expansion:
-    """What the drives of a file share while they are counted up.  ``controller`` may be another bus's."""
+    """What the drives of a file share while they are counted up; ``controller``: that of their bus, if it has one."""
 
     macs: Macs
     controller: ControllerSection | None

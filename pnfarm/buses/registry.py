@@ -10,7 +10,10 @@ from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.bus import kinds_here
+from pnfarm.buses.ethernetip.bus import ETHERNETIP
 from pnfarm.buses.profinet.bus import PROFINET
+from pnfarm.buses.search import SearchBus
 from pnfarm.captures.families import filters_of
 from pnfarm.errors import ConfigError
 
@@ -22,9 +25,9 @@ if TYPE_CHECKING:
     from pnfarm.faults.catalogue import Catalogue
     from pnfarm.terminal.command import Command
 
-__all__ = ["BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_filters", "registered"]
+__all__ = ["BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_filters", "registered", "searches"]
 
-_buses: dict[str, Bus] = {PROFINET.name: PROFINET}
+_buses: dict[str, Bus] = {PROFINET.name: PROFINET, ETHERNETIP.name: ETHERNETIP}
 #: By name.
 BUSES: Mapping[str, Bus] = MappingProxyType(_buses)
 
@@ -60,12 +63,18 @@ def fault_kinds() -> Catalogue:
     """Every kind that can be injected into a drive: those for any drive, and those of each bus."""
     from pnfarm.faults.catalogue import Catalogue, neutral
 
-    return Catalogue([*neutral(), *(kind for one in BUSES.values() for kind in one.fault_kinds())])
+    kinds = [*neutral(), *(kind for one in BUSES.values() for kind in one.fault_kinds())]
+    return Catalogue(kinds, {one.name: kinds_here(one) for one in BUSES.values()})
 
 
 def commands() -> list[Command]:
     """The commands that the buses add to the program."""
     return [command for one in BUSES.values() for command in one.commands()]
+
+
+def searches() -> dict[str, SearchBus]:
+    """The buses whose devices can be found on a wire, by name."""
+    return {name: one for name, one in BUSES.items() if isinstance(one, SearchBus)}
 
 
 def frame_filters() -> dict[str, frozenset[str]]:

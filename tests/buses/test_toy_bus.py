@@ -103,7 +103,7 @@ def test_drives_of_two_buses_run_in_one_farm(mixed):
     assert float(mixed.akd.handle.axis.motor.velocity) == pytest.approx(60, abs=2)
     akd, toy = (drive_snapshot(mixed.farm, station, mixed.world.now) for station in mixed.farm.stations)
     assert (akd["state"], toy["state"]) == ("S4", "S4")
-    assert (toy["ip"], toy["ar_state"], toy["frames_received"]) == (None, "TALKING", 220)
+    assert (toy["ip"], toy["ar_state"], toy["connected"], toy["frames_received"]) == (None, "TALKING", True, 220)
     assert Drive.model_validate(toy).name == "toy-01"
 
 

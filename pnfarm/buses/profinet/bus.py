@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
     from fastapi import FastAPI
@@ -20,9 +20,10 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.decode.decoder import ProfinetDecoder
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.device.segment import ProfinetSegment
+    from pnfarm.buses.search import Question, SearchAnswer
     from pnfarm.captures.packet import Capture
     from pnfarm.drives.model import Model
-    from pnfarm.faults.kind import InjectionKind
+    from pnfarm.faults.kind import InjectionKind, KindOnBus
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
@@ -94,16 +95,25 @@ class Profinet:
 
         return kinds_in(kinds)
 
+    def kinds_here(self) -> Mapping[str, KindOnBus]:
+        from pnfarm.buses.profinet.faults.on_bus import ON_PROFINET
+
+        return ON_PROFINET
+
     def commands(self) -> Iterable[Command]:
-        from pnfarm.buses.profinet.commands import gsdml, module, record, scan
+        from pnfarm.buses.profinet.commands import gsdml, module, record
         from pnfarm.terminal.command import Command, Panel
 
         return (
             Command("module", Panel.RUNNING, module.app, behind="param"),
             Command("record", Panel.CONTROLLER, record.app, behind="plc"),
-            Command("scan", Panel.CONTROLLER, scan.scan, behind="plc"),
             Command("gsdml", Panel.REFERENCE, gsdml.gsdml, behind="models"),
         )
+
+    async def search(self, question: Question) -> SearchAnswer:
+        from pnfarm.buses.profinet.commands.scan import search
+
+        return await search(question)
 
     def add_routes(self, app: FastAPI, host: RouteHost) -> None:
         from pnfarm.buses.profinet.api.modules import add_modules

@@ -1,55 +1,34 @@
-"""``pnfarm scan``: the devices on this wire that answer DCP, and the neighbours that send LLDP."""
+"""PROFINET's part of ``pnfarm scan``: devices that answer DCP, and the neighbours that send LLDP."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
-
-from pnfarm.terminal.settings import Format, FormatOption
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
+    from pnfarm.buses.search import Question, SearchAnswer
     from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered
     from pnfarm.protocols.profinet.lldp import Neighbour
 
-__all__ = ["scan"]
+__all__ = ["search"]
 
 #: IEC 61158-6-10, coding of DeviceRoleDetails.
 _ROLES = ("device", "controller", "multidevice", "supervisor")
-#: PROFINET's LLDP interval and a little more: each neighbour has sent once by then.
-_LLDP_SECONDS = 6.0
 #: Most LLDP neighbours that are kept.
 _MAXIMUM = 4096
 
 
-def scan(
-    interface: Annotated[
-        str,
-        typer.Option("--interface", "-i", metavar="IF", help="Network interface, such as eth1.", show_default=False),
-    ],
-    seconds: Annotated[float, typer.Option(min=0.1, max=60, help="How long to wait for answers.")] = 2.0,
-    lldp_seconds: Annotated[
-        float, typer.Option(min=0.1, max=120, help="How long to listen for LLDP in all.")
-    ] = _LLDP_SECONDS,
-    no_lldp: Annotated[bool, typer.Option("--no-lldp", help="Ask by DCP only.")] = False,
-    output: FormatOption = Format.TABLE,
-) -> None:
-    """Find devices on the wire by DCP (name, type, addresses, ids, role), and neighbours at its other end by LLDP."""
-    import anyio
-
+async def search(question: Question) -> SearchAnswer:
+    """Devices by DCP (name, type, addresses, ids, role), and neighbours at the wire's other end by LLDP."""
     from pnfarm.buses.profinet.controller.search import duplicate_names
-    from pnfarm.terminal.output import print_json
+    from pnfarm.buses.search import SearchAnswer
 
-    answers, neighbours = anyio.run(_listen, interface, seconds, 0.0 if no_lldp else lldp_seconds)
-    for sentence in duplicate_names(answers):
-        typer.echo(sentence, err=True)
+    answers, neighbours = await _listen(question.interface, question.seconds, question.neighbour_seconds)
     found = _join([_answer(event) for event in answers], [_heard(neighbour) for neighbour in neighbours])
-    if output is Format.JSON:
-        print_json(found)
-        return
-    _print(found, interface, with_lldp=not no_lldp)
+    show = partial(_print, found, question.interface, with_lldp=question.neighbour_seconds > 0)
+    return SearchAnswer(found, show, tuple(duplicate_names(answers)))
 
 
 def _print(found: list[dict[str, Any]], interface: str, *, with_lldp: bool) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.axis_program import configure
 from pnfarm.buses.profinet.controller import events
 from pnfarm.buses.profinet.controller.channels import SessionChannels
 from pnfarm.buses.profinet.controller.device_plan import CALL_PORT
@@ -139,26 +140,9 @@ class ControllerCore:
         self._deadlines = Deadlines()
         self._tail = 0
         for session in self.sessions:
-            self._configure(session)
+            steps = asdict(session.plan.steps) | {"life": session.plan.life}
+            configure(self.columns.program[session.index], session.plan.program, steps)
         link.set_receiver(self.receive)
-
-    def _configure(self, session: DeviceSession) -> None:
-        wanted = session.plan.program
-        row = self.columns.program[session.index]
-        row.kind = wanted.kind
-        row.enable = wanted.enable
-        row.speed = wanted.speed_rpm
-        row.period_ns = wanted.period_ns
-        row.acknowledge_after_ns = wanted.acknowledge_after_ns
-        for index, target in enumerate(wanted.targets):
-            row.targets[index] = target
-        row.target_count = len(wanted.targets)
-        row.acceleration = wanted.acceleration
-        row.dwell_ns = wanted.dwell_ns
-        for step, value in asdict(session.plan.steps).items():
-            setattr(row, step, value)
-        row.life = session.plan.life
-        row.active = 1
 
     def start(self, now: int) -> None:
         """Begin to search for the drives."""

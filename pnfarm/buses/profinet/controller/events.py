@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.axis_program import PHASES
 from pnfarm.station.events import Event, Level, seconds
-from pnfarm.table import program
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.lldp import Neighbour
 
 __all__ = [
-    "PHASES",
     "AlarmReceived",
     "ConnectFailed",
     "Connected",
@@ -31,17 +30,6 @@ __all__ = [
     "Released",
     "SubmodulesChanged",
 ]
-
-
-#: Phases of an axis program by number.
-PHASES = {
-    program.OFFLINE: "offline",
-    program.SWITCHING_ON: "switching on",
-    program.RUNNING: "running",
-    program.FAULTED: "faulted",
-    program.ACKNOWLEDGING: "acknowledging",
-    program.STOPPED: "stopped",
-}
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,7 @@ from pnfarm.protocols.profinet.events import (
 )
 from pnfarm.station.events import StartUpPhase, WatchdogExpired
 from pnfarm.station.lateness import Lateness, budget_ns
+from pnfarm.station.step_time import SLOWEST_STEP_NS, longest_step_ns
 from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 
 if TYPE_CHECKING:
@@ -40,17 +41,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.protocols.profinet.events import CmEvent
 
-__all__ = ["SLOWEST_STEP_NS", "StationConnections"]
-
-#: Channels step four times a cycle, but not faster than the engine's usual tick of 1 ms.  After a late tick the next
-#: may come slightly early and still counts, hence a quarter less.
-FASTEST_STEP_NS = 750_000
-SLOWEST_STEP_NS = 4_000_000
-
-
-def _step_ns(cycle_ns: int) -> int:
-    """Longest interval between two firmware steps: less than a cycle, so that it sees every frame of set points."""
-    return min(SLOWEST_STEP_NS, max(FASTEST_STEP_NS, cycle_ns // 4), cycle_ns * 3 // 4)
+__all__ = ["StationConnections"]
 
 
 def _budget(ar: ArChannels) -> int:
@@ -162,7 +153,7 @@ class StationConnections:
         ar = self._station.channels.open(event, *words, self._set_points(), now)
         self._report_problem(event.ar_key)
         fastest_ns = min(ar.cycle_ns for ar in self._station.ars.values() if ar.providers)
-        self._station.handle.axis.step_ns = _step_ns(fastest_ns)
+        self._station.handle.axis.step_ns = longest_step_ns(fastest_ns)
         telegram = self._station.store.telegram_number
         peer = event.initiator_name, event.initiator_ip
         self.begins(now)

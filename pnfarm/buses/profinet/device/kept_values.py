@@ -6,16 +6,13 @@ drive that booted with half of it would overwrite the other half with its next s
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValueError
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.protocols.profinet.dcp_rules import check_ip_suite
 from pnfarm.protocols.profinet.mib_view import SystemText
 from pnfarm.protocols.profinet.wire.names import check_station_name
-from pnfarm.station.device import KeptValueError
-from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS
-from pnfarm.vocabulary.quoting import shown
+from pnfarm.station.kept_values import FAULTS, Shape, check_shapes, drive_shape, is_address, is_number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,20 +26,6 @@ _MOST_OCTETS, _MOST_TEXT = 4096, 255
 _RECORD_PARTS = 3
 #: DNS servers of DCP's full IP suite; FSHelloMode, interval, retry and delay.
 _DNS_SERVERS, _HELLO_PARTS = 4, 4
-
-#: Checks whether a value has the right format.
-_Check = Callable[[Any], bool]
-
-
-def _is_number(value: Any, high: int, low: int = 0) -> bool:
-    return type(value) is int and low <= value <= high
-
-
-def _is_address(value: Any) -> bool:
-    try:
-        return isinstance(value, str) and bool(IPv4Address(value))
-    except AddressValueError:
-        return False
 
 
 def _is_own_address(value: Any) -> bool:
@@ -73,43 +56,18 @@ def _is_record_key(key: str) -> bool:
     )
 
 
-def _is_drive(value: Any) -> bool:
-    if not isinstance(value, dict) or not isinstance(value.get("parameters"), dict):
-        return False
-    tasks = value.get("motion_tasks", {})
-    return (
-        isinstance(value.get("model", ""), str)
-        and all(isinstance(key, str) and _is_raw(raw) for key, raw in value["parameters"].items())
-        and isinstance(tasks, dict)
-        and all(
-            isinstance(number, str)
-            and number.isascii()
-            and number.isdigit()
-            and isinstance(task, dict)
-            and all(isinstance(key, str) and _is_raw(raw) for key, raw in task.items())
-            for number, task in tasks.items()
-        )
-    )
-
-
-def _is_raw(value: Any) -> bool:
-    """One raw number, or those of an array's elements."""
-    numbers = value if isinstance(value, list) else [value]
-    return all(_is_number(number, _U32, -(1 << 31)) for number in numbers)
-
-
 #: Key of the memory -> its check, and a description of the value.
-_SHAPES: Mapping[str, tuple[_Check, str]] = {
+_SHAPES: Mapping[str, Shape] = {
     "name": (_is_name, "a station name, or an empty text"),
     "ip": (_is_own_address, "an address such as 10.77.0.11/24, or an empty text"),
-    "gateway": (lambda value: value == "" or _is_address(value), "an address such as 10.77.0.1, or an empty text"),
+    "gateway": (lambda value: value == "" or is_address(value), "an address such as 10.77.0.1, or an empty text"),
     "dns": (
-        lambda value: isinstance(value, list) and len(value) == _DNS_SERVERS and all(map(_is_address, value)),
+        lambda value: isinstance(value, list) and len(value) == _DNS_SERVERS and all(map(is_address, value)),
         "four addresses",
     ),
     "hello": (
         lambda value: (
-            isinstance(value, list) and len(value) == _HELLO_PARTS and all(_is_number(part, _U32) for part in value)
+            isinstance(value, list) and len(value) == _HELLO_PARTS and all(is_number(part, _U32) for part in value)
         ),
         "four numbers: mode, interval, retries and delay",
     ),
@@ -123,21 +81,11 @@ _SHAPES: Mapping[str, tuple[_Check, str]] = {
         ),
         "texts by " + ", ".join(SystemText.__members__),
     ),
-    "faults": (
-        lambda value: (
-            isinstance(value, list)
-            and len(value) <= FAULT_SITUATIONS * FAULT_SLOTS
-            and all(_is_number(number, _U32) for number in value)
-        ),
-        f"up to {FAULT_SITUATIONS * FAULT_SLOTS} fault numbers",
-    ),
-    "drive": (_is_drive, "`parameters`, numbers by PNU, and optionally `motion_tasks`"),
+    "faults": FAULTS,
+    "drive": drive_shape(octets=4),
 }
 
 
 def check_kept(values: Mapping[str, Any]) -> None:
     """Raises :class:`KeptValueError` that names the first key with a wrong value, and that value."""
-    for key, value in values.items():
-        shape = _SHAPES.get(key)
-        if shape is not None and not shape[0](value):
-            raise KeptValueError(f"{key!r} is {shown(value)}, not {shape[1]}")
+    check_shapes(values, _SHAPES)

@@ -1,0 +1,1 @@
+"""EtherNet/IP: the AKD on CIP."""

@@ -1,0 +1,1 @@
+"""EtherNet/IP's part of the farm file."""

@@ -1,0 +1,133 @@
+"""The cyclic connections of the scanner as rows of the channel tables."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pnfarm.engine.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
+from pnfarm.engine.schedule import ChannelTable
+from pnfarm.protocols.enip.wire.encapsulation import IO_PORT
+from pnfarm.table.channel import STATUS_GOOD, STATUS_RUN
+from pnfarm.table.signals import ASSEMBLY, ASSEMBLY_WORDS, PART_HIGH, PART_LOW, word_code
+from pnfarm.wire.mac import multicast_mac
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address
+
+    from pnfarm.buses.ethernetip.controller.session import DeviceSession
+    from pnfarm.engine.columns import Columns
+    from pnfarm.links.base import Port
+    from pnfarm.links.sockets import SocketCarrier
+    from pnfarm.protocols.enip.originator_events import ConnectionMade
+
+__all__ = ["SessionChannels"]
+
+_NS_PER_US = 1000
+#: Octets of an assembly that the process image holds.
+_HELD = 4 * ASSEMBLY_WORDS
+#: Devices with the same interval are sent to in different ticks.
+_SPREAD_NS = 1_000_000
+#: DSCP 47 of priority Scheduled (CIP volume 2, 5-7.4), in the upper six bits.
+_TOS = 47 << 2
+
+
+def _words(octets: int) -> list[tuple[int, int]]:
+    """An assembly's words as far as the image holds them: (code, offset)."""
+    return [
+        (word_code(ASSEMBLY + place // 4, PART_HIGH if place % 4 else PART_LOW), place)
+        for place in range(0, min(octets, _HELD) - 1, 2)
+    ]
+
+
+class SessionChannels:
+    """``port`` and ``address`` are the scanner's; groups are joined by its ``sockets``."""
+
+    def __init__(self, columns: Columns, port: Port, address: IPv4Address, sockets: SocketCarrier) -> None:
+        self._columns = columns
+        self._table = ChannelTable(columns)
+        self._port = port
+        self._address = address
+        self._sockets = sockets
+        #: Whether the scanner is in run mode; else what it sends is idle.
+        self.running = True
+
+    def open(self, session: DeviceSession, made: ConnectionMade) -> None:
+        """Forward_Open was answered: both directions start."""
+        self.close(session)
+        plan, wanted = session.plan, session.plan.connection
+        device = plan.ip.ip
+        ports = {item.o_to_t: item.port for item in made.items if item.port}
+        groups = [item.address for item in made.items if not item.o_to_t and item.address.is_multicast]
+        session.group = groups[0] if groups and wanted.multicast else None
+        if session.group is not None:
+            self._sockets.join(self._port.index, session.group)
+        self.write(session, plan.outputs)
+        rest = plan.outputs[_HELD:]
+        common: dict[str, Any] = {"image": session.index, "port": self._port.index}
+        output_rpi_ns = made.reply.o_to_t_api_us * _NS_PER_US
+        session.provider = self._table.open_provider(
+            Class1ProviderPlan(
+                **common,
+                destination=session.mac,
+                source=self._port.mac,
+                destination_address=device,
+                source_address=self._address,
+                connection_id=made.reply.o_to_t_id,
+                data_length=wanted.output_octets,
+                rpi_ns=output_rpi_ns,
+                words=_words(wanted.output_octets),
+                run_idle=wanted.runs,
+                constants=[(_HELD + place, octet) for place, octet in enumerate(rest)],
+                phase_ns=session.index * _SPREAD_NS % output_rpi_ns,
+                tos=_TOS,
+                destination_port=ports.get(True, IO_PORT),
+            )
+        )
+        self.set_mode(session, run=self.running)
+        session.consumer = self._table.open_consumer(
+            Class1ConsumerPlan(
+                **common,
+                destination=self._port.mac if session.group is None else multicast_mac(session.group),
+                destination_address=self._address if session.group is None else session.group,
+                source_address=device,
+                connection_id=made.reply.t_to_o_id,
+                data_length=wanted.input_octets,
+                rpi_ns=made.reply.t_to_o_api_us * _NS_PER_US,
+                multiplier=plan.timeout_multiplier,
+                words=_words(wanted.input_octets),
+                run_idle=wanted.input_header,
+            )
+        )
+
+    def close(self, session: DeviceSession) -> None:
+        """A row starts at zero for its next connection; the device's totals do not."""
+        if session.provider is not None:
+            self._table.close_provider(session.provider)
+            session.measures.frames_sent += int(self._columns.ppm[session.provider].sent)
+            session.provider = None
+        if session.consumer is not None:
+            self._table.close_consumer(session.consumer)
+            session.measures.frames_received += int(self._columns.cpm[session.consumer].received)
+            session.consumer = None
+        if session.group is not None:
+            self._sockets.leave(self._port.index, session.group)
+            session.group = None
+
+    def set_mode(self, session: DeviceSession, *, run: bool) -> None:
+        """The run/idle header of what is sent, where it has one; the axis program of an idle scanner is stopped."""
+        if session.provider is not None:
+            self._columns.ppm[session.provider].data_status = STATUS_GOOD if run else STATUS_GOOD & ~STATUS_RUN
+        self._columns.program[session.index].enable = run and session.plan.program.enable
+
+    def write(self, session: DeviceSession, data: bytes) -> None:
+        """Output data, from the first octet on, as far as the image holds them; what is left is zero."""
+        octets = data[:_HELD].ljust(_HELD, b"\0")
+        words = np.frombuffer(octets, "<i4")
+        self._columns.image[session.index].sent[ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS] = words
+
+    def read(self, session: DeviceSession) -> bytes:
+        """Input data that came last, as far as the image holds them."""
+        words = self._columns.image[session.index].received[ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS]
+        return bytes(words.astype("<i4").tobytes()[: session.plan.connection.input_octets])

@@ -1,0 +1,133 @@
+"""What the scanner expects of each device, and of itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from pnfarm.protocols.enip.wire.forward_open import ConnectionType, NetworkParameters, TransportClass
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from ipaddress import IPv4Interface
+
+    from pnfarm.buses.axis_program import AxisProgram
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.signal_view import AxisSignals
+    from pnfarm.protocols.enip.wire.epath import ElectronicKey
+
+__all__ = ["ConnectionPlan", "DevicePlan", "EthernetIpPlan", "ProgramSteps"]
+
+#: The longest size of a small Forward_Open, octets.
+LONGEST_SMALL = 511
+#: Sequence count, and run/idle header, octets.
+COUNT, HEADER = 2, 4
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionPlan:
+    """The cyclic connection that a device is asked for.
+
+    ``path`` is the connection path with its electronic key and configuration; octets are those of data alone, and a
+    direction without data has a heartbeat, which never has a header.
+    """
+
+    kind: str
+    path: bytes
+    output_octets: int
+    input_octets: int
+    output_header: bool
+    input_header: bool
+    multicast: bool
+
+    @property
+    def output_size(self) -> int:
+        """As Forward_Open has it."""
+        return COUNT + self.output_octets + HEADER * self.runs
+
+    @property
+    def input_size(self) -> int:
+        return COUNT + self.input_octets + HEADER * self.input_header
+
+    @property
+    def runs(self) -> bool:
+        """Whether what is sent has the run/idle header."""
+        return self.output_header and self.output_octets > 0
+
+    @property
+    def large(self) -> bool:
+        """Whether it needs a Large_Forward_Open."""
+        return max(self.output_size, self.input_size) > LONGEST_SMALL
+
+    @property
+    def output(self) -> NetworkParameters:
+        return NetworkParameters(self.output_size, ConnectionType.POINT_TO_POINT)
+
+    @property
+    def input(self) -> NetworkParameters:
+        kind = ConnectionType.MULTICAST if self.multicast else ConnectionType.POINT_TO_POINT
+        return NetworkParameters(self.input_size, kind)
+
+    @property
+    def transport(self) -> TransportClass:
+        return TransportClass(1)
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramSteps:
+    """What the axis program needs to know of a drive; names as in the program's row.
+
+    ``velocity_step`` rpm, ``ramp_step`` rpm/s and ``target_step`` rev are one unit of the commands.
+    """
+
+    front: int = 0
+    velocity_step: float = 1.0
+    ramp_step: float = 1.0
+    target_step: float = 1.0
+    speed_up: float = 0.0
+    speed_down: float = 0.0
+    clear_number: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DevicePlan:
+    """One device as the scanner expects it."""
+
+    name: str
+    model: str
+    ip: IPv4Interface
+    connection: ConnectionPlan
+    rpi_ns: int
+    timeout_multiplier: int
+    steps: ProgramSteps
+    program: AxisProgram
+    reconnect_after_ns: int | None
+    request_timeout_ns: int
+    explicit: Literal["unconnected", "connected"]
+    #: Identity as the file or the model has it; numbers of 0 are not compared.
+    key: ElectronicKey
+    #: The model, whose parameters can be named; None for a device by its EDS file.
+    described: Model | None = None
+    #: Octets that such a device is sent.
+    outputs: bytes = b""
+    #: Telegrams are PROFIdrive's: a user's program has no signals here.
+    signals: AxisSignals | None = None
+    life: bool = False
+
+    @property
+    def cycle_ns(self) -> int:
+        return self.rpi_ns
+
+
+@dataclass(frozen=True, slots=True)
+class EthernetIpPlan:
+    """One scanner and its devices."""
+
+    name: str
+    ip: IPv4Interface
+    devices: tuple[DevicePlan, ...]
+
+    @property
+    def udp_ports(self) -> tuple[IPv4Interface, Sequence[int]]:
+        """Its sockets hold the ports that they need."""
+        return self.ip, ()

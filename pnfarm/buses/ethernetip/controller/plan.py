@@ -1,0 +1,219 @@
+"""From the farm file to what the scanner expects of each device."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from ipaddress import IPv4Interface
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.axis_program import IDLE, axis_program
+from pnfarm.buses.ethernetip.config.controller import USUAL_RPI_NS
+from pnfarm.buses.ethernetip.controller.device_plan import ConnectionPlan, DevicePlan, EthernetIpPlan, ProgramSteps
+from pnfarm.buses.ethernetip.controller.eds_connection import connection_of, device_of
+from pnfarm.buses.ethernetip.device.product import Product
+from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.drives.given_values import raw_number
+from pnfarm.drives.store import ParameterStore
+from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.firmware.axis import AXIS
+from pnfarm.protocols.enip.eds import LONGEST, parse_eds
+from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, emit_epath, logical_path
+from pnfarm.table.image import IMAGE
+from pnfarm.vocabulary.regular_file import read_regular
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.buses.ethernetip.config.controller import EdsDevice, EthernetIpController
+    from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
+    from pnfarm.buses.ethernetip.controller.eds_connection import EdsConnection
+    from pnfarm.drives.model import Model
+
+__all__ = ["EthernetIpPlan", "plan_controller", "plan_devices", "program_steps"]
+
+#: The Assembly object.
+ASSEMBLY_CLASS = 0x04
+#: The parameter that clears faults when it is written (AKD EtherNet/IP manual 6.6).
+CLEAR_FAULTS = "DRV.CLRFAULTS"
+
+
+def program_steps(model: Model, drive: EthernetIpDriveConfig) -> ProgramSteps:
+    """Units, ramps of a speed (DRV.ACC, DRV.DEC), as the drive itself works them out of its parameters."""
+    axes, image = AXIS.allocate(1), IMAGE.allocate(1)
+    axis = axes[0]
+    model.apply_motor(axis)
+    store = ParameterStore(model, AxisHandle(axis, image[0]))
+    numbers: dict[str | int, int | Sequence[int]] = {}
+    for key, value in drive.params.items():
+        raw = raw_number(model.resolve(key)[0], value)
+        if raw is None:
+            raise ConfigError(f"drive {drive.name}: {key} cannot be {value!r}")
+        numbers[key] = raw
+    store.commission(numbers)
+    store.power_on()
+    profile = float(axis.ethernetip.settings.profile_step) or 1.0
+    return ProgramSteps(
+        front=model.front,
+        velocity_step=profile,
+        ramp_step=profile,
+        target_step=float(axis.travel.settings.position_step) or 1.0,
+        speed_up=float(axis.ramp.settings.acceleration),
+        speed_down=float(axis.ramp.settings.deceleration),
+        clear_number=model.resolve(CLEAR_FAULTS)[0].pnu,
+    )
+
+
+def _key(section: EthernetIpController, key: ElectronicKey) -> tuple[ElectronicKey, ...]:
+    """The segment in front of a connection path, if there is to be one."""
+    if section.keying == "off":
+        return ()
+    return (replace(key, compatible=section.keying == "compatible"),)
+
+
+def _connection(section: EthernetIpController, product: Product) -> ConnectionPlan:
+    """The connection to a drive of the farm, by its model."""
+    consumed, octets = {
+        "exclusive-owner": (product.output_assembly, product.output_size),
+        "input-only": (product.input_only_assembly, 0),
+        "listen-only": (product.listen_only_assembly, 0),
+    }[section.connection]
+    points = logical_path(ASSEMBLY_CLASS, product.configuration_assembly, None, consumed, product.input_assembly)
+    return ConnectionPlan(
+        kind=section.connection,
+        path=emit_epath((*_key(section, _identity(product)), *points)),
+        output_octets=octets,
+        input_octets=product.input_size,
+        output_header=product.output_run_idle,
+        input_header=product.input_run_idle,
+        multicast=section.multicast or section.connection == "listen-only",
+    )
+
+
+def _identity(product: Product) -> ElectronicKey:
+    return ElectronicKey(product.vendor_id, product.device_type, product.product_code, *product.revision)
+
+
+def _plan_drive(section: EthernetIpController, drive: EthernetIpDriveConfig, model: Model) -> DevicePlan:
+    if drive.ip is None:
+        raise ConfigError(f"drive {drive.name} has no ip")
+    product = Product.of(model)
+    usual = section.rpi_ns if section.rpi_ns is not None else max(USUAL_RPI_NS, product.min_rpi_ns)
+    steps = program_steps(model, drive)
+    program = axis_program(section.program)
+    return DevicePlan(
+        name=drive.name,
+        model=model.name,
+        ip=drive.ip,
+        connection=_connection(section, product),
+        rpi_ns=drive.rpi_ns if drive.rpi_ns is not None else usual,
+        timeout_multiplier=section.timeout_multiplier,
+        steps=steps,
+        program=program,
+        reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+        request_timeout_ns=section.request_timeout_ns,
+        explicit=section.explicit,
+        key=_identity(product),
+        described=model,
+    )
+
+
+def _plan_foreign(section: EthernetIpController, device: EdsDevice, folder: Path) -> DevicePlan:
+    """A device by its EDS file."""
+    path = folder / device.eds
+    try:
+        eds = parse_eds(_read(path))
+        key, product = device_of(eds)
+        found = connection_of(eds, device.connection)
+        connection = _foreign_connection(section, device, found, key)
+    except (ConfigError, DecodeError) as exc:
+        raise ConfigError(f"device {device.name}, {path}: {exc}") from exc
+    usual = section.rpi_ns if section.rpi_ns is not None else USUAL_RPI_NS
+    return DevicePlan(
+        name=device.name,
+        model=product or path.name,
+        ip=device.ip,
+        connection=connection,
+        rpi_ns=device.rpi_ns if device.rpi_ns is not None else usual,
+        timeout_multiplier=section.timeout_multiplier,
+        steps=ProgramSteps(),
+        program=IDLE,
+        reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+        request_timeout_ns=section.request_timeout_ns,
+        explicit=section.explicit,
+        key=key,
+        outputs=device.outputs or b"",
+    )
+
+
+def _foreign_connection(
+    section: EthernetIpController, device: EdsDevice, found: EdsConnection, key: ElectronicKey
+) -> ConnectionPlan:
+    configuration = device.configuration or b""
+    if len(configuration) != found.configuration_octets:
+        raise ConfigError(
+            f"{found.keyword} has {found.configuration_octets} octets of configuration, not {len(configuration)}: "
+            "give `configuration`"
+        )
+    if len(device.outputs or b"") > found.output_octets:
+        raise ConfigError(
+            f"{found.keyword} has {found.output_octets} octets of outputs, not {len(device.outputs or b'')}"
+        )
+    wanted = device.multicast if device.multicast is not None else section.multicast
+    if device.multicast and not found.multicast:
+        raise ConfigError(f"{found.keyword} has no multicast connection")
+    multicast = found.multicast and (wanted or found.kind == "listen-only" or not found.point_to_point)
+    if not multicast and not found.point_to_point:
+        raise ConfigError(f"{found.keyword} has neither a multicast nor a point-to-point connection to the originator")
+    data = (DataSegment(configuration + bytes(len(configuration) % 2)),) if configuration else ()
+    return ConnectionPlan(
+        kind=found.kind,
+        path=emit_epath(_key(section, key)) + found.path + emit_epath(data),
+        output_octets=found.output_octets,
+        input_octets=found.input_octets,
+        output_header=found.output_header,
+        input_header=found.input_header,
+        multicast=multicast,
+    )
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return read_regular(path, LONGEST + 1)
+    except OSError as exc:
+        raise ConfigError(f"cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
+
+
+def plan_devices(
+    section: EthernetIpController,
+    drives: Sequence[EthernetIpDriveConfig],
+    models: Sequence[Model],
+    folder: Path | None = None,
+) -> list[DevicePlan]:
+    """What the scanner expects, drive by drive and then device by device.
+
+    ``folder`` is what the EDS files of the devices are relative to.  Raises :class:`ConfigError`.
+    """
+    plans = [_plan_drive(section, drive, model) for drive, model in zip(drives, models, strict=True)]
+    return plans + [_plan_foreign(section, device, folder or Path()) for device in section.devices]
+
+
+def plan_controller(
+    section: EthernetIpController, drives: Sequence[EthernetIpDriveConfig], models: Sequence[Model], folder: Path | None
+) -> EthernetIpPlan:
+    """The scanner and what it expects; arguments and errors as those of :func:`plan_devices`."""
+    devices = plan_devices(section, drives, models, folder)
+    return EthernetIpPlan(section.name, _own_address(section, devices), tuple(devices))
+
+
+def _own_address(section: EthernetIpController, devices: Sequence[DevicePlan]) -> IPv4Interface:
+    """The scanner's address; a free one next to the devices' where the file gives none."""
+    if section.ip is not None:
+        return section.ip
+    if not devices:
+        raise ConfigError("neither the controller nor a drive has an ip; give `controller: {ip: 10.77.0.1/24}`")
+    network, taken = devices[0].ip.network, {device.ip.ip for device in devices}
+    for address in network.hosts():
+        if address not in taken:
+            return IPv4Interface((address, network.prefixlen))
+    raise ConfigError(f"{network} has no address left for the controller; give it one outside of the drives'")

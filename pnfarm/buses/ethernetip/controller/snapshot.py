@@ -1,0 +1,62 @@
+"""The scanner's view of one device: a row for the terminal and for JSON."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.axis_program import PHASES
+
+if TYPE_CHECKING:
+    from pnfarm.buses.ethernetip.controller.session import DeviceSession
+    from pnfarm.engine.columns import Columns
+
+__all__ = ["snapshot_row"]
+
+
+def snapshot_row(session: DeviceSession, columns: Columns) -> dict[str, Any]:
+    """Names, states, counts and times (seconds) of one device's connection.
+
+    ``zsw1`` are status words 1 and, above it, 2 of the response assembly; ``stw1`` is the control word of the command
+    assembly and, above it, the type of its command: what comes nearest to PROFIdrive's words of these names.
+    """
+    row = columns.program[session.index]
+    consumer = None if session.consumer is None else columns.cpm[session.consumer]
+    provider = None if session.provider is None else columns.ppm[session.provider]
+    measures, queue = session.measures, session.queue
+    return {
+        "name": session.plan.name,
+        "model": session.plan.model,
+        "mac": session.mac.hex(":"),
+        "ip": str(session.plan.ip.ip),
+        "state": session.state.value,
+        "phase": PHASES[int(row.phase)],
+        "zsw1": int(row.zsw1),
+        "stw1": int(row.stw1),
+        "moves": int(row.moves),
+        "faults": int(row.faults),
+        "refused_commands": int(row.refused),
+        "connects": measures.connects,
+        "losses": measures.losses,
+        "refusals": measures.refusals,
+        "expirations": measures.expirations,
+        "sessions_lost": measures.sessions_lost,
+        "connect_seconds": _seconds(measures.connect_ns),
+        "reconnect_seconds": _seconds(measures.reconnect_ns),
+        "reaction_seconds": _seconds(int(row.reaction_ns) or None),
+        "reaction_max_seconds": _seconds(int(row.reaction_max_ns) or None),
+        "recovery_seconds": _seconds(int(row.recovery_ns) or None),
+        "cycle_seconds": session.plan.rpi_ns / 1e9,
+        "frames_sent": measures.frames_sent + (int(provider.sent) if provider is not None else 0),
+        "frames_received": measures.frames_received + (int(consumer.received) if consumer is not None else 0),
+        "connection": session.plan.connection.kind,
+        "group": None if session.group is None else str(session.group),
+        "requests_answered": queue.answered,
+        "requests_failed": queue.failed,
+        "unusable": [],
+        "identification": None if session.identification is None else session.identification.as_dict(),
+        "last_reason": measures.last_reason,
+    }
+
+
+def _seconds(value: int | None) -> float | None:
+    return None if value is None else value / 1e9

@@ -1,0 +1,1 @@
+"""Puts EtherNet/IP's frames of a capture into words."""

@@ -1,0 +1,1 @@
+"""What a model's electronic data sheet says of it."""

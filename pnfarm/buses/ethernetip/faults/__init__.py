@@ -1,0 +1,1 @@
+"""Faults of drives on EtherNet/IP."""

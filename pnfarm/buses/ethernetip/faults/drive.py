@@ -1,0 +1,72 @@
+"""A drive on EtherNet/IP as injections see it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.ethernetip.faults.connection import AdapterConnection
+from pnfarm.buses.ethernetip.faults.frames import CIP_FRAMES
+from pnfarm.buses.ethernetip.faults.identity import IDENTITY, Identity
+from pnfarm.buses.ethernetip.faults.messages import CLASSES, EncapsulationCutter, message_class
+from pnfarm.buses.ethernetip.faults.messages import MESSAGES as MESSAGE_CLASSES
+from pnfarm.buses.ethernetip.faults.requests import ExplicitAccess, ForwardOpens
+from pnfarm.faults.adapter import ADAPTER, Adapter
+from pnfarm.faults.connection import CONNECTION
+from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
+from pnfarm.faults.servo import SERVO, Servo
+from pnfarm.faults.sockets import SOCKETS, Sockets
+from pnfarm.faults.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
+
+if TYPE_CHECKING:
+    from pnfarm.buses.bus import InjectionHost
+    from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
+
+__all__ = ["injected_drive"]
+
+#: Acyclic frames of such a drive do not pass the gate; what does is of this class.
+OTHER = "other"
+
+
+def injected_drive(device: EthernetIpDevice, host: InjectionHost) -> InjectedDrive:
+    """Parts outside of the device: rows of the engine's table, the gate, hooks of its machines."""
+    station = device.station
+    name, port = station.configured_name, station.port.index
+    host.gate.classify(port, lambda _: OTHER)
+    host.sockets.classify(port, message_class, EncapsulationCutter)
+
+    def carrier_changed(up: bool) -> None:
+        device.link.up = up
+
+    def came_on(now: int) -> None:
+        drive.refresh(now)
+
+    wire = Wire(
+        name,
+        station.index,
+        port,
+        host.impairments,
+        host.gate,
+        host.carriers,
+        carrier_changed,
+        classes=CLASSES,
+        messages=MESSAGE_CLASSES,
+        sockets=host.sockets,
+    )
+    servo = Servo(station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
+    parts: dict[Part[Any], DrivePart] = {
+        SERVO: servo,
+        WIRE: wire,
+        ADAPTER: Adapter(name, port, station.port.mac, host.addresses, servo, device.change_mac),
+        CONNECTION: AdapterConnection(device, host.columns, host.settle),
+        CIP_FRAMES: wire,
+        MESSAGES: wire,
+        AGREED_LENGTH: wire,
+        SOCKETS: Sockets(host.sockets, port),
+        CONNECT_REQUESTS: ForwardOpens(device),
+        PARAMETER_ACCESS: ExplicitAccess(device, wire, host.settle),
+        IDENTITY: Identity(device),
+    }
+    model = station.model
+    drive = InjectedDrive(name, lambda: (name,), (model.name, *model.aliases), parts, lambda: device.adapter, model.bus)
+    return drive
