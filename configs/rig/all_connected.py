@@ -29,7 +29,7 @@ def main() -> int:
     except OSError as exc:  # no token file, connection refused, timeout, or an error response
         sys.stderr.write(f"the farm at {api} does not tell: {exc}\n")
         return 1
-    missing = [drive["name"] for drive in drives if drive["ar_state"] != "DATA"]
+    missing = [drive["name"] for drive in drives if not drive["connected"]]
     sys.stdout.write(f"{len(drives) - len(missing)} of {len(drives)} drives exchange data\n")
     return 1 if missing or not drives else 0
 

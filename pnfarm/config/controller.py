@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
 from pnfarm.config.links import Link
 from pnfarm.config.section import Section
@@ -15,7 +16,9 @@ from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
+
+    from pnfarm.vocabulary.issues import Location
 
 __all__ = ["ControllerSection", "Program", "Reconnect"]
 
@@ -111,7 +114,17 @@ def _open_reconnect(value: Any) -> Any:
 
 
 class ControllerSection(Section):
-    """Keys of the controller on any bus; a bus's section adds its own."""
+    """Keys of the controller on any bus; a bus's section adds its own.
+
+    A file with drives on several buses has one for each: the keys of the section, and those of the map for that bus.
+    """
+
+    #: What all controllers of a file share, below a key: there is one program of one's own, and it sees all axes.
+    shared_keys: ClassVar[Mapping[str, frozenset[str]]] = {
+        "program": frozenset({"python", "class", "limit", "call_time"})
+    }
+    #: Keys of one bus only: a device has one description, on one bus.
+    single_keys: ClassVar[frozenset[str]] = frozenset({"devices"})
 
     name: NamePattern = Field(default="plc", description="Its station name.")
     interface: Interface | None = Field(default=None, description="Existing interface to use; it is not changed.")
@@ -120,6 +133,19 @@ class ControllerSection(Section):
     reconnect: Annotated[Reconnect | None, BeforeValidator(_open_reconnect)] = Field(
         default_factory=Reconnect, description="`off`: stay disconnected."
     )
+
+    _map: str = PrivateAttr(default="")
+    _in_map: frozenset[str] = PrivateAttr(default=frozenset())
+
+    def placed(self, bus: str, keys: Iterable[str]) -> Self:
+        """Remember which keys are from the map of a bus; the last step of reading."""
+        self._map, self._in_map = bus, frozenset(keys)
+        return self
+
+    def at(self, *keys: str | int) -> Location:
+        """Where the file has a key of this controller: in the section, or in the map for its bus."""
+        inside = bool(keys) and keys[0] in self._in_map
+        return ("controller", self._map, *keys) if inside else ("controller", *keys)
 
     @property
     def device_names(self) -> Sequence[str]:

@@ -16,7 +16,7 @@ from pnfarm.vocabulary.quoting import shown
 from pnfarm.wire.mac import format_mac, is_group, mac_from_int, mac_to_int
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from pnfarm.config.drive import Claim
     from pnfarm.vocabulary.issues import Location, Report
@@ -72,12 +72,11 @@ def auto_mac(farm: str, station: str, salt: int = 0) -> bytes:
 class Macs:
     """Gives each drive its address; those that the file names are never given to another."""
 
-    def __init__(self, farm: str, groups: Sequence[DriveGroup], own: bytes | None) -> None:
-        """``own``: the controller's."""
+    def __init__(self, farm: str, groups: Sequence[DriveGroup], own: Iterable[bytes]) -> None:
+        """``own``: those of the controllers."""
         self._farm = farm
         self._taken = {mac for group in groups if isinstance(group, IpDrives) for mac in _explicit(group)}
-        if own is not None:
-            self._taken.add(own)
+        self._taken.update(own)
         #: Salts that each name has used up, so that a name given thousands of times costs no search each.
         self._tried: dict[str, int] = {}
 

@@ -1,4 +1,4 @@
-"""A farm and its controller in one virtual world, from one farm file."""
+"""A farm and its controllers in one virtual world, from one farm file."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.controller import ControllerHost
 from pnfarm.config.ip import IpController
-from pnfarm.controller.plan import plan_controller
-from pnfarm.controller.program_file import program_of
+from pnfarm.controller.group import Controllers
+from pnfarm.controller.plan import plan_controllers
+from pnfarm.controller.program_file import program_of, program_settings
 from pnfarm.controller.program_runner import ProgrammedNode, ProgramRunner
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError
@@ -29,86 +30,107 @@ if TYPE_CHECKING:
     from pnfarm.config.drive import DriveConfig
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.drives.memory import NonVolatile
+    from pnfarm.farm.core import Node
     from pnfarm.farm.file.reading import FarmConfig
-    from pnfarm.links.base import Link
+    from pnfarm.links.base import Link, Port
     from pnfarm.links.memory import MemoryLink
+    from pnfarm.links.pcap_files import BlockSink
 
-__all__ = ["JoinedController", "VirtualLine", "join_controller"]
+__all__ = ["JoinedControllers", "VirtualLine", "join_controllers"]
 
 
 @dataclass(frozen=True, slots=True)
-class JoinedController:
-    """A controller in a world; ``programs``: the users' programs of its axes, None where the file has none."""
+class JoinedControllers:
+    """Controllers in a world; ``programs``: the users' programs of their axes, None where the file has none."""
 
-    plc: Controller
+    controllers: Controllers
     programs: ProgramRunner | None
-    link: MemoryLink
+    links: Sequence[MemoryLink]
 
     def summary(self) -> list[dict[str, Any]]:
-        """Its drives, as rows of ``pnfarm plc --json``."""
+        """Their drives, as rows of ``pnfarm plc --json``."""
         programs = self.programs
         return [
             row | {"program": None if programs is None else programs.snapshot(row["name"])}
-            for row in self.plc.snapshot()
+            for row in self.controllers.snapshot()
         ]
 
     async def close(self) -> None:
         """End the users' programs, and leave the world's switch."""
         if self.programs is not None:
             await asyncio.to_thread(self.programs.close)
-        await self.link.close()
+        for link in self.links:
+            await link.close()
 
 
-async def join_controller(
+async def join_controllers(
     world: VirtualWorld,
     config: FarmConfig,
     drives: Sequence[DriveConfig],
     log: EventLog,
     program: type[AxisProgram] | None = None,
-) -> JoinedController | None:
-    """Put the file's controller into a world that has its farm already, and power it on; None where it has none.
+) -> JoinedControllers | None:
+    """Put the file's controllers into a world that has its farm already, and power them on; None where it has none.
 
     ``program`` replaces the file of a program of one's own.  Raises :class:`ConfigError` for one that needs a network.
     """
-    section = config.controller
-    if section is None:
+    if not config.controllers:
         return None
-    mac = controller_mac(config)
-    if isinstance(section, IpController) and (mac is None or section.ip is None):
-        raise ConfigError("a controller in memory needs `ip`, and no `interface`")
-    link = world.link()
-    (port,) = await link.open([PortSpec(section.name, mac or b"")])
-    bus, plan = plan_controller(config, drives)
-    plc = bus.controller(plan, ControllerHost(link, port, log, seed=b"plc", lldp=config.lldp))
-    kind, runner = program or program_of(config), None
-    if kind is not None:
+    for section in config.controllers:
+        if isinstance(section, IpController) and (controller_mac(config, section) is None or section.ip is None):
+            raise ConfigError("a controller in memory needs `ip`, and no `interface`")
+    planned = plan_controllers(config, drives)
+    links: list[MemoryLink] = []
+    ports: list[Port] = []
+    for one in planned:
+        link = world.link()
+        links.append(link)
+        ports += await link.open([PortSpec(one.section.name, one.mac or b"")])
+    controllers = Controllers(
+        planned,
+        [
+            one.bus.controller(one.plan, ControllerHost(link, port, log, seed=b"plc", lldp=config.lldp))
+            for one, link, port in zip(planned, links, ports, strict=True)
+        ],
+    )
+    settings, runner = program_settings(config), None
+    if settings is not None and (kind := program or program_of(config)) is not None:
         runner = ProgramRunner(
-            plc.columns,
-            plan.devices,
+            controllers.programmed(),
             kind,
             log.record,
-            limit_ns=section.program.limit_ns,
+            limit_ns=settings.limit_ns,
             in_real_time=False,
-            call_ns=section.program.call_time_ns,
+            call_ns=settings.call_time_ns,
         )
-    world.join(plc if runner is None else ProgrammedNode(plc, runner), [port])
-    plc.start(world.now)
-    return JoinedController(plc, runner, link)
+    nodes: list[Node] = list(controllers)
+    if runner is not None:
+        *_, last = controllers
+        nodes[-1] = ProgrammedNode(last, runner)
+    for node, port in zip(nodes, ports, strict=True):
+        world.join(node, [port])
+    controllers.start(world.now)
+    return JoinedControllers(controllers, runner, links)
 
 
 class VirtualLine:
-    """``farm`` and ``plc`` (None without a ``controller:`` section) in ``world``; made by :meth:`create`."""
+    """``farm`` and its controllers (none without a ``controller:`` section) in ``world``; made by :meth:`create`."""
 
     def __init__(
-        self, config: FarmConfig, world: VirtualWorld, farm: FarmCore, farm_link: MemoryLink, plc: Controller | None
+        self,
+        config: FarmConfig,
+        world: VirtualWorld,
+        farm: FarmCore,
+        farm_link: MemoryLink,
+        joined: JoinedControllers | None,
     ) -> None:
         self.config = config
         self.world = world
         self.farm = farm
         self.farm_link = farm_link
-        self._plc = plc
-        #: The users' programs of the controller's axes, None where the file has none.
-        self.programs: ProgramRunner | None = None
+        self._joined = joined
+        #: The users' programs of the controllers' axes, None where the file has none.
+        self.programs: ProgramRunner | None = joined.programs if joined is not None else None
 
     async def close(self) -> None:
         """End the users' programs, close the farm's link, and with it a capture."""
@@ -117,11 +139,21 @@ class VirtualLine:
         await self.farm.link.close()
 
     @property
-    def plc(self) -> Controller:
-        """The controller; raises :class:`ConfigError` when the file has none."""
-        if self._plc is None:
+    def joined(self) -> JoinedControllers:
+        """What runs the drives; raises :class:`ConfigError` when the file has no controller."""
+        if self._joined is None:
             raise ConfigError("the file has no `controller:` section")
-        return self._plc
+        return self._joined
+
+    @property
+    def controllers(self) -> Controllers:
+        """The controllers; raises as :attr:`joined` does."""
+        return self.joined.controllers
+
+    @property
+    def plc(self) -> Controller:
+        """The only controller, or the first; raises as :attr:`joined` does."""
+        return self.controllers.first
 
     @classmethod
     async def create(
@@ -132,23 +164,23 @@ class VirtualLine:
         log: EventLog | None = None,
         plc_log: EventLog | None = None,
         pcap: Path | None = None,
+        frames: BlockSink | None = None,
         epoch_ns: int | None = None,
         program: type[AxisProgram] | None = None,
     ) -> VirtualLine:
-        """Power the drives on, and the controller where the file has one.  Nothing runs before ``world.run``.
+        """Power the drives on, and the controllers where the file has some.  Nothing runs before ``world.run``.
 
-        ``pcap`` captures all frames of the drives, stamped with the world's time plus ``epoch_ns`` (default: such that
-        the world begins now); :meth:`close` ends it.
+        ``pcap`` (or ``frames``) captures all frames of the drives, stamped with the world's time plus ``epoch_ns``
+        (default: such that the world begins now); :meth:`close` ends it.
         ``program`` replaces the file of a program of one's own.  Raises :class:`~pnfarm.errors.EnvironmentError_`.
         """
         drives = expand(config)
         world = VirtualWorld()
         link = world.link()
         whole: Link = link
-        if pcap is not None:
-            whole = PcapLink(
-                link, pcap, clock=world.clock, epoch_ns=epoch_ns, comment=f"pnfarm farm {config.farm or 'farm'}"
-            )
+        if pcap is not None or frames is not None:
+            comment = f"pnfarm farm {config.farm or 'farm'}"
+            whole = PcapLink(link, pcap, clock=world.clock, epoch_ns=epoch_ns, comment=comment, sink=frames)
             world.watch(whole.record)
         ports = await whole.open([PortSpec(drive.name, drive.mac) for drive in drives])
         farm = FarmCore(
@@ -165,9 +197,5 @@ class VirtualLine:
         )
         world.join(farm, ports)
         farm.start(world.now)
-        joined = await join_controller(world, config, drives, plc_log or EventLog(quiet=True), program)
-        if joined is None:
-            return cls(config, world, farm, link, None)
-        line = cls(config, world, farm, link, joined.plc)
-        line.programs = joined.programs
-        return line
+        joined = await join_controllers(world, config, drives, plc_log or EventLog(quiet=True), program)
+        return cls(config, world, farm, link, joined)

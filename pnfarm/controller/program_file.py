@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.config.controller import Program
     from pnfarm.farm.file.reading import FarmConfig
 
-__all__ = ["error_text", "load_program", "place_of", "placed", "program_of"]
+__all__ = ["error_text", "load_program", "place_of", "placed", "program_of", "program_settings"]
 
 #: Longest file, octets.
 MAX_OCTETS = 1_000_000
@@ -36,11 +36,17 @@ def program_of(config: FarmConfig) -> type[AxisProgram] | None:
 
     The path is relative to the farm file.  Raises :class:`ConfigError`.
     """
-    section: Program | None = config.controller.program if config.controller is not None else None
+    section = program_settings(config)
     if section is None or section.python is None:
         return None
     folder = config.path.parent if config.path is not None else Path()
     return load_program(folder / section.python, section.class_name)
+
+
+def program_settings(config: FarmConfig) -> Program | None:
+    """The section of the file's program of one's own; None where it has none."""
+    programs = (controller.program for controller in config.controllers)
+    return next((program for program in programs if program.python is not None), None)
 
 
 def load_program(path: Path, class_name: str | None = None) -> type[AxisProgram]:

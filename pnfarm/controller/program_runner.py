@@ -26,7 +26,8 @@ from pnfarm.table.channel import IDLE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.buses.controller import Controller, ProgrammableDevice
+    from pnfarm.buses.controller import Controller
+    from pnfarm.controller.group import ControlledDevice
     from pnfarm.engine.columns import Columns
 
 __all__ = ["Note", "ProgramFailed", "ProgramLate", "ProgramRunner", "ProgrammedNode"]
@@ -61,11 +62,13 @@ class ProgramLate(Event):
 
 
 class _Axis:
-    """One axis; ``row`` is that of its image."""
+    """One axis; ``row`` is that of its image in the table of its controller."""
 
-    def __init__(self, row: int, device: ProgrammableDevice, kind: type[AxisProgram], line: Line) -> None:
+    def __init__(self, controlled: ControlledDevice, kind: type[AxisProgram], line: Line) -> None:
+        device = controlled.device
         assert device.signals is not None
-        self.row = row
+        self.columns = controlled.columns
+        self.row = controlled.row
         self.name = device.name
         self.signals = device.signals
         self.cycle_ns = device.cycle_ns
@@ -129,7 +132,7 @@ class _Axis:
 
 
 class ProgramRunner:
-    """``devices`` of the controller's plan, row by row; those without signals (foreign devices) have no program.
+    """``devices`` of all controllers, in the order of the calls; those without signals (foreign devices) have none.
 
     ``in_real_time``: whether a call that takes longer than its cycle is late; in virtual time none is, unless a call is
     said to take ``call_ns``: the axes' calls follow each other then, and what one writes is sent when it is done.
@@ -138,8 +141,7 @@ class ProgramRunner:
 
     def __init__(
         self,
-        columns: Columns,
-        devices: Sequence[ProgrammableDevice],
+        devices: Sequence[ControlledDevice],
         kind: type[AxisProgram],
         note: Note,
         *,
@@ -147,7 +149,6 @@ class ProgramRunner:
         in_real_time: bool,
         call_ns: int = 0,
     ) -> None:
-        self._columns = columns
         self._note = note
         self._limit_ns = limit_ns
         self._in_real_time = in_real_time
@@ -159,9 +160,8 @@ class ProgramRunner:
         self._worker = Worker()
         self._abandoned: list[Worker] = []
         self.line = Line()
-        self._axes = [
-            _Axis(row, device, kind, self.line) for row, device in enumerate(devices) if device.signals is not None
-        ]
+        self._axes = [_Axis(each, kind, self.line) for each in devices if each.device.signals is not None]
+        self._tables = list({id(axis.columns): axis.columns for axis in self._axes}.values())
         self._by_name = {axis.name: axis for axis in self._axes}
 
     def program(self, name: str) -> AxisProgram:
@@ -176,10 +176,8 @@ class ProgramRunner:
         due = [axis for axis in self._axes if axis.due_ns <= now]
         if not due:
             return
-        providers = self._columns.ppm
-        active = np.flatnonzero(providers["active"])
-        rows = dict(zip(providers["image"][active].tolist(), active.tolist(), strict=True))
-        called = [axis for axis in due if self._is_due(axis, rows.get(axis.row), now)]
+        rows = {id(columns): _providers(columns) for columns in self._tables}
+        called = [axis for axis in due if self._is_due(axis, rows[id(axis.columns)].get(axis.row), now)]
         # one whose last call is not done waits for its next cycle
         if overrun := [axis.cycle_ns for axis in called if axis.done_ns > now]:
             # a task that is not done when its next cycle begins misses that cycle, for all of its axes
@@ -187,7 +185,7 @@ class ProgramRunner:
         called = [axis for axis in called if not self._misses(axis, now)]
         waiting = [axis for axis in called if not axis.failure]
         for axis in waiting:
-            axis.read(self._columns.image[axis.row])
+            axis.read(axis.columns.image[axis.row])
             axis.program.now_ns = now
             axis.program.began_ns = axis.program.began_ns or now
         self._call(waiting, now)
@@ -197,7 +195,7 @@ class ProgramRunner:
                 axis.done_ns = self._busy_until_ns
             if axis.done_ns <= axis.due_ns:
                 axis.done_ns = 0
-                axis.write(self._columns.image[axis.row])
+                axis.write(axis.columns.image[axis.row])
 
     def _misses(self, axis: _Axis, now: int) -> bool:
         """Whether an axis is not called in this cycle, because calls of an earlier one took too long."""
@@ -209,18 +207,19 @@ class ProgramRunner:
         self._tell_late(axis, now)
         if 0 < axis.done_ns <= axis.due_ns:
             # done before the next telegram, which is the first to show it
-            axis.write(self._columns.image[axis.row])
+            axis.write(axis.columns.image[axis.row])
         return True
 
     def _is_due(self, axis: _Axis, row: int | None, now: int) -> bool:
         """Whether a telegram went out since the last call; without a connection, a cycle passed. Sets the next time."""
-        if row is None or int(self._columns.ppm[row].state) == IDLE:
+        columns = axis.columns
+        if row is None or int(columns.ppm[row].state) == IDLE:
             axis.filled = None
             axis.due_ns = now + axis.cycle_ns
             return True
-        next_ns = int(self._columns.ppm[row].next_ns)
+        next_ns = int(columns.ppm[row].next_ns)
         axis.due_ns = next_ns if next_ns > now else now + max(20_000, axis.cycle_ns // 16)
-        filled = int(self._columns.image[axis.row].filled)
+        filled = int(columns.image[axis.row].filled)
         gone = 1 if axis.filled is None else (filled - axis.filled) & 0xFFFFFFFF
         axis.filled = filled
         if gone > 1:
@@ -273,12 +272,21 @@ class ProgramRunner:
             worker.close()
 
 
+def _providers(columns: Columns) -> dict[int, int]:
+    """The row of the provider that fills an image, for those that are open."""
+    active = np.flatnonzero(columns.ppm["active"])
+    return dict(zip(columns.ppm["image"][active].tolist(), active.tolist(), strict=True))
+
+
 def _first_line(program: AxisProgram) -> int:
     return type(program).cycle.__code__.co_firstlineno
 
 
 class ProgrammedNode:
-    """A controller together with the users' programs of its axes: a :class:`~pnfarm.farm.core.Node`."""
+    """A controller together with the users' programs of all axes: a :class:`~pnfarm.farm.core.Node`.
+
+    With several controllers it is the last, so that the programs see what all of them received.
+    """
 
     def __init__(self, controller: Controller, runner: ProgramRunner) -> None:
         self._controller = controller

@@ -1,4 +1,4 @@
-"""The controller in real time: what ``pnfarm plc`` runs."""
+"""The controllers of a file in real time: what ``pnfarm plc`` runs."""
 
 from __future__ import annotations
 
@@ -10,19 +10,22 @@ from typing import TYPE_CHECKING, Any, Self
 
 import anyio
 
+from pnfarm.buses.bus import uses_sockets
 from pnfarm.buses.controller import ControllerHost
 from pnfarm.config.links import MacvlanLink as MacvlanSection
 from pnfarm.config.links import MemoryLink as MemorySection
 from pnfarm.config.links import TapLink as TapSection
 from pnfarm.config.links import VethLink as VethSection
-from pnfarm.controller.plan import plan_controller
-from pnfarm.controller.program_file import program_of
+from pnfarm.controller.group import Controllers
+from pnfarm.controller.plan import plan_controllers
+from pnfarm.controller.program_file import program_of, program_settings
 from pnfarm.controller.program_runner import ProgramRunner
 from pnfarm.controller.program_thread import ProgramThread
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
 from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import realtime_settings
-from pnfarm.farm.file.reading import FarmConfig, controller_mac, expand, load_farm
+from pnfarm.farm.file.choice import bus_of_controller, titles
+from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link
@@ -41,8 +44,10 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from pnfarm.buses.controller import Controller, ProgrammableDevice
+    from pnfarm.buses.controller import Controller
+    from pnfarm.config.controller import ControllerSection
     from pnfarm.controller.axis_program import AxisProgram
+    from pnfarm.controller.plan import PlannedController
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.engine.realtime import RealTimeSettings
     from pnfarm.links.base import Link
@@ -54,13 +59,12 @@ __all__ = ["Plc"]
 RELEASE_SECONDS = 2.0
 
 
-def _link(config: FarmConfig, interface: str | None, owner: str) -> Link:
-    """The controller's link: an existing interface, a link of its own, or a port beside the farm's drives."""
-    section = config.controller
-    interface = interface or (section.interface if section else None)
+def _link(config: FarmConfig, section: ControllerSection, interface: str | None, owner: str) -> Link:
+    """A controller's link: an existing interface, a link of its own, or a port beside the farm's drives."""
+    interface = interface or section.interface
     if interface is not None:
         return InterfaceLink(interface)
-    wanted = (section.link if section else None) or config.link
+    wanted = section.link or config.link
     match wanted:
         case MacvlanSection():
             return MacvlanLink(owner, wanted.parent)
@@ -82,8 +86,68 @@ def _link(config: FarmConfig, interface: str | None, owner: str) -> Link:
             )
 
 
+class _Station:
+    """One controller on the network: its link, its port there, and the engine behind it."""
+
+    def __init__(
+        self, config: FarmConfig, section: ControllerSection, interface: str | None, link: Link | None
+    ) -> None:
+        self._lldp = config.lldp
+        self.section = section
+        self.owner = f"{config.farm or 'farm'} {section.name}"
+        self.link = link or _link(config, section, interface, self.owner)
+        self._own_link = link is None
+        self._lock = FarmLock(self.owner)
+        self._is_ours = False
+        self._held: list[socket.socket] = []
+        self.driver: RealTimeDriver | None = None
+
+    async def open(self, planned: PlannedController, log: EventLog) -> Controller:
+        """Take the port; nothing is sent before :meth:`start`."""
+        self._lock.acquire()
+        self._is_ours = True
+        if self._own_link and self.link.kind != "interface":
+            await remove_leftovers(self.owner)
+        spec = PortSpec(self.section.name, planned.mac or bytes(6), kernel=uses_sockets(planned.bus))
+        (port,) = await self.link.open([spec])
+        address, ports = planned.plan.udp_ports
+        if address is not None:
+            self._held += hold_ports(address, ports)
+        host = ControllerHost(self.link, port, log, seed=os.urandom(16), lldp=self._lldp)
+        return planned.bus.controller(planned.plan, host)
+
+    async def start(self, core: Controller, settings: RealTimeSettings) -> None:
+        """Start the engine, begin to search for the drives."""
+        self.driver = RealTimeDriver(core, settings)
+        await self.driver.start()
+        core.start(time.monotonic_ns())
+        self.driver.poke()
+
+    async def close(self) -> None:
+        """Give back what it has of all that; nothing where another process has it."""
+        if not self._is_ours:
+            return
+        self._is_ours = False
+        try:
+            if self.driver is not None:
+                await self.driver.close()
+        finally:
+            try:
+                await self.link.close()
+            finally:
+                for sock in self._held:
+                    sock.close()
+                self._held.clear()
+                self._lock.release()
+                self.driver = None
+
+
 class Plc:
-    """Use as an asynchronous context manager; leaving it releases every connection."""
+    """The controllers of a farm file, one for each bus that has drives in it and a controller.
+
+    Use as an asynchronous context manager; leaving it releases every connection.  ``interface`` and ``link`` are for a
+    file with one controller; several name their interfaces in the file.
+    """
 
     def __init__(
         self,
@@ -97,18 +161,21 @@ class Plc:
         section = config.controller
         if section is None:
             raise ConfigError("the file has no `controller:` section; `pnfarm schema farm` shows its keys")
+        if len(config.controllers) > 1 and (interface is not None or link is not None):
+            buses = [bus_of_controller(one) for one in config.controllers]
+            raise ConfigError(
+                f"the file has controllers on {titles(buses)}, which cannot share one interface; "
+                f"give `controller: {{{buses[0].name}: {{interface: ...}}, ...}}`"
+            )
         self.config = config
+        #: Of the only controller, or the first.
         self.section = section
         self.log = log or EventLog()
         self.drives = expand(config)
-        self._owner = f"{config.farm or 'farm'} {section.name}"
-        self.link = link or _link(config, interface, self._owner)
-        self._own_link = link is None
-        self._settings = settings or realtime_settings(config, len(self.drives) + len(section.device_names))
-        self._lock = FarmLock(self._owner)
-        self._driver: RealTimeDriver | None = None
-        self._held: list[socket.socket] = []
-        self._core: Controller | None = None
+        self._stations = [_Station(config, one, interface, link) for one in config.controllers]
+        named = sum(len(one.device_names) for one in config.controllers)
+        self._settings = settings or realtime_settings(config, len(self.drives) + named)
+        self._controllers: Controllers | None = None
         self._runner: ProgramRunner | None = None
         self._programs: ProgramThread | None = None
 
@@ -118,48 +185,54 @@ class Plc:
         return cls(config, interface=interface)
 
     @property
-    def core(self) -> Controller:
-        if self._core is None:
+    def controllers(self) -> Controllers:
+        """All controllers as one."""
+        if self._controllers is None:
             raise ConfigError("the controller is not running: use it inside `async with`")
-        return self._core
+        return self._controllers
+
+    @property
+    def core(self) -> Controller:
+        """The only controller, or the first."""
+        return self.controllers.first
+
+    @property
+    def link(self) -> Link:
+        """Of the only controller, or the first."""
+        return self._stations[0].link
 
     @property
     def driver(self) -> RealTimeDriver:
-        if self._driver is None:
+        """Of the only controller, or the first."""
+        return self._drivers()[0]
+
+    def _drivers(self) -> list[RealTimeDriver]:
+        found = [station.driver for station in self._stations if station.driver is not None]
+        if not found:
             raise ConfigError("the controller is not running: use it inside `async with`")
-        return self._driver
+        return found
 
     def check_rights(self) -> None:
-        """Raises :class:`EnvironmentError_` where this process may not do what the controller's link needs."""
-        require_for_link(unwrap(self.link).kind, f"controller {self.section.name}")
+        """Raises :class:`EnvironmentError_` where this process may not do what the controllers' links need."""
+        for station in self._stations:
+            require_for_link(unwrap(station.link).kind, f"controller {station.section.name}")
 
     async def open(self) -> None:
-        """Take the port, start the engine, begin to search for the drives."""
-        bus, plan = plan_controller(self.config, self.drives)
-        kind = program_of(self.config)
-        address, ports = plan.udp_ports
-        self._lock.acquire()
+        """Take the ports, start the engines, begin to search for the drives."""
+        planned = plan_controllers(self.config, self.drives)
+        own, kind = program_settings(self.config), program_of(self.config)
         try:
-            if self._own_link and self.link.kind != "interface":
-                await remove_leftovers(self._owner)
-            mac = controller_mac(self.config) or bytes(6)
-            (port,) = await self.link.open([PortSpec(self.section.name, mac)])
-            if address is not None:
-                self._held += hold_ports(address, ports)
-            self._core = bus.controller(
-                plan, ControllerHost(self.link, port, self.log, seed=os.urandom(16), lldp=self.config.lldp)
-            )
-            self._driver = RealTimeDriver(self._core, self._settings)
-            await self._driver.start()
-            self._core.start(time.monotonic_ns())
-            self._driver.poke()
-            if kind is not None:
-                self._start_programs(kind, plan.devices)
+            cores = [await station.open(one, self.log) for station, one in zip(self._stations, planned, strict=True)]
+            self._controllers = Controllers(planned, cores)
+            for station, core in zip(self._stations, cores, strict=True):
+                await station.start(core, self._settings)
+            if own is not None and kind is not None:
+                self._start_programs(kind, own.limit_ns)
         except BaseException:
             await self.close()
             raise
 
-    def _start_programs(self, kind: type[AxisProgram], devices: Sequence[ProgrammableDevice]) -> None:
+    def _start_programs(self, kind: type[AxisProgram], limit_ns: int) -> None:
         loop = asyncio.get_running_loop()
 
         def note(now: int, drive: str, event: Event) -> None:
@@ -170,55 +243,63 @@ class Plc:
             with contextlib.suppress(RuntimeError):
                 loop.call_soon_threadsafe(self.driver.fail, exc)
 
-        limit = self.section.program.limit_ns
-        self._runner = ProgramRunner(self.core.columns, devices, kind, note, limit_ns=limit, in_real_time=True)
+        self._runner = ProgramRunner(self.controllers.programmed(), kind, note, limit_ns=limit_ns, in_real_time=True)
         self._programs = ProgramThread(self._runner, failed)
         self._programs.start()
 
     async def release(self, seconds: float = RELEASE_SECONDS) -> bool:
         """Release every connection; false when a drive did not confirm in time."""
-        core = self.core
-        core.release(time.monotonic_ns())
-        self.driver.poke()
+        controllers = self.controllers
+        controllers.release(time.monotonic_ns())
+        for driver in self._drivers():
+            driver.poke()
         with anyio.move_on_after(seconds):
-            while not core.all_stopped:  # noqa: ASYNC110 - the state machines have no events to wait for
+            while not controllers.all_stopped:  # noqa: ASYNC110 - the state machines have no events to wait for
                 await anyio.sleep(0.01)
-        return core.all_stopped
+        return controllers.all_stopped
 
     async def close(self) -> None:
         try:
             if self._programs is not None:
                 await asyncio.to_thread(self._programs.close)
                 self._programs = None
-            if self._driver is not None:
-                await self._driver.close()
         finally:
-            try:
-                await self.link.close()
-            finally:
-                for sock in self._held:
-                    sock.close()
-                self._held.clear()
-                self._lock.release()
-                self._driver = None
+            await self._close_stations(self._stations)
+
+    async def _close_stations(self, stations: Sequence[_Station]) -> None:
+        """Each is closed, whatever fails in the others."""
+        if not stations:
+            return
+        try:
+            await stations[0].close()
+        finally:
+            await self._close_stations(stations[1:])
 
     async def wait(self) -> None:
         """Wait until something fails; raises its exception."""
-        await self.driver.wait()
+        waits = [asyncio.ensure_future(driver.wait()) for driver in self._drivers()]
+        try:
+            done, _ = await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+            for each in done:
+                each.result()
+        finally:
+            for each in waits:
+                each.cancel()
+            await asyncio.gather(*waits, return_exceptions=True)
 
     async def wait_connected(self, seconds: float) -> bool:
         """Until every drive exchanges data both ways, at most ``seconds``."""
-        return await self._wait(lambda core: core.all_connected, seconds)
+        return await self._wait(lambda all_of_them: all_of_them.all_connected, seconds)
 
     async def wait_running(self, seconds: float) -> bool:
         """Until every enabled axis is in operation, at most ``seconds``."""
-        return await self._wait(lambda core: core.all_running and core.all_connected, seconds)
+        return await self._wait(lambda all_of_them: all_of_them.all_running and all_of_them.all_connected, seconds)
 
-    async def _wait(self, condition: Callable[[Controller], bool], seconds: float) -> bool:
+    async def _wait(self, condition: Callable[[Controllers], bool], seconds: float) -> bool:
         with anyio.move_on_after(seconds):
-            while not condition(self.core):  # noqa: ASYNC110 - the engine's thread sets no events
+            while not condition(self.controllers):  # noqa: ASYNC110 - the engine's thread sets no events
                 await anyio.sleep(0.005)
-        return condition(self.core)
+        return condition(self.controllers)
 
     async def ask_parameter(self, name: str, task: Pkw, seconds: float = 1.0) -> Pkw | None:
         """One task through the cyclic parameter channel (PKW) of a drive, as a PLC program has it.
@@ -228,21 +309,22 @@ class Plc:
         without such a channel.
         """
         for wanted in (NO_TASK, task):
-            self.core.put_parameter_task(name, wanted)
+            self.controllers.put_parameter_task(name, wanted)
             idle = wanted.identifier == NO_TASK.identifier
 
-            def answered(core: Controller, idle: bool = idle) -> bool:
-                return (core.parameter_answer(name).identifier == NO_TASK.identifier) == idle
+            def answered(controllers: Controllers, idle: bool = idle) -> bool:
+                return (controllers.parameter_answer(name).identifier == NO_TASK.identifier) == idle
 
             if not await self._wait(answered, seconds):
                 return None
-        return self.core.parameter_answer(name)
+        return self.controllers.parameter_answer(name)
 
     def summary(self) -> list[dict[str, Any]]:
-        """The controller's drives; ``program``: counts of a user's program, None without one."""
+        """The controllers' drives; ``program``: counts of a user's program, None without one."""
         runner = self._runner
         return [
-            row | {"program": None if runner is None else runner.snapshot(row["name"])} for row in self.core.snapshot()
+            row | {"program": None if runner is None else runner.snapshot(row["name"])}
+            for row in self.controllers.snapshot()
         ]
 
     async def __aenter__(self) -> Self:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.links.base import Port
+    from pnfarm.links.pcap_files import BlockSink
     from pnfarm.station.events import Event
 
 __all__ = ["CaptureSettings", "FarmCapture", "parse_size", "prepare"]
@@ -78,6 +79,8 @@ class CaptureSettings:
     only: tuple[str, ...] = ()
     size: int | None = None
     files: int | None = None
+    #: What takes the frames instead of files at ``path``.
+    sink: BlockSink | None = None
 
     def __post_init__(self) -> None:
         for word in self.only:
@@ -119,7 +122,13 @@ class FarmCapture:
         self._note = note
         size, files = settings.ring
         kinds = f", only {' '.join(settings.only)}" if settings.only else ""
-        self._files = CaptureFiles(settings.path, section_header(f"pnfarm farm {farm}{kinds}"), size=size, files=files)
+        head = section_header(f"pnfarm farm {farm}{kinds}")
+        self._files: BlockSink
+        if settings.sink is not None:
+            self._files = settings.sink
+            self._files.extend_head(head)
+        else:
+            self._files = CaptureFiles(settings.path, head, size=size, files=files)
         self._files.tail = self._tail
         self._ring: PacketRing | None = None
         self._thread: threading.Thread | None = None

@@ -6,8 +6,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from pnfarm.buses.bus import DeviceServices
 from pnfarm.buses.registry import bus
@@ -24,8 +25,10 @@ from pnfarm.farm.events import EngineEventsLost
 from pnfarm.farm.injections import make_manager
 from pnfarm.farm.realism import imperfections
 from pnfarm.faults.gate import GatedLink
+from pnfarm.faults.socket_gate import SocketGate
 from pnfarm.links.base import unwrap
 from pnfarm.links.memory import MemoryLink
+from pnfarm.links.sockets import sockets_of
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.station.events import (
     AcknowledgeRefused,
@@ -38,7 +41,6 @@ from pnfarm.station.events import (
 )
 from pnfarm.station.station import Station
 from pnfarm.table import engine_row
-from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.trace import TraceManager
 
@@ -50,13 +52,14 @@ if TYPE_CHECKING:
     from pnfarm.drives.model import Model
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.station.event_log import EventLog
+    from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 #: Events whose row is a consumer's.
 _OF_CONSUMERS = frozenset(
     {engine_row.FIRST_FRAME, engine_row.EXPIRED, engine_row.PROVIDER_CHANGED, engine_row.IOPS_CHANGED}
 )
 
-__all__ = ["FarmCore", "Node"]
+__all__ = ["FarmCore", "Node", "SocketNode"]
 
 #: Impairment rows for each drive: injections into its cyclic frames that can be active at once.
 IMPAIRMENTS_PER_DRIVE = 8
@@ -78,6 +81,15 @@ class Node(Protocol):
 
     def next_deadline(self) -> int | None:
         """When :meth:`service` is due at the latest."""
+        ...
+
+
+@runtime_checkable
+class SocketNode(Protocol):
+    """A node that has streams and datagrams, too."""
+
+    def socket_event(self, event: SocketEvent, now: int) -> None:
+        """Something of a stream, or a datagram."""
         ...
 
 
@@ -123,7 +135,11 @@ class FarmCore:
         self.channels = ChannelTable(self.columns)
         #: How late the farm itself was.
         self.lateness = LatenessRecord(self.columns)
+        #: What carries streams and datagrams of the drives that have addresses of their own.
+        self._sockets = sockets_of(link)
         services = DeviceServices(self.channels, self.impairments, self.lateness, seed, lldp)
+        if self._sockets is not None:
+            services = replace(services, next_hop=self._sockets.next_hop, answers_arp=self._sockets.answers_arp)
         self.stations: list[Station] = []
         self._by_port: dict[int, Station] = {}
         self._by_name: dict[str, Station] = {}
@@ -144,7 +160,7 @@ class FarmCore:
             handle = AxisHandle(axis, image)
             station = Station(config, model, index, port, handle, make, memory=memory, log=log, flaws=flaws)
             axis.powered = 1
-            axis.front = FIRMWARE_PROFIDRIVE
+            axis.front = model.front
             self.stations.append(station)
             self._by_port[port.index] = station
             self._by_name[config.name] = station
@@ -154,12 +170,23 @@ class FarmCore:
             for name in {station.model.bus for station in self.stations}
         }
         self._segment_of = {s.port.index: self._segments[s.model.bus] for s in self.stations}
+        self._socket_gate = SocketGate(self._deliver, self._act, self._refuse_streams)
         #: What is injected into the drives.
         self.injections = make_manager(
-            self.stations, self.columns, self.impairments, gate, settle=self.settle, log=log, clock=clock
+            self.stations,
+            self.columns,
+            self.impairments,
+            gate,
+            self._socket_gate,
+            settle=self.settle,
+            log=log,
+            clock=clock,
         )
         self.traces = TraceManager(self.stations, self.columns, log)
         gate.set_receiver(self.receive)
+        self._served: dict[int, tuple[int, Services]] = {}
+        if self._sockets is not None:
+            self._sockets.set_user(self.socket_event)
         if isinstance(innermost := unwrap(link), MemoryLink):
             innermost.set_audience(self._audience)
 
@@ -199,6 +226,50 @@ class FarmCore:
         self.settle(station, now)
         self.injections.poke(station.configured_name, now)
 
+    def socket_event(self, event: SocketEvent, now: int) -> None:
+        """Something of a drive's stream, or a datagram."""
+        station = self._by_port.get(event.port)
+        if station is None:
+            raise InternalError(f"a socket of port {event.port} brought something, which no drive has")
+        self.injections.refresh(station.configured_name, now)
+        self._socket_gate.received(event, now)
+        self.injections.poke(station.configured_name, now)
+
+    def _deliver(self, port: int, event: SocketEvent, now: int) -> None:
+        """What passes the gate reaches its station."""
+        station = self._by_port[port]
+        station.socket_event(event, now)
+        self.settle(station, now)
+
+    def _act(self, port: int, action: SocketAction) -> None:
+        if self._sockets is not None:
+            self._sockets.act(port, action)
+
+    def _refuse_streams(self, port: int, refused: bool) -> None:
+        if self._sockets is not None:
+            self._sockets.refuse(port, refused=refused)
+
+    def _carry(self, station: Station, now: int) -> None:
+        """Give a station the address and the ports that it has now, and send what it has to send."""
+        port, services = station.port.index, station.services()
+        served = self._served.get(port)
+        wanted = None if services is None else (station.starts, services)
+        if wanted != served:
+            if self._sockets is None:
+                raise ConfigError(f"drive {station.configured_name} needs sockets, which a {self.link.kind} link lacks")
+            # its streams are gone
+            self._socket_gate.restart(port)
+            if services is None or wanted is None:
+                del self._served[port]
+                self._sockets.withdraw(port)
+            else:
+                self._served[port] = wanted
+                self._sockets.serve(port, services)
+                if self._socket_gate.refuses(port):
+                    self._sockets.refuse(port, refused=True)
+        for action in station.pump_sockets(now):
+            self._socket_gate.sent(port, action, now)
+
     def _audience(self, frame: bytes) -> list[int] | None:
         """Ports that a group-addressed frame can concern, None for any."""
         found: list[int] = []
@@ -215,6 +286,7 @@ class FarmCore:
         self._segment_of[station.port.index].settled(station.port.index)
         for frame in frames:
             self.link.send(station.port.index, frame)
+        self._carry(station, now)
         self._deadlines.set(station.index, station.next_deadline())
         # a connection, a parameter: an injection may wait for it
         self.injections.touch(station.configured_name)

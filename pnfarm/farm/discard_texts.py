@@ -145,6 +145,30 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "encoding": "XML of an encoding that is not read",
         "missing-element": "XML without an element that must be there",
         "not-xml": "not XML",
+        "bad-entry": "entry of an EDS file that cannot be read",
+        "bad-section": "section of an EDS file that cannot be read",
+        "bad-text": "text of an EDS file that cannot be read",
+        # EtherNet/IP
+        "bad-segment": "path with a segment that cannot be read or leads elsewhere",
+        "connection": "message of a class 3 connection that is not open",
+        "delayed": "ListIdentity while too many answers wait already",
+        "held-answers": "TCP connection closed: its peer asked on and on without waiting for answers",
+        "inactivity": "TCP connection closed: no whole message for the inactivity timeout",
+        "long": "message longer than a drive holds",
+        "options": "encapsulation message with options other than 0",
+        "replies": "TCP connection closed: more answers to one input than are held",
+        "status": "encapsulation request with a status other than 0",
+        "streams": "TCP connection closed: as many as a drive has are open",
+        # streams and datagrams
+        "address-stays": "an address could not be taken away with the supply",
+        "no-listener": "stream refused by an injected fault",
+        "slow-reader": "stream closed: its peer does not read what it asked for",
+        "unanswered": "stream closed: its peer did not acknowledge what was sent",
+        "stream-closed": "octets for a stream that is closed",
+        "stream-refused": "stream refused: as many as are allowed are open",
+        "unasked-datagram": "datagram to no request",
+        "unasked-frame": "frame to no request",
+        "unasked-stream": "octets of a stream that is given up",
         # links
         "cable-pulled": "the cable is pulled",
         "interface-down": "the interface is down",
@@ -158,7 +182,10 @@ REASONS: Mapping[str, str] = MappingProxyType(
 #: Beginning of a reason -> what it is about; a reason of a format, or a name, follows.
 PREFIXES: Mapping[str, str] = MappingProxyType(
     {
+        "accept-": "stream could not be accepted: ",
         "arp-": "ARP packet: ",
+        "datagram-": "datagram could not be passed on: ",
+        "group-": "multicast group could not be joined: ",
         "ipv4-": "IP packet: ",
         "udp-": "UDP datagram: ",
         "icmp-": "ICMP message: ",

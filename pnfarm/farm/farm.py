@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import anyio
 
-from pnfarm.buses.registry import fault_kinds
+from pnfarm.buses.bus import uses_sockets
+from pnfarm.buses.registry import bus, fault_kinds
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import MacvlanLink as MacvlanSection
 from pnfarm.config.links import MemoryLink as MemorySection
@@ -201,7 +202,7 @@ class Farm:
             else:
                 self.world.clock.now = time.monotonic_ns()
             self._state = FarmState(self.config.state_directory)
-            ports = await self.link.open([PortSpec(drive.name, drive.mac) for drive in self.drives])
+            ports = await self.link.open([self._port_of(drive) for drive in self.drives])
             if self.capture is not None:
                 self.capture.start(ports, far_end=isinstance(unwrap(self.link), TapLink))
             self._core = FarmCore(
@@ -228,6 +229,10 @@ class Farm:
             with anyio.CancelScope(shield=True):
                 await self.close()
             raise
+
+    @staticmethod
+    def _port_of(drive: DriveConfig) -> PortSpec:
+        return PortSpec(drive.name, drive.mac, kernel=uses_sockets(bus(model_by_name(drive.model).bus)))
 
     async def _make_driver(self, core: FarmCore, ports: Sequence[Port]) -> int:
         """What lets time pass; returns the farm's time at its start."""

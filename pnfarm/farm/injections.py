@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pnfarm.buses.bus import InjectionHost
 from pnfarm.buses.registry import bus, fault_kinds
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.impairments import ImpairmentTable
     from pnfarm.faults.gate import GatedLink
     from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.socket_gate import SocketGate
     from pnfarm.links.base import Clock
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.station import Station
@@ -37,12 +38,13 @@ def make_manager(
     columns: Columns,
     impairments: ImpairmentTable,
     gate: GatedLink,
+    sockets: SocketGate,
     *,
     settle: Callable[[Station, int], None],
     log: EventLog,
     clock: Clock,
 ) -> InjectionManager:
-    """The manager of a farm whose ``stations`` are behind ``gate``.
+    """The manager of a farm whose ``stations`` are behind ``gate``, and behind ``sockets`` with their streams.
 
     ``settle(station, now)`` lets a station process the effects of an injection.
     """
@@ -57,9 +59,9 @@ def make_manager(
     addresses = Addresses(gate.inner, not_restored)
     drives: dict[str, InjectedDrive] = {}
     for station in stations:
-        host = InjectionHost(columns, impairments, gate, carriers, addresses, partial(settle, station))
+        host = InjectionHost(columns, impairments, gate, carriers, addresses, partial(settle, station), sockets)
         drives[station.configured_name] = bus(station.model.bus).injected_drive(station.device, host)
-    return InjectionManager(fault_kinds(), drives, (gate, addresses), Conditions(stations, columns))
+    return InjectionManager(fault_kinds(), drives, (gate, sockets, addresses), Conditions(stations, columns))
 
 
 def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], now: int) -> None:
@@ -77,7 +79,7 @@ def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], no
             if not names:
                 raise ConfigError(f"{where}: `on` means none of them; allowed: globs over their names, or leave it out")
             try:
-                manager.inject(_plain(impairment, names), now)
+                manager.inject({**impairment.as_dict(), "on": names}, now)
             except ConfigError as exc:
                 raise ConfigError(f"{where}: {exc}") from exc
 
@@ -90,26 +92,3 @@ def _within(impairment: Impairment, members: Sequence[DriveConfig]) -> list[str]
     model = drive_catalogue.model(members[0].model)
     models = (model.name, *model.aliases)
     return [drive.name for drive in members if any(means(glob, (drive.name,), models) for glob in impairment.on)]
-
-
-def _plain(impairment: Impairment, names: list[str]) -> dict[str, Any]:
-    """The section as :meth:`InjectionManager.inject` takes it."""
-    given = {
-        "kind": impairment.kind,
-        "on": names,
-        "params": dict(impairment.params),
-        "probability": impairment.probability,
-        "seed": impairment.seed,
-        "direction": impairment.direction,
-        "when": impairment.when,
-        "after_cycles": impairment.after_cycles,
-        "after": _duration(impairment.after_ns),
-        "count": impairment.count,
-        "for": _duration(impairment.for_ns),
-        "cycles": impairment.cycles,
-    }
-    return {key: value for key, value in given.items() if value is not None}
-
-
-def _duration(ns: int | None) -> str | None:
-    return None if ns is None else f"{ns}ns"

@@ -13,15 +13,18 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+from pnfarm.engine.class1 import CLASS1_PORT
 from pnfarm.engine.columns import RX_BATCH
 from pnfarm.engine.held import sent_length, sent_port
 from pnfarm.engine.lateness import note_late
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 from pnfarm.engine.tick import next_due, tick
 from pnfarm.errors import InternalError
+from pnfarm.farm.core import SocketNode
 from pnfarm.farm.lateness import StolenTime
 from pnfarm.links.base import EngineLink, unwrap
 from pnfarm.links.linux import PacketLink
+from pnfarm.links.sockets import sockets_of
 from pnfarm.links.tap import TapLink
 
 if TYPE_CHECKING:
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
 
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.farm.core import Node
+    from pnfarm.wire.endpoint import SocketEvent
 
 __all__ = ["RealTimeDriver"]
 
@@ -55,6 +59,7 @@ class RealTimeDriver:
         self._lateness = lateness
         self.engine: RealTimeEngine | None = None
         self._socket: socket.socket | None = None
+        self._beside: socket.socket | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._timer_due: int | None = None
         self._failed: asyncio.Future[None] | None = None
@@ -68,7 +73,8 @@ class RealTimeDriver:
         link = unwrap(self.node.link)
         if isinstance(link, EngineLink):
             self._socket = link.engine_socket()
-            self.engine = RealTimeEngine(self.node.columns, self._socket, self.settings)
+            self._beside = link.engine_datagrams(CLASS1_PORT) if isinstance(link, PacketLink) else None
+            self.engine = RealTimeEngine(self.node.columns, self._socket, self.settings, beside=self._beside)
             self.engine.start()
             loop.add_reader(self.engine.wake_fd, self._guard, self._woken)
         elif isinstance(link, TapLink):
@@ -77,6 +83,9 @@ class RealTimeDriver:
         else:
             raise InternalError(f"a {link.kind} link has no real time of its own")
         self.node.link.set_receiver(self._received)
+        sockets = sockets_of(self.node.link)
+        if sockets is not None and isinstance(self.node, SocketNode):
+            sockets.set_user(self._socket_event)
         if self._lateness is not None:
             thread = self.engine.thread_id if self.engine else threading.get_native_id()
             self._heartbeat = _Heartbeat(self._lateness, thread)
@@ -105,9 +114,10 @@ class RealTimeDriver:
             loop.remove_reader(self.engine.wake_fd)
             self.engine.close()
             self.engine = None
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        for sock in (self._socket, self._beside):
+            if sock is not None:
+                sock.close()
+        self._socket = self._beside = None
         if self._failed is not None and not self._failed.done():
             self._failed.cancel()
 
@@ -135,6 +145,12 @@ class RealTimeDriver:
     def _received(self, port: int, frame: bytes, now: int) -> None:
         self._guard(lambda: self.node.receive(port, frame, now))
         self._arm()
+
+    def _socket_event(self, event: SocketEvent, now: int) -> None:
+        if isinstance(self.node, SocketNode):
+            node = self.node
+            self._guard(lambda: node.socket_event(event, now))
+            self._arm()
 
     def _woken(self) -> None:
         if self.engine is not None:

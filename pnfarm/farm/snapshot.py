@@ -11,6 +11,7 @@ from pnfarm.drives.model_parts import fault_label
 from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.faults.manager import RunState
 from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.station.signals import SIGNALS, STATUS_BITS
 from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS
 from pnfarm.table.channel import DISCARDS
 from pnfarm.wire.mac import format_mac
@@ -99,12 +100,14 @@ def drive_snapshot(
         "ip_conflict": seen["ip_conflict"],
         "powered": powered,
         "state": _state_word(powered, state),
+        "status": [name for name in STATUS_BITS if SIGNALS[name].read(station)] if powered else [],
         "zsw1": f"0x{zsw1:04X}",
         "zsw1_bits": named_bits(zsw1, station.model.profidrive.bit_names("ZSW1", telegram) or ZSW1_BITS),
         "stw1": f"0x{stw1:04X}",
         "stw1_bits": named_bits(stw1, station.model.profidrive.bit_names("STW1", telegram) or STW1_BITS),
         "telegram": telegram,
         "ar_state": connection.state if powered and connection is not None and connection.state else NO_AR,
+        "connected": exchanging,
         "controller": _controller(known) if known is not None else None,
         "cycle_seconds": known.cycle_ns / 1e9 if known is not None else None,
         "watchdog_seconds": known.watchdog_ns / 1e9 if known is not None else None,

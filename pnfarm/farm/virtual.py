@@ -75,10 +75,8 @@ class VirtualWorld:
     def join(self, node: Node, ports: Sequence[Port]) -> None:
         """Put a node into the world; the first is the farm, the others its controllers.
 
-        With more than one controller the world runs slower, and :meth:`watch` is not available.
+        With more than one controller the world runs slower.
         """
-        if self._seen is not None and len(self._nodes) > 1:
-            raise InternalError("the frames of a virtual world with several controllers cannot be watched")
         first = not self._nodes
         self._nodes.append(node)
         self._tables.append(node.columns)
@@ -90,14 +88,16 @@ class VirtualWorld:
     def _follow_addresses(self) -> None:
         """A port of the switch has another address: frames to it arrive there."""
         self._moves = self.switch.moves
-        known = [[(self.switch.mac_of(int(index)), int(index)) for index in indexes] for _, indexes in self._addresses]
-        self._addresses = [_sorted(pairs) for pairs in known]
+        known = [
+            [(self.switch.mac_of(index), index) for index in sorted(set(indexes.tolist()))]
+            for _, indexes in self._addresses
+        ]
+        joined = [[pair for pair in self.switch.groups if pair[1] in indexes] for _, indexes in self._addresses]
+        self._addresses = [_sorted({*pairs, *groups}) for pairs, groups in zip(known, joined, strict=True)]
         self._ports = dict(known[0]) if known else {}
 
     def watch(self, seen: Seen) -> None:
-        """Show each cyclic frame between the two nodes, with the same bytes and times as without; slower."""
-        if len(self._nodes) > 2:
-            raise InternalError("the frames of a virtual world with several controllers cannot be watched")
+        """Show each cyclic frame between the nodes, with the same bytes and times as without; slower."""
         self._seen = seen
 
     def run(self, seconds: float, *, until: Callable[[], bool] | None = None, look_ns: int | None = None) -> bool:
@@ -153,7 +153,7 @@ class VirtualWorld:
             return self._cyclic_many(target)
         (farm, controller), (here, there) = self._tables, self._addresses
         if self._seen is not None:
-            return self._cyclic_seen(target, self._seen)
+            return self._cyclic_seen(target)
         return run_virtual(farm, controller, *here, *there, self.now, target)
 
     def _cyclic_many(self, target: int) -> int:
@@ -165,13 +165,33 @@ class VirtualWorld:
         while now < target and [int(head[0]) for head in self._heads] == heads:
             now = min(target, *(int(next_due(columns, now)) for columns in self._tables))
             for controller in controllers:
-                receive(farm, deliver(controller, tick(controller, 0, now), farm, *here, now))
+                sent = tick(controller, 0, now)
+                self._show_inbound(controller, sent, now)
+                receive(farm, deliver(controller, sent, farm, *here, now))
             sent = tick(farm, 0, now)
+            self._show_outbound(farm, sent, now)
             for controller, addresses in zip(controllers, there, strict=True):
                 receive(controller, deliver(farm, sent, controller, *addresses, now))
         return now
 
-    def _cyclic_seen(self, target: int, seen: Seen) -> int:
+    def _show_inbound(self, controller: Columns, sent: int, now: int) -> None:
+        """Show what a controller sends to the farm in this tick, if somebody watches."""
+        if self._seen is None:
+            return
+        for row in controller.tx_row[:sent]:
+            frame = controller.frames[row, : sent_length(controller.ppm, controller.held, int(row))].tobytes()
+            if (port := self._ports.get(frame[:6])) is not None:
+                self._seen(port, frame, now, "in")
+
+    def _show_outbound(self, farm: Columns, sent: int, now: int) -> None:
+        """Show what the farm sends in this tick, if somebody watches."""
+        if self._seen is None:
+            return
+        for row in farm.tx_row[:sent]:
+            length, port = (told(farm.ppm, farm.held, int(row)) for told in (sent_length, sent_port))
+            self._seen(int(port), farm.frames[row, : int(length)].tobytes(), now, "out")
+
+    def _cyclic_seen(self, target: int) -> int:
         """:func:`run_virtual`, step by step, with each frame shown on its way."""
         (farm, controller), (here, there) = self._tables, self._addresses
         heads = [int(head[0]) for head in self._heads]
@@ -179,15 +199,10 @@ class VirtualWorld:
         while now < target and [int(head[0]) for head in self._heads] == heads:
             now = min(int(next_due(farm, now)), int(next_due(controller, now)), target)
             sent = tick(controller, waiting, now)
-            for row in controller.tx_row[:sent]:
-                frame = controller.frames[row, : sent_length(controller.ppm, controller.held, int(row))].tobytes()
-                if (port := self._ports.get(frame[:6])) is not None:
-                    seen(port, frame, now, "in")
+            self._show_inbound(controller, sent, now)
             arrived = deliver(controller, sent, farm, *here, now)
             sent = tick(farm, arrived, now)
-            for row in farm.tx_row[:sent]:
-                length, port = (told(farm.ppm, farm.held, int(row)) for told in (sent_length, sent_port))
-                seen(int(port), farm.frames[row, : int(length)].tobytes(), now, "out")
+            self._show_outbound(farm, sent, now)
             waiting = deliver(farm, sent, controller, *there, now)
         if waiting:
             receive(controller, waiting)

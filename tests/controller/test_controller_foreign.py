@@ -12,7 +12,7 @@ from virtual_line import VirtualLine
 from pnfarm.buses.profinet.controller.core import ControllerCore
 from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.cli.files import summary
-from pnfarm.controller.plan import plan_controller
+from pnfarm.controller.plan import plan_controllers
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
@@ -236,5 +236,5 @@ def test_validate_counts_the_devices():
 def test_a_controller_of_devices_alone_finds_its_own_address_beside_theirs(tmp_path):
     write(tmp_path)
     text = FILE.replace("  ip: 10.77.1.250/23\n", "").format(name="axis-01", more="")
-    _, plan = plan_controller(parse_farm(text, tmp_path / "plc.pnfarm.yml"), [])
+    plan = plan_controllers(parse_farm(text, tmp_path / "plc.pnfarm.yml"), [])[0].plan
     assert str(plan.ip) == "10.77.0.1/23"

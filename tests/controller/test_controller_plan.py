@@ -2,7 +2,7 @@
 
 import pytest
 
-from pnfarm.controller.plan import plan_controller
+from pnfarm.controller.plan import plan_controllers
 from pnfarm.farm.file.reading import expand, parse_farm
 
 FILE = """
@@ -29,5 +29,5 @@ controller:
 )
 def test_a_record_is_written_to_the_drives_that_its_globs_mean(on, meant):
     config = parse_farm(FILE.format(on=on))
-    _, plan = plan_controller(config, expand(config))
+    plan = plan_controllers(config, expand(config))[0].plan
     assert [device.name for device in plan.devices if device.records] == meant

@@ -29,6 +29,7 @@ drives:
     limits: {limits}
     motor: {motor}
     realism: {realism}
+    ip: 10.77.0.11/23
 """
 #: A model of a further folder needs no figures.
 MODELS = SHIPPED

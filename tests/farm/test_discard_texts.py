@@ -14,7 +14,7 @@ from pnfarm.table.channel import DISCARDS
 ROOT = Path(pnfarm.__file__).parent
 ROOMS = ("protocols", "links", "farm", "buses", "controller", "wire", "drives")
 #: Names of what counts: the counters themselves, and the functions that count.
-COUNTERS = {"dropped", "_dropped"}
+COUNTERS = {"dropped", "_dropped", "discards"}
 FUNCTIONS = {"_drop", "passed_over", "drop"}
 #: Machines whose slugs come from functions that answer a reason.
 ANSWERS = {"protocols/profinet/rpc_fragments.py": {"add"}}

@@ -18,7 +18,7 @@ from recorded_farm import FARM, described, record
 from pnfarm.buses.profinet.decode.cyclic import drive_state, status_text
 from pnfarm.buses.profinet.decode.decoder import FAMILIES, family_of
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
-from pnfarm.buses.registry import bus, frame_filters
+from pnfarm.buses.registry import BUSES, bus, frame_filters
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.decoder import family_of as neutral_family_of
 from pnfarm.captures.packet import Packet
@@ -367,9 +367,9 @@ def test_alarms_and_their_end_of_a_real_controller():
 
 def test_the_table_has_every_kind_of_frame():
     """What `--only` knows is what the decoders know, and what a capture's filter in the kernel knows."""
-    profinet = set(bus("profinet").frame_families)
-    assert set(FAMILIES) - {"other"} == profinet
-    assert set(frame_filters()) == profinet | {"acyclic", "arp", "icmp", "other"} == set(KINDS)
+    assert set(FAMILIES) - {"other"} == set(bus("profinet").frame_families)
+    every = {family for one in BUSES.values() for family in one.frame_families}
+    assert set(frame_filters()) == every | {"acyclic", "arp", "icmp", "other"} == set(KINDS)
     assert {word: families for word, families in frame_filters().items() if KINDS[word] != families} == {}
 
 

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from pnfarm.buses.ethernetip.config.controller import EthernetIpController
+from pnfarm.buses.ethernetip.config.drive import EthernetIpDrives
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.cli import demo
 from pnfarm.farm.file.reading import parse_farm
@@ -182,12 +184,18 @@ def test_demo_survives_a_machine_that_stalls_for_20_ms(apart):
 @pytest.mark.parametrize("file", ["demo", "configs/demo.pnfarm.yml", "configs/compose.pnfarm.yml"])
 def test_watchdogs_of_the_demos_leave_room_for_a_stall_of_20_ms(file):
     text = (ROOT / file).read_text("utf-8") if "/" in file else demo.FILE.format(
-        link="{kind: memory}", groups=demo._groups(8), where="mac: auto"
+        link="{kind: memory}", groups=demo._groups(8), where="mac: auto",
+        scanner=demo._scanner_section(8, "mac: auto"),
     )  # fmt: skip
     config = parse_farm(text)
     section = config.controller
+    scanners = [one for one in config.controllers if isinstance(one, EthernetIpController)]
     for group in config.drives:
-        cycle_ns = clock_of(section, group.cycle_ns).cycle_ns
-        hold_ns = cycle_ns * section.watchdog_factor
+        if isinstance(group, EthernetIpDrives):
+            cycle_ns = group.rpi_ns
+            hold_ns = cycle_ns * scanners[0].timeout_multiplier
+        else:
+            cycle_ns = clock_of(section, group.cycle_ns).cycle_ns
+            hold_ns = cycle_ns * section.watchdog_factor
         # the last frame may be a cycle old when the machine stalls, and come a tick late behind it
         assert hold_ns - 2 * cycle_ns - 1_000_000 > STALL_SECONDS * 1e9, group

@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.farm_file import CONTROLLER, Claims, PlacedGroup
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
-from pnfarm.config.links import MacvlanLink
+from pnfarm.config.links import MacvlanLink, MemoryLink
 from pnfarm.config.values import expand_name, numbered
-from pnfarm.farm.file.choice import bus_of, bus_of_controller
+from pnfarm.farm.file.choice import bus_of, bus_of_controller, titles
 from pnfarm.farm.file.expand import controller_mac, expand_sections
 from pnfarm.vocabulary.quoting import did_you_mean, shown
+from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.config.controller import Program
+    from pnfarm.config.controller import ControllerSection
     from pnfarm.config.drive import DriveGroup
     from pnfarm.config.known import Known, ModelFacts
     from pnfarm.farm.file.sections import FarmSections
@@ -58,18 +59,37 @@ def check(
     else:
         _check_names(groups, report)
         _check_between(sections, groups, known, report)
-    controller = sections.controller
-    if controller is not None:
+    for controller in sections.controllers:
         bus = bus_of_controller(controller)
-        _check_program(controller.program, report)
+        _check_program(controller, report)
         own = [placed for placed in groups if bus_of(placed.group) is bus]
-        bus.farm_file.check_controller(controller, own, known, report)
+        bus.farm_file.check_controller(controller, own, known, _of(controller, sections, report))
 
 
-def _check_program(program: Program, report: Report) -> None:
+def _of(controller: ControllerSection, sections: FarmSections, report: Report) -> Report:
+    """Reports of one of the controllers: where the file has the key, and of which bus, if that is not plain."""
+
+    def told(location: Location, what: str, allowed: str) -> None:
+        match location:
+            case ("controller", *keys) if len(sections.controllers) > 1:
+                location = controller.at(*keys)
+                title = bus_of_controller(controller).title
+                if len(location) == len(keys) + 1 and title not in what:
+                    what = f"on {title}: {what}"
+            case ("controller", *keys):
+                location = controller.at(*keys)
+            case _:
+                pass
+        report(location, what, allowed)
+
+    return told
+
+
+def _check_program(controller: ControllerSection, report: Report) -> None:
+    program = controller.program
     for key in program.beside_python:
         what = "does not go with `python`" if program.python is not None else "is a key of a program with `python` only"
-        report(("controller", "program", key), what, "python, class and limit, or the keys of a built-in program")
+        report(controller.at("program", key), what, "python, class and limit, or the keys of a built-in program")
 
 
 def _check_sections(sections: FarmSections, report: Report) -> None:
@@ -84,13 +104,26 @@ def _check_sections(sections: FarmSections, report: Report) -> None:
         )
     elif sections.farm is None and sections.link is not None and controller is not None:
         report(("link",), "is given in a file without `farm`", "farm: NAME beside it, or controller.interface")
-    if controller is None:
-        return
+    for controller in sections.controllers:
+        _check_link(controller, sections, _of(controller, sections, report))
+    _check_interfaces(sections.controllers, report)
+
+
+def _check_link(controller: ControllerSection, sections: FarmSections, report: Report) -> None:
+    """How a controller is attached; places are those of a file with one controller."""
     at = ("controller",)
     if controller.interface is not None and controller.link is not None:
         report((*at, "interface"), "is given beside `link`", "one of the two")
     if controller.interface is None and controller.link is None and sections.farm is None:
         report(at, "has no interface to use", "interface: eth1")
+    if isinstance(sections.link, MemoryLink):
+        what = "is not reached from drives in memory: their controller is in the same process"
+        if controller.interface is not None:
+            report((*at, "interface"), what, "leave it out, or a farm on a macvlan, veth or tap link")
+        elif controller.link is not None and not isinstance(controller.link, MemoryLink):
+            report((*at, "link"), what, "leave it out, or a farm on a macvlan, veth or tap link")
+        elif isinstance(controller, IpController) and controller.ip is None:
+            report(at, "is in memory and has no `ip`", "ip: 10.77.0.1/24")
     if isinstance(sections.link, MacvlanLink):
         parent = sections.link.parent
         if controller.interface == parent:
@@ -100,6 +133,18 @@ def _check_sections(sections: FarmSections, report: Report) -> None:
         if sections.link.transmit == "parent" and shares:
             what = "frames sent through the parent do not reach a controller on the same link"
             report(("link", "transmit"), what, "interface, or a controller with an interface of its own")
+
+
+def _check_interfaces(controllers: Sequence[ControllerSection], report: Report) -> None:
+    """An interface has one address, and each controller is a station of its own."""
+    for place, controller in enumerate(controllers):
+        before = [other for other in controllers[:place] if other.interface == controller.interface]
+        if controller.interface is None or not before:
+            continue
+        who = titles([bus_of_controller(one) for one in (before[0], controller)])
+        own = bus_of_controller(controller).name
+        what = f"{controller.interface} is given to the controllers of {who}"
+        report(controller.at("interface"), what, f"one for each: {own}: {{interface: ...}}")
 
 
 def _check_group(at: Location, group: DriveGroup, known: Known, report: Report) -> None:
@@ -168,19 +213,37 @@ def _check_names(groups: Sequence[PlacedGroup[DriveGroup]], report: Report) -> N
         all(part.check_name((*placed.at, "name"), name, report) for name in names)
 
 
+def _claim(controller: ControllerSection, sections: FarmSections, claims: Claims, report: Report) -> None:
+    """What a controller takes; with several, a key beside the maps gives the same to each."""
+    bus = bus_of_controller(controller)
+    label = CONTROLLER if len(sections.controllers) == 1 else f"{CONTROLLER} on {bus.title}"
+    values: list[tuple[str, object, str]] = [("name", controller.name, shown(controller.name))]
+    if (mac := controller_mac(sections, controller)) is not None:
+        values.append(("mac", mac, format_mac(mac)))
+    if isinstance(controller, IpController) and controller.ip is not None:
+        values.append(("ip", controller.ip.ip, str(controller.ip.ip)))
+    taken: set[str] = set()
+    for key, value, text in values:
+        by = claims.claim(key, value, label, controller.name)
+        # an automatic MAC address follows from the name
+        if by is not None and not (key == "mac" and "name" in taken):
+            taken.add(key)
+            what = f"{text} belongs to {by} already"
+            if (at := controller.at(key)) == ("controller", key):
+                what = f"{label}: {what}"
+            report(at, what, f"each once in the farm: {bus.name}: {{{key}: ...}}")
+
+
 def _check_between(
     sections: FarmSections, groups: Sequence[PlacedGroup[DriveGroup]], known: Known, report: Report
 ) -> None:
     """Duplicates: one report for a group and the group (or the controller) that it collides with."""
     claims = Claims()
-    controller = sections.controller
-    if controller is not None:
-        claims.claim("name", controller.name, CONTROLLER, controller.name)
-        if (mac := controller_mac(sections)) is not None:
-            claims.claim("mac", mac, CONTROLLER, controller.name)
-        if isinstance(controller, IpController) and controller.ip is not None:
-            claims.claim("ip", controller.ip.ip, CONTROLLER, controller.name)
-        bus_of_controller(controller).farm_file.check_devices(controller, claims, report)
+    for controller in sections.controllers:
+        _claim(controller, sections, claims, report)
+    for controller in sections.controllers:
+        own = _of(controller, sections, report)
+        bus_of_controller(controller).farm_file.check_devices(controller, claims, own)
     reported: set[tuple[int, str, str]] = set()
     for drive in expand_sections(sections, known):
         placed = groups[drive.group]

@@ -13,6 +13,7 @@ from pnfarm.config.controller import ControllerSection
 from pnfarm.config.drive import DriveGroup
 from pnfarm.config.links import LINK_KINDS
 from pnfarm.config.section import Section
+from pnfarm.farm.file.choice import titles
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
@@ -80,6 +81,22 @@ class Explainer:
 
     def explain(self, error: Mapping[str, Any]) -> tuple[Location, str, str]:
         """One of pydantic's errors as (place in the file, what is wrong, what is allowed)."""
+        place, what, allowed = self._explain(error)
+        return place, self._bus_before(place, error["type"], what) + what, allowed
+
+    def _bus_before(self, place: Location, kind: str, what: str) -> str:
+        """``on PROFINET: `` for a key of the controllers' section that not all of several controllers have."""
+        match place:
+            case ("controller", str(key), *_) if key not in BUSES and kind != "extra_forbidden":
+                several = self._at(place[:1])[0]
+                knowing = [bus for bus in BUSES.values() if _knows(bus, key, several)]
+                if 0 < len(knowing) < len(several) and not all(bus.title in what for bus in knowing):
+                    return f"on {titles(knowing)}: "
+            case _:
+                pass
+        return ""
+
+    def _explain(self, error: Mapping[str, Any]) -> tuple[Location, str, str]:
         location: Location = error["loc"]
         place = strip_tags(location)
         kind: str = error["type"]
@@ -110,15 +127,15 @@ class Explainer:
 
     def _unknown_key(self, location: Location) -> tuple[str, str]:
         models, _ = self._at(location[:-1])
-        keys = [key for model in models for key in model.listed_keys()]
+        keys = list(dict.fromkeys(key for model in models for key in model.listed_keys()))
         key = str(location[-1])
         for section in (DriveGroup, ControllerSection):
             if any(issubclass(model, section) for model in models):
                 for bus in BUSES.values():
                     other = _section_of(bus, section)
                     if other is not None and key in other.listed_keys():
-                        own = next(own for own in BUSES.values() if _section_of(own, section) in models)
-                        what = f"is a key of {bus.title}, and this is {_CALLED[section]} on {own.title}"
+                        own = titles([own for own in BUSES.values() if _section_of(own, section) in models])
+                        what = f"is a key of {bus.title}, and this is {_CALLED[section]} on {own}"
                         return what, ", ".join(keys)
         return f"is not a key here{did_you_mean(key, keys)}", ", ".join(keys)
 
@@ -131,23 +148,26 @@ class Explainer:
         value = _inside(value, step)
         tagged = [model for model in models if step in _literals(model.model_fields.get("kind"))]
         if isinstance(step, int):
-            models = [self._as_its_bus_has_it(model, value) for model in models]
+            models = [one for model in models for one in self._as_buses_have_it(model, value)]
+        elif step in BUSES and any(issubclass(model, ControllerSection) for model in models):
+            # the map for one bus
+            models = [BUSES[step].farm_file.controller or ControllerSection]
         elif tagged and len(models) > 1:
             models = tagged
         else:
             fields = [field for model in models if (field := _field(model, step)) is not None]
             models = [member for field in fields for member in _members(field.annotation)]
             if not isinstance(value, list):
-                models = [self._as_its_bus_has_it(model, value) for model in models]
+                models = [one for model in models for one in self._as_buses_have_it(model, value)]
         self._known[location] = models, value
         return models, value
 
-    def _as_its_bus_has_it(self, model: type[Section], value: Any) -> type[Section]:
+    def _as_buses_have_it(self, model: type[Section], value: Any) -> list[type[Section]]:
         if model is DriveGroup:
-            return self._choice.group(value).farm_file.drives
+            return [self._choice.group(value).farm_file.drives]
         if model is ControllerSection:
-            return self._choice.controller(value).farm_file.controller or model
-        return model
+            return [one.section for one in self._choice.controllers(value)]
+        return [model]
 
     def _field_at(self, location: Location) -> FieldInfo | None:
         # a place inside a list or a mapping of values is described by the key that holds it
@@ -162,6 +182,11 @@ class Explainer:
 
 def _section_of(bus: Bus, section: type[Section]) -> type[Section] | None:
     return bus.farm_file.drives if section is DriveGroup else bus.farm_file.controller
+
+
+def _knows(bus: Bus, key: str, sections: list[type[Section]]) -> bool:
+    section = bus.farm_file.controller
+    return section is not None and section in sections and key in section.listed_keys()
 
 
 def _inside(value: Any, step: str | int) -> Any:

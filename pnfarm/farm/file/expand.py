@@ -10,37 +10,44 @@ from pnfarm.config.ip import IpController, Macs, auto_mac
 from pnfarm.config.links import MemoryLink
 from pnfarm.config.tasks import drive_task
 from pnfarm.config.values import expand_name
-from pnfarm.farm.file.choice import bus_of
+from pnfarm.farm.file.choice import bus_of, bus_of_controller
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pnfarm.config.controller import ControllerSection
     from pnfarm.config.known import Known
     from pnfarm.farm.file.sections import FarmSections
 
 __all__ = ["controller_mac", "expand_sections"]
 
 
-def controller_mac(sections: FarmSections) -> bytes | None:
-    """The controller's MAC address; None where it uses an interface's own or has none, or there is no controller."""
-    controller = sections.controller
-    if not isinstance(controller, IpController):
+def controller_mac(sections: FarmSections, controller: ControllerSection | None = None) -> bytes | None:
+    """A controller's MAC address; None where it uses an interface's own, or there is no controller.
+
+    ``controller``: one of the file's; left out, the first.
+    """
+    controller = controller or sections.controller
+    if controller is None:
         return None
-    if isinstance(controller.mac, bytes):
-        return controller.mac
-    if controller.mac is None and controller.interface is not None:
+    mac = controller.mac if isinstance(controller, IpController) else None
+    if isinstance(mac, bytes):
+        return mac
+    if mac is None and controller.interface is not None:
         return None
     return auto_mac(sections.farm or "", f"controller:{controller.name}")
 
 
 def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfig]:
     """The drives in the file's order.  Errors that :func:`check` reports are not corrected."""
-    macs = Macs(sections.farm or "", sections.drives, controller_mac(sections))
-    expansion = Expansion(macs, sections.controller)
+    own = [mac for section in sections.controllers if (mac := controller_mac(sections, section)) is not None]
+    macs = Macs(sections.farm or "", sections.drives, own)
+    controllers = {bus_of_controller(section).name: section for section in sections.controllers}
     real_link = sections.link is not None and not isinstance(sections.link, MemoryLink)
     index = 0
     for number, group in enumerate(sections.drives):
-        part = bus_of(group).farm_file
+        bus = bus_of(group)
+        expansion = Expansion(macs, controllers.get(bus.name))
         model = known.model(group.model)
         for step in range(group.count):
             common = DriveConfig(
@@ -61,5 +68,5 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 realism_by_source=real_link and group.limits == "strict",
                 listed=model.described if model is not None and model.name in known.listed else None,
             )
-            yield part.drive(common, group, step, model, expansion)
+            yield bus.farm_file.drive(common, group, step, model, expansion)
             index += 1

@@ -4,7 +4,7 @@ A file is read as a whole and **all** its errors are reported at once (:class:`F
 its line, its key, and what is allowed.  There are four stages:
 
 1. text to values with places (:mod:`pnfarm.vocabulary.yaml_lines`);
-2. values to typed sections (:mod:`pnfarm.farm.file.sections`), a group's and the controller's by the keys of their bus
+2. values to typed sections (:mod:`pnfarm.farm.file.sections`), groups and controllers by the keys of their bus
    (:mod:`pnfarm.farm.file.choice`), errors to sentences (:mod:`pnfarm.farm.file.errors`);
 3. where a section is wrong, its wrong keys are set aside, so that the rest can still be checked;
 4. checks between sections (:mod:`pnfarm.farm.file.checks`), with the facts of the drive models
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field, PrivateAttr, ValidationError
 
+from pnfarm.buses.registry import BUSES
 from pnfarm.config.drive import DriveConfig
 from pnfarm.config.impairment import FAULT_KINDS
 from pnfarm.config.known import Known, catalogue
@@ -235,7 +236,10 @@ def _build(
 def _names_devices(values: dict[str, Any]) -> bool:
     """Whether the controller has its own devices, so that the file needs no drives."""
     controller = values.get("controller")
-    return isinstance(controller, dict) and bool(controller.get("devices"))
+    if not isinstance(controller, dict):
+        return False
+    maps = [controller, *(each for name, each in controller.items() if name in BUSES and isinstance(each, dict))]
+    return any(each.get("devices") for each in maps)
 
 
 class _Partial(FarmSections):
@@ -288,8 +292,17 @@ def _set_aside(
                 pass
             case ("drives", int(number), *_):
                 lost_groups.add(number)
+            case ("controller", str(name)) if name in BUSES:
+                # without its map, a bus's controller would seem to be where another one is
+                rest.pop("controller", None)
+            case ("controller", str(), *_) if "controller" not in rest:
+                pass
+            case ("controller", str(name), str(key), *_) if name in BUSES:
+                _drop(rest["controller"][name], key, BUSES[name].farm_file)
+                _drop(rest["controller"], key, BUSES[name].farm_file)
             case ("controller", str(key), *_):
-                _drop(rest["controller"], key, choice.controller(rest["controller"]).farm_file)
+                for one in choice.controllers(rest["controller"]):
+                    _drop(rest["controller"], key, one.bus.farm_file)
             case ("parameter_lists", str(key), *_):
                 rest["parameter_lists"].pop(key, None)
             case (key, *_):
@@ -309,10 +322,17 @@ def _drop(section: dict[str, Any], key: str, part: FarmFilePart[Any, Any]) -> No
 
 def _says_nothing_of_links(wrong: list[Location]) -> bool:
     """Whether an error hides how the sections belong together."""
-    return any(location[0] in {"farm", "link"} or location[:2] in _LINKING for location in wrong)
+    return any(
+        location[0] in {"farm", "link"}
+        or location[:2] in _LINKING
+        or (location[0] == "controller" and location[1] in BUSES and location[2:] in _LINKING_IN_MAP)
+        for location in wrong
+    )
 
 
 _LINKING = frozenset((("controller",), ("controller", "interface"), ("controller", "link")))
+#: In the map for one bus; what is beside it is another controller's address.
+_LINKING_IN_MAP = frozenset(((), ("interface",), ("link",), ("ip",)))
 
 
 def _moved(location: Location, moved: list[int]) -> Location:

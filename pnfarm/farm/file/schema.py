@@ -55,6 +55,16 @@ def _behaviour_of(model: ModelFacts) -> dict[str, Any]:
     }
 
 
+def _either(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
+    """A key of two buses: what the first has, or both where they take other values (devices by GSDML or EDS file)."""
+    words = {"title", "description", "default"}
+    types = [{key: value for key, value in one.items() if key not in words} for one in (first, second)]
+    if types[0] == types[1]:
+        return first
+    texts = dict.fromkeys(one["description"] for one in (first, second) if "description" in one)
+    return {"anyOf": types, "description": " / ".join(texts)}
+
+
 def _keys_of_buses(
     base: type[Section], of: Callable[[Bus], type[Section] | None], sections: dict[str, Any], text: str = ""
 ) -> dict[str, Any]:
@@ -73,11 +83,30 @@ def _keys_of_buses(
         for name, shared in own.get("$defs", {}).items():
             if sections.setdefault(name, shared) != shared:
                 raise InternalError(f"two buses have sections called {name}, which differ")
-        properties |= {key: own["properties"][key] for key in section.listed_keys() if key not in properties}
+        for key in section.listed_keys():
+            found = own["properties"][key]
+            properties[key] = _either(properties[key], found) if key in properties else found
         texts.append(own["description"])
         required += [key for key in own.get("required", ()) if key not in required]
     whole = {**sections[base.__name__], "properties": properties, "description": text or " / ".join(texts)}
     return whole | ({"required": required} if required else {})
+
+
+def _maps_of_buses(properties: dict[str, Any]) -> dict[str, Any]:
+    """The maps with keys for one bus alone, by its name."""
+    maps: dict[str, Any] = {}
+    for bus in BUSES.values():
+        if (section := bus.farm_file.controller) is not None:
+            own = section.model_json_schema(by_alias=True)["properties"] | {"reconnect": properties["reconnect"]}
+            for field in own.values():
+                field.pop("title", None)
+            maps[bus.name] = {
+                "type": "object",
+                "additionalProperties": False,
+                "description": f"Keys for the controller on {bus.title} alone, in a file with drives on several buses.",
+                "properties": {key: own[key] for key in section.listed_keys()},
+            }
+    return {name: each for name, each in maps.items() if name not in properties}
 
 
 def _only_of_its_bus(known: Known) -> list[dict[str, Any]]:
@@ -119,7 +148,15 @@ def farm_schema(known: Known | None = None) -> dict[str, Any]:
     switch_off = {"enum": [OFF, False]}
     address = {"type": "string", "examples": [DEFAULT_LISTEN]}
     properties["api"]["anyOf"] = [switch_off, address, {"$ref": "#/$defs/Api"}]
-    sections["ControllerSection"]["properties"]["reconnect"]["anyOf"] = [switch_off, {"$ref": "#/$defs/Reconnect"}]
+    controllers = sections["ControllerSection"]
+    # several controllers are one section in the file
+    properties["controller"] = {
+        "anyOf": [{"$ref": "#/$defs/ControllerSection"}, {"type": "null"}],
+        "default": None,
+        "description": properties["controller"]["description"],
+    }
+    controllers["properties"] |= _maps_of_buses(controllers["properties"])
+    controllers["properties"]["reconnect"]["anyOf"] = [switch_off, {"$ref": "#/$defs/Reconnect"}]
     for section, key in (("DriveGroup", "realism"), ("Realism", "noise"), ("Realism", "boot_time")):
         field = sections[section]["properties"][key]
         kinds = [SWITCH, {"$ref": field.pop("$ref")}]

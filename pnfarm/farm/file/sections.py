@@ -15,10 +15,12 @@ from pydantic import (
     Field,
     ModelWrapValidatorHandler,
     SerializeAsAny,
+    ValidationError,
     ValidationInfo,
     WrapValidator,
     field_validator,
 )
+from pydantic_core import InitErrorDetails
 
 from pnfarm.config.controller import ControllerSection
 from pnfarm.config.drive import DriveGroup
@@ -148,19 +150,39 @@ def _read_group(value: Any, _: ModelWrapValidatorHandler[DriveGroup], info: Vali
     return section.model_validate(value, context=info.context)
 
 
-def _read_controller(
-    value: Any, _: ModelWrapValidatorHandler[ControllerSection], info: ValidationInfo
-) -> ControllerSection:
-    """The controller by the keys of its bus."""
-    if isinstance(value, ControllerSection):
+def _read_controllers(
+    value: Any, _: ModelWrapValidatorHandler[tuple[ControllerSection, ...]], info: ValidationInfo
+) -> tuple[ControllerSection, ...]:
+    """The controllers of a section, each by the keys of its bus; errors are where the file has the value."""
+    if value is None:
+        return ()
+    if isinstance(value, tuple):
         return value
-    section: type[ControllerSection] = _choice(info).controller(value).farm_file.controller or ControllerSection
-    return section.model_validate(value, context=info.context)
+    choice = _choice(info)
+    wrong = [
+        InitErrorDetails(type="value_error", loc=place, input=value, ctx={"error": Problem(what, allowed)})
+        for place, what, allowed in choice.misplaced(value)
+    ]
+    found: list[ControllerSection] = []
+    for one in choice.controllers(value):
+        try:
+            section = one.section.model_validate(one.values, context=info.context)
+        except ValidationError as error:
+            for each in error.errors(include_url=False):
+                details = InitErrorDetails(type=each["type"], loc=one.at(each["loc"]), input=each["input"])
+                if "ctx" in each:
+                    details["ctx"] = each["ctx"]
+                wrong.append(details)
+        else:
+            found.append(section.placed(one.bus.name, one.in_map))
+    if wrong:
+        raise ValidationError.from_exception_data("controller", wrong)
+    return tuple(found)
 
 
 ParameterLists = dict[str, Annotated[str, Field(min_length=1, max_length=4096)]]
 AnyGroup = Annotated[SerializeAsAny[DriveGroup], WrapValidator(_read_group)]
-AnyController = Annotated[SerializeAsAny[ControllerSection], WrapValidator(_read_controller)]
+AnyControllers = Annotated[tuple[SerializeAsAny[ControllerSection], ...], WrapValidator(_read_controllers)]
 
 
 class FarmSections(Section):
@@ -192,4 +214,12 @@ class FarmSections(Section):
         min_length=1,
         description="The groups of drives; may be left out only if the controller has `devices`.",
     )
-    controller: AnyController | None = Field(default=None, description="The built-in controller, for `pnfarm plc`.")
+    #: One for each bus, in the order of their first drives.
+    controllers: AnyControllers = Field(
+        default=(), alias="controller", description="The built-in controller, for `pnfarm plc`."
+    )
+
+    @property
+    def controller(self) -> ControllerSection | None:
+        """The only controller, or the first; None where there is none."""
+        return self.controllers[0] if self.controllers else None
