@@ -234,12 +234,7 @@ class VirtualPassing(Passing):
         return run.record.as_dict()
 
     def controller_rows(self) -> list[dict[str, Any]]:
-        line = self._open
-        programs = line.programs
-        return [
-            row | {"program": None if programs is None else programs.snapshot(row["name"])}
-            for row in line.plc.snapshot()
-        ]
+        return self._open.joined.summary()
 
     def program(self, name: str) -> AxisProgram:
         if self._open.programs is None:

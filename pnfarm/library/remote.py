@@ -244,7 +244,7 @@ class RemoteDrive:
     @property
     def connected(self) -> bool:
         """Whether a controller exchanges data with it."""
-        return self.view["cycle_seconds"] is not None and self.view["ar_state"] == "DATA"
+        return bool(self.view["connected"])
 
     @property
     def faults(self) -> list[FaultReading]:

@@ -73,7 +73,15 @@ class Binding:
 
 @few_hints()
 def bind_scenario(scenario: Scenario, drives: Mapping[str, Model], kinds: Catalogue) -> Binding:
-    """Check every step against the farm.  Raises :class:`FarmFileError` with all that is wrong."""
+    """Check every step against the farm; of a matrix, one run at a time.
+
+    Raises :class:`FarmFileError` with all that is wrong.
+    """
+    if scenario.runs:
+        raise ConfigError(
+            "matrix: repeats the whole scenario, with a farm for each run, and this farm runs already; "
+            "use `repeat: {for: ...}` in the steps, or `pnfarm run` with a farm file"
+        )
     binding = Binding(scenario, drives)
     issues: dict[FileIssue, None] = {}
     names: set[str] = set()

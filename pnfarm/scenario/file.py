@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,18 +24,21 @@ from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, Document, YamlError, parse_
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-__all__ = ["KEYS", "MAX_STEPS", "Scenario", "load_scenario", "parse_scenario", "walk"]
+__all__ = ["KEYS", "MAX_RUNS", "MAX_STEPS", "Scenario", "load_scenario", "parse_scenario", "walk"]
 
 #: Most steps once repetitions are written out; most errors that are reported.
 MAX_STEPS = 10_000
 MAX_ISSUES = 100
+#: Most runs of a matrix.
+MAX_RUNS = 100
 #: Keys of the file.
 KEYS: Mapping[str, str] = {
     "scenario": "Name of the scenario.",
     "farm": "Farm file, relative to this file, or the URL of a running farm's API.",
     "with": "Keys of the farm file that this scenario sets, such as {controller.cycle: 2ms}.",
     "description": "What it shows.",
-    "variables": "Values for $name in steps.",
+    "matrix": "Lists of values: the whole scenario runs once for each combination, $name in `with` and in steps.",
+    "variables": "Values for $name in `with` and in steps.",
     "budget": "How late the farm itself may be before a failure is inconclusive; left out, the farm's own budget.",
     "steps": "The steps, in order.",
 }
@@ -59,6 +62,16 @@ class Scenario:
     #: Values of variables that were given beside the file.
     given: Mapping[str, Any] = field(default_factory=dict)
     issues: list[FileIssue] = field(default_factory=list)
+    #: The combination of a matrix that this run is for.
+    combination: Mapping[str, Any] = field(default_factory=dict)
+    #: With a matrix: the runs, in order; the steps here are those of the first one.
+    runs: tuple[Scenario, ...] = ()
+
+    @property
+    def title(self) -> str:
+        """Its name, with the combination of a matrix that it is."""
+        inside = ", ".join(f"{key}={value}" for key, value in self.combination.items())
+        return f"{self.name} [{inside}]" if inside else self.name
 
     @property
     def is_remote(self) -> bool:
@@ -170,11 +183,17 @@ class _Reader:
         variables = self._mapping(values, "variables", "a mapping of names and values")
         for key in variables:
             self._check_identifier(("variables", key), key)
-        for key in self._given:
-            if key not in variables:
-                known = ", ".join(variables) or "none"
-                self.report(("variables",), f"has no {key!r} to set{did_you_mean(key, variables)}", known)
-        variables |= self._given
+        matrix = self._matrix(values, variables)
+        settable = [*variables, *matrix]
+        for key, value in self._given.items():
+            if key in matrix:
+                # one value instead of all
+                matrix[key] = [value]
+            elif key in variables:
+                variables[key] = value
+            else:
+                known = ", ".join(settable) or "none"
+                self.report(("variables",), f"has no {key!r} to set{did_you_mean(key, settable)}", known)
         overrides = self._mapping(values, "with", "a mapping such as {controller.cycle: 2ms}")
         budget = None
         if values.get("budget") is not None:
@@ -183,17 +202,38 @@ class _Reader:
         if not isinstance(steps, list) or not steps:
             self.report(("steps",), "is missing" if steps is None else f"is {shown(steps)}", "a list of steps")
             return None
-        read = self._steps(steps, ("steps",), variables, {})
-        return Scenario(
-            str(name),
-            farm,
-            str(values.get("description") or ""),
-            overrides,
-            budget,
-            tuple(read),
-            self._path,
-            self._given,
-        )
+        whole = Scenario(str(name), farm, str(values.get("description") or ""), {}, budget, (), self._path, self._given)
+        runs = []
+        # without a matrix there is one combination, of nothing
+        for chosen in itertools.product(*matrix.values()):
+            combination = dict(zip(matrix, chosen, strict=True))
+            values = {**variables, **combination}
+            read = tuple(self._steps(steps, ("steps",), values, {}))
+            filled = self._filled(overrides, ("with",), values)
+            runs.append(replace(whole, overrides=filled, steps=read, combination=combination))
+        return replace(runs[0], combination={}, runs=tuple(runs)) if matrix else runs[0]
+
+    def _matrix(self, values: Mapping[str, Any], variables: Mapping[str, Any]) -> dict[str, list[Any]]:
+        """The lists of values by name; empty where there is no matrix, or a wrong one."""
+        if values.get("matrix") == {}:
+            self.report(("matrix",), "is empty", "names and lists, such as {cycle: [1ms, 4ms]}")
+        found: dict[str, list[Any]] = {}
+        total = 1
+        for name, given in self._mapping(values, "matrix", "names and lists, such as {cycle: [1ms, 4ms]}").items():
+            place = ("matrix", name)
+            self._check_identifier(place, name)
+            if name in variables:
+                self.report(place, "is also in `variables`", "a name of its own")
+            chosen = self._list(given, place)
+            if len({str(value) for value in chosen}) < len(chosen):
+                self.report(place, "has a value twice", "each value once")
+            # a wrong list still gives its name a value, for the steps
+            found[name] = chosen or [""]
+            total *= len(found[name])
+        if total > MAX_RUNS:
+            self.report(("matrix",), f"makes {total} runs", f"at most {MAX_RUNS}")
+            return {name: chosen[:1] for name, chosen in found.items()}
+        return found
 
     def _mapping(self, values: Mapping[str, Any], key: str, allowed: str) -> dict[str, Any]:
         value = values.get(key)

@@ -12,6 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 
+from pnfarm.scenario.matrix import runs_of
+from pnfarm.vocabulary.durations import format_measured
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
@@ -20,13 +23,26 @@ __all__ = ["write_junit"]
 
 
 def write_junit(record: Mapping[str, Any], path: Path) -> None:
-    """``record`` is :meth:`.Record.as_dict`."""
+    """``record`` is :meth:`.Record.as_dict`, or the runs of a matrix: a suite for each."""
+    xml = JUnitXml("pnfarm")
+    for one in runs_of(record):
+        xml.add_testsuite(_suite(one))
+    suites = list(xml)
+    xml.tests, xml.failures, xml.errors = (
+        sum(getattr(suite, what) for suite in suites) for what in ("tests", "failures", "errors")
+    )
+    xml.time = round(record["seconds"], 3)
+    xml.write(str(path), pretty=True)
+
+
+def _suite(record: Mapping[str, Any]) -> TestSuite:
     suite = TestSuite(_text(record["scenario"]))
     for name, value in {
         "farm": record["farm"],
         "file": record["file"],
         "verdict": record["verdict"] or "",
         "ended_early": record["ended_early"],
+        **{f"matrix.{name}": value for name, value in record.get("matrix", {}).items()},
     }.items():
         suite.add_property(name, _text(value))
     for found in record.get("finds", ()):
@@ -40,11 +56,7 @@ def write_junit(record: Mapping[str, Any], path: Path) -> None:
     suite.update_statistics()  # type: ignore[no-untyped-call]  # junitparser types its constructors only
     # the run's, not the sum of cases that ran side by side
     suite.time = round(record["seconds"], 3)
-    xml = JUnitXml("pnfarm")
-    xml.add_testsuite(suite)
-    xml.tests, xml.failures, xml.errors = suite.tests, suite.failures, suite.errors
-    xml.time = round(record["seconds"], 3)
-    xml.write(str(path), pretty=True)
+    return suite
 
 
 def _fault(fault: Mapping[str, Any]) -> str:
@@ -88,10 +100,12 @@ def _told(case: Mapping[str, Any]) -> str:
         "measured": case["measured"],
         "message": case["message"],
         "value": case["value"],
-        "farm_late_seconds": late,
+        "farm late": format_measured(late) if late is not None else None,
     }
     lines = [f"{name}: {value}" for name, value in facts.items() if value not in {None, ""}]
-    lines += [f"{drive}: held after {seconds} s" for drive, seconds in case["held_after_seconds"].items()]
+    lines += [
+        f"{drive}: held after {format_measured(seconds)}" for drive, seconds in case["held_after_seconds"].items()
+    ]
     lines += [
         f"{drive}: " + ", ".join(f"{name} = {value}" for name, value in values.items())
         for drive, values in case["values"].items()

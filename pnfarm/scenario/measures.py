@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
 from pnfarm.scenario.steps import QUANTILES
+from pnfarm.vocabulary.durations import format_measured
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from pnfarm.metrics import FarmCollector
     from pnfarm.scenario.steps import MetricName
 
-__all__ = ["Reading", "check_metric", "measured", "read_metric"]
+__all__ = ["Reading", "check_metric", "measured", "read_metric", "show_value"]
 
 #: Sum of the matching series by sample name, and for buckets also by upper bound.
 Reading = dict[tuple[str, str], float]
@@ -64,6 +65,15 @@ def measured(asked: str, before: Reading, after: Reading) -> float:
         for (name, bound), value in after.items()
         if name == "_bucket"
     })  # fmt: skip
+
+
+def show_value(metric: str, value: float) -> str:
+    """A measured value for people, with its unit where the metric, by its name, is a time."""
+    if math.isnan(value):
+        return "nothing counted"
+    if metric.endswith(("_seconds", "_seconds_sum", "_seconds_total")):
+        return format_measured(value)
+    return f"{value:g}"
 
 
 def _quantile(q: float, cumulative: Mapping[float, float]) -> float:

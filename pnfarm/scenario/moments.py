@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pnfarm.errors import ConfigError
+from pnfarm.station.signals import profile_words
 from pnfarm.trace.recording import Column, Recording
 
 if TYPE_CHECKING:
@@ -27,7 +28,10 @@ __all__ = ["Moments", "named_drives"]
 #: Time that is kept before and after a moment.
 BEFORE, BEFORE_NS = "500ms", 500_000_000
 AFTER, AFTER_NS = "1s", 1_000_000_000
-SIGNALS = ("state", "setpoint", "velocity", "fault", "connected", "stw1.*", "zsw1.*")
+#: Signals of any drive; to these come the bits of the words of its profile.
+SIGNALS = ("state", "setpoint", "velocity", "fault", "connected")
+#: Bits that are shown even if nothing changes: the drive has a fault, the controller asks for operation.
+_TELLING = frozenset({"zsw1.fault_present", "stw1.enable_operation", "status_1.general_fault", "control.enable"})
 #: Drives that are traced, and those that one picture shows.
 MAX_TRACED, MAX_SHOWN = 32, 3
 #: Pictures; no more than half of them are of injected faults, so that there is room for failures.
@@ -57,6 +61,9 @@ class Moments:
     def __init__(self, core: FarmCore, drives: Sequence[str], now: int) -> None:
         self._core = core
         self._drives = list(drives)[:MAX_TRACED]
+        models = [station.model for station in core.stations if station.configured_name in self._drives]
+        words = dict.fromkeys(word for model in models for word in profile_words(model))
+        self._signals = [*SIGNALS, *(f"{word}.*" for word in words)]
         self._origin_ns = now
         self._trace: Trace | None = None
         self._started_ns = self._fired_ns = 0
@@ -69,7 +76,7 @@ class Moments:
         self._start(now)
 
     def _start(self, now: int) -> None:
-        request = {"on": self._drives, "signals": list(SIGNALS), "trigger": "manual", "pre": BEFORE, "length": AFTER}
+        request = {"on": self._drives, "signals": self._signals, "trigger": "manual", "pre": BEFORE, "length": AFTER}
         try:
             self._trace = self._core.traces.start(request, now)
         except ConfigError as error:
@@ -151,7 +158,7 @@ def _thinned(recording: Recording, mark: str, times: NDArray[Any], columns: Sequ
     ]
     if not any(column.form == "bit" and "." in column.signal for column in chosen):
         # nothing happened: at least the bits that tell so
-        chosen += [column for column in columns if column.signal in {"zsw1.fault_present", "stw1.enable_operation"}]
+        chosen += [column for column in columns if column.signal in _TELLING]
     keep = np.zeros(len(times), bool)
     keep[:: max(1, -(-len(times) // MAX_SAMPLES))] = True
     keep[-1:] = True

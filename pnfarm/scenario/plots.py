@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
+
+from pnfarm.scenario.measures import show_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -23,6 +26,7 @@ def _plot(found: Mapping[str, Any]) -> dict[str, Any]:
     numbers = [item["number"] for item in tries]
     values = [item["measured"] if item["measured"] is not None else float(item["held"]) for item in tries]
     measured = found["measure"] is not None
+    name = re.split(r"[\s{]", found["measure"] or "", maxsplit=1)[0]
     least, most = min(numbers), max(numbers)
     highest = max(*values, 0.0, 1e-12) if measured else 1.0
 
@@ -38,7 +42,7 @@ def _plot(found: Mapping[str, Any]) -> dict[str, Any]:
             "y": y(value),
             "held": item["held"],
             "text": f"{item['value']}: " + ("held" if item["held"] else item["message"])
-            + (f", {found['measure']} {value:g}" if measured else ""),
+            + (f", {found['measure']} {show_value(name, value)}" if measured else ""),
         }
         for item, value in zip(tries, values, strict=True)
     ]  # fmt: skip
@@ -58,7 +62,10 @@ def _plot(found: Mapping[str, Any]) -> dict[str, Any]:
         "limit": _limit(found, tries, x),
         "xticks": [{"x": x(item["number"]), "text": str(item["value"])} for item in _few(tries)],
         "yticks": (
-            [{"y": y(highest * part), "text": f"{highest * part:.3g}"} for part in (0.0, 0.5, 1.0)]
+            [
+                {"y": y(highest * part), "text": show_value(name, float(f"{highest * part:.3g}"))}
+                for part in (0.0, 0.5, 1.0)
+            ]
             if measured
             else [{"y": y(1.0), "text": "held"}, {"y": y(0.0), "text": "not"}]
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
@@ -20,8 +21,12 @@ if TYPE_CHECKING:
 
 __all__ = ["EXIT_CODES", "Case", "Record", "Verdict"]
 
-#: Most entries of the timeline; later ones are counted only.
+#: Most entries of the timeline: the first half of them, and the last half; those between are counted only.
 MAX_TIMELINE = 20_000
+#: Most times of one reaction of a drive.
+MAX_REACTIONS = 2_000
+#: Most drives' values that cases keep altogether; beyond it, those of cases that did not pass only.
+MAX_VALUES = 50_000
 
 
 class Verdict(StrEnum):
@@ -99,7 +104,8 @@ class Record:
         self._why = ""
         self._lateness: Mapping[str, Any] | None = None
         self._timeline: list[dict[str, Any]] = []
-        self._left_out = 0
+        self._latest: deque[dict[str, Any]] = deque(maxlen=MAX_TIMELINE // 2)
+        self._left_out = self._reactions_left_out = self._values = self._values_left_out = 0
         self._lost_ns: dict[str, int] = {}
         self._reactions: dict[str, dict[str, list[float]]] = {}
         self._faults: dict[Injection, dict[str, Any]] = {}
@@ -126,6 +132,12 @@ class Record:
 
     def add(self, case: Case) -> None:
         """A case has its verdict."""
+        self._values += len(case.values)
+        if self._values > MAX_VALUES and case.verdict is Verdict.PASSED:
+            # a run of days checks all drives again and again
+            self._values -= len(case.values)
+            self._values_left_out += bool(case.values)
+            case.values = {}
         self.cases.append(case)
 
     def step(self, step: Step, now: int) -> None:
@@ -158,8 +170,10 @@ class Record:
 
     def _reaction(self, drive: str, what: str, after_ns: int) -> None:
         found = self._reactions.setdefault(drive, {}).setdefault(what, [])
-        if len(found) < MAX_TIMELINE:
+        if len(found) < MAX_REACTIONS:
             found.append(after_ns / 1e9)
+        else:
+            self._reactions_left_out += 1
 
     def fault_began(self, injection: Injection, now: int) -> None:
         """A fault of the scenario was put in force; its id is the name that the scenario gave it, if it did."""
@@ -217,10 +231,11 @@ class Record:
         return (now - self.origin_ns) / 1e9
 
     def _place(self, item: dict[str, Any]) -> None:
-        if len(self._timeline) < MAX_TIMELINE:
+        if len(self._timeline) < MAX_TIMELINE // 2:
             self._timeline.append(item)
         else:
-            self._left_out += 1
+            self._left_out += len(self._latest) == self._latest.maxlen
+            self._latest.append(item)
 
     def counts(self) -> dict[str, int]:
         """Cases by verdict."""
@@ -229,7 +244,7 @@ class Record:
     def summary(self) -> dict[str, Any]:
         """Without cases, timeline and traces."""
         return {
-            "scenario": self._scenario.name,
+            "scenario": self._scenario.title,
             "state": "ended" if self._ended else "running",
             "verdict": self.verdict.value if self._ended else None,
             "ended_early": self._why,
@@ -243,6 +258,7 @@ class Record:
             **self.summary(),
             "description": self._scenario.description,
             "file": str(self._scenario.path) if self._scenario.path is not None else "",
+            "matrix": dict(self._scenario.combination),
             "farm": self._farm,
             "drives": self._drives,
             "farm_ended": self._broken,
@@ -250,10 +266,12 @@ class Record:
             "finds": self._finds,
             "faults": list(self._faults.values()),
             "plc": self._reactions,
+            "plc_left_out": self._reactions_left_out,
+            "values_left_out": self._values_left_out,
             "controllers": self.controllers,
             "traces": self.traces,
             "traces_note": self.traces_note,
-            "timeline": self._timeline,
+            "timeline": [*self._timeline, *self._latest],
             "timeline_left_out": self._left_out,
             "lateness": dict(self._lateness) if self._lateness is not None else None,
         }

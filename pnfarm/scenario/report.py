@@ -6,13 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
 
+from pnfarm.scenario.matrix import runs_of
 from pnfarm.scenario.plots import plots
-from pnfarm.trace.plot import as_svg
+from pnfarm.trace.interactive import chart_head
+from pnfarm.trace.plot import as_charts
 from pnfarm.trace.recording import Recording
+from pnfarm.vocabulary.durations import format_measured
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
 __all__ = ["report_html"]
 
@@ -20,6 +24,8 @@ __all__ = ["report_html"]
 PLOT, NAMES, LANE = 1000.0, 140.0, 18.0
 #: Most drives that are drawn: those with something to show come first.
 MAX_LANES = 64
+#: Most traces of all runs of a matrix together.
+MAX_PICTURES = 64
 #: Characters of a drive's name beside its lane.
 MAX_NAME = 20
 #: Most expectations that are listed, rows of the other tables, lines of values of one expectation, and marks drawn.
@@ -35,28 +41,41 @@ REACTIONS = {
 
 
 def report_html(record: Mapping[str, Any]) -> str:
-    """The page of a record (:meth:`.Record.as_dict`); all texts in it are escaped."""
+    """The page of a record (:meth:`.Record.as_dict`, or :func:`.together`); all texts in it are escaped."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     environment.filters["seconds"] = _seconds
-    template = environment.get_template("report.html.j2")
+    template, left = environment.get_template("run.html.j2"), MAX_PICTURES
+    sections = []
+    for number, run in enumerate(runs_of(record), 1):
+        pictures = run["traces"][:left]
+        left -= len(pictures)
+        # the template escapes
+        sections.append(Markup(template.render(_of_run(run, pictures, number))))  # noqa: S704 - made by the line above
+    head = chart_head() if left < MAX_PICTURES else ""
+    return environment.get_template("report.html.j2").render(record=record, sections=sections, chart_head=head)
+
+
+def _of_run(record: Mapping[str, Any], pictures: Sequence[Mapping[str, Any]], number: int) -> dict[str, Any]:
+    """What the template of one run, number ``number`` of the page, shows."""
     # what did not pass is listed before what did, where not all are
     cases = record["cases"]
     if len(cases) > MAX_CASES:
         cases = sorted(cases, key=lambda case: case["verdict"] == "passed")[:MAX_CASES]
-    return template.render(
-        record=record,
-        cases=[{**case, "shown": _shown(case)} for case in cases],
-        cases_left_out=len(record["cases"]) - len(cases),
-        drawing=_drawing(record),
-        plots=plots(record),
-        pictures=[_picture(picture) for picture in record["traces"]],
-        reactions=list(_reactions(record)),
-        situations=_of_controllers(record, "faults"),
-        start_ups=_of_controllers(record, "start_ups"),
-        losses=[item for item in record["timeline"] if "cause" in item][:MAX_ROWS],
-    )
+    return {
+        "record": record,
+        "cases": [{**case, "shown": _shown(case)} for case in cases],
+        "cases_left_out": len(record["cases"]) - len(cases),
+        "drawing": _drawing(record),
+        "plots": plots(record),
+        "pictures": [_picture(one, f"trace-{number}-{at}") for at, one in enumerate(pictures, 1)],
+        "pictures_left_out": len(record["traces"]) - len(pictures),
+        "reactions": list(_reactions(record)),
+        "situations": _of_controllers(record, "faults"),
+        "start_ups": _of_controllers(record, "start_ups"),
+        "losses": [item for item in record["timeline"] if "cause" in item][:MAX_ROWS],
+    }
 
 
 def _shown(case: Mapping[str, Any]) -> list[str]:
@@ -68,10 +87,10 @@ def _shown(case: Mapping[str, Any]) -> list[str]:
     return [*lines[:MAX_LINES], *([f"and {rest} more drives"] if rest > 0 else [])]
 
 
-def _picture(picture: Mapping[str, Any]) -> dict[str, Any]:
-    """A trace as SVG, which escapes its texts itself: the template takes it as it is."""
-    svg = as_svg(Recording.from_dict(picture["trace"]))
-    return {**picture, "head": picture["marks"][0]["text"], "svg": svg}
+def _picture(picture: Mapping[str, Any], place: str) -> dict[str, Any]:
+    """A trace as charts, which escape their texts themselves: the template takes them as they are."""
+    charts = as_charts(Recording.from_dict(picture["trace"]), place)
+    return {**picture, "head": picture["marks"][0]["text"], "charts": charts}
 
 
 def _of_controllers(record: Mapping[str, Any], what: str) -> list[dict[str, Any]]:
@@ -80,9 +99,7 @@ def _of_controllers(record: Mapping[str, Any], what: str) -> list[dict[str, Any]
 
 
 def _seconds(value: float | None) -> str:
-    if value is None:
-        return ""
-    return f"{value * 1e3:.3g} ms" if abs(value) < 1 else f"{value:.3f} s"
+    return "" if value is None else format_measured(value)
 
 
 def _reactions(record: Mapping[str, Any]) -> Iterator[dict[str, Any]]:

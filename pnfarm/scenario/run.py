@@ -16,14 +16,14 @@ from pnfarm.faults.manager import RunState
 from pnfarm.scenario.controllers import controllers
 from pnfarm.scenario.file import walk
 from pnfarm.scenario.find import Search, number_of
-from pnfarm.scenario.measures import check_metric, measured, read_metric
+from pnfarm.scenario.measures import check_metric, measured, read_metric, show_value
 from pnfarm.scenario.moments import Moments, named_drives
 from pnfarm.scenario.record import Case, Record, Verdict
 from pnfarm.scenario.steps import DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.scenario.watch import Watch
 from pnfarm.station.events import ConnectionLost, StateChanged, WatchdogExpired
 from pnfarm.station.lateness import Lateness
-from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.durations import format_duration, format_measured
 
 if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
@@ -106,6 +106,10 @@ class ScenarioRun:
         #: The step that began last.
         self.step = ""
         self._moments = Moments(core, named_drives(binding), now) if traced else None
+        # what the farm lost before may not be back yet
+        for name in self._stations:
+            for entry in core.log.entries(name):
+                self._note_own_loss(entry)
         self._unsubscribe = core.log.subscribe(self._note)
 
     def _check_metric(self, step: Step, key: str, metric: MetricName, asked: str) -> None:
@@ -177,6 +181,11 @@ class ScenarioRun:
 
     def _note(self, entry: LogEntry) -> None:
         self.record.note(entry)
+        self._note_own_loss(entry)
+        for watch in self._watches:
+            watch.note(entry)
+
+    def _note_own_loss(self, entry: LogEntry) -> None:
         match entry.what:
             case ConnectionLost(lateness=Lateness(late=True)) | WatchdogExpired(lateness=Lateness(late=True)):
                 self._own_losses[entry.drive] = entry.now_ns
@@ -184,8 +193,6 @@ class ScenarioRun:
                 self._own_losses.pop(entry.drive, None)
             case _:
                 pass
-        for watch in self._watches:
-            watch.note(entry)
 
     # -- steps
 
@@ -404,8 +411,14 @@ class ScenarioRun:
                 broken = list(watch.broken_ns)
                 self._fail(step, begin, f"true, but no longer after {after} on {_few(broken)}", watch, broken)
                 return
-            took = _time(max(watch.held_ns.values()) - begin)
-            self._case(step, Verdict.PASSED, begin, f"true after {took}", watch=watch, measured=took)
+            took = max(watch.held_ns.values()) - begin
+            message = f"true after {_time(took)}" if took else "true at once"
+            shown = _time(took) if took else "at once"
+            if hold:
+                held = f"held for {_time(hold)}"
+                message += f", {held}"
+                shown = f"{shown}, {held}" if took else held
+            self._case(step, Verdict.PASSED, begin, message, watch=watch, measured=shown)
         finally:
             self._watches.remove(watch)
 
@@ -426,11 +439,12 @@ class ScenarioRun:
         bound = step.values[asked]
         holds = bound.holds(value)
         verdict = Verdict.PASSED if holds else Verdict.INCONCLUSIVE if self._late(begin) else Verdict.FAILED
-        message = f"{asked} {value:g}, wanted {bound.sign} {bound.value:g}"
+        shown = show_value(metric.name, value)
+        message = f"{asked} {shown}, wanted {bound.sign} {show_value(metric.name, bound.value)}"
         if verdict is Verdict.INCONCLUSIVE and self._lateness is not None:
             message += f"; the farm was itself {self._lateness.told}"
         drives = [metric.labels["drive"]] if verdict is not Verdict.PASSED and "drive" in metric.labels else []
-        self._case(step, verdict, begin, message, value=value, measured=f"{value:g}", drives=drives)
+        self._case(step, verdict, begin, message, value=value, measured=shown, drives=drives)
 
     # -- cases
 
@@ -494,8 +508,7 @@ def _asked(step: Step) -> str:
 
 
 def _time(ns: int) -> str:
-    """A measured time, to the microsecond."""
-    return format_duration(round(ns, -3) or ns)
+    return format_measured(ns / 1e9)
 
 
 def _few(names: list[str], most: int = 5) -> str:

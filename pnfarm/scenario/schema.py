@@ -68,7 +68,13 @@ def scenario_schema() -> dict[str, Any]:
         "maxProperties": 1,
         "additionalProperties": False,
     }
-    types: dict[str, Any] = {"with": {"type": "object"}, "variables": {"type": "object"}, "steps": steps}
+    lists = {"anyOf": [{"type": "array", "minItems": 1}, {"type": "object", "required": ["from", "to"]}]}
+    types: dict[str, Any] = {
+        "with": {"type": "object"},
+        "matrix": {"type": "object", "minProperties": 1, "additionalProperties": lists},
+        "variables": {"type": "object"},
+        "steps": steps,
+    }
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "pnfarm scenario file",

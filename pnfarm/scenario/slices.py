@@ -6,15 +6,21 @@ The first frame of each has a comment that names the failure (``pkt_comment`` in
 
 from __future__ import annotations
 
+import bisect
 import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-__all__ = ["Window", "failure_windows", "slice_capture"]
+    from pnfarm.scenario.frame_ring import FrameRing
+    from pnfarm.scenario.record import Case
+    from pnfarm.scenario.run import Tell
+    from pnfarm.scenario.steps import Step
+
+__all__ = ["LONGEST", "Window", "failure_windows", "keep_failures", "slice_capture"]
 
 # pcapng: types of blocks, codes of options
 _INTERFACE_DESCRIPTION = 0x00000001
@@ -24,6 +30,12 @@ _OPTION_END, _COMMENT, _IF_NAME = 0, 1, 2
 #: Time before the step and behind its end that belongs to the slice, seconds.
 BEFORE = 1.0
 BEHIND = 0.5
+#: Most time of a step that belongs to it: its last part, where it failed.
+LONGEST = 30.0
+#: Verdicts whose frames are kept.
+_BAD = frozenset({"failed", "inconclusive", "error"})
+#: The clocks of the run and of the stamps may drift by this much in a run.
+SLACK_NS = 100_000_000
 #: Largest block; the writers make far smaller ones.
 MAX_BLOCK = 1 << 24
 #: Octets of a block in front of a packet's data.
@@ -44,24 +56,44 @@ def failure_windows(record: Mapping[str, Any], epoch_ns: int) -> list[Window]:
     """For each case that failed, is inconclusive or an error; ``epoch_ns``: the stamp at which the run began."""
     return [
         Window(
-            epoch_ns + round((case["began_seconds"] - BEFORE) * 1e9),
+            epoch_ns + round((max(case["began_seconds"], case["ended_seconds"] - LONGEST) - BEFORE) * 1e9),
             epoch_ns + round((case["ended_seconds"] + BEHIND) * 1e9),
             frozenset(case["drives"]) or None,
             f"{case['verdict']}: {case['name']} (line {case['line']}): {case['message']}",
         )
         for case in record["cases"]
-        if case["verdict"] in {"failed", "inconclusive", "error"}
+        if case["verdict"] in _BAD
     ]
 
 
-def slice_capture(source: Path, target: Path, windows: Sequence[Window]) -> int:
-    """Copy the packets inside of ``windows``, and the blocks that describe them; how many packets."""
+def keep_failures(tell: Tell, ring: FrameRing, wall: Callable[[], int] | None) -> Tell:
+    """``tell``, which also keeps the frames around each case that did not pass.
+
+    ``wall``: the time of the frames' stamps, where it is not the run's own.
+    """
+
+    def told(step: Step, case: Case | None) -> None:
+        if case is not None and case.verdict.value in _BAD:
+            end = case.ended_ns if wall is None else wall()
+            took = min(case.ended_ns - case.began_ns, round(LONGEST * 1e9))
+            ring.want(end - took - round(BEFORE * 1e9) - SLACK_NS, end + round(BEHIND * 1e9) + SLACK_NS)
+        tell(step, case)
+
+    return told
+
+
+def slice_capture(source: Path, target: Path, windows: Sequence[Window], *, append: bool = False) -> int:
+    """Copy the packets inside of ``windows``, and the blocks that describe them; how many packets.
+
+    ``append``: as one more section of ``target``.  Packets need not be in the order of their stamps.
+    """
     count = 0
-    waiting = sorted(windows, key=lambda window: window.begin_ns)
-    open_: list[Window] = []
-    untold: list[Window] = []
+    # between two of these stamps the open windows are the same
+    bounds = sorted({stamp for window in windows for stamp in (window.begin_ns, window.end_ns + 1)})
+    open_: dict[int, list[Window]] = {}
+    untold = list(windows)
     drives: list[str] = []
-    with source.open("rb") as inside, target.open("wb") as out:
+    with source.open("rb") as inside, target.open("ab" if append else "wb") as out:
         for kind, block in _blocks(inside):
             if kind == _INTERFACE_STATISTICS:
                 # they count the whole capture
@@ -73,12 +105,11 @@ def slice_capture(source: Path, target: Path, windows: Sequence[Window]) -> int:
                 continue
             interface, high, low = struct.unpack_from("<III", block, 8)
             stamp = high << 32 | low
-            while waiting and waiting[0].begin_ns <= stamp:
-                open_.append(waiting[0])
-                untold.append(waiting.pop(0))
-            open_ = [window for window in open_ if stamp <= window.end_ns]
+            place = bisect.bisect_right(bounds, stamp)
+            if place not in open_:
+                open_[place] = [window for window in windows if window.begin_ns <= stamp <= window.end_ns]
             drive = drives[interface] if interface < len(drives) else ""
-            here = [window for window in open_ if window.drives is None or drive in window.drives]
+            here = [window for window in open_[place] if window.drives is None or drive in window.drives]
             if here:
                 out.write(_with_comments(block, [window.text for window in here if window in untold]))
                 untold = [window for window in untold if window not in here]

@@ -50,11 +50,13 @@ async def run_started(
     *,
     traced: bool = False,
     before: Callable[[], Awaitable[None]] | None = None,
+    opened: Callable[[], None] | None = None,
 ) -> Outcome:
-    """The controller is the one on the wire: a PLC, or ``pnfarm plc`` in another process.
+    """A scenario with a farm of its own, in real time.
 
     The controller is the one on the wire: a PLC, or ``pnfarm plc`` in another process; on a memory link the file's.
-    ``passing`` as of :func:`.carry_out`; ``before`` is called before the farm starts, once it is known that it may.
+    ``passing`` as of :func:`.carry_out`; ``before`` is called before the farm starts, once it is known that it may,
+    ``opened`` once it is there.
     """
     # what happens is in the record; on the terminal is the scenario's progress
     farm = Farm(config, log=EventLog(quiet=True), capture=capture)
@@ -72,6 +74,8 @@ async def run_started(
         prepare()
     failures: list[Exception] = []
     async with farm:
+        if opened is not None:
+            opened()
         now = farm.now()
         epoch = time.time_ns()
         lateness = FarmLateness(farm.core, binding.scenario.budget_ns, now)

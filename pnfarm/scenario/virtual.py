@@ -17,10 +17,10 @@ from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
-    from pathlib import Path
 
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.farm.virtual import VirtualWorld
+    from pnfarm.links.pcap_files import BlockSink
     from pnfarm.scenario.binding import Binding
     from pnfarm.scenario.run import Passing, Tell
 
@@ -31,8 +31,8 @@ STRETCH_NS = 10_000_000_000
 
 
 @asynccontextmanager
-async def _line(config: FarmConfig, log: EventLog, pcap: Path | None) -> AsyncIterator[VirtualLine]:
-    line = await VirtualLine.create(config, log=log, pcap=pcap, epoch_ns=0)
+async def _line(config: FarmConfig, log: EventLog, frames: BlockSink | None) -> AsyncIterator[VirtualLine]:
+    line = await VirtualLine.create(config, log=log, frames=frames, epoch_ns=0)
     try:
         yield line
     finally:
@@ -67,17 +67,17 @@ async def run_virtual(
     config: FarmConfig,
     *,
     tell: Tell | None = None,
-    pcap: Path | None = None,
+    frames: BlockSink | None = None,
     passing: Passing | None = None,
     traced: bool = False,
 ) -> tuple[dict[str, Any], int]:
     """The record of the run, and the world's time at its start (ns), as a capture stamps frames.
 
-    ``pcap``: a capture of all frames; ``passing`` as of :func:`.carry_out`.  Raises :class:`ConfigError`.
+    ``frames``: takes all of them; ``passing`` as of :func:`.carry_out`.  Raises :class:`ConfigError`.
     """
     if config.controller is None:
         raise ConfigError("in virtual time the farm needs its own controller: add a `controller:` section to its file")
-    async with _line(config, EventLog(quiet=True), pcap) as line:
+    async with _line(config, EventLog(quiet=True), frames) as line:
         world = line.world
         add_impairments(line.farm.injections, expand(config), world.now)
         collector, begin = FarmCollector(line.farm), world.now

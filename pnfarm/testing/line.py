@@ -141,7 +141,7 @@ class Line:
 
     def wait_connected(self, within: float = 20.0) -> float:
         """Until every drive exchanges data with the controller."""
-        return self.wait_until(lambda: self._line.plc.all_connected, within, what="a connection of every drive")
+        return self.wait_until(lambda: self._line.controllers.all_connected, within, what="a connection of every drive")
 
     def wait_running(self, within: float = 20.0) -> float:
         """Until every drive is in operation (S4)."""
@@ -198,10 +198,9 @@ class Line:
 
     def controller(self, name: str) -> dict[str, Any]:
         """The controller's view of a drive, as a row of ``pnfarm plc --json``."""
-        runner = self._line.programs
-        for row in self._line.plc.snapshot():
+        for row in self._line.joined.summary():
             if row["name"] == name:
-                return row | {"program": None if runner is None else runner.snapshot(name)}
+                return row
         raise ConfigError(f"the controller has no drive {name!r}")
 
     def controller_events(self) -> list[LogEntry]:

@@ -1,4 +1,8 @@
-"""The charts of a recording for a browser: zoom by dragging, a cursor in all of them at once (uPlot, inlined)."""
+"""The charts of recordings for a browser: zoom by dragging, a cursor in all charts of one at once (uPlot, inlined).
+
+A page has :func:`chart_head` in its head, and for each recording :func:`chart_body` behind an element of the class
+``picture`` with a drawing, which the charts replace where scripts run and the reader looks.
+"""
 
 from __future__ import annotations
 
@@ -14,12 +18,17 @@ if TYPE_CHECKING:
 
     from pnfarm.trace.recording import Column
 
-__all__ = ["interactive"]
+__all__ = ["chart_body", "chart_head"]
 
 #: Distance of two bits that are drawn as lanes of one chart.
 _LANE = 1.5
+_STYLE = """
+.charts { margin: 0; }
+@media print { .charts { display: none; } .picture[hidden] { display: block; } }
+"""
 _SCRIPT = """
-const box = document.getElementById("charts"), plots = [];
+function drawCharts(box, trace) {
+const plots = [], ink = getComputedStyle(box).color, line = "#8884";
 let busy = false;
 const together = (u, key) => {
   if (key !== "x" || busy) return;
@@ -39,7 +48,7 @@ const zero = u => {
   u.ctx.stroke();
   u.ctx.restore();
 };
-for (const chart of TRACE.charts) {
+for (const chart of trace.charts) {
   const shown = (column, y) => {
     if (y === null || y === undefined) return "--";
     const value = chart.lanes ? Math.round(y - column.lane) : y;
@@ -51,15 +60,32 @@ for (const chart of TRACE.charts) {
     value: (u, y) => shown(column, y),
   }));
   plots.push(new uPlot({
-    title: chart.title, width: 960, height: chart.lanes ? 80 + 26 * chart.columns.length : 220,
-    cursor: {sync: {key: "trace"}, drag: {x: true, y: false}},
+    title: chart.title, width: Math.max(480, Math.min(960, box.clientWidth)),
+    height: chart.lanes ? 80 + 26 * chart.columns.length : 220,
+    cursor: {sync: {key: box.id}, drag: {x: true, y: false}},
     scales: {x: {time: false}},
-    axes: [{}, {size: 80, ...(chart.lanes && {values: (u, at) => at.map(() => ""), grid: {show: false}})}],
+    axes: [{stroke: ink, grid: {stroke: line}, ticks: {stroke: line}}, {
+      size: 80, stroke: ink, grid: {stroke: line}, ticks: {stroke: line},
+      ...(chart.lanes && {values: (u, at) => at.map(() => ""), grid: {show: false}}),
+    }],
     hooks: {setScale: [together], draw: [zero]},
     series: [{label: "time", value: (u, x) => x === null ? "--" : x.toFixed(6) + " s"}, ...series],
-  }, [TRACE.time, ...chart.columns.map(column => column.values)], box));
+  }, [trace.time, ...chart.columns.map(column => column.values)], box));
 }
-document.getElementById("picture").hidden = true;
+}
+// a long report draws what its reader comes to
+const seen = new IntersectionObserver(entries => {
+  for (const {isIntersecting, target} of entries) if (isIntersecting) {
+    seen.unobserve(target);
+    const box = document.createElement("div");
+    box.className = "charts";
+    box.id = target.id + "-charts";
+    target.after(box);
+    drawCharts(box, JSON.parse(document.getElementById(target.id + "-data").textContent));
+    target.hidden = true;
+  }
+}, {rootMargin: "400px"});
+addEventListener("DOMContentLoaded", () => document.querySelectorAll(".picture").forEach(one => seen.observe(one)));
 """
 
 
@@ -75,12 +101,20 @@ def _values(column: Column, lane: float) -> list[float | int | None]:
     return [value + lane for value in column.values.tolist()] if lane else column.values.tolist()
 
 
-def interactive(
-    time: Any, charts: Sequence[tuple[str, Sequence[Column], bool]], colours: Sequence[str]
-) -> tuple[str, str]:
-    """What goes into a page's head, and in its body before the element ``picture``, which is then hidden.
+def chart_head() -> str:
+    """Styles and scripts, once for a page."""
+    return (
+        f"<style>{_vendored('uPlot.min.css')}{_STYLE}</style>\n"
+        f"<script>{_vendored('uPlot.iife.min.js')}</script>\n<script>{_SCRIPT}</script>\n"
+    )
 
-    A chart is a title, columns, and whether they are bits in lanes.  Without scripts the page shows the picture.
+
+def chart_body(
+    place: str, time: Any, charts: Sequence[tuple[str, Sequence[Column], bool]], colours: Sequence[str]
+) -> str:
+    """The data of the charts that replace the element ``place``, which is of the class ``picture``.
+
+    A chart is a title, columns, and whether they are bits in lanes.
     """
     drawn = []
     for title, columns, lanes in charts:
@@ -104,5 +138,4 @@ def interactive(
         )
     # "<" could end the script's element
     data = json.dumps({"time": time.tolist(), "charts": drawn}, allow_nan=False).replace("<", "\\u003c")
-    head = f"<style>{_vendored('uPlot.min.css')}</style>\n<script>{_vendored('uPlot.iife.min.js')}</script>\n"
-    return head, f'<div id="charts"></div>\n<script>const TRACE = {data};{_SCRIPT}</script>\n'
+    return f'<script type="application/json" id="{place}-data">{data}</script>\n'

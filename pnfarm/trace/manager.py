@@ -22,7 +22,7 @@ from pnfarm.trace.events import TraceEnded, TraceTriggered
 from pnfarm.trace.recording import Column, Recording
 from pnfarm.trace.request import TraceError, TraceRequest
 from pnfarm.trace.segments import Segments
-from pnfarm.trace.signals import choose_signals, code_of
+from pnfarm.trace.signals import choose_signals, chooses_any, code_of, is_glob
 from pnfarm.trace.trigger import EVENTS, TRIGGER, EventTrigger, SignalTrigger, read_number
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.globs import means
@@ -305,9 +305,16 @@ class TraceManager:
         """The columns; ``places`` (row, place) gets each field that is sampled once, also if several bits are in it."""
         found: list[_Chosen] = []
         numbers: dict[tuple[int, Place], int] = {}
+        # words differ from profile to profile: a glob has to choose something on one of the drives
+        elsewhere = {
+            name
+            for name in request.signals
+            if is_glob(name) and any(chooses_any(station, name) for station in stations)
+        }
         for station in stations:
+            wanted = [name for name in request.signals if name not in elsewhere or chooses_any(station, name)]
             try:
-                signals = choose_signals(station, request.signals)
+                signals = choose_signals(station, wanted)
             except ConfigError as exc:
                 raise TraceError([("signals", str(exc), "")]) from exc
             for signal in signals:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.trace.interactive import interactive
+from pnfarm.trace.interactive import chart_body, chart_head
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pnfarm.trace.recording import Column, Recording
 
-__all__ = ["as_html", "as_svg", "as_text"]
+__all__ = ["as_charts", "as_html", "as_svg", "as_text"]
 
 #: Charts of one drawing, and lines of one chart: more cannot be told apart.
 MAX_CHARTS, MAX_LINES = 64, 16
@@ -241,6 +241,13 @@ def _points(time: NDArray[Any], values: NDArray[Any], x_of: Any, y_of: Any, *, s
 # -- HTML --------------------------------------------------------------------------------------------------------------
 
 
+def as_charts(recording: Recording, place: str) -> str:
+    """The drawing, and what makes charts of it in a page with :func:`.chart_head`; ``place`` is unique in the page."""
+    charts = [(chart.title, chart.columns, chart.lanes) for chart in _charts(recording)[0]]
+    body = chart_body(place, recording.time, charts, _COLOURS)
+    return f'<div class="picture" id="{place}">{as_svg(recording)}</div>\n{body}'
+
+
 def as_html(recording: Recording) -> str:
     """A page with charts to zoom into, what was recorded, and the samples; nothing is loaded from elsewhere.
 
@@ -259,16 +266,14 @@ def as_html(recording: Recording) -> str:
         f"<td>{html.escape(_range(c))}</td></tr>"
         for c in recording.columns
     )
-    charts = [(chart.title, chart.columns, chart.lanes) for chart in _charts(recording)[0]]
-    head, body = interactive(recording.time, charts, _COLOURS)
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>\n<style>\n'
         "body{font:14px system-ui,sans-serif;margin:2em;max-width:1000px}svg{max-width:100%;height:auto}\n"
         "table{border-collapse:collapse;margin:1em 0}th,td{text-align:left;padding:2px 12px 2px 0;"
         "border-bottom:1px solid #ddd}pre{max-height:24em;overflow:auto;background:#f8fafc;padding:1em}\n"
-        f"</style>\n{head}</head><body>\n<h1>{title}</h1>\n<table>{rows}</table>\n"
+        f"</style>\n{chart_head()}</head><body>\n<h1>{title}</h1>\n<table>{rows}</table>\n"
         "<p>Drag to zoom, double-click for the whole; the cursor's values are below each chart.</p>\n"
-        f'<div id="picture">{as_svg(recording)}</div>\n{body}'
+        f"{as_charts(recording, 'trace')}"
         f"<table><tr><th>drive</th><th>signal</th><th>unit</th><th>range</th></tr>{ranges}</table>\n"
         f"<details><summary>Samples (CSV)</summary><pre>{html.escape(recording.csv())}</pre></details>\n"
         "</body></html>\n"

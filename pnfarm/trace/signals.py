@@ -3,9 +3,10 @@
 Names are lower-case.  A drive has
 
 * its motor and its state, whatever its model and bus;
-* the words of its telegram, by the signals' own names (``nsoll_a``), as they are on the wire;
-* the control and status words, and each of their bits by the name that the model's manual gives it
-  (``zsw1.fault_present``), or by its number (``zsw1.3``).
+* the words of its profile (``stw1``), and each of their bits by the name that the model's manual gives it
+  (``zsw1.fault_present``), or by its number (``zsw1.3``);
+* the words of its telegram, by the signals' own names (``nsoll_a``), as they are on the wire, and the bits of those
+  that are control and status words.
 """
 
 from __future__ import annotations
@@ -16,10 +17,11 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.model_parts import fault_label
-from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.drives.word_bits import STW1_BITS
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.station.signals import SIGNALS, profile_words
 from pnfarm.table.axis_codes import FAULT_SLOTS
 from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_NEVER, LOST_NOT, LOST_STOP
 from pnfarm.table.places import Place, place_of
@@ -33,10 +35,11 @@ if TYPE_CHECKING:
     from pnfarm.drives.telegram import Signal
     from pnfarm.station.station import Station
 
-__all__ = ["TraceSignal", "choose_signals", "label_of", "signals_of"]
+__all__ = ["TraceSignal", "choose_signals", "chooses_any", "code_of", "is_glob", "label_of", "signals_of"]
 
 #: Words of which each bit is a signal, by the name of the word's signal; with the names for a model that has none.
-_BIT_WORDS: Mapping[str, Sequence[str]] = {"STW1": STW1_BITS, "ZSW1": ZSW1_BITS}
+#: Bits of :data:`pnfarm.station.signals.SIGNALS` that a field has.
+_BITS = ("in_operation", "homed", "task_active", "target_reached")
 _STATES = {0: "boot", **{number: f"S{number}" for number in range(1, 6)}}
 _CONNECTION = {
     LOST_NOT: "exchanging",
@@ -170,9 +173,13 @@ _ALWAYS: tuple[TraceSignal, ...] = (
 def signals_of(station: Station) -> dict[str, TraceSignal]:
     """Every signal of a drive by its name, with the telegram that is in force now."""
     found = {signal.name: signal for signal in _ALWAYS}
-    words: dict[str, TraceSignal] = {
-        "STW1": TraceSignal("stw1", "", "control word 1 in force", place_of(AXIS, "profidrive.stw1"), "word"),
-        "ZSW1": TraceSignal("zsw1", "", "status word 1", place_of(AXIS, "profidrive.zsw1"), "word"),
+    for name in _BITS:
+        place = SIGNALS[name].place(station)
+        assert place is not None
+        found[name] = TraceSignal(name, "", SIGNALS[name].doc, place, "bit")
+    words = {
+        name.upper(): TraceSignal(name, "", word.doc, word.place(), "word")
+        for name, word in profile_words(station.model).items()
     }
     for signal in _mapped(station):
         name = signal.name.lower()
@@ -221,18 +228,29 @@ def _is_signed(station: Station, signal: Signal) -> bool:
 def _bits(station: Station, word: str, traced: TraceSignal) -> Iterator[TraceSignal]:
     """The bits of a word: of those that the manual names bits of, and of all control and status words."""
     known = word.removesuffix("_RECEIVED")
-    names = station.model.profidrive.bit_names(known, station.store.telegram_number) or _BIT_WORDS.get(known, ())
+    own = profile_words(station.model).get(known.lower())
+    names = station.model.profidrive.bit_names(known, station.store.telegram_number) or (own.names if own else ())
     if not names and not re.search("STW|ZSW", known):
         return
     if word == "STW1_RECEIVED":
         names = names or STW1_BITS
     used: set[str] = set()
-    for bit in range(16):
+    for bit in range(own.bits if own else 16):
         name = names[bit] if bit < len(names) and names[bit] and names[bit] not in used else f"bit_{bit}"
         used.add(name)
         aliases = (f"{traced.name}.{bit}", *((f"{traced.name}.bit_{bit}",) if name != f"bit_{bit}" else ()))
         doc = f"bit {bit} of {traced.name}"
         yield TraceSignal(f"{traced.name}.{name}", "", doc, traced.place, "bit", bit, aliases)
+
+
+def is_glob(name: str) -> bool:
+    """Whether it may choose several signals."""
+    return re.search(r"[*?\[]", name) is not None
+
+
+def chooses_any(station: Station, name: str) -> bool:
+    """Whether a glob chooses any signal of the drive."""
+    return any(fnmatchcase(known, name.strip().lower()) for known in signals_of(station))
 
 
 def choose_signals(station: Station, wanted: Sequence[str]) -> list[TraceSignal]:
@@ -245,7 +263,7 @@ def choose_signals(station: Station, wanted: Sequence[str]) -> list[TraceSignal]
     chosen: dict[str, TraceSignal] = {}
     for text in wanted:
         name = text.strip().lower()
-        if re.search(r"[*?\[]", name):
+        if is_glob(name):
             found = [signal for signal in known.values() if fnmatchcase(signal.name, name)]
         else:
             one = known.get(name) or aliases.get(name)

@@ -14,10 +14,13 @@ from pnfarm.cli.run import bound
 from pnfarm.controller.line import VirtualLine
 from pnfarm.metrics import FarmCollector
 from pnfarm.scenario.file import parse_scenario
+from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.scenario.run import ScenarioRun
 from pnfarm.scenario.schema import scenario_schema
 from pnfarm.scenario.steps import STEPS
 from pnfarm.scenario.virtual import run_virtual
+from pnfarm.station.events import ConnectionLost
+from pnfarm.station.lateness import Lateness
 from pnfarm.vocabulary.yaml_lines import parse_yaml
 
 if TYPE_CHECKING:
@@ -130,6 +133,42 @@ def test_the_end_of_the_farm_is_an_error_with_what_was_found() -> None:
     record = asyncio.run(main())
     assert (record["verdict"], record["farm_ended"]) == ("error", True)
     assert [case["verdict"] for case in record["cases"]] == ["passed", "not run"]
+
+
+@pytest.mark.parametrize(
+    ("back", "verdict", "told"),
+    [
+        (False, "inconclusive", "the farm itself, being late, lost the connection of axis-01 100 ms before"),
+        (True, "failed", ""),
+    ],
+)
+def test_an_axis_that_the_farm_lost_before_the_scenario_began_is_not_held_against_the_plc(back, verdict, told) -> None:
+    async def main() -> dict[str, Any]:
+        scenario = parse_scenario(
+            f"scenario: end\nfarm: {LINE}\nsteps:\n  - expect: {{drive: axis-01, that: state == S4}}\n"
+        )
+        binding, config = bound(scenario)
+        line = await VirtualLine.create(config, epoch_ns=0)
+        collector = FarmCollector(line.farm)
+        late = Lateness(budget_ns=16_000_000, engine_ns=90_000_000)
+        if back:
+            line.farm.log.record(line.world.now, "axis-01", ConnectionLost(lateness=late))
+        line.world.run(3.0)
+        assert line.farm.log.entries("axis-01")[-1].data == {"before": "S3", "after": "S4"}
+        line.farm.injections.inject({"kind": "power-cycle", "on": "axis-01"}, line.world.now)
+        if not back:
+            line.farm.log.record(line.world.now, "axis-01", ConnectionLost(lateness=late))
+        line.world.run(0.1)
+        lateness = FarmLateness(line.farm, None, line.world.now)
+        own = ScenarioRun(binding, line.farm, collector, line.world.now, lateness=lateness)
+        own.advance(line.world.now)
+        collector.close()
+        await line.close()
+        return own.record.as_dict()
+
+    record = asyncio.run(main())
+    assert record["verdict"] == verdict
+    assert told in record["cases"][0]["message"]
 
 
 def test_the_documents_name_every_key_of_the_record() -> None:

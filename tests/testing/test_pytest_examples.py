@@ -16,7 +16,7 @@ EXAMPLES = Path(__file__).parents[2] / "configs" / "pytest"
 @pytest.mark.parametrize(
     ("files", "options", "found"),
     [
-        (("test_program.py", "test_every_fault.py"), (), "18 passed"),
+        (("test_program.py", "test_every_fault.py", "test_async.py"), (), "19 passed"),
         (("test_rig.py",), ("--pnfarm-rig", "line.pnfarm.yml"), "3 passed"),
     ],
 )

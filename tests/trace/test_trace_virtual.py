@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import numpy as np
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.controller.line import VirtualLine as FarmLine
 from pnfarm.drives.word_bits import ZSW1_BITS
 from pnfarm.errors import ConfigError
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.table.trace import RING_VALUES
 from pnfarm.trace import Recording, Trace
 from pnfarm.trace.manager import MOST_TRACES
@@ -298,6 +301,39 @@ def test_a_fault_of_the_moog_is_triggered_and_shown_by_its_number_and_place() ->
     assert set(trace.recording().column("fault").labels.values()) == {"0", "32-1"}
     assert ",32-1" not in trace.recording().csv().splitlines()[1]
     assert trace.recording().csv().splitlines()[-1].endswith(",32-1")
+
+
+MIXED = """
+farm: mixed
+link: {kind: memory}
+drives:
+  - {name: axis-01, model: akd-profinet, ip: 10.77.0.11/24}
+  - {name: axis-02, model: akd-ethernetip, ip: 10.77.0.12/24}
+"""
+
+
+def test_drives_of_two_profiles_are_traced_together_each_with_its_own_words() -> None:
+    line = asyncio.run(FarmLine.create(parse_farm(MIXED)))
+    line.world.run(0.5)
+
+    def begin(*signals: str) -> Trace:
+        request = {"on": "all", "signals": list(signals), "trigger": "now", "length": "20ms"}
+        return line.farm.traces.start(request, line.world.now)
+
+    trace = begin("velocity", "homed", "in_operation", "zsw1.fault*", "status_1.*", "control.enable*")
+    line.world.run(0.1)
+    assert trace.complete
+    columns = {(column.drive, column.signal) for column in trace.recording().columns}
+    assert {signal for drive, signal in columns if drive == "axis-01"} == {
+        "velocity", "homed", "in_operation", "zsw1.fault_present",
+    }  # fmt: skip
+    own = {signal for drive, signal in columns if drive == "axis-02"}
+    assert {"velocity", "homed", "in_operation", "status_1.in_motion", "status_1.general_fault"} < own
+    assert not any(signal.startswith(("zsw1", "stw1")) for signal in own)
+    with pytest.raises(ConfigError, match=r"no signal 'nope\.\*'"):
+        begin("nope.*")
+    with pytest.raises(ConfigError, match=r"axis-02 has no signal 'zsw1'"):
+        begin("zsw1")
 
 
 @pytest.mark.parametrize(
