@@ -16,6 +16,7 @@ from fastapi import FastAPI, Header, Query
 from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
 
 from pnfarm import __version__
+from pnfarm.api.answers import Alive
 from pnfarm.api.changes import Changes
 from pnfarm.api.context import ApiContext
 from pnfarm.api.drives import add_drives
@@ -40,6 +41,12 @@ if TYPE_CHECKING:
 
 __all__ = ["make_app"]
 
+#: OpenAPI has no words for the parts of a stream.
+EVENT_STREAM = {
+    "type": "string",
+    "description": "Each message: `id` is the entry's sequence number, `data` a LogEntry of the components as JSON. A "
+    "message of type `gap` has in `data` how many entries were `lost`.",
+}
 #: A farm whose engine has not ticked for this time is not ready; normally it ticks every millisecond.
 STALLED_NS = 1_000_000_000
 
@@ -105,7 +112,7 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
     async def version() -> Response:
         return Json({"pnfarm": __version__, "python": platform.python_version(), "api": "v1"})
 
-    @app.get(f"{PREFIX}/healthz", tags=tags, summary="Whether the process runs")
+    @app.get(f"{PREFIX}/healthz", tags=tags, summary="Whether the process runs", responses={200: {"model": Alive}})
     async def healthz() -> Response:
         return Json({"alive": True})
 
@@ -123,7 +130,7 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
         tags=tags,
         summary="The event log as server-sent events; Last-Event-ID resumes a stream",
         response_class=StreamingResponse,
-        responses={200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}},
+        responses={200: {"content": {"text/event-stream": {"schema": EVENT_STREAM}}}},
     )
     async def events(
         last_event_id: Annotated[str | None, Header(description="Sequence number of the last entry received.")] = None,

@@ -8,6 +8,7 @@ from urllib.parse import quote
 
 from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
 
+from pnfarm.api.answers import Fault, FaultKinds, Faults
 from pnfarm.api.changes import FaultCleared, FaultRequested, changes_nothing, shortened, who
 from pnfarm.api.schemas import Reach, Reset
 from pnfarm.buses.registry import fault_kinds
@@ -42,6 +43,7 @@ _SPEC_BODY = {
 def add_faults(app: FastAPI, context: ApiContext) -> None:
     """Handlers of injections; their paths say ``faults``, as the command does."""
     tags: list[str | Enum] = ["faults"]
+    one: dict[int | str, dict[str, Any]] = {200: {"model": Fault}}
 
     def manager() -> InjectionManager:
         return context.core.injections
@@ -51,11 +53,21 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
             what = event(*who(request), injection.id, injection.spec.kind.name, shortened(injection.drives))
             context.core.log.record(context.now(), "", what)
 
-    @app.get(f"{PREFIX}/fault-kinds", tags=tags, summary="Every kind of fault with its parameters")
+    @app.get(
+        f"{PREFIX}/fault-kinds",
+        tags=tags,
+        summary="Every kind of fault with its parameters",
+        responses={200: {"model": FaultKinds}},
+    )
     async def get_kinds() -> Json:
         return Json({"kinds": [kind.as_dict() for kind in manager().catalogue.values()]})
 
-    @app.get(f"{PREFIX}/faults", tags=tags, summary="Pending and active faults, with their evidence")
+    @app.get(
+        f"{PREFIX}/faults",
+        tags=tags,
+        summary="Pending and active faults, with their evidence",
+        responses={200: {"model": Faults}},
+    )
     async def get_faults() -> Json:
         return Json({"faults": [injection.as_dict() for injection in manager().list()]})
 
@@ -64,7 +76,7 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
         tags=tags,
         summary="Inject a fault; with dry_run only list the drives that it would hit, and why others cannot",
         status_code=201,
-        responses={200: {"model": Reach}},
+        responses={201: {"model": Fault}, 200: {"model": Reach}},
         openapi_extra=_SPEC_BODY,
     )
     async def post_fault(request: Request, *, dry_run: bool = False) -> Json:
@@ -77,14 +89,24 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
         place = f"{PREFIX}/faults/{quote(injection.id, safe='')}"
         return Json(injection.as_dict(), HTTPStatus.CREATED, headers={"Location": place})
 
-    @app.get(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="One fault, also one that has ended recently")
+    @app.get(
+        f"{PREFIX}/faults/{{fault_id}}",
+        tags=tags,
+        summary="One fault, also one that has ended recently",
+        responses=one,
+    )
     async def get_fault(fault_id: str) -> Json:
         try:
             return Json(manager().get(fault_id).as_dict())
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
 
-    @app.post(f"{PREFIX}/faults/{{fault_id}}/renew", tags=tags, summary="Begin a fault's time to live (ttl) anew")
+    @app.post(
+        f"{PREFIX}/faults/{{fault_id}}/renew",
+        tags=tags,
+        summary="Begin a fault's time to live (ttl) anew",
+        responses=one,
+    )
     async def renew_fault(fault_id: str, request: Request) -> Json:
         # every few seconds, by a client whose fault has its entry
         changes_nothing(request)
@@ -95,7 +117,12 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
         context.poke()
         return Json(injection.as_dict())
 
-    @app.delete(f"{PREFIX}/faults/{{fault_id}}", tags=tags, summary="End a fault and return its final evidence")
+    @app.delete(
+        f"{PREFIX}/faults/{{fault_id}}",
+        tags=tags,
+        summary="End a fault and return its final evidence",
+        responses=one,
+    )
     async def delete_fault(fault_id: str, request: Request) -> Json:
         try:
             (injection,) = manager().clear(fault_id, context.now())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from fastapi import Query, Request
 from pydantic import Field
 
+from pnfarm.api.answers import ScenarioProgress, ScenarioRecord, Scenarios
 from pnfarm.errors import ConfigError
 from pnfarm.scenario.running import RunningScenario, RunningScenarios
 from pnfarm.vocabulary.issues import FarmFileError
@@ -39,7 +40,12 @@ def add_scenarios(app: FastAPI, context: ApiContext) -> None:
     scenarios = RunningScenarios(context.core, context.collector, context.now, context.poke)
     context.on_close.append(scenarios.close)
 
-    @app.get(f"{PREFIX}/scenarios", tags=tags, summary="Scenarios at work, and the last that ended")
+    @app.get(
+        f"{PREFIX}/scenarios",
+        tags=tags,
+        summary="Scenarios at work, and the last that ended",
+        responses={200: {"model": Scenarios}},
+    )
     async def get_scenarios() -> Json:
         return Json({"scenarios": [found.summary() for found in scenarios.list()]})
 
@@ -48,6 +54,7 @@ def add_scenarios(app: FastAPI, context: ApiContext) -> None:
         tags=tags,
         summary="Check a scenario against the farm and begin it",
         status_code=201,
+        responses={201: {"model": ScenarioRecord}},
         openapi_extra=body_of(ScenarioText),
     )
     async def post_scenario(request: Request) -> Json:
@@ -67,6 +74,7 @@ def add_scenarios(app: FastAPI, context: ApiContext) -> None:
         f"{PREFIX}/scenarios/{{scenario_id}}",
         tags=tags,
         summary="One scenario: verdict, cases, timeline; while it runs, what there is so far",
+        responses={200: {"model": ScenarioRecord | ScenarioProgress}},
     )
     async def get_scenario(
         scenario_id: str,
@@ -78,7 +86,12 @@ def add_scenarios(app: FastAPI, context: ApiContext) -> None:
         found = _known(scenario_id)
         return Json(found.as_dict() if cases_from is None else found.progress(cases_from, context.now()))
 
-    @app.delete(f"{PREFIX}/scenarios/{{scenario_id}}", tags=tags, summary="End a scenario: its faults are cleared")
+    @app.delete(
+        f"{PREFIX}/scenarios/{{scenario_id}}",
+        tags=tags,
+        summary="End a scenario: its faults are cleared",
+        responses={200: {"model": ScenarioRecord}},
+    )
     async def delete_scenario(scenario_id: str) -> Json:
         _known(scenario_id)
         return Json(scenarios.cancel(scenario_id).as_dict())

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, Field
 
+from pnfarm.api.log_entry import LogEntry  # noqa: TC001 - pydantic reads the annotations of fields
 from pnfarm.web.bodies import Schema
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ class FieldError(Schema):
     field: str
     what: str
     allowed: str = ""
+    line: str = Field(default="", description="Of a scenario's text.")
 
 
 class Problem(BaseModel):
@@ -87,12 +89,14 @@ class Drive(Schema):
     ip_conflict: str | None = Field(description="MAC address of a station that uses the same IP address.")
     powered: bool
     state: str = Field(description="S1..S5 of the PROFIdrive state machine; boot, or off.")
-    zsw1: str = Field(description="Status word 1, hexadecimal.")
+    status: list[str] = Field(description="What holds of ready, enabled, in_operation, at_rest, homed, task_active ...")
+    zsw1: str = Field(description="Status word 1 of PROFIdrive, hexadecimal; 0 on a bus without it.")
     zsw1_bits: list[str]
-    stw1: str = Field(description="Control word 1, hexadecimal.")
+    stw1: str = Field(description="Control word 1 of PROFIdrive, hexadecimal; 0 on a bus without it.")
     stw1_bits: list[str]
     telegram: int
-    ar_state: str = Field(description="State of the connection (CMDEV); NO_AR without one.")
+    ar_state: str = Field(description="State of the connection in its bus's words; NO_AR without one.")
+    connected: bool = Field(description="A connection exchanges cyclic data.")
     controller: Controller | None
     cycle_seconds: float | None
     watchdog_seconds: float | None = Field(description="Data hold time of the controller's data.")
@@ -132,7 +136,7 @@ class Drive(Schema):
         description="Realism settings with units in the names: noise, latency, boot time, drift."
     )
     faults_injected: list[str] = Field(description="Ids of the active injected faults.")
-    events: list[dict[str, Any]] = Field(
+    events: list[LogEntry] = Field(
         default_factory=list,
         description="Last events, oldest first; only for a single drive, not in a list of drives.",
     )

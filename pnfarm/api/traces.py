@@ -11,6 +11,7 @@ import anyio.to_thread
 from fastapi import Query, Request
 from starlette.responses import Response
 
+from pnfarm.api.answers import SignalsView, TraceRecording, Traces, TraceView
 from pnfarm.errors import ConfigError
 from pnfarm.trace import TraceRequest
 from pnfarm.trace.manager import MOST_TRACES, MOST_VALUES
@@ -64,19 +65,36 @@ def add_traces(app: FastAPI, context: ApiContext) -> None:
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
 
-    @app.get(f"{PREFIX}/traces", tags=tags, summary="Every trace and how far it is, without samples")
+    @app.get(
+        f"{PREFIX}/traces",
+        tags=tags,
+        summary="Every trace and how far it is, without samples",
+        responses={200: {"model": Traces}},
+    )
     async def get_traces() -> Json:
         limits = {"traces": MOST_TRACES, "values": MOST_VALUES}
         return Json({"traces": [trace.as_dict() for trace in context.core.traces.kept()], "limits": limits})
 
-    @app.post(f"{PREFIX}/traces", tags=tags, summary="Start a trace", status_code=201, openapi_extra=_BODY)
+    @app.post(
+        f"{PREFIX}/traces",
+        tags=tags,
+        summary="Start a trace",
+        status_code=201,
+        responses={201: {"model": TraceView}},
+        openapi_extra=_BODY,
+    )
     async def post_trace(request: Request) -> Json:
         trace = context.core.traces.start(await read_object(request), context.now(), keep_ns=KEEP_NS)
         context.poke()
         place = f"{PREFIX}/traces/{quote(trace.id, safe='')}"
         return Json(trace.as_dict(), HTTPStatus.CREATED, headers={"Location": place})
 
-    @app.get(f"{PREFIX}/traces/signals/{{name}}", tags=tags, summary="The signals of a drive, with their units")
+    @app.get(
+        f"{PREFIX}/traces/signals/{{name}}",
+        tags=tags,
+        summary="The signals of a drive, with their units",
+        responses={200: {"model": SignalsView}},
+    )
     async def get_signals(name: str) -> Json:
         station = context.station(name)
         signals = [signal.as_dict() for signal in signals_of(station).values()]
@@ -86,7 +104,7 @@ def add_traces(app: FastAPI, context: ApiContext) -> None:
         f"{PREFIX}/traces/{{trace_id}}",
         tags=tags,
         summary="A trace with its samples so far; status without them",
-        responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
+        responses={200: {"model": TraceRecording | TraceView, "content": {"text/csv": {"schema": {"type": "string"}}}}},
     )
     async def get_trace(
         trace_id: str,
@@ -110,14 +128,24 @@ def add_traces(app: FastAPI, context: ApiContext) -> None:
 
         return Response(await anyio.to_thread.run_sync(rendered), media_type="application/json")
 
-    @app.post(f"{PREFIX}/traces/{{trace_id}}/trigger", tags=tags, summary="Trigger a trace that waits")
+    @app.post(
+        f"{PREFIX}/traces/{{trace_id}}/trigger",
+        tags=tags,
+        summary="Trigger a trace that waits",
+        responses={200: {"model": TraceView}},
+    )
     async def post_trigger(trace_id: str) -> Json:
         found(trace_id)
         trace = context.core.traces.fire(trace_id, context.now())
         context.poke()
         return Json(trace.as_dict())
 
-    @app.delete(f"{PREFIX}/traces/{{trace_id}}", tags=tags, summary="End a trace and forget its samples")
+    @app.delete(
+        f"{PREFIX}/traces/{{trace_id}}",
+        tags=tags,
+        summary="End a trace and forget its samples",
+        responses={200: {"model": TraceView}},
+    )
     async def delete_trace(trace_id: str) -> Json:
         found(trace_id)
         trace = context.core.traces.delete(trace_id, context.now())

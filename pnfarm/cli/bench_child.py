@@ -52,6 +52,19 @@ def _counters(core: Any) -> dict[str, Any]:
     }
 
 
+def _punctuality(core: Any) -> dict[str, Any]:
+    """Of each consumer: the sum of the intervals between its frames, and how many these were.
+
+    ``skipped``: the cycles for which the own providers were too late.
+    """
+    cpm = core.columns.cpm
+    return {
+        "skipped": int(core.columns.ppm.late.sum()),
+        "interval_ns": [int(n) for n in cpm.interval_sum_ns],
+        "intervals": [int(n) for n in cpm.intervals.sum(axis=1)],
+    }
+
+
 def difference(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
     return {
         key: [a - b for a, b in zip(value, before[key], strict=True)]
@@ -72,6 +85,8 @@ async def _commands(core: Any, connected: Any) -> None:
             _answer(difference(before, _counters(core)))
         elif word == "mark":
             _answer(_counters(core))
+        elif word == "punctuality":
+            _answer(_punctuality(core))
         elif word == "rss":
             _answer({"rss": _rss()})
         else:
@@ -130,12 +145,14 @@ def _floor(settings: dict[str, Any]) -> None:
     from pnfarm.engine.floor import make_vectors, run_floor
 
     addresses = [(index, bytes.fromhex(source), bytes.fromhex(to)) for index, source, to in settings["addresses"]]
-    vectors = make_vectors(addresses)
+    packet = bytes.fromhex(settings.get("packet", ""))
+    ethertype = int.from_bytes(packet[:2], "big") or ETHERTYPE_PROFINET
+    vectors = make_vectors(addresses, packet)
     libc = ctypes.CDLL(None)
     with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as sock:
         sock.setsockopt(socket.SOL_SOCKET, getattr(socket, "SO_RCVBUFFORCE", 33), 16 << 20)
         # bound to the interface if there is one, otherwise to all, as the engine's socket is
-        sock.bind((settings["interface"], ETHERTYPE_PROFINET)) if settings["interface"] else _bind_all(sock)
+        sock.bind((settings["interface"], ethertype)) if settings["interface"] else _bind_all(sock, ethertype)
 
         def run(seconds: float) -> None:
             # the same timer slack as the engine's thread; the kernel's default would make the floor late
@@ -169,11 +186,11 @@ def _floor(settings: dict[str, Any]) -> None:
             )
 
 
-def _bind_all(sock: socket.socket) -> None:
+def _bind_all(sock: socket.socket, ethertype: int) -> None:
     import ctypes
 
     # sockaddr_ll with interface 0; Python's own bind needs a name
-    address = (socket.AF_PACKET).to_bytes(2, sys.byteorder) + ETHERTYPE_PROFINET.to_bytes(2, "big") + bytes(16)
+    address = (socket.AF_PACKET).to_bytes(2, sys.byteorder) + ethertype.to_bytes(2, "big") + bytes(16)
     if ctypes.CDLL(None, use_errno=True).bind(sock.fileno(), address, len(address)):
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
 

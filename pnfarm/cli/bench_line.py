@@ -24,6 +24,7 @@ __all__ = [
     "PEER_CPU",
     "Child",
     "Result",
+    "both_ends",
     "farm_and_plc",
     "farm_file",
     "measure",
@@ -136,11 +137,19 @@ def wire() -> Iterator[None]:
 @contextmanager
 def farm_and_plc(drives: int, cycle: str, watchdog: int, api: str = "off") -> Iterator[tuple[Child, Child]]:
     """A farm, with its API at ``api``, and the built-in controller, connected."""
+    theirs = farm_file(drives, cycle, watchdog, PEER_CPU)
+    with both_ends(drives, farm_file(drives, cycle, watchdog, FARM_CPU, api), theirs) as children:
+        yield children
+
+
+@contextmanager
+def both_ends(drives: int, ours: str, theirs: str) -> Iterator[tuple[Child, Child]]:
+    """A farm and its controller, by the farm file of each, connected."""
     with wire(), ExitStack() as stack:
-        farm = Child("farm", FARM_CPU, file=farm_file(drives, cycle, watchdog, FARM_CPU, api))
+        farm = Child("farm", FARM_CPU, file=ours)
         stack.callback(farm.close)
         farm.answer()
-        plc = Child("plc", PEER_CPU, file=farm_file(drives, cycle, watchdog, PEER_CPU), interface_from_outside=PEER)
+        plc = Child("plc", PEER_CPU, file=theirs, interface_from_outside=PEER)
         stack.callback(plc.close)
         plc.answer()
         plc.ask("connected 120")
@@ -158,8 +167,11 @@ def measure(farm: Child, peer: Child, seconds: float) -> tuple[dict[str, Any], d
 
 
 @contextmanager
-def _floor(drives: int, groups: int, period_ns: int) -> Iterator[tuple[Child, Child]]:
-    """Two minimal loops over the same kind of interfaces: macvlans on one side, one interface on the other."""
+def _floor(drives: int, groups: int, period_ns: int, packet: bytes = b"") -> Iterator[tuple[Child, Child]]:
+    """Two minimal loops over the same kind of interfaces: macvlans on one side, one interface on the other.
+
+    They send RT frames, or ``packet`` from its EtherType on.
+    """
     with wire(), ExitStack() as stack:
         lines, macs = [], []
         for i in range(drives):
@@ -173,7 +185,7 @@ def _floor(drives: int, groups: int, period_ns: int) -> Iterator[tuple[Child, Ch
         links = {entry["ifname"]: entry for entry in json.loads(listed)}
         index = {name: entry["ifindex"] for name, entry in links.items()}
         peer_mac = bytes.fromhex(links[PEER]["address"].replace(":", ""))
-        common = {"groups": groups, "period": period_ns}
+        common = {"groups": groups, "period": period_ns, "packet": packet.hex()}
         ours = [(index[f"pnfl{i}"], mac.hex(), peer_mac.hex()) for i, mac in enumerate(macs)]
         # an interface keeps its index when it moves into an empty namespace
         theirs = [(index[PEER], peer_mac.hex(), mac.hex()) for mac in macs]
@@ -206,6 +218,6 @@ def per_frame(answer: dict[str, Any]) -> float:
     return float(answer["cpu"]) / max(1, int(answer["frames"])) * 1e6
 
 
-def settled_floor(drives: int, groups: int, period_ns: int, seconds: float) -> dict[str, Any]:
-    with _floor(drives, groups, period_ns) as (farm, peer):
+def settled_floor(drives: int, groups: int, period_ns: int, seconds: float, packet: bytes = b"") -> dict[str, Any]:
+    with _floor(drives, groups, period_ns, packet) as (farm, peer):
         return measure(farm, peer, seconds)[0]

@@ -178,9 +178,9 @@ def _learn_farm(path: Path, decoder: Decoder) -> None:
     from pnfarm.captures.decoder import PlannedDrive
     from pnfarm.cli.files import read
     from pnfarm.config.ip import IpController, IpDriveConfig
-    from pnfarm.controller.plan import plan_controller
+    from pnfarm.controller.plan import plan_controllers
     from pnfarm.farm.farm import model_of
-    from pnfarm.farm.file.reading import controller_mac, expand
+    from pnfarm.farm.file.reading import expand
 
     config = read(path)
     drives = expand(config)
@@ -189,21 +189,17 @@ def _learn_farm(path: Path, decoder: Decoder) -> None:
     for drive, model in zip(drives, models, strict=True):
         ip = drive.ip if isinstance(drive, IpDriveConfig) else None
         stations.learn(drive.mac, name=drive.name, ip=ip.ip if ip is not None else None, model=model)
-    section = config.controller
-    if section is None:
-        return
-    mac = controller_mac(config)
-    if mac is not None:
-        ip = section.ip if isinstance(section, IpController) else None
-        stations.learn(mac, name=section.name, ip=ip.ip if ip is not None else None)
-    own, plan = plan_controller(config, drives)
-    members = [(drive, model) for drive, model in zip(drives, models, strict=True) if model.bus == own.name]
-    # devices without a model come after the drives
-    planned = [
-        PlannedDrive(drive.mac, model, wanted) for (drive, model), wanted in zip(members, plan.devices, strict=False)
-    ]
-    for bus, frames in decoder.buses.items():
-        frames.expect(section.name, mac or bytes(6), [one for one in planned if one.model.bus == bus])
+    for one in plan_controllers(config, drives) if config.controllers else ():
+        section = one.section
+        if one.mac is not None:
+            ip = section.ip if isinstance(section, IpController) else None
+            stations.learn(one.mac, name=section.name, ip=ip.ip if ip is not None else None)
+        # devices without a model come after the drives
+        planned = [
+            PlannedDrive(drive.mac, model, wanted)
+            for (drive, model), wanted in zip(one.members, one.plan.devices, strict=False)
+        ]
+        decoder.buses[one.bus.name].expect(section.name, one.mac or bytes(6), planned)
 
 
 # -- the summary
@@ -229,7 +225,7 @@ _COUNTERS = (
     ("connects", "connects"), ("refused", "refused"), ("releases", "releases"), ("aborts", "aborts"),
     ("watchdogs", "watchdogs expired"), ("alarms", "alarms"), ("writes", "writes"), ("reads", "reads"),
     ("record errors", "records refused"), ("faults", "RPC faults"), ("repeated", "calls repeated"),
-    ("malformed", "malformed"),
+    ("errors", "requests refused"), ("malformed", "malformed"),
 )  # fmt: skip
 
 
@@ -254,6 +250,6 @@ def _paragraph(talk: dict[str, Any]) -> Iterable[str]:
     counted = [f"{talk['counts'][key]} {words}" for key, words in _COUNTERS if talk["counts"].get(key)]
     if counted:
         yield f"  {', '.join(counted)}"
-    for key in ("refused", "aborts", "record errors", "faults", "malformed"):
+    for key in ("refused", "aborts", "record errors", "faults", "errors", "malformed"):
         for reason, count in talk["reasons"].get(key, {}).items():
             yield f"    {key}: {f'{count} x ' if count > 1 else ''}{reason}"

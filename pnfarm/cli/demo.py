@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from ipaddress import IPv4Address
+from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,8 +20,8 @@ from pnfarm.farm.address_space import ENGINE, require_address_space
 
 __all__ = ["command"]
 
-#: A drive drops the connection after 16 cycles without a frame, 64 ms with the shortest cycle of 4 ms: a machine may
-#: stall for 20 ms, as many virtual ones do, and no connection is lost.
+#: A drive drops the connection after 32 cycles without a frame, 128 ms with the shortest cycle of 4 ms: a machine
+#: may stall for tens of milliseconds, and no connection may be lost by that.
 FILE = """
 farm: demo
 link: {link}
@@ -32,20 +32,29 @@ controller:
   ip: 10.77.255.1/16
   {where}
   cycle: 16ms
-  watchdog_factor: 16
+  watchdog_factor: 32
   program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 500ms}}
-  reconnect: {{after: 200ms}}
+  reconnect: {{after: 200ms}}{scanner}
 """
+#: The controller's other half, for the drives on EtherNet/IP.
+SCANNER = """
+  ethernetip: {{ip: {ip}, {where}, timeout_multiplier: 16}}"""
+SCANNER_IP = IPv4Interface("10.77.255.2/16")
 GROUP = """
   - name: axis-{{n:02}}
     start: {first}
     count: {count}
     model: {model}
     ip: {ip}/16
-    cycle: {cycle}
+    {pace}
     load: {{inertia: 2.0e-4, friction: 0.05}}"""
 #: Models beside the AKD, each with a cycle that its manual allows; each gets one drive in eight.
-OTHERS = (("akd-profinet-2012", "8ms"), ("hiwin-e1", "4ms"), ("moog-msd", "4ms"))
+OTHERS = (
+    ("akd-profinet-2012", "cycle: 8ms"),
+    ("hiwin-e1", "cycle: 4ms"),
+    ("moog-msd", "cycle: 4ms"),
+    ("akd-ethernetip", "rpi: 10ms"),
+)
 PARENT, PEER = "pndemo0", "pndemo1"
 
 
@@ -88,11 +97,13 @@ def command(
     # the times that are shown do not include compilation
     begin = time.monotonic()
     if where == "memory":
-        text = FILE.format(link="{kind: memory}", groups=_groups(drives), where="mac: auto")
+        scanner = _scanner_section(drives, "mac: auto")
+        text = FILE.format(link="{kind: memory}", groups=_groups(drives), where="mac: auto", scanner=scanner)
     else:
         _cable()
         link = f"{{kind: macvlan, parent: {PARENT}}}"
-        text = FILE.format(link=link, groups=_groups(drives), where=f"interface: {PEER}")
+        scanner = _scanner_section(drives, f"mac: auto, link: {{kind: macvlan, parent: {PEER}}}")
+        text = FILE.format(link=link, groups=_groups(drives), where=f"profinet: {{interface: {PEER}}}", scanner=scanner)
     demo = Demo(
         text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file, pcap=pcap, report=html
     )
@@ -107,15 +118,20 @@ def _groups(drives: int) -> str:
     """AKDs first, since the demo injects its faults there; then drives of every other model."""
     each = drives // 8
     groups, first = "", 1
-    for model, cycle, count in (
-        ("akd-profinet", "16ms", drives - each * len(OTHERS)),
-        *((model, cycle, each) for model, cycle in OTHERS),
+    for model, pace, count in (
+        ("akd-profinet", "cycle: 16ms", drives - each * len(OTHERS)),
+        *((model, pace, each) for model, pace in OTHERS),
     ):
         if count:
             ip = IPv4Address("10.77.0.10") + first
-            groups += GROUP.format(first=first, count=count, model=model, ip=ip, cycle=cycle)
+            groups += GROUP.format(first=first, count=count, model=model, ip=ip, pace=pace)
             first += count
     return groups
+
+
+def _scanner_section(drives: int, where: str) -> str:
+    """The controller's keys for EtherNet/IP; none without a drive on it."""
+    return SCANNER.format(ip=SCANNER_IP, where=where) if drives // 8 else ""
 
 
 def _check_writable(file: Path | None) -> None:

@@ -34,7 +34,7 @@ from pnfarm.table.engine_row import LATENESS_EDGES_NS
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pnfarm.buses.controller import Controller
+    from pnfarm.controller.group import Controllers
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.virtual import VirtualWorld
     from pnfarm.faults.manager import InjectionManager
@@ -82,7 +82,7 @@ class Demo:
         self._live: Live | None = None
         self._line: VirtualLine | None = None
         self._farm: FarmCore
-        self._plc: Controller
+        self._plc: Controllers
         self._injections: InjectionManager
         self._now: Callable[[], int] = time.monotonic_ns
         self._poke: Callable[[], None] = lambda: None
@@ -109,7 +109,7 @@ class Demo:
         if self._in_memory:
             line = await VirtualLine.create(self._config, log=quiet, plc_log=EventLog(quiet=True), pcap=self._pcap)
             stack.push_async_callback(line.close)
-            self._line, self._farm, self._plc = line, line.farm, line.plc
+            self._line, self._farm, self._plc = line, line.farm, line.controllers
             self._injections = line.farm.injections
             self._now = line.world.clock
 
@@ -124,7 +124,7 @@ class Demo:
             prepare()
         farm = await stack.enter_async_context(Farm(self._config, log=quiet, capture=capture))
         plc = await stack.enter_async_context(Plc(self._config, log=EventLog(quiet=True)))
-        self._farm, self._plc, self._injections = farm.core, plc.core, farm.injections
+        self._farm, self._plc, self._injections = farm.core, plc.controllers, farm.injections
         self._poke = farm.driver.poke
 
         async def release() -> None:
@@ -156,6 +156,10 @@ class Demo:
 
     async def _carry_out(self) -> bool:
         """Carry out the scenario and write its report; True unless it failed."""
+        # a machine that stalled may have cost a connection meanwhile
+        if not await self._until(lambda: self._plc.all_running):
+            self._log("not every axis is in operation")
+            return False
         names = [row["name"] for row in self._plc.snapshot()]
         binding = demo_binding(self._farm, names[min(1, len(names) - 1)], names)
         self._log(f"scenario {binding.scenario.name}: {binding.scenario.description}")

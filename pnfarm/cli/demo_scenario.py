@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["demo_binding", "write_report"]
 
-#: The watchdogs of the demo's drives expire after at most 256 ms without a frame, so a second ends the connection.
+#: The watchdogs of the demo's drives expire after at most 512 ms without a frame, so a second ends the connection.
 SCENARIO = """
 scenario: cable-pulled
 description: The cable of {axis} is pulled for a second; does the PLC bring the axis back?

@@ -10,8 +10,10 @@ import typer
 from pnfarm.terminal.settings import FarmFile  # noqa: TC001 - the command line is made from the annotations
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
+    from pnfarm.config.impairment import Impairment
     from pnfarm.farm.file.reading import FarmConfig, Known
 
 __all__ = [
@@ -50,33 +52,60 @@ def read(path: Path) -> FarmConfig:
 
 
 def check_impairments(config: FarmConfig) -> None:
-    """Check the parameters of the file's impairments; raises :class:`FarmFileError`.
+    """Check the parameters, drives and conditions of the file's impairments; raises :class:`FarmFileError`.
 
-    The farm file's own checks only know the kinds; the fault catalogue knows the parameters of each.
+    The farm file's own checks only know the kinds; the fault catalogue knows the parameters of each, and the model its
+    signals.
     """
-    from pnfarm.buses.registry import fault_kinds
-    from pnfarm.farm.file.reading import FarmFileError, FileIssue
-    from pnfarm.faults.errors import InjectionError
+    from pnfarm.farm.file.reading import FarmFileError, FileIssue, expand
 
     issues: list[FileIssue] = []
-    for group, drives in enumerate(config.drives):
-        for number, impairment in enumerate(drives.impair):
-            given = impairment.model_dump(by_alias=True, exclude_none=True) | {"on": "all"}
-            given |= {key: f"{given[key]}ns" for key in ("after", "for") if key in given}
-            try:
-                fault_kinds().parse(given)
-            except InjectionError as exc:
-                for field, what, allowed in exc.issues:
-                    location: tuple[str | int, ...] = ("drives", group, "impair", number, *field.split("."))
-                    place = f"drives[{group}].impair[{number}].{field}"
-                    issues.append(FileIssue(*config.place(location), place, what, allowed))
+    named: set[str] = set()
+    drives = expand(config)
+    for group, section in enumerate(config.drives):
+        names = [drive.name for drive in drives if drive.group == group]
+        for number, impairment in enumerate(section.impair):
+            found = list(_misfits(impairment, section.model, names))
+            if impairment.name is not None and impairment.name in named:
+                found.append(("as", f"{impairment.name!r} is the name of another fault", "a name of its own"))
+            if impairment.name is not None:
+                named.add(impairment.name)
+            for field, what, allowed in found:
+                location: tuple[str | int, ...] = ("drives", group, "impair", number, *field.split("."))
+                place = f"drives[{group}].impair[{number}].{field}"
+                issues.append(FileIssue(*config.place(location), place, what, allowed))
     if issues:
         raise FarmFileError(issues)
 
 
+def _misfits(impairment: Impairment, model_name: str, names: Sequence[str]) -> Iterator[tuple[str, str, str]]:
+    """What is wrong with an impairment of drives of one model: (field, what, allowed)."""
+    from pnfarm.buses.registry import fault_kinds
+    from pnfarm.drives import catalogue
+    from pnfarm.faults.errors import InjectionError
+    from pnfarm.station.conditions import bind
+    from pnfarm.vocabulary.conditions import ConditionError
+    from pnfarm.vocabulary.globs import GLOBS, means
+
+    model = catalogue.model(model_name)
+    try:
+        fault_kinds().parse(impairment.as_dict() | {"on": "all"})
+    except InjectionError as exc:
+        yield from exc.issues
+    if impairment.on is not None:
+        models = (model.name, *model.aliases)
+        if not any(means(glob, (name,), models) for glob in impairment.on for name in names):
+            yield "on", f"means no drive of this group: {names[0]} to {names[-1]}", GLOBS
+    if impairment.when is not None:
+        try:
+            bind(impairment.when, model)
+        except ConditionError as exc:
+            yield "when", f"column {exc.column}: {exc.what}", exc.allowed
+
+
 def check_program(config: FarmConfig) -> None:
     """Load the file of the controller's own program, if it has one; raises :class:`ConfigError`."""
-    if config.controller is None or config.controller.program.python is None:
+    if all(section.program.python is None for section in config.controllers):
         return
     from pnfarm.controller.program_file import program_of
 
@@ -105,15 +134,19 @@ def _scenario_summary(file: Path) -> str:
     steps = list(scenario.every_step())
     checks = sum(step.kind == "expect" for step in steps)
     counts = f"{counted(len(steps), 'step')}, {counted(checks, 'expectation')}"
+    if scenario.runs:
+        counts += f" in each of {counted(len(scenario.runs), 'run')}"
     if scenario.farm_path is None:
         # the drives of a running farm are known when it runs
         return f"{counts}; its drives are not checked: it names no farm file"
-    _, config = bound(scenario)
-    return f"{counts}, {summary(config)}"
+    # every run is checked, and the first one shown
+    configs = [bound(one)[1] for one in scenario.runs or (scenario,)]
+    return f"{counts}, {summary(configs[0])}"
 
 
 def summary(config: FarmConfig) -> str:
     """A summary of the farm file in one line."""
+    from pnfarm.farm.file.choice import bus_of_controller
     from pnfarm.farm.file.reading import expand
 
     drives = expand(config)
@@ -127,10 +160,12 @@ def summary(config: FarmConfig) -> str:
         parts.insert(0, f"farm {config.farm}")
         parts.append(f"on {link_text(config)}")
         parts.append("no API" if api is None else f"API {api.host}:{api.port}")
-    if config.controller is not None:
-        parts.append(f"controller {config.controller.name}")
-        if config.controller.device_names:
-            parts.append(f"{counted(len(config.controller.device_names), 'device')} by GSDML file")
+    several = len(config.controllers) > 1
+    for section in config.controllers:
+        on = f" on {bus_of_controller(section).title}" if several else ""
+        parts.append(f"controller {section.name}{on}")
+        if section.device_names:
+            parts.append(f"{counted(len(section.device_names), 'device')} by GSDML file")
     return ", ".join(parts)
 
 

@@ -1,6 +1,7 @@
 """Limits the rate of log lines, whatever a peer does: repeated lines are counted and summed up.
 
-A line's *kind* is its event and its drive, or the place in the code that wrote it.  Each kind has a token bucket that
+A line's *kind* is its event, its drive and, of what a client changed, that client; or the place in the code that wrote
+it.  Each kind has a token bucket that
 refills slowly, so that a start-up or a trip is logged line by line while a flood is not; all kinds together share a
 larger one.  Lines above the limit are held back; once a second the last line of each such kind is written with
 ``repeated``, the number of lines that it stands for.
@@ -94,7 +95,9 @@ class LineLimit:
         if line.pop(_SUM, False):
             return line
         event, drive = str(line.get("event", "")), str(line.get("drive", ""))
-        if not self._passes((event[:200], drive[:200], ""), method, line):
+        # what one client changes does not hide what another does
+        client = f"{line['who']} {line.get('peer', '')}" if "who" in line else ""
+        if not self._passes((event[:200], drive[:200], client[:200]), method, line):
             raise structlog.DropEvent
         return line
 

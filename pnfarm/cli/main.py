@@ -13,7 +13,7 @@ import typer
 
 from pnfarm import __version__
 from pnfarm.buses import registry
-from pnfarm.cli import bench, decode, demo, doctor, fault, files, inspect, models, param, plc, trace, up
+from pnfarm.cli import bench, decode, demo, doctor, fault, files, inspect, models, param, plc, scan, trace, up
 from pnfarm.cli import run as scenario
 from pnfarm.cli.errors import report, silence_stdout
 from pnfarm.farm.address_space import COMMAND, few_threads, require_address_space
@@ -37,6 +37,7 @@ COMMANDS = (
     Command("fault", Panel.RUNNING, fault.app),
     Command("param", Panel.RUNNING, param.app),
     Command("plc", Panel.CONTROLLER, plc.plc),
+    Command("scan", Panel.CONTROLLER, scan.scan, behind="plc"),
     Command("decode", Panel.REFERENCE, decode.decode),
     Command("models", Panel.REFERENCE, models.models),
     Command("schema", Panel.REFERENCE, files.schema),

@@ -77,6 +77,7 @@ def plc(
 
     from pnfarm.cli.files import read
     from pnfarm.cli.one_device import one_device
+    from pnfarm.farm.file.choice import bus_of_controller
     from pnfarm.terminal.output import print_json, print_table
 
     require_address_space(ENGINE)
@@ -97,12 +98,16 @@ def plc(
     rows, interrupted = anyio.run(_run, config, interface, seconds, output is None and _is_live())
     quiet = [row["name"] for row in rows if not row["connects"]]
     summary = {"ok": not quiet, "controller": config.controller.name if config.controller else "", "drives": rows}
+    if several := len(config.controllers) > 1:
+        summary["controllers"] = [
+            {"bus": bus_of_controller(section).name, "name": section.name} for section in config.controllers
+        ]
     if json_file is not None:
         _write(json_file, summary)
     if output is Format.JSON:
         print_json(summary)
     elif output is Format.TABLE:
-        print_table(_COLUMNS, map(_cells, rows))
+        print_table(_columns(_COLUMNS, several), [_with_bus(row, _cells(row), several) for row in rows])
     if seconds is not None and quiet and not interrupted:
         shown = " ".join(quiet[:8]) + (f" and {len(quiet) - 8} more" if len(quiet) > 8 else "")
         sys.stderr.write(f"pnfarm: {len(quiet)} of {len(rows)} drives never exchanged data: {shown}\n")
@@ -128,7 +133,7 @@ async def _run(
     """The state of the controller's drives before it released them, and whether a signal ended the run."""
     import anyio
 
-    from pnfarm.cli.running import compile_ahead, stop_on_signals
+    from pnfarm.cli.running import compile_ahead, keep_what_is_loaded, stop_on_signals
     from pnfarm.controller.runtime import Plc
 
     controller = Plc(config, interface=interface)
@@ -140,6 +145,7 @@ async def _run(
                 controller.check_rights()  # checked before compiling, which may take a minute
                 await compile_ahead()
                 await controller.open()
+                keep_what_is_loaded()
                 opened = True
                 if not settings.logs_json and not live:
                     _say_up(controller)
@@ -159,8 +165,10 @@ def _say_up(controller: Plc) -> None:
     from pnfarm.cli.files import counted
     from pnfarm.terminal.output import print_line
 
-    where = controller.core.port.name
-    print_line(f"{controller.section.name}: controller of {counted(len(controller.drives), 'drive')} on {where}")
+    several = len(controller.controllers) > 1
+    for one, section in zip(controller.controllers, controller.config.controllers, strict=True):
+        count = len(one.snapshot()) if several else len(controller.drives)
+        print_line(f"{section.name}: controller of {counted(count, 'drive')} on {one.port.name}")
 
 
 async def _watch(controller: Plc, live: bool) -> None:
@@ -210,6 +218,15 @@ _COLUMNS = (
 _LIVE_COLUMNS = ("DRIVE", "CONNECTION", "PROGRAM", ">CYCLE", ">LOSSES", ">FAULTS", ">RECEIVED", "~LAST REASON")
 
 
+def _columns(names: tuple[str, ...], several: bool) -> tuple[str, ...]:
+    """With several controllers, each row has its drive's bus."""
+    return (names[0], "BUS", *names[1:]) if several else names
+
+
+def _with_bus(row: dict[str, Any], cells: Sequence[object], several: bool) -> Sequence[object]:
+    return (cells[0], row["bus"], *cells[1:]) if several else cells
+
+
 def _cells(row: dict[str, Any]) -> Sequence[object]:
     from pnfarm.terminal.output import number, seconds
 
@@ -243,17 +260,22 @@ def _live_table(controller: Plc, room: int) -> Table:
     hidden = len(rows) - room
     if hidden > 0:
         rows = sorted(rows, key=lambda row: row["state"] == "DATA" and row["phase"] == "running")[:room]
+    several = len(controller.controllers) > 1
     cells = [
-        (
-            row["name"],
-            row["state"],
-            row["phase"],
-            seconds(row["cycle_seconds"]),
-            row["losses"],
-            row["faults"],
-            number(row["frames_received"]),
-            _reason(row),
+        _with_bus(
+            row,
+            (
+                row["name"],
+                row["state"],
+                row["phase"],
+                seconds(row["cycle_seconds"]),
+                row["losses"],
+                row["faults"],
+                number(row["frames_received"]),
+                _reason(row),
+            ),
+            several,
         )
         for row in rows
     ]
-    return make_table(_LIVE_COLUMNS, cells, caption=f"... and {hidden} more" if hidden > 0 else "")
+    return make_table(_columns(_LIVE_COLUMNS, several), cells, caption=f"... and {hidden} more" if hidden > 0 else "")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.scenario.binding import Binding
     from pnfarm.scenario.file import Scenario
-    from pnfarm.scenario.run import ScenarioRun
+    from pnfarm.scenario.run import ScenarioRun, Tell
     from pnfarm.scenario.started import Outcome
 
 __all__ = ["bound", "is_scenario", "run"]
@@ -84,26 +84,33 @@ def run(
     scenario = load_scenario(file, variables)
     if farm is not None:
         # relative to where the user is, not to the scenario
-        scenario.farm = farm if "://" in farm else str(Path(farm).expanduser().absolute())
+        for one in (scenario, *scenario.runs):
+            one.farm = farm if "://" in farm else str(Path(farm).expanduser().absolute())
     if scenario.is_remote and (virtual or pcap is not None):
         raise ConfigError(
             "--virtual and --pcap are for a farm that `run` starts, and this one runs already; "
             "to capture it, start it with `pnfarm up FILE --pcap OUT`"
         )
-    checked = None if scenario.is_remote else bound(scenario)
+    if scenario.is_remote and scenario.runs:
+        raise ConfigError(
+            "matrix: starts a farm for each run, and this one runs already; "
+            "use `repeat: {for: ...}` in the steps, or a farm file"
+        )
+    checked = [] if scenario.is_remote else [bound(one) for one in scenario.runs or (scenario,)]
     for path in (junit, html, as_json, pcap):
         if path is not None:
             _check_writable(path)
     failure: Exception | None = None
-    with _Signals() as signals, Progress(scenario.name, sum(1 for _ in scenario.every_step())) as progress:
-        if checked is None:
+    total = sum(1 for one in scenario.runs or (scenario,) for _ in one.every_step())
+    with _Signals() as signals, Progress(scenario.name, total) as progress:
+        if not checked:
             from pnfarm.cli.run_remote import run_remote
 
             record, failure = run_remote(scenario, token, progress, signals.why)
         else:
             # without a report nobody would see traces
             traced = html is not None or as_json is not None
-            record, failure = _local(*checked, progress, signals, virtual=virtual, pcap=pcap, traced=traced)
+            record, failure = _every(scenario, checked, progress, signals, virtual=virtual, pcap=pcap, traced=traced)
     _write(record, junit, html, as_json)
     print_summary(record)
     return EXIT_CODES[Verdict(record["verdict"])] if failure is None else report(failure)
@@ -172,6 +179,43 @@ def _check_writable(path: Path) -> None:
         raise ConfigError(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
 
 
+def _every(
+    scenario: Scenario,
+    checked: list[tuple[Binding, FarmConfig]],
+    progress: Progress,
+    signals: _Signals,
+    *,
+    virtual: bool,
+    pcap: Path | None,
+    traced: bool,
+) -> tuple[dict[str, Any], Exception | None]:
+    """One run, or those of a matrix one after the other; those behind one that was cut short do not begin."""
+    from pnfarm.errors import PnfarmError
+    from pnfarm.scenario.matrix import not_begun, together
+
+    records: list[dict[str, Any]] = []
+    failure: Exception | None = None
+    if pcap is not None:
+        pcap.write_bytes(b"")
+    for binding, config in checked:
+        farm = config.farm or "farm"
+        if failure is not None or signals.why():
+            why = signals.why() or f"an earlier run failed: {failure}"
+            records.append(not_begun(binding, farm, why, broken=failure is not None))
+            continue
+        if scenario.runs:
+            progress.heading(binding.scenario.title)
+        try:
+            record, failure = _local(binding, config, progress, signals, virtual=virtual, pcap=pcap, traced=traced)
+        except PnfarmError as error:
+            if not records:
+                raise
+            failure = error
+            record = not_begun(binding, farm, str(error), broken=True)
+        records.append(record)
+    return together(scenario, records) if scenario.runs else records[0], failure
+
+
 def _local(
     binding: Binding,
     config: FarmConfig,
@@ -184,10 +228,12 @@ def _local(
 ) -> tuple[dict[str, Any], Exception | None]:
     import asyncio
     import tempfile
+    import time
 
     from pnfarm.errors import ConfigError
     from pnfarm.farm.capture import CaptureSettings
-    from pnfarm.scenario.slices import failure_windows, slice_capture
+    from pnfarm.scenario.frame_ring import FrameRing
+    from pnfarm.scenario.slices import failure_windows, keep_failures, slice_capture
 
     if not virtual and config.link is not None and config.link.kind == "memory":
         if config.controller is None:
@@ -202,36 +248,50 @@ def _local(
         return signals.why()
 
     with tempfile.TemporaryDirectory(prefix="pnfarm-run-") as folder:
-        whole = Path(folder) / "whole.pcapng" if pcap is not None else None
+        # a run may last for days: only its last frames are held, and those around failures filed
+        ring = FrameRing(Path(folder) / "failures.pcapng") if pcap is not None else None
         if virtual:
             from pnfarm.scenario.virtual import run_virtual
 
-            task = run_virtual(binding, config, tell=progress.tell, pcap=whole, passing=passing, traced=traced)
+            tell = keep_failures(progress.tell, ring, None) if ring is not None else progress.tell
+            task = run_virtual(binding, config, tell=tell, frames=ring, passing=passing, traced=traced)
             record, epoch = asyncio.run(task)
             failure = None
         else:
             import anyio
 
-            settings = CaptureSettings(whole) if whole is not None else None
-            outcome = anyio.run(_started, binding, config, progress, settings, passing, traced)
+            tell = keep_failures(progress.tell, ring, time.time_ns) if ring is not None else progress.tell
+            settings = CaptureSettings(ring.current, sink=ring) if ring is not None else None
+            outcome = anyio.run(_started, binding, config, tell, settings, passing, traced)
             record, epoch, failure = outcome.record, outcome.epoch_ns, outcome.failure
-        if pcap is not None and whole is not None:
-            record["pcap_packets"] = slice_capture(whole, pcap, failure_windows(record, epoch))
+        if pcap is not None and ring is not None:
+            record["pcap_packets"] = 0
+            record["pcap_not_whole"] = ring.not_whole
+            if ring.current.exists():
+                windows = failure_windows(record, epoch)
+                record["pcap_packets"] = slice_capture(ring.current, pcap, windows, append=True)
+            else:
+                # a capture without frames, which readers know as one
+                with pcap.open("ab") as out:
+                    out.write(ring.head)
     return record, failure
 
 
 async def _started(
     binding: Binding,
     config: FarmConfig,
-    progress: Progress,
+    tell: Tell,
     capture: CaptureSettings | None,
     passing: Callable[[ScenarioRun, int], str],
     traced: bool,
 ) -> Outcome:
-    from pnfarm.cli.running import compile_ahead
+    from pnfarm.cli.running import compile_ahead, keep_what_is_loaded
     from pnfarm.scenario.started import run_started
 
-    return await run_started(binding, config, progress.tell, capture, passing, traced=traced, before=compile_ahead)
+    return await run_started(
+        binding, config, tell, capture, passing,
+        traced=traced, before=compile_ahead, opened=keep_what_is_loaded,
+    )  # fmt: skip
 
 
 def _write(record: dict[str, Any], junit: Path | None, html: Path | None, as_json: Path | None) -> None:

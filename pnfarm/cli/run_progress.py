@@ -52,6 +52,15 @@ class Progress:
         if self._live:
             self._bar.stop()
 
+    def heading(self, title: str) -> None:
+        """A run of a matrix begins."""
+        from rich.text import Text
+
+        if self._live:
+            self._out.print(Text(title, style="bold"))
+        else:
+            _print(title)
+
     def tell(self, step: Step, case: Case | None) -> None:
         """A step begins, or a case has its verdict."""
         if case is None:
@@ -106,10 +115,24 @@ def _clock(seconds: float) -> str:
 
 
 def print_summary(record: Mapping[str, Any]) -> None:
-    """Every expectation with what was allowed and what was measured, then the verdict in one line."""
+    """Of each run every expectation with what was allowed and what was measured, then the verdict in one line."""
+    from pnfarm.scenario.matrix import runs_of
+
+    runs = runs_of(record)
+    for one in runs:
+        _print_run(one)
+    if len(runs) > 1:
+        counts = {word: sum(one["verdict"] == word for one in runs) for word in _WORDS}
+        _print("")
+        told = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
+        _print(f"{record['scenario']}: {record['verdict']} ({len(runs)} runs: {told})")
+
+
+def _print_run(record: Mapping[str, Any]) -> None:
     from rich.text import Text
 
     from pnfarm.terminal.output import print_table
+    from pnfarm.vocabulary.durations import format_measured
 
     cases = record["cases"]
     shown = cases if len(cases) <= MAX_ROWS else [case for case in cases if case["verdict"] != "passed"][:MAX_ROWS]
@@ -131,7 +154,8 @@ def print_summary(record: Mapping[str, Any]) -> None:
         _print(f"... and {len(cases) - len(shown)} more")
     counts = ", ".join(f"{count} {word}" for word, count in record["counts"].items() if count)
     _print("")
-    _print(f"{record['scenario']}: {record['verdict']} ({counts or 'no expectation'}) in {record['seconds']:.3f} s")
+    took = format_measured(record["seconds"])
+    _print(f"{record['scenario']}: {record['verdict']} ({counts or 'no expectation'}) in {took}")
     if record["ended_early"]:
         _print(f"ended early: {record['ended_early']}")
 

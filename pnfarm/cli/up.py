@@ -271,7 +271,7 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
     from pnfarm.api import serve_farm
     from pnfarm.api.server import listen
     from pnfarm.api.token import token_of
-    from pnfarm.cli.running import compile_ahead, stop_on_signals
+    from pnfarm.cli.running import compile_ahead, keep_what_is_loaded, stop_on_signals
     from pnfarm.controller.beside import ControllerBeside
     from pnfarm.farm.capture import prepare
     from pnfarm.farm.farm import Farm
@@ -293,6 +293,7 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
                 await farm.open()
                 async with anyio.create_task_group() as tasks:
                     host, port = await tasks.start(serve_farm, farm)
+                    keep_what_is_loaded()
                     _say_up(farm, f"http://{_bracketed(host)}:{port}/" if host else None)
                     await farm.wait()
         finally:
@@ -340,14 +341,15 @@ def _remove_controller(config: FarmConfig) -> list[str]:
     from pnfarm.links.interfaces import remove_leftovers_now
     from pnfarm.links.ownership import FarmLock
 
-    if config.controller is None:
-        return []
-    # the name under which the controller owns its interfaces
-    owner = f"{config.farm or 'farm'} {config.controller.name}"
-    lock = FarmLock(owner)
-    try:
-        lock.acquire()
-    except EnvironmentError_:
-        return []
-    with lock:
-        return remove_leftovers_now(owner)
+    removed: list[str] = []
+    for section in config.controllers:
+        # the name under which the controller owns its interfaces
+        owner = f"{config.farm or 'farm'} {section.name}"
+        lock = FarmLock(owner)
+        try:
+            lock.acquire()
+        except EnvironmentError_:
+            continue
+        with lock:
+            removed += remove_leftovers_now(owner)
+    return removed

@@ -158,6 +158,9 @@ class FarmCollector(Collector):
         self._states = {name: connection_numbers(name) for name in buses}
         states = "; ".join(", ".join(f"{n} {word}" for word, n in words.items()) for words in self._states.values())
         self._ar_state = drive("ar_state", "gauge", f"State of the connection (CMDEV): 0 none, {states}.")
+        self._exchanging = drive(
+            "ar_exchanging", "gauge", "1 while the connection is completely set up, whatever its bus calls that state."
+        )
         self._ar_cycle = drive("ar_cycle_seconds", "gauge", "Cycle of the connection's IO data, 0 without one.")
         self._connects = drive("ar_connects_total", "counter", "Connections that reached DATA.")
         self._aborts = self._counted(
@@ -332,6 +335,7 @@ class FarmCollector(Collector):
 
     def _connections(self, stations: Sequence[Station]) -> list[tuple[Family, Values]]:
         states: list[float] = []
+        exchanging: list[float] = []
         cycles: list[float] = []
         aborts: Counts = {}
         watchdog: list[float] = []
@@ -340,6 +344,7 @@ class FarmCollector(Collector):
             known = connection is not None and station.powered
             numbers = self._states[station.model.bus]
             states.append(numbers.get(connection.state, 0) if connection is not None and known else 0)
+            exchanging.append(float(connection is not None and known and connection.exchanging))
             cycles.append(connection.cycle_ns / 1e9 if connection is not None and connection.cyclic else 0)
             own = station.device.losses_by_farm()
             for reason, count in station.device.losses().items():
@@ -350,6 +355,7 @@ class FarmCollector(Collector):
             watchdog += (expired - own_expired, own_expired)
         return [
             (self._ar_state, states),
+            (self._exchanging, exchanging),
             (self._ar_cycle, cycles),
             (self._connects, [station.device.connects for station in stations]),
             (self._aborts, self._labelled(self._aborts, aborts)),

@@ -1,4 +1,5 @@
-"""Thousands of requests after the API's own description, right and wrong: each is answered, none by a server error."""
+"""Thousands of requests after the API's own description, right and wrong: each is answered, none by a server error,
+and every answer is what the description says."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from urllib.parse import quote
 
 import pytest
 from api_world import ApiWorld, assert_problem
+from json_schema import wrongs
 
 #: Of every operation of the description; there are some twenty.
 CASES = 60
@@ -144,6 +146,39 @@ def test_each_operation_names_its_errors_as_problem_documents(described):
                 assert schema == {"$ref": "#/components/schemas/Problem"}
 
 
+def described_body(operation: dict[str, Any], response: Any, whole: dict[str, Any]) -> list[str]:
+    """What is wrong with a body by the description of its operation."""
+    if response.is_redirect:
+        # an empty name is another path
+        return []
+    status, kind = str(response.status_code), response.headers.get("content-type", "").partition(";")[0]
+    kinds = operation["responses"].get(status, operation["responses"]["default"])["content"]
+    if kind not in kinds:
+        return [f"{kind} is none of {list(kinds)}"]
+    body = response.json() if kind.endswith("json") else response.text
+    found = list(wrongs(body, kinds[kind]["schema"], whole))
+    if kind == "text/event-stream":
+        entry = whole["components"]["schemas"]["LogEntry"]
+        events = [event.splitlines() for event in response.text.split("\n\n")]
+        for event in events:
+            data = "".join(line.removeprefix("data: ") for line in event if line.startswith("data: "))
+            if data and "event: gap" not in event:
+                found += wrongs(json.loads(data), entry, whole)
+    return found
+
+
+def test_each_success_has_a_described_body(described):
+    for path, methods in described["paths"].items():
+        for method, operation in methods.items():
+            successes = [found for status, found in operation["responses"].items() if status[0] == "2"]
+            assert successes, (method, path)
+            for found in successes:
+                for kind, body in found["content"].items():
+                    # one of no words is of any form
+                    words = body["schema"].keys() & {"$ref", "anyOf"}
+                    assert words if kind == "application/json" else body["schema"]["type"] == "string", (path, kind)
+
+
 def test_no_request_after_the_description_is_answered_by_a_server_error(described, world):
     rng = Random(8702)
     operations = [
@@ -160,6 +195,7 @@ def test_no_request_after_the_description_is_answered_by_a_server_error(describe
         assert response.status_code < 500 or path == "/api/v1/readyz", (asked, response.text)
         if response.status_code >= 400:
             assert_problem(response, response.status_code)
+        assert not (found := described_body(operation, response, described)), (asked, found)
         known = operation["responses"]
         assert str(response.status_code) in known or response.status_code in UNNAMED, (asked, response.text)
         seen.add((method, path, response.status_code // 100))

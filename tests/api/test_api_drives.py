@@ -51,8 +51,8 @@ def test_a_drive_shows_its_last_events():
     world = ApiWorld(2)
     world.line.connect()
     events = Drive.model_validate(world.get("/api/v1/drives/axis-01").json()).events
-    assert {event["drive"] for event in events} == {"axis-01"}
-    assert [event["event"] for event in events if event["event"].startswith("ar ")] == [
+    assert {event.drive for event in events} == {"axis-01"}
+    assert [event.event for event in events if event.event.startswith("ar ")] == [
         "ar connected",
         "ar established",
     ]
@@ -197,8 +197,9 @@ def test_power_cycle_boots_the_drive_and_ends_its_connection():
     assert answer.status_code == 200
     world.line.run(0.01)
     drive = world.get("/api/v1/drives/axis-01").json()
-    assert (drive["state"], drive["ar_state"]) == ("boot", "NO_AR")
-    assert world.get("/api/v1/drives/axis-02").json()["ar_state"] == "DATA"
+    assert (drive["state"], drive["ar_state"], drive["connected"]) == ("boot", "NO_AR", False)
+    other = world.get("/api/v1/drives/axis-02").json()
+    assert (other["ar_state"], other["connected"]) == ("DATA", True)
     assert "power off" in world.line.events("axis-01")
     assert world.line.world.run(5.0, until=lambda: world.line.farm.station("axis-01").device.connects == 2)
 

@@ -42,8 +42,14 @@ def demo(tmp_path: Path, *options: str, **environment: str) -> tuple[str, dict, 
     return run.stdout + run.stderr, summary, run.returncode
 
 
-#: Every PROFINET model, with a cycle that its manual grants.
-CYCLES = {"akd-profinet": 0.016, "akd-profinet-2012": 0.008, "hiwin-e1": 0.004, "moog-msd": 0.004}
+#: Every model, with a cycle that its manual grants.
+CYCLES = {
+    "akd-profinet": 0.016,
+    "akd-profinet-2012": 0.008,
+    "hiwin-e1": 0.004,
+    "moog-msd": 0.004,
+    "akd-ethernetip": 0.010,
+}
 
 
 EXPECTATIONS = [

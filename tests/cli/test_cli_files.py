@@ -75,6 +75,19 @@ def test_validate_knows_the_fault_catalogue(pnfarm, write):
         ("{kind: loss, params: {frames: some}}", "impair[0].params.frames: is 'some'"),
         ("{kind: loss, for: 2s, direction: out, count: 3}", None),
         ("{kind: f702, on: axis-01, after: 500ms}", None),
+        ("{kind: f702, share: 50%, most: 3, seed: 4, ttl: 10s, as: trip}", None),
+        ("{kind: loss, probability: 0.5, for: 200ms, rate: 2/min, times: 3}", None),
+        ("{kind: loss, for: 200ms, times: 3}", "impair[0].times: means nothing without rate"),
+        ("{kind: loss, share: 0%}", "impair[0].share: is '0%'"),
+        ("{kind: loss, most: 0}", "impair[0].most: "),
+        ("{kind: loss, count: 4294967296}", "impair[0].count: "),
+        ("{kind: loss, rate: often}", "impair[0].rate: is 'often'"),
+        ("{kind: loss, ttl: 1ms}", "impair[0].ttl: is 1ms"),
+        ("{kind: loss, as: 'my trip'}", "impair[0].as: "),
+        ("{kind: loss, on: spare-*}", "impair[0].on: means no drive of this group"),
+        ("{kind: f702, when: velocity > 1000}", None),
+        ("{kind: f702, when: velocityy > 1000}", "impair[0].when: column 1: "),
+        ("{kind: f702, when: zsw1.operation_enabledd}", "impair[0].when: column 1: "),
     ],
 )
 def test_validate_checks_what_a_kind_takes(pnfarm, write, impairment, told):
@@ -83,6 +96,30 @@ def test_validate_checks_what_a_kind_takes(pnfarm, write, impairment, told):
     assert found.code == (0 if told is None else 2)
     if told is not None:
         assert found.err.startswith(f"{path}:9: drives[0].")
+        assert told in found.err
+
+
+def test_validate_refuses_two_impairments_of_one_name(pnfarm, write):
+    path = write(FARM + "    impair:\n      - {kind: loss, as: trip}\n      - {kind: f702, as: trip}\n")
+    found = pnfarm("validate", path)
+    assert found.code == 2
+    assert "impair[1].as: 'trip' is the name of another fault" in found.err
+
+
+@pytest.mark.parametrize(
+    ("controller", "told"),
+    [
+        ("{ip: 10.77.0.1/24}", None),
+        ("{ip: 10.77.0.1/24, interface: eth1}", "controller.interface: is not reached from drives in memory"),
+        ("{ip: 10.77.0.1/24, mac: 02:00:00:00:00:01, interface: eth1}", "controller.interface: is not reached"),
+        ("{ip: 10.77.0.1/24, link: {kind: veth}}", "controller.link: is not reached from drives in memory"),
+    ],
+)
+def test_validate_refuses_a_controller_that_drives_in_memory_cannot_have(pnfarm, write, controller, told):
+    path = write(FARM.replace("{kind: macvlan, parent: eth1}", "{kind: memory}") + f"controller: {controller}\n")
+    found = pnfarm("validate", path)
+    assert found.code == (0 if told is None else 2), found.err
+    if told is not None:
         assert told in found.err
 
 

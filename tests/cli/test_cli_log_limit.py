@@ -84,6 +84,17 @@ def test_another_drive_and_another_event_are_not_held_back_with_it(log):
     ]
 
 
+def test_what_a_client_changes_is_not_held_back_with_what_another_does(log):
+    for number in range(100):
+        log.logger.warning("fault requested", who="loopback", peer="127.0.0.1", id=f"fault-{number}")
+    log.logger.warning("fault requested", who="token", peer="10.0.0.9", id="mine")
+    assert (log.lines[-1]["peer"], log.lines[-1]["id"]) == ("10.0.0.9", "mine")
+    log.wait()
+    assert {key: log.lines[-1][key] for key in ("peer", "id", "repeated")} == {
+        "peer": "127.0.0.1", "id": "fault-99", "repeated": 100 - KIND_LINES,
+    }  # fmt: skip
+
+
 def test_after_a_flood_a_kind_of_line_is_written_as_it_comes(log):
     for _ in range(1_000):
         log.logger.info("connection lost", drive="axis-01")

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+import signal
+import time
+from urllib.request import urlopen
 
 import pytest
 
@@ -35,6 +38,55 @@ def file(tmp_path):
     path = tmp_path / "memtest.pnfarm.yml"
     path.write_text(FARM)
     return path
+
+
+def until(condition, seconds: float = 30.0) -> bool:
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def fault_at(url: str, fault_id: str) -> dict:
+    with urlopen(f"{url}/api/v1/faults/{fault_id}", timeout=20) as answer:
+        return json.load(answer)
+
+
+def test_a_held_fault_ends_with_its_client_whatever_ended_that(file, background):
+    file.write_text(FARM.partition("controller:")[0])
+    farm = background("--log-format", "json", "up", file)
+    farm.wait_for('"event": "api listening"')
+    url = re.search(r"http://127\.0\.0\.1:\d+", farm.err)[0]
+    ends = {signal.SIGINT: "cleared", signal.SIGTERM: "cleared", signal.SIGKILL: "ttl"}
+    for number, reason in ends.items():
+        name = number.name.lower()
+        fields = ("--on", "axis-01", "--hold", "--ttl", "2s", "--as", name, "--api", url)
+        client = background("fault", "add", "load", *fields)
+        client.wait_for(f"{name}: load active on axis-01")
+        first = fault_at(url, name)["expires_seconds"]
+        assert until(lambda name=name, first=first: fault_at(url, name)["expires_seconds"] > first), "renewed"
+        code = client.stop(number)
+        if reason == "cleared":
+            # the command cleared it before it ended
+            assert (code, client.out.splitlines()[-1]) == (0, f"{name}: ended")
+        else:
+            assert until(lambda name=name: fault_at(url, name)["state"] == "ended")
+        fault = fault_at(url, name)
+        assert (fault["state"], fault["drives"]["axis-01"]["reason"]) == ("ended", reason)
+        if reason == "ttl":
+            assert fault["drives"]["axis-01"]["ended_seconds"] >= fault["expires_seconds"]
+    # who and when, in the log as well
+    lines = [json.loads(line) for line in farm.err.splitlines() if line.startswith("{")]
+    told = [line for line in lines if line["event"] in {"fault requested", "fault cleared by a client"}]
+    assert [(line["event"], line["id"]) for line in told] == [
+        ("fault requested", "sigint"), ("fault cleared by a client", "sigint"),
+        ("fault requested", "sigterm"), ("fault cleared by a client", "sigterm"),
+        ("fault requested", "sigkill"),
+    ]  # fmt: skip
+    assert {(line["who"], line["peer"], line["kind"]) for line in told} == {("loopback", "127.0.0.1", "load")}
+    assert all(re.fullmatch(r"\d{4}-\d\d-\d\dT[\d:.]+Z", line["timestamp"]) for line in told)
 
 
 def test_up_runs_drives_and_controller_and_serves_the_api(file, background, process):

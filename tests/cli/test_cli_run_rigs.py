@@ -112,8 +112,9 @@ def test_a_farm_that_is_late_makes_a_failure_inconclusive(folder, background, tm
         "  - expect: {drive: all, that: connected, name: still}\n"
     )
     run = background("run", late, "--json", tmp_path / "late.json", "--junit", tmp_path / "late.xml")
-    plc = background("plc", folder / "rigtest.pnfarm.yml")
-    plc.wait_for('"connected"')
+    # its farm has made the bridge that the controller's file names
+    run.wait_for("wait until")
+    background("plc", folder / "rigtest.pnfarm.yml").wait_for('"connected"')
     run.wait_for("      wait 100ms")
     time.sleep(0.3)
     run.send(signal.SIGSTOP)
@@ -135,6 +136,7 @@ def test_a_farm_that_is_late_makes_a_failure_inconclusive(folder, background, tm
 def test_ctrl_c_ends_a_run_in_order_and_writes_what_it_found(folder, background, network, tmp_path):
     files = [f"--{kind}={tmp_path / kind}" for kind in ("junit", "html", "json")]
     run = background("run", folder / "long.scenario.yml", *files)
+    run.wait_for("wait until")
     background("plc", folder / "rigtest.pnfarm.yml").wait_for('"connected"')
     run.wait_for("      wait 3600s")
     assert run.stop(signal.SIGINT) == 3

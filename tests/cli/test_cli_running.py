@@ -14,6 +14,7 @@ import urllib.request
 
 import pytest
 from forks import PROGRAM, Fork, clean_environment
+from own_interfaces import own_interfaces
 
 from pnfarm.links.ownership import interface_prefix
 
@@ -68,12 +69,6 @@ def solo(solo_file, background):
     started = background("--log-format", "console", "up", solo_file)
     started.wait_for(SOLO_UP)
     return started
-
-
-def own_interfaces(ip, farm: str = "solo") -> list[str]:
-    """What stands there of a farm and of its controller."""
-    prefixes = (interface_prefix(farm), interface_prefix(f"{farm} plc"))
-    return [name for name in re.findall(r"^\d+: ([^:@]+)", ip("-o", "link"), re.MULTILINE) if name.startswith(prefixes)]
 
 
 def until(condition, seconds: float = 20.0) -> bool:
@@ -209,6 +204,43 @@ def lonely(network):
         network("link", "set", end, "up")
     yield "plc0"
     network("link", "del", "plc0")
+
+
+MIXED = """\
+farm: climixed
+link: {kind: veth}
+api: off
+drives:
+  - {name: pn-1, model: akd-profinet, ip: 10.78.0.11/24}
+  - {name: eip-1, model: akd-ethernetip, ip: 10.78.0.12/24}
+  - {name: pn-2, model: akd-profinet, ip: 10.78.0.13/24}
+controller:
+  ip: 10.78.0.1/24
+  watchdog_factor: 60
+  program: {kind: constant, speed_rpm: 60}
+  ethernetip: {ip: 10.78.0.2/24, rpi: 20ms, timeout_multiplier: 64}
+"""
+
+
+def test_plc_runs_a_controller_for_each_bus_of_a_file(tmp_path, network, background, process):
+    path = tmp_path / "climixed.pnfarm.yml"
+    path.write_text(MIXED)
+    background("--log-format", "console", "up", path).wait_for("climixed: 3 drives on veth, no API")
+    outcome = process("plc", path, "--seconds", "8", "--format", "json", "--json", tmp_path / "mixed.json")
+    assert outcome.code == 0, outcome.err
+    found = json.loads((tmp_path / "mixed.json").read_text())
+    assert found["controllers"] == [
+        {"bus": "profinet", "name": "plc"}, {"bus": "ethernetip", "name": "plc-ethernetip"},
+    ]  # fmt: skip
+    rows = found["drives"]
+    assert [(row["name"], row["bus"]) for row in rows] == [
+        ("pn-1", "profinet"), ("eip-1", "ethernetip"), ("pn-2", "profinet"),
+    ]  # fmt: skip
+    assert all(row["connects"] for row in rows)
+    assert interface_prefix("climixed plc") not in network("-br", "link")
+    refused = process("plc", path, "--interface", "lo")
+    assert refused.code == 2
+    assert "controllers on PROFINET and EtherNet/IP, which cannot share one interface" in refused.err
 
 
 def test_plc_fails_when_a_drive_never_answers(file, process, lonely):

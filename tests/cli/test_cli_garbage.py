@@ -1,0 +1,32 @@
+"""What a start leaves behind is out of the searches for unreachable objects; what comes later is found."""
+
+from __future__ import annotations
+
+import gc
+
+from pnfarm.cli.running import keep_what_is_loaded
+
+
+class Circle:
+    alive = 0
+
+    def __init__(self):
+        self.own = self
+        Circle.alive += 1
+
+    def __del__(self):
+        Circle.alive -= 1
+
+
+def test_a_start_is_out_of_the_searches_for_garbage_and_what_comes_later_is_found():
+    Circle()
+    try:
+        keep_what_is_loaded()
+        # garbage of the start itself is gone
+        assert (Circle.alive, gc.get_freeze_count() > 10_000) == (0, True)
+        Circle()
+        assert Circle.alive == 1
+        gc.collect()
+        assert Circle.alive == 0
+    finally:
+        gc.unfreeze()
