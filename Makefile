@@ -12,7 +12,10 @@ LOCKED ?=
 LOCK := $(BIN)/python -m pip install --quiet --require-hashes -r locks
 # Another GSDML parser, without its dependencies, which are for a server that no test starts; and the package that
 # contains PI's schema of GSDML files, without its program, which needs an older pydantic and is not used.
-PEERS := "industriagents-profinet-mcp" "uphy-upgen>=1.1,<2"
+# cpppo, an EtherNet/IP client, wants a licence's checker that it does not need, and the greenery of its time.
+PEERS := "cpppo>=5.2.5,<6" "greenery>=2.1,<3" "industriagents-profinet-mcp" "uphy-upgen>=1.1,<2"
+# An EtherNet/IP scanner whose package has the name of another one's.
+APART := "cm-ethernetip<0.2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-annotate --custom-compile-command "make lock"
 
@@ -28,6 +31,7 @@ lint: $(LINT_STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
+	$(BIN)/mypy configs/pytest/test_async.py
 	$(BIN)/lint-imports
 
 fuzz: $(TEST_STAMP)
@@ -51,8 +55,9 @@ $(STAMP): pyproject.toml locks/ci.txt | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	@touch $@
 
-$(TEST_STAMP): $(STAMP) locks/peers.txt
+$(TEST_STAMP): $(STAMP) locks/peers.txt locks/apart.txt
 	$(LOCK)/peers.txt --no-deps --no-warn-conflicts
+	$(LOCK)/apart.txt --no-deps --upgrade --target $(VENV)/apart
 	@touch $@
 
 $(LINT_STAMP): $(STAMP)
@@ -70,6 +75,7 @@ $(STAMP): pyproject.toml | $(VENV)/bin/python
 $(TEST_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --group test
 	$(BIN)/python -m pip install --quiet --no-deps --no-warn-conflicts $(PEERS)
+	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/apart $(APART)
 	@touch $@
 
 $(LINT_STAMP): $(STAMP)
@@ -84,6 +90,7 @@ lock: | $(VENV)/bin/python
 	$(UV) pyproject.toml -c locks/ci.txt -o locks/runtime.txt
 	$(UV) --group build -c locks/ci.txt -o locks/build.txt
 	printf '%s\n' $(PEERS) | $(UV) --no-deps - -o locks/peers.txt
+	printf '%s\n' $(APART) | $(UV) --no-deps - -o locks/apart.txt
 
 clean:
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache

@@ -6,6 +6,8 @@ metrics' names are those that pnfarm promises.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from panels import (
     BLUE,
     GREEN,
@@ -20,6 +22,9 @@ from panels import (
 
 from pnfarm.metrics.collector import connection_numbers
 from pnfarm.protocols.profinet.ar import CmdevState
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 FARM_UID = "pnfarm-farm"
 DRIVE_UID = "pnfarm-drive"
@@ -74,6 +79,13 @@ def quantile(share: float, buckets: str, by: str = "le") -> str:
 def grown(counter: str, span: str) -> str:
     """Growth of a counter whose series appear when they first count: a new series has grown by its whole value."""
     return f"(({counter} unless {counter} offset {span}) or increase({counter}[{span}]))"
+
+
+def connection(select: Callable[..., str]) -> str:
+    """State of the connection by CMDEV's numbers; on a bus without CMDEV as DATA, or none."""
+    profinet = select("pnfarm_drive_info", 'bus="profinet"')
+    state = f"{select('pnfarm_ar_state')} and on (instance, drive) {profinet}"
+    return f"({state}) or {DATA} * {select('pnfarm_ar_exchanging')}"
 
 
 def with_model(expression: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from common import (
     BY_LABEL,
     CONNECTIONS,
-    DATA,
     DRIVE_UID,
     FARM_UID,
     LATENESS,
@@ -14,6 +13,7 @@ from common import (
     STATES,
     TO_DRIVE,
     annotations,
+    connection,
     farm,
     farm_variable,
     grown,
@@ -67,7 +67,7 @@ def farm_overview() -> Json:
 def _overview_now(board: Board) -> None:
     count = f"count({farm('pnfarm_axis_state')})"
     operating = f"sum({farm('pnfarm_axis_state')} == bool 4)"
-    connected = f"sum({farm('pnfarm_ar_state')} == bool {DATA})"
+    connected = f"sum({farm('pnfarm_ar_exchanging')})"
     board.row("Now")
     board.add(stat("Drives", [target(count)], "Drives of the farm, powered or not."), 3, 4)
     share = thresholds((None, RED), (0.5, ORANGE), (1, GREEN))
@@ -75,7 +75,7 @@ def _overview_now(board: Board) -> None:
         stat(
             "Exchanging data",
             [target(f"{connected} / {count}")],
-            "Share of the drives whose connection is in DATA.",
+            "Share of the drives whose connection is completely set up.",
             unit="percentunit",
             steps=share,
             decimals=0,
@@ -175,7 +175,7 @@ def _overview_drives(board: Board) -> None:
     )
     columns = [
         ("State", f"max by (drive) ({farm('pnfarm_axis_state')})"),
-        ("Connection", f"max by (drive) ({farm('pnfarm_ar_state')})"),
+        ("Connection", f"max by (drive) ({connection(farm)})"),
         ("Fault", f"max by (drive) ({farm('pnfarm_axis_fault_active')})"),
         ("Speed", f"max by (drive) ({farm('pnfarm_axis_velocity_rpm')})"),
         ("Set point", f"max by (drive) ({farm('pnfarm_axis_setpoint_rpm')})"),

@@ -12,6 +12,7 @@ from common import (
     RATE,
     STATES,
     annotations,
+    connection,
     drive,
     farm,
     farm_variable,
@@ -94,8 +95,8 @@ def _drive_now(board: Board) -> None:
     board.add(
         stat(
             "Connection",
-            [target(drive("pnfarm_ar_state"))],
-            "State of CMDEV; DATA: cyclic data flows.",
+            [target(connection(drive))],
+            "State of CMDEV; DATA: cyclic data flows (on any bus).",
             mappings=value_names(CONNECTIONS),
             steps=grey,
         ),
@@ -251,7 +252,7 @@ def _word_bits(board: Board) -> None:
         4,
     )
     board.add(
-        state_timeline("Connection", targets((drive("pnfarm_ar_state"), "connection")), "State of CMDEV.", CONNECTIONS),
+        state_timeline("Connection", targets((connection(drive), "connection")), "State of CMDEV.", CONNECTIONS),
         12,
         4,
     )

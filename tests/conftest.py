@@ -21,7 +21,8 @@ TESTS = Path(__file__).resolve().parent
 EXCLUSIVE = (
     "api/test_api_limits.py", "api/test_api_page.py", "api/test_api_server.py",
     "cli/test_cli_attacked.py", "cli/test_cli_bench.py", "cli/test_cli_client.py", "cli/test_cli_demo.py",
-    "cli/test_cli_log_limit.py", "cli/test_cli_memory.py", "cli/test_cli_run_rigs.py", "cli/test_cli_running.py",
+    "cli/test_cli_log_limit.py", "cli/test_cli_memory.py", "cli/test_cli_run_library.py",
+    "cli/test_cli_run_rigs.py", "cli/test_cli_running.py",
     "engine/test_engine_realtime.py", "engine/test_engine_replay.py", "farm/test_farm_library.py",
     "library/test_library_real.py", "testing/test_pytest_examples.py",
     "faults/test_fault_real_link.py", "interop", "links", "soak/test_soak_real.py", "test_rig_dashboards.py",
@@ -34,7 +35,9 @@ SHARED = (
     "links/test_links_wrappers.py",
 )  # fmt: skip
 #: Files of which those tests are exclusive that take one of ``EXCLUSIVE_FIXTURES``.
-MIXED = ("cli/test_cli_decode.py", "cli/test_cli_imports.py", "farm/test_farm_parameter_words.py")
+MIXED = (
+    "cli/test_cli_decode.py", "cli/test_cli_imports.py", "cli/test_cli_scan.py", "farm/test_farm_parameter_words.py",
+)  # fmt: skip
 #: Fixtures that start what runs in real time.
 EXCLUSIVE_FIXTURES = {"background", "network", "shared_background"}
 #: Folders whose tests call nothing that is compiled: they run beside the compiler.

@@ -37,6 +37,7 @@ PROMISED = {
     "pnfarm_axis_fault_active": {"drive"},
     "pnfarm_axis_faults_total": {"drive", "code"},
     "pnfarm_ar_state": {"drive"},
+    "pnfarm_ar_exchanging": {"drive"},
     "pnfarm_ar_cycle_seconds": {"drive"},
     "pnfarm_ar_connects_total": {"drive"},
     "pnfarm_ar_aborts_total": {"drive", "reason", "cause"},
@@ -122,6 +123,7 @@ def test_metrics_of_a_running_drive_say_what_its_snapshot_says():
     assert of(samples, "pnfarm_axis_stw1", **drive) == int(shown["stw1"], 16) == 0x047F
     assert of(samples, "pnfarm_axis_zsw1", **drive) == int(shown["zsw1"], 16)
     assert of(samples, "pnfarm_ar_state", **drive) == 9
+    assert of(samples, "pnfarm_ar_exchanging", **drive) == 1
     assert of(samples, "pnfarm_ar_cycle_seconds", **drive) == shown["cycle_seconds"] == 0.016
     assert of(samples, "pnfarm_ar_connects_total", **drive) == 1
     assert of(samples, "pnfarm_frames_sent_total", **drive) == shown["frames_sent"] > 60
@@ -410,6 +412,7 @@ def test_release_by_the_controller_is_no_loss():
     line.run(1.0)
     samples = read(collector)
     assert of(samples, "pnfarm_ar_state", drive="axis-01") == 0
+    assert of(samples, "pnfarm_ar_exchanging", drive="axis-01") == 0
     assert of(samples, "pnfarm_ar_cycle_seconds", drive="axis-01") == 0
     assert of(samples, "pnfarm_controller_reconnect_seconds_count", drive="axis-01") == 0
 

@@ -197,7 +197,7 @@ def test_the_controllers_health_check_shows_the_token_of_the_file(tmp_path):
     class Farm(BaseHTTPRequestHandler):
         def do_GET(self):
             asked.append(self.headers.get("Authorization"))
-            body = b'{"drives": [{"name": "a", "ar_state": "DATA"}]}'
+            body = b'{"drives": [{"name": "a", "connected": true}]}'
             self.send_response(200)
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
@@ -248,9 +248,9 @@ tests:
     input_series:
       - {series: 'up{job="pnfarm", instance="a"}', values: "1 0x10"}
       - {series: 'up{job="pnfarm", instance="b"}', values: "1 0 1x10"}
-      - {series: 'pnfarm_ar_state{drive="lost"}', values: "9 0x20"}
+      - {series: 'pnfarm_ar_exchanging{drive="lost"}', values: "1 0x20"}
       - {series: 'pnfarm_ar_connects_total{drive="lost"}', values: "1x20"}
-      - {series: 'pnfarm_ar_state{drive="never"}', values: "0x20"}
+      - {series: 'pnfarm_ar_exchanging{drive="never"}', values: "0x20"}
       - {series: 'pnfarm_ar_connects_total{drive="never"}', values: "0x20"}
       - {series: 'pnfarm_axis_fault_active{drive="stands"}', values: "0 702x20"}
       - {series: 'pnfarm_axis_fault_active{drive="acknowledged"}', values: "0 702 0x20"}

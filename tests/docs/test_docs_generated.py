@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-MODELS = ("akd-profinet", "akd-profinet-2012", "hiwin-e1", "moog-msd")
+MODELS = ("akd-ethernetip", "akd-profinet", "akd-profinet-2012", "hiwin-e1", "moog-msd")
 NAMES = (
     "table.md", "states.md", "farm-file.md", "coverage.md", "behaviour.md", "bus.md", "faults.md",
     *(f"parameters/{m}.md" for m in MODELS),

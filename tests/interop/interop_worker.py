@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import sys
 import time
 import traceback
@@ -22,9 +23,11 @@ from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.drives.model_identity import with_identity
 from pnfarm.errors import PnfarmError
 from pnfarm.farm import farm as farm_module
+from pnfarm.farm.controller_view import controller_view
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import load_farm
 from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.links.base import unwrap
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.wire.diagnosis import Maintenance
 from pnfarm.station.event_log import EventLog
@@ -118,8 +121,44 @@ class FarmWorker:
     def do_drives(self):
         return [self.do_drive(station.configured_name) for station in self.farm.core.stations]
 
+    def do_cip(self, name):
+        """What a drive on EtherNet/IP knows of itself and its connections."""
+        device = self.station(name).device
+        columns, (providers, consumers) = self.farm.core.columns, device.channel_rows
+        return {
+            **device.view(time.monotonic_ns()),
+            "mac": device.port.mac.hex(":"),
+            "connects": device.connects,
+            "losses": dict(device.losses()),
+            "discards": device.discards(),
+            "sent": sum(int(columns.ppm[row].sent) for row in providers),
+            "received": sum(int(columns.cpm[row].received) for row in consumers),
+            "streams": device.adapter.encapsulation.streams,
+        }
+
+    def do_cips(self):
+        return {station.configured_name: self.do_cip(station.configured_name) for station in self.farm.core.stations}
+
+    def do_process(self):
+        """What the whole farm has: memory in octets, open files, what its link dropped."""
+        with open("/proc/self/statm", encoding="ascii") as file:  # noqa: PTH123 - one read of a kernel file
+            pages = int(file.read().split()[1])
+        return {
+            "rss": pages * os.sysconf("SC_PAGE_SIZE"),
+            "files": len(os.listdir("/proc/self/fd")),  # noqa: PTH208 - as above
+            "dropped": dict(unwrap(self.farm.link).counters.dropped),
+        }
+
+    def do_controller(self, name):
+        """What the drive's controller did, as the API shows it."""
+        return controller_view(self.farm.core, self.station(name), time.monotonic_ns())
+
     def do_events(self, name):
         return [entry.as_dict() for entry in self.farm.log.entries(name)]
+
+    def do_view(self, name):
+        """What only the drive's bus has, as in its snapshot."""
+        return self.station(name).device.view(time.monotonic_ns())
 
     def do_fault(self, name, number):
         return self.station(name).raise_fault(number, hold=False)

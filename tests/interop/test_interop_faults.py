@@ -12,15 +12,16 @@ import pytest
 from fault_capture import View, read_capture
 from fault_cases import CASES, CYCLE
 from interop_rig import Capture, needed, running
+from kinds_of import kinds_of
 
-from pnfarm.buses.registry import bus, fault_kinds
+from pnfarm.buses.registry import bus
 
 pytestmark = pytest.mark.slow
 
 pytest.importorskip("scapy", reason="needs the package scapy")
 pytest.importorskip("profinet", reason="needs the package profinet-py")
 
-KINDS = list(fault_kinds())
+KINDS = [kind.name for kind in kinds_of("profinet")]
 PLC = """
 controller:
   name: plc

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import statistics
 import sys
 import time
 from collections import Counter
@@ -100,9 +101,10 @@ def seen(lab, tmp_path_factory):
                 all_run(plc)
         # 0x80: not used, because another has it
         assert raw(lab, "conflict", macs[2], "10.77.0.11") == 0x80
+        view = farm.ask("controller", name="axis-01")
         # last, because it leaves the drives without names and addresses
         lab.run("peer", sys.executable, HERE / "peer_raw.py", "dcp", *macs)
-    return capture, {*macs, PLC_MAC}, set(macs)
+    return capture, {*macs, PLC_MAC}, set(macs), (macs[0], view)
 
 
 def of(macs):
@@ -110,7 +112,7 @@ def of(macs):
 
 
 def test_no_frame_is_malformed_or_worth_a_warning(seen):
-    capture, ours, _ = seen
+    capture, ours, _, _ = seen
     rows = capture.fields(
         "frame.number", "_ws.malformed", "_ws.expert.severity", "_ws.expert.message", "_ws.col.Info",
         where=f"{of(ours)} && (_ws.malformed || _ws.expert)",
@@ -122,7 +124,7 @@ def test_no_frame_is_malformed_or_worth_a_warning(seen):
 
 
 def test_nothing_of_a_pdu_is_left_undissected(seen):
-    capture, ours, _ = seen
+    capture, ours, _, _ = seen
     rows = capture.fields(
         "frame.number", "_ws.col.Info", where=f"{of(ours)} && (data || (vlan.trailer && !pn_rt) || _ws.short)"
     )
@@ -133,7 +135,7 @@ def test_nothing_of_a_pdu_is_left_undissected(seen):
 
 def test_the_capture_holds_frames_of_every_kind(seen):
     """The two tests above say something only if all was there to be seen."""
-    capture, _ours, macs = seen
+    capture, _ours, macs, _ = seen
     kinds = {
         "identify answers": "pn_dcp.service_id==5 && pn_dcp.service_type==1",
         "get answers": "pn_dcp.service_id==3 && pn_dcp.service_type==1",
@@ -175,7 +177,7 @@ def test_the_capture_holds_frames_of_every_kind(seen):
 
 
 def test_a_drive_uses_no_address_but_its_own(seen):
-    capture, _, macs = seen
+    capture, _, macs, _ = seen
     rows = capture.fields(
         "eth.src", "ip.src", "arp.src.hw_mac", "arp.src.proto_ipv4", where=f"{of(macs)} && (ip || arp)"
     )
@@ -185,7 +187,7 @@ def test_a_drive_uses_no_address_but_its_own(seen):
 
 
 def test_the_cyclic_frames_of_a_drive_keep_their_counter_and_cycle(seen):
-    capture, _, macs = seen
+    capture, _, macs, _ = seen
     for mac in macs:
         rows = tshark_fields(
             capture.path,
@@ -196,3 +198,50 @@ def test_the_cyclic_frames_of_a_drive_keep_their_counter_and_cycle(seen):
         steps = Counter((int(b[1]) - int(a[1])) & 0xFFFF for a, b in itertools.pairwise(rows))
         # 4 ms are 128 units of 31.25 us; other steps where a connection ended and another began, or the machine stalled
         assert steps[128] > 0.9 * len(rows), steps.most_common(4)
+
+
+def test_the_controllers_punctuality_is_that_of_the_capture(seen):
+    capture, _, _, (mac, view) = seen
+    rows = capture.fields(
+        "frame.time_epoch", where=f"eth.src=={PLC_MAC} && eth.dst=={mac} && pn_rt.ds && pn_rt.frame_id<0xfc00"
+    )
+    times = [float(row[0]) for row in rows]
+    # longer than the watchdog: another connection
+    gaps = [gap for gap in (b - a for a, b in itertools.pairwise(times)) if gap < 0.2]
+    counted = sum(bucket["count"] for bucket in view["intervals"]["buckets"])
+    assert counted == sum(bucket["count"] for bucket in view["jitter"]["buckets"])
+    assert counted == pytest.approx(len(gaps), rel=0.01)
+    assert view["intervals"]["mean_seconds"] == pytest.approx(sum(gaps) / len(gaps), rel=0.01)
+    deviations = [abs(gap - max(1, round(gap / 0.004)) * 0.004) for gap in gaps]
+    # the capture's time stamps are of the cable's other end
+    assert view["jitter"]["mean_seconds"] == pytest.approx(sum(deviations) / len(deviations), rel=0.25, abs=50e-6)
+    for edge in (0.0002, 0.001):
+        within = sum(
+            bucket["count"] for bucket in view["jitter"]["buckets"] if (bucket["up_to_seconds"] or 1e9) <= edge
+        )
+        assert within / counted == pytest.approx(sum(d <= edge for d in deviations) / len(gaps), abs=0.05)
+
+
+def test_the_phases_of_a_start_up_are_those_of_the_capture(seen):
+    capture, _, _, (mac, view) = seen
+    rows = capture.fields(
+        "frame.time_epoch", "eth.src", "pn_io.opnum",
+        where=f"eth.addr=={mac} && dcerpc.pkt_type==2 && (pn_io.opnum==0 || pn_io.opnum==4)",
+    )  # fmt: skip
+    found, answers = [], []
+    for seconds, source, operation in rows:
+        if operation == "0":
+            # the drive's answer to Connect, to the end of parameters, and the controller's to ApplicationReady
+            answers = [float(seconds)]
+        elif (source == mac) == (len(answers) == 1) and len(answers) in {1, 2}:
+            answers.append(float(seconds))
+            if len(answers) == 3:
+                found.append([b - a for a, b in itertools.pairwise(answers)])
+    complete = [one["phases"] for one in view["start_ups"] if one["complete"]]
+    assert len(complete) == len(found) >= 4
+    # a machine that stalls between a frame and the farm's clock spoils one of them, not most
+    for place, phase in enumerate(("parameters", "ready")):
+        apart = [told[phase] - heard[place] for told, heard in zip(complete, found, strict=True)]
+        assert statistics.median(apart) == pytest.approx(0, abs=0.05), apart
+    assert all(phases["data"] >= 0 for phases in complete)
+    assert statistics.median(phases["data"] for phases in complete) < 0.2

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from random import Random
 from typing import Any
 
+from kinds_of import kinds_of
 from storm import random_fault
 
-from pnfarm.buses.registry import fault_kinds
 from pnfarm.drives.catalogue import model
 
 __all__ = ["MODELS", "PARAMETERS", "Action", "Choices", "farm_text"]
@@ -102,7 +102,7 @@ class Choices:
         self._rng = Random(f"soak/{seed}")
         self._drives = dict(drives)
         self._names = list(drives)
-        self._kinds = list(fault_kinds().values())
+        self._kinds = kinds_of("profinet")
         self._faults = {
             name: sorted(fault.number for fault in model(name).faults.values()) for name in set(drives.values())
         }

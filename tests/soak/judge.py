@@ -13,7 +13,10 @@ from dataclasses import dataclass, field
 from statistics import fmean, median
 from typing import Any
 
-__all__ = ["Check", "Growth", "LogReader", "Stream", "growth", "lowest", "memory_checks", "same_as_before", "shown"]
+__all__ = [
+    "Check", "Growth", "LogReader", "Stream", "answered", "growth", "longest_pause", "lowest", "memory_checks",
+    "same_as_before", "shown",
+]  # fmt: skip
 
 #: Memory may grow by this share in the second half of a run.
 MOST_GROWTH = 0.01
@@ -220,6 +223,26 @@ class LogReader:
         if self.suspicious:
             told = f"{len(self.suspicious)} of {told}, the first: {self.suspicious[0][:300]}"
         return Check(f"log of the {name} without internal errors", ok=not self.suspicious, told=told)
+
+
+def longest_pause(times: Sequence[float], since: float, until: float) -> float:
+    """The longest time between two of ``times`` that overlaps a period, or from the last one to its end."""
+    pairs = zip(times, [*times[1:], until], strict=True) if times else []
+    return max((later - one for one, later in pairs if later > since and one < until), default=until - since)
+
+
+def answered(failures: Sequence[str], pauses: Sequence[tuple[str, float]], ran: float, told: str) -> list[Check]:
+    """Whether each request was answered as it should be.
+
+    ``pauses``: requests that had no answer in time, with the longest pause of the farm's process meanwhile. One beyond
+    ``ran`` seconds is the machine's doing, and nothing is known of the request then.
+    """
+    starved = [f"{what}: the farm's process did not run for {pause:.0f} s" for what, pause in pauses if pause > ran]
+    wrong = [*failures, *(f"{what}: no answer in time" for what, pause in pauses if pause <= ran)]
+    found = [Check("each request answered as it should", ok=not wrong, told="; ".join(wrong[:5]) or told)]
+    if starved:
+        found.append(Check("the machine let the farm run", ok=None, told="; ".join(starved[:3])))
+    return found
 
 
 def same_as_before(name: str, before: Mapping[str, Any], after: Mapping[str, Any], slack: Mapping[str, int]) -> Check:

@@ -12,16 +12,22 @@ import time
 from pathlib import Path
 from typing import IO, Any
 
-from tests.soak.judge import LogReader
+from tests.soak.judge import LogReader, longest_pause
 
-__all__ = ["ROOT", "SAMPLE_SECONDS", "STOP_SECONDS", "Side", "SoakError"]
+__all__ = ["NOTE_SECONDS", "ROOT", "SAMPLE_SECONDS", "STOP_SECONDS", "Side", "SoakError", "StarvedError"]
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLE_SECONDS, STOP_SECONDS = 10.0, 30.0
+#: Between two notes of a program.
+NOTE_SECONDS = SAMPLE_SECONDS / 4
 
 
 class SoakError(Exception):
     """The run cannot go on."""
+
+
+class StarvedError(SoakError):
+    """The machine has so little time for the run that it says nothing."""
 
 
 class Side:
@@ -32,7 +38,7 @@ class Side:
         self.notes = folder / f"{name}.jsonl"
         self.log = LogReader()
         self.before: dict[str, Any] | None = None
-        command = [sys.executable, "-m", "tests.soak.watched", str(self.notes), str(SAMPLE_SECONDS / 4)]
+        command = [sys.executable, "-m", "tests.soak.watched", str(self.notes), str(NOTE_SECONDS)]
         self.process = subprocess.Popen(
             [*command, "--log-format", "json", *map(str, arguments)],
             cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, errors="replace",
@@ -63,6 +69,15 @@ class Side:
                 return found
             time.sleep(0.2)
         raise SoakError(f"the {self.name} has noted nothing for {STOP_SECONDS:g} s")
+
+    def paused(self, since: float, until: float) -> float:
+        """The longest time between two notes in a time of the wall clock: so long the process did not run."""
+        times = [
+            json.loads(line)["at"]
+            for line in self.notes.read_text("utf-8").splitlines(keepends=True)
+            if line[-1] == "\n"
+        ]
+        return longest_pause(times, since, until)
 
     def stop(self) -> int | None:
         if self.process.poll() is None:

@@ -8,7 +8,18 @@ from random import Random
 
 import pytest
 
-from tests.soak.judge import Check, LogReader, Stream, growth, lowest, memory_checks, same_as_before, shown
+from tests.soak.judge import (
+    Check,
+    LogReader,
+    Stream,
+    answered,
+    growth,
+    longest_pause,
+    lowest,
+    memory_checks,
+    same_as_before,
+    shown,
+)
 from tests.soak.virtual import Rest, grown
 
 MIB = 1 << 20
@@ -130,6 +141,21 @@ def test_a_fault_that_began_twice_is_found():
     assert stream_of(entry(1, "fault injected", id="a"), entry(2, "fault injected", id="a"))[0] is False
 
 
+# -- requests
+
+
+def test_a_request_without_an_answer_is_the_farms_failure_unless_its_process_did_not_run():
+    times = [0.0, 2.5, 5.0, 25.0, 27.5, 30.0]
+    assert [longest_pause(times, *period) for period in ((0, 4), (4, 20), (6, 24), (26, 29), (28, 40))] == [
+        2.5, 20.0, 20.0, 2.5, 10.0
+    ]  # fmt: skip
+    assert longest_pause([], 5.0, 9.0) == 4.0
+    assert [check.ok for check in answered([], [], 5.0, "all")] == [True]
+    assert [check.ok for check in answered(["500"], [], 5.0, "all")] == [False]
+    assert [check.ok for check in answered([], [("GET /", 3.0)], 5.0, "all")] == [False]
+    assert [check.ok for check in answered([], [("GET /", 20.0)], 5.0, "all")] == [True, None]
+
+
 # -- logs, and what is held
 
 
@@ -175,7 +201,10 @@ def test_threads_may_come_and_go():
 
 
 def rests(octets, objects):
-    return [Rest(50.0 * n, octets(n), True, Counter({"pnfarm.X": objects(n)}), {}) for n in range(20)]
+    return [
+        Rest.of(50.0 * n, octets(n), traced=True, objects=Counter({"pnfarm.X": objects(n)}), holds={})
+        for n in range(20)
+    ]
 
 
 @pytest.mark.parametrize(

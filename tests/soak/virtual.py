@@ -16,6 +16,7 @@ import sys
 import time
 import tracemalloc
 import zlib
+from array import array
 from collections import Counter, deque
 from dataclasses import dataclass
 from functools import cache, partial
@@ -60,15 +61,32 @@ OBJECT_SLACK, OBJECT_SHARE = 40, 0.02
 OCTETS_SLACK, BLOCKS_SLACK = 64 * 1024, 3000
 
 
+#: Place of each class in the numbers of a rest.
+_PLACES: dict[str, int] = {}
+
+
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """What is held when nothing is in force: memory (octets if ``traced``, otherwise blocks), objects, tables."""
+    """What is held when nothing is in force: memory (octets if ``traced``, otherwise blocks), objects, tables.
+
+    It is part of what is measured, and so kept small: ``numbers`` of objects stand in the order of :data:`_PLACES`.
+    """
 
     seconds: float
     memory: int
     traced: bool
-    objects: Counter[str]
+    numbers: array[int]
     holds: dict[str, Any]
+
+    @classmethod
+    def of(cls, seconds: float, memory: int, *, traced: bool, objects: Counter[str], holds: dict[str, Any]) -> Rest:
+        for name in objects:
+            _PLACES.setdefault(name, len(_PLACES))
+        return cls(seconds, memory, traced, array("l", (objects[name] for name in _PLACES)), holds)
+
+    @property
+    def objects(self) -> Counter[str]:
+        return Counter({name: self.numbers[place] for name, place in _PLACES.items() if place < len(self.numbers)})
 
 
 def grown(rests: list[Rest]) -> list[Check]:
@@ -88,13 +106,13 @@ def grown(rests: list[Rest]) -> list[Check]:
         ok=after - before <= allowed,
         told=f"{before:,} to {after:,} {unit} from {half[0].seconds:.0f} to {half[-1].seconds:.0f} s",
     )
+    first, later = [[rest.objects for rest in part] for part in (half[:third], half[-third:])]
     more = []
-    for kind in half[-1].objects:
-        old = max(rest.objects[kind] for rest in half[:third])
-        new = min(rest.objects[kind] for rest in half[-third:])
+    for kind in later[-1]:
+        old, new = max(seen[kind] for seen in first), min(seen[kind] for seen in later)
         if new > old + max(OBJECT_SLACK, int(old * OBJECT_SHARE)):
             more.append(f"{kind} {old} -> {new}")
-    counted = sum(half[-1].objects.values())
+    counted = sum(later[-1].values())
     return [memory, Check("objects flat", ok=not more, told=", ".join(more[:6]) or f"{counted:,} objects")]
 
 
@@ -380,7 +398,7 @@ class VirtualRun:
         gc.collect()
         traced = tracemalloc.is_tracing()
         memory = tracemalloc.get_traced_memory()[0] if traced else sys.getallocatedblocks()
-        self.rests.append(Rest(self.seconds, memory, traced, _objects(), kept(line)))
+        self.rests.append(Rest.of(self.seconds, memory, traced=traced, objects=_objects(), holds=kept(line)))
         return checks
 
 
