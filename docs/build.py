@@ -19,6 +19,7 @@ import fault_page
 import manual_coverage
 import model_pages
 
+from pnfarm.buses.ethernetip.controller import session as scanner_session
 from pnfarm.buses.profinet.controller import session
 from pnfarm.drives.parameter_list import COLUMNS, MAX_PARAMETERS
 from pnfarm.farm.file.lists import MAX_OCTETS
@@ -26,6 +27,7 @@ from pnfarm.farm.file.schema import farm_schema
 from pnfarm.firmware import positioning, state_machine
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.profidrive import sensor_interface
+from pnfarm.protocols.enip import connection_states, encapsulation_states, originator_states
 from pnfarm.protocols.ip import claim
 from pnfarm.protocols.profinet import alarm_states, cmctl_rounds, cmctl_states, cmdev_plug, cmdev_states
 from pnfarm.table.channel import CPM, PPM
@@ -64,6 +66,11 @@ def _diagram(title: str, source: str, rows: list[tuple[str, str, str]]) -> list[
         merged.setdefault((start, end), []).append(event)
     lines += [f"    {start} --> {end}: {', '.join(events)}" for (start, end), events in merged.items()]
     return [*lines, "```", ""]
+
+
+def _word(state: str) -> str:
+    """The name of a state as a diagram can have it."""
+    return state.replace(" ", "_").replace("-", "_")
 
 
 MOTION_STATES = {"OUT", "STANDBY", "TASK", "INTERMEDIATE_STOP", "BRAKING", "HOMING", "JOG", "HALTED", "FOLLOWING"}
@@ -143,6 +150,18 @@ def states() -> str:
         "Parameters that the controller writes while data flow", "pnfarm/protocols/profinet/cmctl_rounds.py", rounds
     )
     lines += _diagram("The controller's session with one drive", "pnfarm/buses/profinet/controller/session.py", line)
+    for title, source, table in (
+        ("EtherNet/IP: a session of the drive", "encapsulation_states", encapsulation_states.SESSION),
+        ("EtherNet/IP: a connection of the drive", "connection_states", connection_states.CONNECTION),
+        ("EtherNet/IP: a session of the scanner", "originator_states", originator_states.ORIGINATOR),
+    ):
+        rows = [(_word(s.value), e.name.lower(), _word(n.value)) for (s, e), (n, _) in table.items()]
+        lines += _diagram(title, f"pnfarm/protocols/enip/{source}.py", rows)
+    lines += _diagram(
+        "EtherNet/IP: the scanner's work with one device",
+        "pnfarm/buses/ethernetip/controller/session.py",
+        [(s.value, e.name.lower(), n.value) for (s, e), (n, _) in scanner_session.TRANSITIONS.items()],
+    )
     return "\n".join(lines)
 
 

@@ -38,12 +38,21 @@ def _section(kind: InjectionKind) -> list[str]:
         others = ", ".join(f"`{direction}`" for direction in kind.directions[1:])
         lines.append(f"- Direction: `{kind.directions[0]}`{' unless given: ' + others if others else ' only'}.")
     lines += [f"- On the wire: {_cell(kind.wire)}", f"- Controllers: {_cell(kind.reports)}", ""]
+    for on in kind.on.values():
+        if on.refused:
+            lines[-1:] = [f"- Drives on {on.title} refuse it: {_cell(on.refused)}.", ""]
+            continue
+        told = [f"On the wire of {on.title}: {_cell(on.wire)}"] if on.wire else []
+        told += [f"Controllers on {on.title}: {_cell(on.reports)}"] if on.reports else []
+        lines[-1:] = [*(f"- {text}" for text in told), ""]
     if kind.params:
         lines += ["| parameter | allowed | default | meaning |", "|---|---|---|---|"]
         for name, spec in kind.params.items():
             unit = f" [{spec.unit}]" if spec.unit else ""
             allowed = _cell(spec.allowed)
-            lines.append(f"| `{name}` | {allowed}{unit} | {_default(spec)} | {_cell(spec.doc)} |")
+            here = [on.title for on in kind.on.values() if name in on.params]
+            only = f"{' and '.join(here)}: " if here else ""
+            lines.append(f"| `{name}` | {allowed}{unit} | {_default(spec)} | {only}{_cell(spec.doc)} |")
         lines.append("")
     return lines
 
@@ -57,31 +66,34 @@ def page() -> str:
         "",
         "A fault has a kind, drives (`on`), parameters of the kind, and the common fields that the kind takes:",
         "`probability` with `seed`, `direction` (seen from the drive), a start `when` a condition holds, `after` a",
-        "time or `after_cycles` healthy cycles, an end after `count` occurrences, `for` a time or `cycles`. The same",
-        "seed and the same frames give the same decisions.",
+        "time or `after_cycles` healthy cycles, an end after `count` occurrences, `for` a time or `cycles`. Times are",
+        "text with a unit (`500ms`, `2s`, `1h`), probabilities numbers above 0, at most 1.",
         "Several faults on one drive act together, and each ends by itself.",
+        "",
+        "The same fault with the same `seed` decides the same for the same frames. Each drive and each kind has random",
+        "numbers of its own: with one seed, a fault on two drives hits different frames of each, and so do two kinds",
+        "on one drive. Cyclic frames to and from a drive, and acyclic ones, have their own as well. Without `seed` the",
+        "farm chooses one, and the fault shows it (`spec`), so that the run can be repeated.",
         "",
         "## When a fault starts and ends",
         "",
         "Every kind takes the following fields.",
         "",
-        "- `when`, a condition as in scenarios ([scenarios.md](scenarios.md)), such as `velocity > 1000` or",
-        "  `state == S4 and zsw1.operation_enabled`: each drive waits for itself. A condition that holds already",
-        "  starts the fault at once; otherwise it starts in the first step of the engine (at most 1 ms after the",
-        "  step before) in which it holds, however short. What is no value of the drive's control loop (`connected`,",
-        "  `connects`, `cycle`, `telegram`, parameters) is read anew whenever something happens to the drive. The",
-        "  condition only starts the fault: it need not hold later. In virtual time the fault is in force in that",
-        "  same step; on a real link it comes into force as soon as one that the API injects (`pnfarm bench",
-        "  fault-latency`).",
+        "- `when`: it waits for a condition as in scenarios ([scenarios.md](scenarios.md)), such as `velocity > 1000`",
+        "  or `state == S4 and zsw1.operation_enabled`, on each drive by itself. If the condition holds already, the",
+        "  fault starts at once; else in the first step of the engine (every 1 ms at most) in which it holds. Values",
+        "  from outside the drive's control loop (`connected`, `connects`, `cycle`, `telegram`, parameters) are read",
+        "  whenever something happens to the drive. The condition need not hold any longer once the fault has started.",
+        "  In virtual time the fault is in force in that step; on a real link as soon as one that the API injects",
+        "  (`pnfarm bench fault-latency`).",
         "- `after` and `after_cycles` count from the condition, or without one from the request.",
-        "- `rate` starts it again and again at random, `times` so often. With `when`, each start waits for the",
-        "  random time, then for the condition.",
-        "- `ttl`: it ends after this time unless `POST faults/ID/renew` comes before, also while it waits. ",
-        "  `pnfarm fault add --hold` renews it as long as the command runs, so that a fault ends with its client,",
-        "  whatever ended that.",
-        "- A fault that waits goes on waiting when the drive loses its connection or its supply. `pnfarm fault",
-        "  clear` and `POST reset` end those that wait as well. A farm has at most 4096 faults that wait or are in",
-        "  force.",
+        "- `rate` (`2/min`) starts it again and again at random, `times` so often. With `when`, each start waits for",
+        "  the random time, then for the condition.",
+        "- `ttl`: it ends after this time unless `POST faults/ID/renew` comes before, also while it waits.",
+        "  `pnfarm fault add --hold` renews it as long as the command runs, and clears it when the command is",
+        "  interrupted or terminated (SIGINT, SIGTERM). If the command is killed, the fault ends by its `ttl`.",
+        "- A fault that waits goes on waiting when the drive loses its connection or its supply. `pnfarm fault clear`",
+        "  and `POST reset` end waiting faults, too. A farm has at most 4096 faults that wait or are in force.",
         "",
         "## Evidence",
         "",
@@ -90,8 +102,19 @@ def page() -> str:
         "`contradicted` (with what was seen instead) or `inconclusive` (with the reason: nothing to act on, or",
         "nothing that could show it). A fault on several drives is confirmed when it is on each of them.",
         "",
-        '"Controllers" says what an S7-1500 and a CODESYS controller report, as far as PROFINET or the maker\'s public',
-        'documents determine it; what is inferred is marked "(assumed)". None of it was measured at such a controller.',
+        '"Controllers" says what an S7-1500, on EtherNet/IP a Logix controller, and a CODESYS controller report, as',
+        'far as the standard or the maker\'s public documents determine it; what is inferred is marked "(assumed)".',
+        'None of it was measured at such a controller. Where a bus differs, "on the wire of" and "controllers on" it',
+        "hold instead; a parameter that begins with the name of a bus is for its drives alone.",
+        "",
+        "## Streams and datagrams",
+        "",
+        "Drives on EtherNet/IP have TCP connections (`frames: streams`) and datagrams (`frames: datagrams`) in the",
+        "place of acyclic frames. What is lost of a stream, TCP repeats: it is 200 ms late, and is lost again as long",
+        "as the fault hits it; nothing comes twice or in another order. Inverted bits are behind the checksums of TCP",
+        "and UDP, so that the other end gets them as data. TCP connections are made and acknowledged by the machine's",
+        "network whatever is in force, except `link-down`, `link-flap`, `tcp-refuse` and no supply. At most 1024",
+        "messages or 256 KiB wait for a drive; beyond that the stream is closed.",
         "",
     ]
     family = ""

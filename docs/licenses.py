@@ -25,6 +25,8 @@ NOTES = {
     "prometheus-client": "never in one process with scapy",
     "opentelemetry-api": "never in one process with scapy",
     "junitparser": "never in one process with scapy",
+    "cm-ethernetip": "a scanner in tests, in a process of its own",
+    "cpppo": "a client in tests, in a process of its own; taken under version 3 of the GPL",
     "profinet-py": "a controller in tests, in a process of its own",
     "uphy-upgen": "a test reads PI's schema of GSDML files in it; it must not go into a commercial product",
 }
@@ -63,7 +65,7 @@ def pinned(name: str) -> dict[str, set[str]]:
 def sections() -> dict[str, list[str]]:
     """Heading -> names of packages, each once."""
     runtime, build = sorted(pinned("runtime.txt")), sorted(pinned("build.txt"))
-    development = sorted(({*pinned("ci.txt")} | {*pinned("peers.txt")}) - {*runtime, *build})
+    development = sorted(({*pinned("ci.txt")} | {*pinned("peers.txt")} | {*pinned("apart.txt")}) - {*runtime, *build})
     return {
         "Installed with pnfarm, and in the image": runtime,
         "Makes the wheel, not in the image": [name for name in build if name not in runtime],
@@ -92,8 +94,15 @@ def terms(name: str) -> str:
     return _SPDX.get(stated, stated)
 
 
+def _metadata(name: str) -> importlib.metadata.PackageMetadata:
+    """Of a package of the environment, or of its folder for those that cannot be beside the others."""
+    for found in importlib.metadata.distributions(name=name, path=[*sys.path, str(Path(sys.prefix) / "apart")]):
+        return found.metadata
+    raise importlib.metadata.PackageNotFoundError(name)
+
+
 def _stated(name: str) -> str:
-    found = importlib.metadata.metadata(name)
+    found = _metadata(name)
     if expression := found.get("License-Expression"):
         return str(expression)
     classifiers = [c.rpartition(" :: ")[2] for c in found.get_all("Classifier") or [] if c.startswith("License :: ")]
