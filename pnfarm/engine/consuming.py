@@ -24,7 +24,7 @@ from pnfarm.table.engine_row import FIRST_FRAME, IOPS_CHANGED, PROVIDER_CHANGED,
 from pnfarm.table.image import LOST_NOT, LOST_STOP
 from pnfarm.table.signals import PART_HIGH, PART_LOW, WORD_NONE
 
-__all__ = ["accept", "check", "zero"]
+__all__ = ["accept", "accept_rtc", "check", "check_rtc", "zero"]
 
 
 @compiled
@@ -136,7 +136,7 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
     return _check, _accept
 
 
-_check_rtc, _accept_rtc = _made_for(rtc, 0)
+check_rtc, accept_rtc = _made_for(rtc, 0)
 _check_class1, _accept_class1 = _made_for(class1, 1)
 
 
@@ -144,7 +144,7 @@ _check_class1, _accept_class1 = _made_for(class1, 1)
 def check(consumer: Any, frame: Any, length: int, place: int) -> int:
     """A frame of this consumer, with its id at ``place``, as the CPM checks it: where its data begin, 0: discarded."""
     if consumer.framing == FRAMING_RTC and place < class1.LEAST_PLACE:
-        return int(_check_rtc(consumer, frame, length, place))
+        return int(check_rtc(consumer, frame, length, place))
     if consumer.framing == FRAMING_CLASS1 and place >= class1.LEAST_PLACE:
         return int(_check_class1(consumer, frame, length, place))
     consumer.discarded[DISCARD_LENGTH] += 1
@@ -165,7 +165,7 @@ def accept(
 ) -> None:
     """Take the data of a frame that has come through, unless the CPM refuses it."""
     if consumer.framing == FRAMING_RTC:
-        _accept_rtc(engine, events, images, number, consumer, frame, length, data, arrival)
+        accept_rtc(engine, events, images, number, consumer, frame, length, data, arrival)
     elif consumer.framing == FRAMING_CLASS1:
         _accept_class1(engine, events, images, number, consumer, frame, length, data, arrival)
     else:

@@ -12,7 +12,7 @@ from pnfarm.table.channel import FRAMING_CLASS1, FRAMING_RTC, IOXS_BAD, IOXS_GOO
 from pnfarm.table.compiled import compiled
 from pnfarm.table.signals import PART_HIGH, WORD_NONE
 
-__all__ = ["pack"]
+__all__ = ["pack", "pack_rtc"]
 
 
 def _made_for(framing: Any, first: int) -> Any:
@@ -37,7 +37,7 @@ def _made_for(framing: Any, first: int) -> Any:
     return _pack
 
 
-_pack_rtc = _made_for(rtc, 0)
+pack_rtc = _made_for(rtc, 0)
 _pack_class1 = _made_for(class1, 1)
 
 
@@ -45,6 +45,6 @@ _pack_class1 = _made_for(class1, 1)
 def pack(provider: Any, image: Any, frame: Any) -> None:
     """The process image into a complete frame; a row with an unknown framing keeps the frame as it is."""
     if provider.framing == FRAMING_RTC:
-        _pack_rtc(provider, image, frame)
+        pack_rtc(provider, image, frame)
     elif provider.framing == FRAMING_CLASS1:
         _pack_class1(provider, image, frame)

@@ -80,9 +80,11 @@ def make_ring(
     for i in range(RX_BATCH):
         ring.rx_iov[i] = (columns.rx_frames.ctypes.data + i * FRAME_SLOT, FRAME_SLOT)
         ring.rx_vector[i, NAME] = ring.rx_address.ctypes.data + i * ADDRESS_SLOT
+        ring.rx_vector[i, NAME_LENGTH] = SOCKADDR_LL
         ring.rx_vector[i, IOV] = ring.rx_iov.ctypes.data + i * 16
         ring.rx_vector[i, IOV_LENGTH] = 1
         ring.rx_vector[i, CONTROL] = ring.rx_control.ctypes.data + i * CONTROL_SLOT
+        ring.rx_vector[i, CONTROL_LENGTH] = CONTROL_SLOT
     if timestamps:
         channel_socket.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         if beside is not None:
@@ -96,9 +98,6 @@ def make_ring(
 @compiled
 def receive_batch(columns: Columns, ring: Ring, descriptor: int, now: int) -> int:
     """Receive up to RX_BATCH frames of one socket into the receive slots; returns their number."""
-    for i in range(RX_BATCH):
-        ring.rx_vector[i, NAME_LENGTH] = SOCKADDR_LL
-        ring.rx_vector[i, CONTROL_LENGTH] = CONTROL_SLOT
     count = recvmmsg(descriptor, ring.rx_vector.ctypes.data, RX_BATCH, MSG_DONTWAIT, 0)
     if count <= 0:
         return 0
@@ -116,6 +115,9 @@ def receive_batch(columns: Columns, ring: Ring, descriptor: int, now: int) -> in
             arrival = control[2] * 1_000_000_000 + control[3] + offset
             arrival = min(arrival, now)
         columns.rx_ns[i] = arrival
+        # the kernel wrote what it filled of both
+        ring.rx_vector[i, NAME_LENGTH] = SOCKADDR_LL
+        ring.rx_vector[i, CONTROL_LENGTH] = CONTROL_SLOT
     return count
 
 
