@@ -306,6 +306,7 @@ def take_commands(axis: Any, now: int) -> bool:
             _release(axis.faults, argument & NUMBER_MASK)
         elif code == CMD_ACKNOWLEDGE:
             acknowledge(axis.faults, axis.positioning, True)
+            axis.faults.asked_ns = now
         elif code == CMD_POWER_ON:
             _power_on(axis, now)
             switched_on = True

@@ -20,6 +20,7 @@ from pnfarm.drives.profiles.cip.words import CONTROL_BITS, STATUS_1_BITS, STATUS
 from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.firmware.profidrive.control_word import FAULT_ACKNOWLEDGE
 from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, POWER_ENABLE, POWER_ON
 from pnfarm.table.places import place_of
 
@@ -45,11 +46,13 @@ __all__ = [
 ]
 
 #: Signals that say what an axis does and what it waits for, whatever its bus.
-STATUS_BITS = ("ready", "enabled", "in_operation", "at_rest", "homed", "task_active", "target_reached")
+STATUS_BITS = ("ready", "enabled", "acknowledging", "in_operation", "at_rest", "homed", "task_active", "target_reached")
 #: Words of the signal ``state``.
 STATES = ("off", "boot", "S1", "S2", "S3", "S4", "S5")
 #: Signals whose every change is an event, so that none is missed between two readings.
 EVENT_SIGNALS = frozenset({"state", "fault", "faulted", "warning", "connected", "powered"})
+#: A request by a parameter is over at once: it shows for this long.
+_ASKED_NS = 10_000_000
 _BIT = re.compile(r"(?:bit_)?([0-9]{1,2})")
 
 
@@ -135,6 +138,20 @@ def _enabled(station: Station) -> bool:
     return int(axis.orders.power) & both == both
 
 
+def _acknowledging(station: Station) -> bool:
+    axis = station.handle.axis
+    if int(axis.front) != FIRMWARE_ETHERNETIP and int(axis.profidrive.stw1) & FAULT_ACKNOWLEDGE:
+        return True
+    asked = int(axis.faults.asked_ns)
+    return asked != 0 and 0 <= int(axis.last_ns) - asked < _ASKED_NS
+
+
+def _acknowledging_place(station: Station) -> Place | None:
+    if int(station.handle.axis.front) == FIRMWARE_ETHERNETIP:
+        return None
+    return _PROFIDRIVE_WORDS["stw1"].place(FAULT_ACKNOWLEDGE.bit_length() - 1)
+
+
 def _at_rest(station: Station) -> bool:
     axis = station.handle.axis
     return abs(float(axis.motor.velocity)) <= float(axis.ramp.settings.standstill)
@@ -213,6 +230,14 @@ SIGNALS: Mapping[str, DriveSignal] = {
         ),
         _signal("ready", "bit", "", "nothing but the controller keeps the power stage off", _ready),
         _signal("enabled", "bit", "", "the controller asks for operation", _enabled),
+        DriveSignal(
+            "acknowledging",
+            "bit",
+            "",
+            "the controller asks to acknowledge faults",
+            _acknowledging,
+            _acknowledging_place,
+        ),
         _signal(
             "in_operation",
             "bit",

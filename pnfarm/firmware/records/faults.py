@@ -58,6 +58,7 @@ FAULTS_RECORD = subject(
     state=[
         Field("since_ns", "i8", "ns", "firmware", "when the active situation began, 0 = none"),
         Field("refused", "i8", "", "firmware", "acknowledgements refused because of refuse_until"),
+        Field("asked_ns", "i8", "ns", "firmware", "when a parameter last asked to acknowledge, 0: never"),
         Field("code", "u4", "", "firmware", "active faults, oldest first, 0 = none", (FAULT_SLOTS,)),
         Field("held", "u4", "", "firmware", "faults whose cause is present, with reaction", (FAULT_SLOTS,)),
         Field("counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
