@@ -9,10 +9,12 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-# A time is no property: the machine may be busy, or the code interpreted.
-settings.register_profile("pnfarm", deadline=None)
+# A time is no property: the machine may be busy, or the code interpreted.  Nor is how often a draw is filtered out.
+settings.register_profile(
+    "pnfarm", deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much]
+)
 settings.load_profile("pnfarm")
 
 REQUIRE_ALL = "PNFARM_REQUIRE_ALL"

@@ -22,9 +22,9 @@ import pytest
 import yaml
 from prometheus_client.openmetrics.exposition import generate_latest
 from rig_dashboards import BOARDS, ROOT, board, panels, queries
-from virtual_line import VirtualLine
 
 from pnfarm.metrics import FarmCollector
+from pnfarm.testing import Line
 
 needs_prometheus = pytest.mark.skipif(
     shutil.which("prometheus") is None or shutil.which("promtool") is None,
@@ -134,6 +134,23 @@ class _Sampled:
             yield family
 
 
+FARM = """
+farm: line
+link: {kind: memory}
+drives:
+  - {name: 'axis-{n:02}', count: 3, model: akd-profinet, ip: 10.77.0.11/23}
+  - {name: 'eip-{n:02}', count: 2, model: akd-ethernetip, ip: 10.77.0.71/23}
+controller:
+  name: plc
+  ip: 10.77.1.250/23
+  cycle: 16ms
+  watchdog_factor: 3
+  reconnect: {after: 300ms}
+  program: {kind: constant, speed_rpm: 60, acknowledge_after: 200ms}
+  ethernetip: {ip: 10.77.1.251/23, rpi: 10ms}
+"""
+#: A drive on each bus.
+BROKEN = ("axis-01", "eip-01")
 #: Scrape -> the fault that begins there.
 HAPPENS = {
     15: {"kind": "drive-fault", "params": {"fault": 702, "hold": True}, "for": "5s"},
@@ -144,13 +161,13 @@ HAPPENS = {
 
 def eventful_history(begin):
     """OpenMetrics text of a farm that connects, runs, trips, loses a drive and recovers, from ``begin`` on."""
-    line = VirtualLine(3)
-    faults = line.farm.injections
-    collector = FarmCollector(line.farm)
+    line = Line.from_text(FARM)
+    collector = FarmCollector(line.core)
     heads, samples = {}, {}
     for tick in range(SHOWN_SECONDS // STEP_SECONDS + 1):
         if tick in HAPPENS:
-            faults.inject({"on": "axis-01", **HAPPENS[tick]}, line.world.now)
+            for name in BROKEN:
+                line.core.injections.inject({"on": name, **HAPPENS[tick]}, line.now_ns)
         text = generate_latest(_Sampled(collector, begin + tick * STEP_SECONDS)).decode()
         for block in text.removesuffix("# EOF\n").split("# HELP ")[1:]:
             help_row, type_row, *rows = block.splitlines()
@@ -158,6 +175,7 @@ def eventful_history(begin):
             heads[name] = f"# HELP {help_row}\n{type_row}"
             samples.setdefault(name, []).extend(rows)
         line.run(STEP_SECONDS)
+    line.close()
     # the import wants all samples of a metric together
     return "".join("\n".join([head, *samples[name], ""]) for name, head in heads.items()) + "# EOF\n"
 
@@ -208,9 +226,10 @@ def prometheus(tmp_path_factory):
 
 
 @needs_prometheus
+@pytest.mark.parametrize("drive", BROKEN)
 @pytest.mark.parametrize("path", BOARDS, ids=lambda path: path.stem)
-def test_every_query_of_a_dashboard_finds_data_of_an_eventful_farm(prometheus, path):
-    asked = queries(path)
+def test_every_query_of_a_dashboard_finds_data_of_a_drive_on_either_bus(prometheus, path, drive):
+    asked = queries(path, drive=drive)
     assert len(asked) > 20
     assert [title for title, query in asked.items() if not prometheus(query)] == []
 
@@ -232,9 +251,9 @@ def test_dashboards_show_the_fault_the_lost_connection_and_the_recovery(promethe
     assert "702" in codes
     overview = queries(ROOT / "dashboards" / "json" / "farm-overview.json")
     (drives,) = prometheus(overview["Drives A"])
-    assert {value for _, value in drives["values"]} == {"3"}
+    assert {value for _, value in drives["values"]} == {"5"}
     jitter = prometheus(overview["Jitter, p99: the ten worst drives A"])
-    assert {series["metric"]["model"] for series in jitter} == {"akd-profinet"}
+    assert {series["metric"]["model"] for series in jitter} == {"akd-profinet", "akd-ethernetip"}
     reactions = prometheus(overview["Reaction to a fault, p99 by fault and injection A"])
     assert {"702"} <= {series["metric"]["code"] for series in reactions}
     lost = {(s["metric"]["reason"], s["metric"]["cause"]) for s in prometheus(one_drive["Connections lost A"])}
