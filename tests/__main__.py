@@ -1,11 +1,12 @@
 """The whole suite on all cores: ``python -m tests [options of pytest]``.
 
-Three runs of pytest at once:
+Two runs of pytest at once:
 
 - what lives in memory and virtual time, spread over the cores, with the scheduler's idle policy: it takes what the
-  others leave;
-- what uses real time or the kernel's network (the marker ``exclusive``): mostly waiting, two files at a time;
-- with ``PNFARM_DOCKER=1`` the rig under a Docker engine, once its images are built.
+  other leaves;
+- what uses real time or the kernel's network (the marker ``exclusive``): mostly waiting, one file at a time, because
+  what two of them do at once is late on two cores; behind it, with ``PNFARM_DOCKER=1``, the rig under a Docker engine,
+  whose images are built meanwhile, with the idle policy as well.
 
 The replay comes last, because it takes what all others kept (:mod:`stepping`).  Where machine code is missing, one
 process makes it first, and the tests that need none (the marker ``uncompiled``) run beside it.
@@ -30,8 +31,6 @@ from tests.conftest import EXCLUSIVE, MIXED, TESTS, UNCOMPILED
 #: pytest's exit codes for all passed, and for nothing chosen.
 PASSED, NOTHING = 0, 5
 CORES = os.cpu_count() or 1
-#: Files of real time that run at once.
-SIDE_BY_SIDE = 2
 REPLAY = TESTS / "engine" / "test_engine_replay.py"
 #: The tests of the rig under a Docker engine, and what builds its images.
 RIG, BUILD = TESTS / "interop" / "test_rig_docker.py", TESTS / "interop" / "rig_engine.py"
@@ -56,6 +55,11 @@ def _needs_code(options: list[str]) -> bool:
     return IS_COMPILED and not none_calls and not is_cached()
 
 
+def _make_idle(process: int) -> None:
+    """What it starts is idle, too."""
+    os.sched_setscheduler(process, os.SCHED_IDLE, os.sched_param(0))
+
+
 class Run:
     """One run of pytest; where it is not the first of several, what it prints is held back until it ended."""
 
@@ -68,7 +72,11 @@ class Run:
             command, env=environment, stdout=self._output, stderr=subprocess.STDOUT if quiet else None
         )
         if idle:
-            os.sched_setscheduler(self._process.pid, os.SCHED_IDLE, os.sched_param(0))
+            _make_idle(self._process.pid)
+
+    def wait(self) -> None:
+        """Until it has ended; what it printed is still held back."""
+        self._process.wait()
 
     def end(self) -> int:
         """Wait for the end, and print what was held back; pytest's exit code."""
@@ -105,6 +113,7 @@ def _images(environment: dict[str, str]) -> Iterator[subprocess.Popen[bytes]]:
     folder = tempfile.mkdtemp(prefix="pnfarm-rig-")
     environment["PNFARM_RIG"] = folder
     building = subprocess.Popen([sys.executable, str(BUILD), "build", folder])
+    _make_idle(building.pid)
     try:
         yield building
     finally:
@@ -135,12 +144,12 @@ def main(options: list[str]) -> int:
                 return codes[-1]
             in_memory = "not uncompiled and not exclusive"
         spread = ["-n", str(CORES), "--dist", "worksteal"]
-        side_by_side = ["-n", str(SIDE_BY_SIDE), "--dist", "loadfile", "-m", "exclusive"]
         apart = [f"--ignore={path}" for path in ((REPLAY,) if images is None else (REPLAY, RIG))]
-        running = [
-            Run([*spread, "-m", in_memory, *options], environment, idle=True),
-            Run([*side_by_side, *apart, *options, *_places(options)], environment, quiet=True),
-        ]
+        beside = Run([*spread, "-m", in_memory, *options], environment, idle=True)
+        alone = ["-m", "exclusive", *apart, *options, *_places(options)]
+        in_real_time = Run(alone, environment, quiet=True)
+        in_real_time.wait()
+        running = [beside, in_real_time]
         if images is not None:
             # what went wrong is told by the tests that need the images
             images.wait()

@@ -5,10 +5,12 @@ from __future__ import annotations
 import functools
 import gc
 import os
+import time
 from collections import Counter
 from pathlib import Path
 
 import pytest
+from _pytest.runner import runtestprotocol
 from hypothesis import HealthCheck, settings
 
 # A time is no property: the machine may be busy, or the code interpreted.  Nor is how often a draw is filtered out.
@@ -45,6 +47,8 @@ EXCLUSIVE_FIXTURES = {"background", "network", "shared_background"}
 #: Folders whose tests call nothing that is compiled: they run beside the compiler.
 UNCOMPILED = ("protocols", "wire")
 _skipped: Counter[tuple[str, str]] = Counter()
+#: How often a test of real time runs at most, where the machine stalled while it failed.
+TRIES = 3
 
 
 def _within(path, names):
@@ -71,6 +75,58 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.uncompiled)
     # the longest ones first: the others are spread over the cores that are free
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+class RepeatStalled:
+    """Runs a failed test of real time again, with new fixtures, if the machine stalled since they were made.
+
+    Such a failure says nothing: a farm calls it inconclusive, too.  One on a machine that did not stall counts.
+    """
+
+    def __init__(self):
+        self._watch = None
+        self._began = {}
+        self.repeated = []
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_protocol(self, item, nextitem):
+        if item.get_closest_marker("exclusive") is None:
+            return None
+        if self._watch is None:
+            # here, because `python -m tests` imports this module without pytest's paths
+            from stalls import StallWatch
+
+            self._watch = StallWatch()
+        item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+        for left in reversed(range(TRIES)):
+            # what a module's fixtures hold may be older than the test
+            since = self._began.setdefault(item.path, time.monotonic())
+            reports = runtestprotocol(item, nextitem=nextitem, log=False)
+            stalled = self._watch.longest(since)
+            if not left or not stalled or not any(report.failed for report in reports):
+                break
+            self.repeated.append(f"{item.nodeid}: it failed, and the machine had stalled for {stalled * 1000:.0f} ms")
+            if not getattr(item.module, "KEEPS_FIXTURES", False):
+                item.session._setupstate.teardown_exact(None)
+                del self._began[item.path]
+        for report in reports:
+            item.ihook.pytest_runtest_logreport(report=report)
+        item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+        return True
+
+    def pytest_sessionfinish(self):
+        if self._watch is not None:
+            self._watch.close()
+
+    def pytest_terminal_summary(self, terminalreporter):
+        if self.repeated:
+            terminalreporter.section("repeated")
+        for line in self.repeated:
+            terminalreporter.line(line)
+
+
+def pytest_configure(config):
+    config.pluginmanager.register(RepeatStalled())
 
 
 def pytest_collection_finish():

@@ -48,6 +48,8 @@ POLL_SECONDS = 0.02
 #: Time limit of each stage, after which the demo has failed.
 STAGE_SECONDS = 20.0
 LOG_LINES = 8
+#: How often the scenario is carried out at most, where the machine stalls.
+SCENARIO_TRIES = 3
 #: In memory, the stretches of time in which the scenario runs and the display stands.
 STRETCH_NS = 50_000_000
 
@@ -155,11 +157,25 @@ class Demo:
         return ok
 
     async def _carry_out(self) -> bool:
-        """Carry out the scenario and write its report; True unless it failed."""
-        # a machine that stalled may have cost a connection meanwhile
-        if not await self._until(lambda: self._plc.all_running):
-            self._log("not every axis is in operation")
-            return False
+        """Carry out the scenario and write its report; True unless it failed.
+
+        It is repeated where the machine itself made it inconclusive.
+        """
+        verdict = "inconclusive"
+        for left in reversed(range(SCENARIO_TRIES)):
+            # a machine that stalled may have cost a connection meanwhile
+            if not await self._until(lambda: self._plc.all_running):
+                self._log("not every axis is in operation")
+                return False
+            verdict = await self._scenario_once()
+            if verdict != "inconclusive":
+                break
+            if left:
+                self._log("this machine stalled meanwhile: the scenario once more")
+        return verdict in {"passed", "inconclusive"} and await self._until(lambda: self._plc.all_running)
+
+    async def _scenario_once(self) -> str:
+        """Its verdict."""
         names = [row["name"] for row in self._plc.snapshot()]
         binding = demo_binding(self._farm, names[min(1, len(names) - 1)], names)
         self._log(f"scenario {binding.scenario.name}: {binding.scenario.description}")
@@ -191,7 +207,7 @@ class Demo:
             "expectations": [{key: case[key] for key in ("name", "verdict", "measured")} for case in record["cases"]],
             "report": report,
         }
-        return verdict in {"passed", "inconclusive"}
+        return str(verdict)
 
     def _told(self, step: Step, case: Case | None) -> None:
         if case is not None:

@@ -113,8 +113,8 @@ def mute(view: View) -> None:
 
 
 def mute_once(view: View) -> None:
-    pairs = itertools.pairwise(frame.seconds for frame in view.cyclic if frame.seconds >= view.quiet)
-    gaps = [(last, again) for last, again in pairs if again - last > WATCHDOG_SECONDS]
+    pairs = itertools.pairwise(frame.seconds for frame in view.cyclic)
+    gaps = [(last, again) for last, again in pairs if again - last > WATCHDOG_SECONDS and again > view.quiet]
     assert gaps
     connects = [frame.seconds for _, frame in view.answers(CONNECT)]
     # a stalled machine may show a gap of its own

@@ -54,8 +54,8 @@ print(json.dumps([status, text]))
 """
 
 
-def run(*command, timeout=600, **options):
-    """Run a tool to its end; what it wrote comes with the failure."""
+def run(*command, timeout=1800, **options):
+    """Run a tool to its end; what it wrote comes with the failure.  Building may be idle for long."""
     done = subprocess.run([*map(str, command)], capture_output=True, text=True, check=False, timeout=timeout, **options)
     if done.returncode:
         raise AssertionError(
@@ -101,10 +101,10 @@ class Engine:
         log = (self.folder / "dockerd.log").open("ab")
         with log:
             self._process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 180
         while True:
             with contextlib.suppress(AssertionError):
-                self.docker("version", timeout=10)
+                self.docker("version", timeout=60)
                 return
             tail = (self.folder / "dockerd.log").read_text("utf-8", "replace")[-3000:]
             assert self._process.poll() is None, tail

@@ -304,9 +304,7 @@ class RealRun:
         faults = self.api("GET", f"{V1}/faults").json()["faults"]
         if faults:
             self._note(f"faults are left after a reset: {faults[:3]}")
-        time.sleep(3.0)  # connections are set up to their last phase
-        at = time.time()
-        held = {side.name: side.noted_after(at) for side in (self.farm, self.plc)}
+        held = self._held_at_rest()
         for side in (self.farm, self.plc):
             calm = _calm(held[side.name])
             if side.before is None:
@@ -320,6 +318,20 @@ class RealRun:
         self.rests.append({"seconds": time.monotonic() - self.began, "back_seconds": seconds, "held": held})
         if not first:
             print(f"  at rest: every drive back after {seconds:.1f} s", flush=True)
+
+    def _held_at_rest(self) -> dict[str, Any]:
+        """What both sides hold while every drive keeps its connection: one that is set up anew holds something else."""
+        end = time.monotonic() + STARVED_SECONDS
+        while True:
+            before = {drive["name"]: drive["connects"] for drive in self._drives()}
+            time.sleep(3.0)  # connections are set up to their last phase
+            at = time.time()
+            held = {side.name: side.noted_after(at) for side in (self.farm, self.plc)}
+            if not self._away() and {drive["name"]: drive["connects"] for drive in self._drives()} == before:
+                return held
+            if time.monotonic() > end:
+                raise StarvedError(f"the drives do not keep their connections at rest; {self._described()}")
+            self._back()
 
     def _back(self) -> float:
         """Wait until every drive is back; the time that it took.
