@@ -27,6 +27,8 @@ NOTES = {
     "junitparser": "never in one process with scapy",
     "cm-ethernetip": "a scanner in tests, in a process of its own",
     "cpppo": "a client in tests, in a process of its own; taken under version 3 of the GPL",
+    "pyserial": "its texts are those of BSD-3-Clause",
+    "pyprofibus": "a master in tests, in a process of its own",
     "profinet-py": "a controller in tests, in a process of its own",
     "uphy-upgen": "a test reads PI's schema of GSDML files in it; it must not go into a commercial product",
 }

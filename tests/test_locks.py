@@ -19,7 +19,13 @@ LOCKS = {
     "runtime.txt": PROJECT["project"]["dependencies"],
     "build.txt": GROUPS["build"],
     "ci.txt": [*PROJECT["project"]["dependencies"], *GROUPS["build"], *GROUPS["test"], *GROUPS["lint"]],
-    "peers.txt": ["cpppo>=5.2.5,<6", "greenery>=2.1,<3", "industriagents-profinet-mcp", "uphy-upgen>=1.1,<2"],
+    "peers.txt": [
+        "cpppo>=5.2.5,<6",
+        "greenery>=2.1,<3",
+        "industriagents-profinet-mcp",
+        "pyprofibus>=1.13,<2",
+        "uphy-upgen>=1.1,<2",
+    ],
     "apart.txt": ["cm-ethernetip<0.2"],
 }
 
