@@ -1,0 +1,1 @@
+"""PROFIBUS DP: drives as slaves on one serial line, and their master."""

@@ -1,0 +1,1 @@
+"""Commands that PROFIBUS adds to the program."""

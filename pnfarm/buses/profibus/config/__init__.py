@@ -1,0 +1,1 @@
+"""PROFIBUS's part of the farm file."""

@@ -1,0 +1,66 @@
+"""Checks of PROFIBUS's keys: names, station addresses."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
+from pnfarm.drives.parameter import ParameterError
+from pnfarm.vocabulary.quoting import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.buses.profibus.config.controller import ProfibusController
+    from pnfarm.buses.profibus.config.drive import ProfibusDrives
+    from pnfarm.config.known import ModelFacts
+    from pnfarm.vocabulary.issues import Location, Report
+
+__all__ = ["ADDRESS_PARAMETER", "address_in", "check_controller", "check_group", "check_name"]
+
+#: COM_DP_Address (Moog MSD manual 4.2.2).
+ADDRESS_PARAMETER = 918
+_LONGEST_NAME = 64
+_NAME_ALLOWED = f"1 to {_LONGEST_NAME} printable characters"
+
+
+def check_name(at: Location, name: str, report: Report) -> bool:
+    """The wire has no names: any text that fits a table does."""
+    fits = 0 < len(name) <= _LONGEST_NAME and name.isprintable()
+    if not fits:
+        report(at, f"{shown(name)} is not a name", _NAME_ALLOWED)
+    return fits
+
+
+def address_in(params: Mapping[str, Any], model: ModelFacts | None) -> int | None:
+    """The value of the address parameter, where a group's ``params`` have it."""
+    described = None if model is None else model.described
+    if described is None:
+        return None
+    for key, value in params.items():
+        try:
+            number = described.resolve(key)[0].pnu
+        except ParameterError:
+            continue
+        if number == ADDRESS_PARAMETER and type(value) is int:
+            return value
+    return None
+
+
+def check_group(at: Location, group: ProfibusDrives, report: Report) -> None:
+    """Addresses that are counted up stay addresses."""
+    for key, first in (("address", group.address), ("control_unit", group.control_unit)):
+        if first is None or first > HIGHEST_ADDRESS:
+            continue
+        last = first + group.count - 1
+        if last > HIGHEST_ADDRESS:
+            what = f"counts {group.count} drives up to {last}"
+            report((*at, key), what, f"station addresses from 0 to {HIGHEST_ADDRESS}")
+
+
+def check_controller(controller: ProfibusController, report: Report) -> None:
+    """The master's own keys."""
+    at: Location = ("controller",)
+    if controller.highest_address < controller.address:
+        what = f"{controller.highest_address} is below the master's own address, {controller.address}"
+        report((*at, "highest_address"), what, f"{controller.address} to 126")

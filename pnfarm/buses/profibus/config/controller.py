@@ -1,0 +1,102 @@
+"""The controller's section on PROFIBUS: the master."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from pydantic import AfterValidator, Field
+
+from pnfarm.buses.profibus.config.drive import Address
+from pnfarm.config.controller import ControllerSection
+from pnfarm.config.drive import MAX_DRIVES
+from pnfarm.config.section import Section
+from pnfarm.config.values import Duration, NamePattern, OctetString
+from pnfarm.vocabulary.durations import format_duration
+from pnfarm.vocabulary.problem import Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = ["GsdDevice", "ProfibusController"]
+
+#: The watchdog's factors: 1 to 255 times 1 to 255 times 10 ms (EN 50170 part 2, 8.3.3).
+LONGEST_WATCHDOG_NS = 255 * 255 * 10_000_000
+LONGEST_CYCLE_NS, LONGEST_LATENCY_NS = 10_000_000_000, 1_000_000_000
+
+
+def _between(least: int, most: int, allowed: str, *, zero: bool = False) -> AfterValidator:
+    def check(value: int) -> int:
+        if not (zero and value == 0) and not least <= value <= most:
+            raise Problem(f"is {format_duration(value)}", allowed)
+        return value
+
+    return AfterValidator(check)
+
+
+Cycle = Annotated[Duration, _between(100_000, LONGEST_CYCLE_NS, "100us to 10s")]
+Watchdog = Annotated[Duration, _between(1_000_000, LONGEST_WATCHDOG_NS, "0ms for none, or 1ms to 650s", zero=True)]
+Latency = Annotated[Duration, _between(0, LONGEST_LATENCY_NS, "0ms to 1s")]
+
+
+class GsdDevice(Section):
+    """A slave that no model describes: its maker's GSD file does."""
+
+    name: NamePattern = Field(description="Its name here; the wire has none.")
+    gsd: str = Field(min_length=1, description="Its GSD file, relative to this file.")
+    address: Address = Field(description="Its station address.")
+    modules: list[str] = Field(
+        default_factory=list,
+        max_length=64,
+        description="Names of the modules of the GSD file, in the order of their slots; left out, its only module.",
+    )
+    parameters: OctetString | None = Field(
+        default=None, description="User parameter data in hexadecimal; left out, as the GSD file has them."
+    )
+    outputs: OctetString | None = Field(
+        default=None, description="Its outputs in hexadecimal, the same all the time; left out, zeros."
+    )
+
+
+class ProfibusController(ControllerSection):
+    """The built-in PROFIBUS master, of class 1 and 2."""
+
+    last_keys: ClassVar[tuple[str, ...]] = ("program", "devices", "reconnect")
+
+    address: Address = Field(default=1, description="Its station address.")
+    cycle_ns: Cycle = Field(
+        default=10_000_000,
+        alias="cycle",
+        description="Least time between two polls of a slave; where the line is slower, as fast as it goes.",
+    )
+    watchdog_ns: Watchdog = Field(
+        default=200_000_000,
+        alias="watchdog",
+        description="After which time without a poll a slave clears its outputs, as far as the factors of Set_Prm can "
+        "say it; 0ms: never.",
+    )
+    telegram: int | None = Field(
+        default=None, ge=0, le=65535, description="Telegram of the drives; left out, the drive's own selection."
+    )
+    retries: Annotated[int, Field(ge=0, le=15)] = Field(
+        default=1, description="How often a request without an answer is repeated."
+    )
+    latency_ns: Latency = Field(
+        default=20_000_000,
+        alias="latency",
+        description="Time beyond the bus's own that an answer may take: of a pseudo-terminal, an adapter, a network.",
+    )
+    access: Literal["class-1", "class-2"] = Field(
+        default="class-2",
+        description="How parameters are read and written: within the cyclic connection (MSAC1), or by a connection of "
+        "a master of class 2 (MSAC2).",
+    )
+    highest_address: Annotated[int, Field(ge=1, le=126)] = Field(
+        default=126, description="Highest address that it looks for other stations at (HSA)."
+    )
+    devices: list[GsdDevice] = Field(
+        default_factory=list, max_length=MAX_DRIVES, description="Further slaves, each by its GSD file."
+    )
+
+    @property
+    def device_names(self) -> Sequence[str]:
+        return [device.name for device in self.devices]

@@ -1,0 +1,1 @@
+"""The master of the drives of a farm file."""

@@ -1,0 +1,1 @@
+"""Telegrams of a recorded line, as text."""

@@ -1,0 +1,1 @@
+"""Faults that only drives on PROFIBUS can have, and what the others are there."""
