@@ -1,0 +1,552 @@
+"""A master of class 1 and 2: it polls its slaves one after the other, and asks for records between the polls.
+
+Telegrams in, telegrams out, no line and no clock.  EN 50170 part 2: 4.7 (FDL), 8.2 and 9 (DP); guideline 2.082.
+There is one master on the line: it keeps the token.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profibus.master_access import Connection
+from pnfarm.protocols.profibus.wire.dp import (
+    Control,
+    Diagnosis,
+    GlobalControl,
+    Parameters,
+    PrmStatus,
+    StationStatus,
+    emit_parameters,
+    parse_diagnosis,
+)
+from pnfarm.protocols.profibus.wire.telegram import (
+    BROADCAST,
+    FCB,
+    FCV,
+    REQUEST,
+    Answer,
+    Request,
+    Sap,
+    ShortAck,
+    Telegram,
+    emit_telegram,
+)
+from pnfarm.protocols.profibus.wire.timing import SYN_BITS, bits_ns, line_ns, slot_bits
+
+if TYPE_CHECKING:
+    from pnfarm.protocols.profibus.record_request import RecordRequest
+    from pnfarm.protocols.profibus.wire.telegram import Line
+
+__all__ = [
+    "ConnectionMade", "ConnectionMissed", "DiagnosisRead", "Master", "MasterEvent", "MasterSettings", "SlavePlan",
+    "SlaveState", "Station",
+]  # fmt: skip
+
+#: Readings of the diagnosis behind Chk_Cfg until the slave has to be ready.
+MOST_DIAGNOSES: Final = 50
+#: Upper bounds of the histogram of answer times (Tsdr with the line's latency), ns; a last bucket takes the rest.
+ANSWER_EDGES_NS: Final = (
+    10_000, 20_000, 50_000, 100_000, 200_000, 500_000, 1_000_000, 2_000_000, 5_000_000, 10_000_000, 20_000_000,
+    50_000_000,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class MasterSettings:
+    """``latency_ns``: time beyond the bus's own that an answer may take.  ``cycle_ns``: least time of a cycle."""
+
+    address: int = 1
+    baud: int = 1_500_000
+    latency_ns: int = 20_000_000
+    retries: int = 1
+    cycle_ns: int = 10_000_000
+    min_tsdr_bits: int = 11
+    request_timeout_ns: int = 5_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class SlavePlan:
+    """What a slave is to be.  ``reconnect_ns``: pause behind a lost slave or a refusal, None: for ever."""
+
+    name: str
+    address: int
+    ident: int
+    identifiers: bytes
+    output_octets: int
+    input_octets: int
+    user: bytes = b""
+    watchdog_factors: tuple[int, int] | None = None
+    group: int = 0
+    freeze: bool = False
+    sync: bool = False
+    reconnect_ns: int | None = 1_000_000_000
+    #: How records are asked for: ``class-1`` or ``class-2``.
+    access: str = "class-2"
+
+
+class SlaveState(StrEnum):
+    """States of the master's machine for one slave (8.2)."""
+
+    WAITING = "waiting"
+    DIAGNOSIS = "diagnosis"
+    PARAMETERS = "parameters"
+    CONFIGURATION = "configuration"
+    CHECK = "check"
+    DATA = "data-exchange"
+    STOPPED = "stopped"
+
+
+@dataclass(frozen=True, slots=True)
+class MasterEvent:
+    """Something happened to a slave, named as in its plan."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionMade(MasterEvent):
+    """Data are exchanged."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConnectionMissed(MasterEvent):
+    """A slave was lost, or refused what the master wants; ``exchanged``: data had been exchanged."""
+
+    why: str
+    exchanged: bool
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisRead(MasterEvent):
+    """A slave in data exchange had a diagnosis."""
+
+    diagnosis: Diagnosis
+
+
+@dataclass(slots=True)
+class Station:
+    """One slave as the master knows it."""
+
+    plan: SlavePlan
+    state: SlaveState = SlaveState.DIAGNOSIS
+    outputs: bytes = b""
+    inputs: bytes = b""
+    diagnosis: Diagnosis | None = None
+    wants_diagnosis: bool = False
+    due_ns: int = 0
+    fcb: int = FCB
+    valid_fcb: bool = False
+    diagnoses: int = 0
+    polls: int = 0
+    answers: int = 0
+    retries: int = 0
+    answered_ns: int = 0
+    connects: int = 0
+    losses: int = 0
+    reason: str = ""
+    connection: Connection = field(default=None)  # type: ignore[assignment]  # set by the master
+
+    @property
+    def exchanging(self) -> bool:
+        return self.state is SlaveState.DATA and bool(self.inputs or not self.plan.input_octets)
+
+
+@dataclass(slots=True)
+class _Pending:
+    """The request on its way."""
+
+    station: Station | None
+    telegram: Telegram
+    octets: bytes
+    acyclic: bool
+    left: int
+    due_ns: int = 0
+    sent_ns: int = 0
+
+
+class Master:
+    """See the module's docstring.
+
+    :meth:`to_send` gives a request when the line is free for it; :meth:`sent` tells when it left.
+    """
+
+    def __init__(self, settings: MasterSettings, plans: list[SlavePlan]) -> None:
+        self.settings = settings
+        self.stations = [Station(plan) for plan in plans]
+        self._of = {station.plan.name: station for station in self.stations}
+        for station in self.stations:
+            station.connection = Connection(station.plan.access, settings.request_timeout_ns)
+            station.outputs = bytes(station.plan.output_octets)
+        #: Of the line: requests, repetitions, answers, answers that cannot be used, by name.
+        self.counts: Counter[str] = Counter()
+        self.answer_times = [0] * (len(ANSWER_EDGES_NS) + 1)
+        #: How long the last whole cycle took, ns.
+        self.cycle_ns = 0
+        self.clear = False
+        self._queue: deque[Station] = deque()
+        self._pending: _Pending | None = None
+        self._ready: _Pending | None = None
+        self._control: GlobalControl | None = None
+        self._cycle_ns = 0
+        self._began_ns: int | None = None
+        self._next_acyclic = 0
+        self._acyclic_done = True
+        self._free_ns = 0
+        self._events: list[MasterEvent] = []
+        self._released = False
+
+    # -- what the owner does -----------------------------------------------------------------------------------------
+
+    def station(self, name: str) -> Station:
+        """Raises :class:`KeyError`."""
+        return self._of[name]
+
+    def take_events(self) -> list[MasterEvent]:
+        events, self._events = self._events, []
+        return events
+
+    def ask(self, name: str, request: RecordRequest, now: int) -> None:
+        """Ask a slave for a record; the request says when it is done."""
+        station = self._of[name]
+        if station.plan.access == "class-1" and station.state is not SlaveState.DATA:
+            request.fail("the slave exchanges no data")
+            return
+        station.connection.ask(request, now)
+
+    def control(self, command: Control, groups: int = 0) -> None:
+        """Send Global_Control to all slaves, or to groups of them."""
+        self._control = GlobalControl(command, groups)
+        if not groups:
+            self.clear = bool(command & Control.CLEAR_DATA)
+
+    def release(self, now: int) -> None:
+        """Release every slave: Set_Prm with Unlock_Req."""
+        del now
+        self._released = True
+        for station in self.stations:
+            if station.state in {SlaveState.WAITING, SlaveState.DIAGNOSIS}:
+                station.state = SlaveState.STOPPED
+
+    @property
+    def all_stopped(self) -> bool:
+        return all(station.state is SlaveState.STOPPED for station in self.stations)
+
+    # -- time and the line -------------------------------------------------------------------------------------------
+
+    def next_deadline(self) -> int | None:
+        """When :meth:`handle_timeout` is due: an answer is missing, or the next request may leave."""
+        if self._pending is not None:
+            return self._pending.due_ns
+        if self._ready is not None:
+            return None
+        return self._due()
+
+    def _due(self) -> int | None:
+        if self._queue or self._control is not None:
+            return self._free_ns
+        if all(one.state is SlaveState.STOPPED for one in self.stations):
+            return None
+        if not self._acyclic_done and any(one.connection.busy for one in self.stations):
+            return self._free_ns
+        return max(self._free_ns, self._cycle_ns)
+
+    def handle_timeout(self, now: int) -> None:
+        """An answer that did not come; the next request."""
+        pending = self._pending
+        if pending is not None:
+            if now < pending.due_ns:
+                return
+            self._missed(pending, now)
+        if self._pending is None and self._ready is None:
+            due = self._due()
+            if due is not None and due <= now:
+                self._choose(now)
+
+    def to_send(self) -> bytes | None:
+        """The request to send now, once."""
+        ready, self._ready = self._ready, None
+        if ready is None:
+            return None
+        self._pending = ready
+        return ready.octets
+
+    def sent(self, now: int) -> None:
+        """What :meth:`to_send` gave leaves now."""
+        pending = self._pending
+        if pending is None:
+            return
+        settings = self.settings
+        pending.sent_ns = now + line_ns(len(pending.octets), settings.baud)
+        self.counts["requests"] += 1
+        if pending.telegram.code in {Request.SDN_LOW, Request.SDN_HIGH}:
+            self._pending = None
+            self._free_ns = pending.sent_ns + bits_ns(SYN_BITS, settings.baud)
+            return
+        longest = line_ns(255, settings.baud)
+        pending.due_ns = (
+            pending.sent_ns + bits_ns(slot_bits(settings.baud), settings.baud) + longest + settings.latency_ns
+        )
+
+    def receive(self, telegram: Line, now: int) -> None:
+        """A telegram of the line; what answers nothing is counted."""
+        pending = self._pending
+        if pending is None:
+            self.counts["unasked"] += 1
+            return
+        if isinstance(telegram, Telegram):
+            mine = telegram.destination == self.settings.address and not telegram.is_request
+            if not mine or telegram.source != pending.telegram.destination:
+                # the echo of an adapter, or another pair's
+                self.counts["others"] += 1
+                return
+        elif not isinstance(telegram, ShortAck):
+            self.counts["others"] += 1
+            return
+        self._pending = None
+        self.counts["answers"] += 1
+        self._free_ns = now + bits_ns(SYN_BITS, self.settings.baud)
+        took = max(0, now - pending.sent_ns)
+        self.answer_times[next((i for i, edge in enumerate(ANSWER_EDGES_NS) if took <= edge), -1)] += 1
+        if pending.station is not None:
+            self._answered(pending.station, pending, telegram, now)
+        self.handle_timeout(now)
+
+    def broken(self, count: int) -> None:
+        """The line brought telegrams that cannot be read."""
+        self.counts["broken"] += count
+
+    # -- choosing requests -------------------------------------------------------------------------------------------
+
+    def _choose(self, now: int) -> None:
+        if self._control is not None:
+            control, self._control = self._control, None
+            telegram = Telegram(
+                BROADCAST, self.settings.address, REQUEST | Request.SDN_HIGH, Sap.GLOBAL_CONTROL, Sap.MASTER,
+                control.octets(),
+            )  # fmt: skip
+            self._ready = _Pending(None, telegram, emit_telegram(telegram), acyclic=False, left=0)
+            return
+        while True:
+            if not self._queue and (not self._begin_cycle(now) or not self._queue):
+                return
+            station = self._queue.popleft()
+            if (request := self._request(station, now)) is not None:
+                self._put(station, request, acyclic=False)
+                return
+
+    def _begin_cycle(self, now: int) -> bool:
+        """Behind a cycle one request for a record; then all slaves that are due."""
+        if not self._acyclic_done:
+            self._acyclic_done = True
+            if (asked := self._acyclic(now)) is not None:
+                self._put(*asked, acyclic=True)
+                return False
+        if now < self._cycle_ns:
+            return False
+        if self._began_ns is not None:
+            self.cycle_ns = now - self._began_ns
+        self._began_ns = now
+        self._acyclic_done = False
+        self._cycle_ns = max(self._cycle_ns + self.settings.cycle_ns, now)
+        self._queue.extend(station for station in self.stations if self._is_due(station, now))
+        return True
+
+    def _is_due(self, station: Station, now: int) -> bool:
+        if station.state is SlaveState.STOPPED:
+            return False
+        return station.state is not SlaveState.WAITING or (
+            station.due_ns <= now and station.plan.reconnect_ns is not None
+        )
+
+    def _acyclic(self, now: int) -> tuple[Station, Telegram] | None:
+        count = len(self.stations)
+        for step in range(count):
+            station = self.stations[(self._next_acyclic + step) % count]
+            if station.state in {SlaveState.WAITING, SlaveState.STOPPED}:
+                station.connection.lost(station.reason or "the slave does not answer", now)
+                continue
+            if station.connection.is_class_one and station.state is not SlaveState.DATA:
+                continue
+            found = station.connection.request(now)
+            if found is not None:
+                self._next_acyclic = (self._next_acyclic + step + 1) % count
+                dsap, ssap, data = found
+                return station, self._srd(station, dsap, ssap, data, Request.SRD_LOW)
+        return None
+
+    def _put(self, station: Station, telegram: Telegram, *, acyclic: bool) -> None:
+        self._ready = _Pending(station, telegram, emit_telegram(telegram), acyclic, self.settings.retries)
+
+    def _srd(self, station: Station, dsap: int | None, ssap: int | None, data: bytes, how: Request) -> Telegram:
+        if station.valid_fcb:
+            station.fcb ^= FCB
+            function = REQUEST | station.fcb | FCV | how
+        else:
+            station.fcb, station.valid_fcb = FCB, True
+            function = REQUEST | FCB | how
+        return Telegram(station.plan.address, self.settings.address, function, dsap, ssap, data)
+
+    def _request(self, station: Station, now: int) -> Telegram | None:
+        plan = station.plan
+        if self._released and station.state is not SlaveState.STOPPED:
+            unlock = Parameters(PrmStatus.UNLOCK_REQ, (1, 1), 0, plan.ident)
+            return self._srd(station, Sap.SET_PARAMETERS, Sap.MASTER, emit_parameters(unlock), Request.SRD_HIGH)
+        match station.state:
+            case SlaveState.WAITING:
+                if station.due_ns > now:
+                    return None
+                station.state = SlaveState.DIAGNOSIS
+                return self._diagnose(station)
+            case SlaveState.DIAGNOSIS | SlaveState.CHECK:
+                return self._diagnose(station)
+            case SlaveState.PARAMETERS:
+                return self._srd(
+                    station, Sap.SET_PARAMETERS, Sap.MASTER, emit_parameters(self._parameters(plan)), Request.SRD_HIGH
+                )
+            case SlaveState.CONFIGURATION:
+                return self._srd(station, Sap.CHECK_CONFIGURATION, Sap.MASTER, plan.identifiers, Request.SRD_HIGH)
+            case SlaveState.DATA:
+                if station.wants_diagnosis:
+                    station.wants_diagnosis = False
+                    return self._diagnose(station)
+                station.polls += 1
+                return self._srd(station, None, None, station.outputs, Request.SRD_HIGH)
+            case _:
+                return None
+
+    def _diagnose(self, station: Station) -> Telegram:
+        return self._srd(station, Sap.SLAVE_DIAGNOSIS, Sap.MASTER, b"", Request.SRD_HIGH)
+
+    def _parameters(self, plan: SlavePlan) -> Parameters:
+        status = PrmStatus.LOCK_REQ
+        status |= PrmStatus.WD_ON if plan.watchdog_factors else PrmStatus(0)
+        status |= PrmStatus.FREEZE_REQ if plan.freeze else PrmStatus(0)
+        status |= PrmStatus.SYNC_REQ if plan.sync else PrmStatus(0)
+        return Parameters(
+            status, plan.watchdog_factors or (0, 0), self.settings.min_tsdr_bits, plan.ident, plan.group, plan.user
+        )
+
+    # -- answers -----------------------------------------------------------------------------------------------------
+
+    def _missed(self, pending: _Pending, now: int) -> None:
+        """No answer in time: again, with the same FCB, or the slave is lost."""
+        self._pending = None
+        self._free_ns = now
+        station = pending.station
+        if station is None:
+            return
+        if pending.left > 0:
+            pending.left -= 1
+            station.retries += 1
+            self.counts["retries"] += 1
+            self._ready = pending
+            return
+        self.counts["unanswered"] += 1
+        station.valid_fcb = False
+        if pending.acyclic and station.state is SlaveState.DATA:
+            station.connection.lost("the slave does not answer", now)
+            return
+        self._lose(station, "no answer", now)
+
+    def _answered(self, station: Station, pending: _Pending, telegram: Line, now: int) -> None:
+        if pending.acyclic:
+            data = telegram.data if isinstance(telegram, Telegram) else b""
+            failed = telegram.code if isinstance(telegram, Telegram) and telegram.code in _FAILED else None
+            station.connection.answered(data, failed, now)
+            return
+        if self._released:
+            station.state = SlaveState.STOPPED
+            return
+        failed = isinstance(telegram, Telegram) and telegram.code in _FAILED
+        if pending.telegram.dsap == Sap.SLAVE_DIAGNOSIS:
+            self._diagnosed(station, telegram, now)
+        elif failed and station.state is SlaveState.CONFIGURATION:
+            # it took no parameters: the diagnosis says why
+            station.state, station.diagnoses = SlaveState.CHECK, 0
+        elif failed:
+            assert isinstance(telegram, Telegram)
+            self._lose(station, f"answered with {Answer(telegram.code).name}", now)
+        elif station.state is SlaveState.PARAMETERS:
+            station.state = SlaveState.CONFIGURATION
+        elif station.state is SlaveState.CONFIGURATION:
+            station.state, station.diagnoses = SlaveState.CHECK, 0
+        elif station.state is SlaveState.DATA:
+            self._exchanged(station, telegram, now)
+
+    def _exchanged(self, station: Station, telegram: Line, now: int) -> None:
+        data = telegram.data if isinstance(telegram, Telegram) else b""
+        if len(data) != station.plan.input_octets:
+            self._lose(station, f"{len(data)} octets of inputs instead of {station.plan.input_octets}", now)
+            return
+        station.answers += 1
+        station.inputs, station.answered_ns = data, now
+        if isinstance(telegram, Telegram) and telegram.code in {Answer.DH, Answer.RDH}:
+            station.wants_diagnosis = True
+
+    def _diagnosed(self, station: Station, telegram: Line, now: int) -> None:
+        try:
+            diagnosis = parse_diagnosis(telegram.data if isinstance(telegram, Telegram) else b"")
+        except DecodeError as exc:
+            self._lose(station, f"a diagnosis that cannot be read: {exc}", now)
+            return
+        station.diagnosis = diagnosis
+        status = diagnosis.status
+        if station.state is SlaveState.DATA:
+            self._events.append(DiagnosisRead(station.plan.name, diagnosis))
+            if status & StationStatus.PRM_REQ:
+                self._lose(station, "it asks for parameters", now)
+            elif status & StationStatus.STAT_DIAG:
+                station.wants_diagnosis = True
+            return
+        if station.state is SlaveState.DIAGNOSIS:
+            if diagnosis.ident != station.plan.ident:
+                why = f"ident number 0x{diagnosis.ident:04X} instead of 0x{station.plan.ident:04X}"
+                self._lose(station, why, now)
+            elif status & StationStatus.MASTER_LOCK:
+                self._lose(station, f"master {diagnosis.master} has it", now)
+            else:
+                station.state = SlaveState.PARAMETERS
+            return
+        for bit, why in _REFUSALS.items():
+            if status & bit:
+                self._lose(station, why, now)
+                return
+        if status & StationStatus.STATION_NOT_READY:
+            station.diagnoses += 1
+            if station.diagnoses >= MOST_DIAGNOSES:
+                self._lose(station, "it does not become ready", now)
+            return
+        station.state = SlaveState.DATA
+        station.connects += 1
+        station.reason = ""
+        self._events.append(ConnectionMade(station.plan.name))
+        # slaves that begin in Clear take outputs from now on
+        self.control(Control.CLEAR_DATA if self.clear else Control(0))
+
+    def _lose(self, station: Station, why: str, now: int) -> None:
+        exchanged = station.state is SlaveState.DATA
+        station.losses += exchanged
+        if exchanged or station.reason != why:
+            self._events.append(ConnectionMissed(station.plan.name, why, exchanged))
+        station.reason = why
+        station.inputs = b""
+        station.wants_diagnosis = False
+        station.valid_fcb = False
+        station.connection.lost(why, now)
+        pause = station.plan.reconnect_ns
+        station.state = SlaveState.STOPPED if self._released or (pause is None and exchanged) else SlaveState.WAITING
+        station.due_ns = now + (pause or 0)
+
+
+_FAILED: Final = frozenset({Answer.UE, Answer.RR, Answer.RS, Answer.NR})
+_REFUSALS: Final = {
+    StationStatus.PRM_FAULT: "wrong parameters (Prm_Fault)",
+    StationStatus.CFG_FAULT: "wrong configuration (Cfg_Fault)",
+    StationStatus.NOT_SUPPORTED: "a service that it does not support (Not_Supported)",
+    StationStatus.PRM_REQ: "it asks for parameters (Prm_Req)",
+    StationStatus.MASTER_LOCK: "another master has it (Master_Lock)",
+}

@@ -1,0 +1,164 @@
+"""Records that a master asks a slave for: in the cyclic connection (MSAC1), or by one of class 2 (MSAC2)."""
+
+from __future__ import annotations
+
+from collections import deque
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profibus.wire.dpv1 import (
+    NEGATIVE,
+    Function,
+    Initiate,
+    parse_initiate_answer,
+    parse_resource_manager,
+)
+from pnfarm.protocols.profibus.wire.telegram import Answer, Sap
+
+if TYPE_CHECKING:
+    from pnfarm.protocols.profibus.record_request import RecordRequest
+
+__all__ = ["Access", "AccessState", "Connection"]
+
+#: Access points of slave and master, and data.
+Access = tuple[int, int, bytes]
+#: Requests that wait for one slave at most.
+MOST_WAITING: Final = 64
+SEND_TIMEOUT_NS: Final = 1_000_000_000
+
+
+class AccessState(StrEnum):
+    """A connection of class 2; one within the cyclic connection is always open."""
+
+    CLOSED = "closed"
+    INITIATING = "initiating"
+    OPENING = "opening"
+    OPEN = "open"
+
+
+class Connection:
+    """To one slave; ``kind`` is ``class-1`` or ``class-2``."""
+
+    def __init__(self, kind: str, timeout_ns: int) -> None:
+        self.is_class_one = kind == "class-1"
+        self.state = AccessState.OPEN if self.is_class_one else AccessState.CLOSED
+        self.opened = self.answered_requests = self.failed = 0
+        self._timeout_ns = timeout_ns
+        self._waiting: deque[RecordRequest] = deque()
+        self._sap = 0
+        self._send_timeout_ns = SEND_TIMEOUT_NS
+        self._spoke_ns = 0
+        self._idle_asked = False
+        self._begin_ns = 0
+
+    def ask(self, request: RecordRequest, now: int) -> None:
+        """Queue a request; one too many fails at once."""
+        if len(self._waiting) >= MOST_WAITING:
+            request.fail(f"{MOST_WAITING} requests wait already")
+            return
+        request.due_ns = now + self._timeout_ns
+        self._waiting.append(request)
+
+    @property
+    def busy(self) -> bool:
+        return bool(self._waiting)
+
+    def wants(self, now: int) -> bool:
+        """Whether there is something to send."""
+        self._expire(now)
+        if self._waiting:
+            return True
+        return self._is_connected and (self._idle_asked or now - self._spoke_ns >= self._send_timeout_ns // 2)
+
+    @property
+    def _is_connected(self) -> bool:
+        return self.state is AccessState.OPEN and not self.is_class_one
+
+    def request(self, now: int) -> Access | None:
+        """What to send now."""
+        if not self.wants(now):
+            return None
+        self._spoke_ns = now
+        if self.is_class_one:
+            return Sap.MSAC1, Sap.MSAC1, self._head()
+        match self.state:
+            case AccessState.CLOSED:
+                self.state, self._begin_ns = AccessState.INITIATING, now
+                return Sap.RESOURCE_MANAGER, Sap.MASTER_2, Initiate(SEND_TIMEOUT_NS).octets()
+            case AccessState.INITIATING:
+                return Sap.RESOURCE_MANAGER, Sap.MASTER_2, b""
+            case AccessState.OPENING:
+                return self._sap, Sap.MASTER_2, b""
+            case _ if self._waiting:
+                return self._sap, Sap.MASTER_2, self._head()
+            case _:
+                data = b"" if self._idle_asked else bytes((Function.IDLE,))
+                self._idle_asked = True
+                return self._sap, Sap.MASTER_2, data
+
+    def _head(self) -> bytes:
+        """The first request, or a poll for its answer."""
+        head = self._waiting[0]
+        if head.sent:
+            return b""
+        head.sent = True
+        return head.octets()
+
+    def answered(self, data: bytes, failed: int | None, now: int) -> None:
+        """The slave's answer to what :meth:`request` gave; ``failed``: its function where that is no success."""
+        if failed is not None:
+            self._refused(failed, now)
+        elif data:
+            try:
+                self._took(data, now)
+            except DecodeError as exc:
+                self.lost(f"an answer that cannot be read: {exc}", now)
+
+    def _refused(self, failed: int, now: int) -> None:
+        if failed == Answer.RR and self._waiting and self.state is AccessState.OPEN:
+            # it is busy with another request
+            self._waiting[0].sent = False
+            return
+        self.lost(f"the slave answered with {Answer(failed).name}", now)
+
+    def _took(self, data: bytes, now: int) -> None:
+        if data[0] == Function.ABORT:
+            self.lost(f"the slave ended the connection: {data[1:3].hex(' ')}", now)
+        elif self.state is AccessState.INITIATING:
+            found = parse_resource_manager(data)
+            self._sap = found.sap
+            self._send_timeout_ns = max(SEND_TIMEOUT_NS // 10, found.send_timeout_ns or SEND_TIMEOUT_NS)
+            self.state = AccessState.OPENING
+        elif self.state is AccessState.OPENING:
+            if data[0] == Function.INITIATE | NEGATIVE:
+                self.lost("the slave refuses the connection", now)
+                return
+            parse_initiate_answer(data)
+            self.state = AccessState.OPEN
+            self.opened += 1
+        elif data[0] == Function.IDLE:
+            self._idle_asked = False
+        elif self._waiting and self._waiting[0].take(data):
+            request = self._waiting.popleft()
+            self.answered_requests += 1
+            self.failed += not request.ok
+
+    def lost(self, why: str, now: int) -> None:
+        """The connection is gone; what waits fails."""
+        del now
+        while self._waiting:
+            self._waiting.popleft().fail(why)
+            self.failed += 1
+        if not self.is_class_one:
+            self.state = AccessState.CLOSED
+        self._idle_asked = False
+
+    def _expire(self, now: int) -> None:
+        while self._waiting and self._waiting[0].due_ns <= now:
+            request = self._waiting.popleft()
+            request.fail("no answer in time")
+            self.failed += 1
+            if request.sent:
+                # its answer would be taken for the next one's
+                self.lost("no answer in time", now)

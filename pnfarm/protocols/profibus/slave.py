@@ -1,0 +1,581 @@
+"""One slave, telegrams in, answers out: FDL responder and DP-V0.
+
+Records are those of :mod:`~pnfarm.protocols.profibus.acyclic`.
+
+EN 50170 part 2: 4.7 (FDL), 8.2 and 8.3 (DP); guideline 2.082 (DP-V1).  Where the standard leaves it open, the slave
+does as chips in the field do, as far as that is known: what they would not answer is not answered.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from enum import Enum, auto
+from typing import TYPE_CHECKING, Final
+
+from pnfarm.errors import DecodeError, InternalError
+from pnfarm.protocols.profibus.acyclic import ClassOne, ClassTwo
+from pnfarm.protocols.profibus.slave_user import (
+    AddressSet,
+    BaudFound,
+    BaudLost,
+    ClearChanged,
+    ConfigurationRefused,
+    ExchangeBegan,
+    Left,
+    ParametersRefused,
+    ParametersTaken,
+)
+from pnfarm.protocols.profibus.wire.dp import (
+    MOST_DIAGNOSIS,
+    NO_MASTER,
+    Control,
+    Diagnosis,
+    DpState,
+    Parameters,
+    PrmStatus,
+    StationStatus,
+    V1Status1,
+    emit_diagnosis,
+    parse_global_control,
+    parse_parameters,
+    parse_set_address,
+)
+from pnfarm.protocols.profibus.wire.telegram import (
+    BROADCAST,
+    FCB,
+    FCV,
+    Answer,
+    Request,
+    Sap,
+    ShortAck,
+    Telegram,
+    Token,
+)
+from pnfarm.protocols.profibus.wire.timing import LEAST_TSDR_BITS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.protocols.profibus.slave_user import SlaveEvent, SlaveUser
+    from pnfarm.protocols.profibus.wire.telegram import Line
+
+__all__ = [
+    "BAD_LENGTH", "CONFIGURED_WRONG", "LEFT", "PARAMETERS_AGAIN", "PARAMETERS_WRONG", "UNLOCKED", "WATCHDOG", "Slave",
+    "SlaveOptions",
+]  # fmt: skip
+
+# Why a slave left what it did.
+WATCHDOG: Final = "watchdog"
+UNLOCKED: Final = "unlocked"
+PARAMETERS_WRONG: Final = "wrong-parameters"
+PARAMETERS_AGAIN: Final = "parametrised-again"
+CONFIGURED_WRONG: Final = "wrong-configuration"
+BAD_LENGTH: Final = "wrong-length"
+LEFT: Final = "left"
+
+#: An unprocessed telegram's reason, for counters.
+_NOT_HERE: Final = "no-service"
+_SRD: Final = frozenset({Request.SRD_LOW, Request.SRD_HIGH})
+_SDN: Final = frozenset({Request.SDN_LOW, Request.SDN_HIGH})
+_SDA: Final = frozenset({Request.SDA_LOW, Request.SDA_HIGH})
+#: Longest that an answer of DP may make the others wait is told in Set_Prm; longer ones are not believed.
+_NO_WATCHDOG: Final = 0
+
+
+@dataclass(slots=True)
+class SlaveOptions:
+    """What a slave is; injections replace some of it.
+
+    ``silence_ns``: without a good telegram for so long, the slave seeks the baud rate again.  ``address_changes``:
+    whether Set_Slave_Add is taken.  ``connections``: of masters of class 2.
+    """
+
+    ident: int
+    supports_freeze: bool = True
+    supports_sync: bool = True
+    supports_fail_safe: bool = False
+    address_changes: bool = True
+    v1: bool = True
+    connections: int = 4
+    longest_record: int = 240
+    send_timeout_ns: int = 1_000_000_000
+    silence_ns: int = 5_000_000_000
+
+
+class _Sign(Enum):
+    """What can happen to a slave's state."""
+
+    PARAMETERS = auto()
+    NO_PARAMETERS = auto()
+    CONFIGURATION = auto()
+    NO_CONFIGURATION = auto()
+    LEAVE = auto()
+
+
+_W, _C, _D = DpState.WAIT_PRM, DpState.WAIT_CFG, DpState.DATA_EXCH
+#: (state, sign) -> next state (8.2, figure of the states of a slave).
+TRANSITIONS: Final[Mapping[tuple[DpState, _Sign], DpState]] = {
+    **{(state, _Sign.PARAMETERS): _C for state in (_W, _C, _D)},
+    **{(state, _Sign.NO_PARAMETERS): _W for state in (_W, _C, _D)},
+    **{(state, _Sign.CONFIGURATION): _D for state in (_C, _D)},
+    **{(state, _Sign.NO_CONFIGURATION): _W for state in (_C, _D)},
+    **{(state, _Sign.LEAVE): _W for state in (_W, _C, _D)},
+}
+
+
+@dataclass(slots=True)
+class _Remembered:
+    """Of one master: FCB of its last request, and what was answered."""
+
+    fcb: int
+    answer: Line | None
+
+
+@dataclass(slots=True)
+class _Cyclic:
+    """Of the present parametrisation."""
+
+    master: int = NO_MASTER
+    parameters: Parameters | None = None
+    watchdog_ns: int = _NO_WATCHDOG
+    heard_ns: int = 0
+    exchanged: bool = False
+    clear: bool = False
+    frozen: bytes | None = None
+    held: bytes | None = None
+    sync: bool = False
+    freeze: bool = False
+
+
+@dataclass(slots=True)
+class _Faults:
+    """Bits of the last Set_Prm and Chk_Cfg that did not fit."""
+
+    parameters: bool = False
+    configuration: bool = False
+    unsupported: bool = False
+    by: set[int] = field(default_factory=set)
+
+
+class Slave:
+    """``address`` is the station's; see the module's docstring.
+
+    The bus's device feeds it every telegram of the line with :meth:`receive`, calls :meth:`handle_timeout` at
+    :meth:`next_deadline`, and takes :meth:`take_events`.
+    """
+
+    def __init__(self, address: int, user: SlaveUser, options: SlaveOptions) -> None:
+        self.address = address
+        self.user = user
+        self.options = options
+        self.state = DpState.WAIT_PRM
+        self.faults = _Faults()
+        self.address_locked = False
+        #: Requests that were not carried out, by reason.
+        self.dropped: Counter[str] = Counter()
+        #: Requests that came again, and were answered as before.
+        self.repeated = 0
+        #: Set by injections: why a Set_Prm or Chk_Cfg is refused, whatever it says.
+        self.refuse_parameters: str | None = None
+        self.refuse_configuration = False
+        #: Whether a good telegram was heard lately, and ever.
+        self.found = False
+        self.was_found = False
+        self.class_one = ClassOne(self)
+        self.class_two = ClassTwo(self)
+        self._cyclic = _Cyclic()
+        self._pending_diagnosis = False
+        self._remembered: dict[int, _Remembered] = {}
+        self._heard_ns = 0
+        self._events: list[SlaveEvent] = []
+        self._min_tsdr_bits = LEAST_TSDR_BITS
+        self._new_address: int | None = None
+
+    # -- state for the drive -----------------------------------------------------------------------------------------
+
+    @property
+    def master(self) -> int:
+        """Address of the master that parametrised it, :data:`NO_MASTER` for none."""
+        return self._cyclic.master
+
+    @property
+    def watchdog_ns(self) -> int:
+        """Time of its watchdog, 0 without one."""
+        return self._cyclic.watchdog_ns
+
+    @property
+    def exchanging(self) -> bool:
+        """Whether outputs come."""
+        return self.state is DpState.DATA_EXCH and self._cyclic.exchanged
+
+    @property
+    def clear(self) -> bool:
+        """Whether the master is in Clear."""
+        return self._cyclic.clear
+
+    @property
+    def min_tsdr_bits(self) -> int:
+        """No answer begins sooner behind the last bit of its request."""
+        return self._min_tsdr_bits
+
+    @property
+    def v1_enabled(self) -> bool:
+        """Whether the master asked for DP-V1."""
+        parameters = self._cyclic.parameters
+        return self.options.v1 and parameters is not None and bool(parameters.v1[0] & V1Status1.DPV1_ENABLE)
+
+    def take_events(self) -> list[SlaveEvent]:
+        """What has happened since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    def note(self, event: SlaveEvent) -> None:
+        """Something happened."""
+        self._events.append(event)
+
+    def diagnosis_changed(self) -> None:
+        """There is something new to tell: the master is asked to read the diagnosis."""
+        self._pending_diagnosis = True
+
+    def leave(self, now: int, why: str = LEFT) -> None:
+        """Wait for parameters again, as after power-on."""
+        self._leave(why, now)
+
+    def search(self) -> None:
+        """Forget the baud rate: the next good telegram finds it again."""
+        if self.found:
+            self.found = False
+            self._events.append(BaudLost())
+
+    # -- time --------------------------------------------------------------------------------------------------------
+
+    def next_deadline(self) -> int | None:
+        """When :meth:`handle_timeout` is due."""
+        due = [self.class_two.next_deadline()]
+        cyclic = self._cyclic
+        if cyclic.watchdog_ns and cyclic.master != NO_MASTER:
+            due.append(cyclic.heard_ns + cyclic.watchdog_ns)
+        if self.found and self.options.silence_ns:
+            due.append(self._heard_ns + self.options.silence_ns)
+        return min((time for time in due if time is not None), default=None)
+
+    def handle_timeout(self, now: int) -> None:
+        """Watchdog, baud rate, connections of class 2."""
+        cyclic = self._cyclic
+        if cyclic.watchdog_ns and cyclic.master != NO_MASTER and now - cyclic.heard_ns >= cyclic.watchdog_ns:
+            self._leave(WATCHDOG, now)
+        if self.found and self.options.silence_ns and now - self._heard_ns >= self.options.silence_ns:
+            self.search()
+        self.class_two.handle_timeout(now)
+
+    # -- telegrams ---------------------------------------------------------------------------------------------------
+
+    def receive(self, telegram: Line, now: int) -> Line | None:
+        """The answer, None for a telegram that gets none."""
+        self._heard_ns = now
+        if not self.found:
+            self.found = self.was_found = True
+            self._events.append(BaudFound())
+        if isinstance(telegram, (ShortAck, Token)) or not telegram.is_request:
+            return None
+        if telegram.destination == BROADCAST:
+            if telegram.code in _SDN:
+                self._without_answer(telegram, now)
+            return None
+        if telegram.destination != self.address:
+            return None
+        if telegram.code in _SDN:
+            self._without_answer(telegram, now)
+            return None
+        if telegram.code == Request.FDL_STATUS:
+            return self._short(telegram, Answer.OK)
+        if telegram.code in _SRD:
+            return self._once(telegram, now)
+        if telegram.code in _SDA:
+            self.dropped[_NOT_HERE] += 1
+            return self._short(telegram, Answer.RS)
+        # functions that chips of slaves do not know get no answer
+        self.dropped["unknown-function"] += 1
+        return None
+
+    def _once(self, telegram: Telegram, now: int) -> Line | None:
+        """A repeated request is answered as before (4.7.1.2: FCB, FCV)."""
+        fcb = telegram.function & FCB
+        known = self._remembered.get(telegram.source)
+        if telegram.function & FCV and known is not None and known.fcb == fcb:
+            self.repeated += 1
+            self._alive(telegram.source, now)
+            return known.answer
+        answer = self._answer(telegram, now)
+        # addresses have seven bits, so that there are no more masters than these
+        self._remembered[telegram.source] = _Remembered(fcb, answer)
+        if self._new_address is not None:
+            self.address, self._new_address = self._new_address, None
+        return answer
+
+    def _answer(self, telegram: Telegram, now: int) -> Line:
+        self._alive(telegram.source, now)
+        if telegram.dsap is None and telegram.ssap is None:
+            return self._data_exchange(telegram, now)
+        match telegram.dsap, telegram.ssap:
+            case Sap.SLAVE_DIAGNOSIS, Sap.MASTER:
+                return self._data(telegram, self._diagnosis(telegram.source))
+            case Sap.SET_PARAMETERS, Sap.MASTER:
+                return self._set_parameters(telegram, now)
+            case Sap.CHECK_CONFIGURATION, Sap.MASTER:
+                return self._check_configuration(telegram, now)
+            case Sap.GET_CONFIGURATION, Sap.MASTER:
+                return self._data(telegram, self.user.configuration())
+            case Sap.READ_INPUTS, Sap.MASTER if self.state is DpState.DATA_EXCH:
+                return self._data(telegram, self._inputs())
+            case Sap.READ_OUTPUTS, Sap.MASTER if self.exchanging:
+                return self._data(telegram, self._cyclic.held or bytes(self.user.output_octets))
+            case Sap.SET_SLAVE_ADDRESS, Sap.MASTER if self._takes_address():
+                return self._set_address(telegram)
+            case Sap.MSAC1, Sap.MSAC1 if self._class_one_open(telegram.source):
+                return self.class_one.request(telegram, now)
+            case (_, Sap.MASTER_2) if self.options.v1:
+                return self.class_two.request(telegram, now)
+        self.dropped[_NOT_HERE] += 1
+        return self._short(telegram, Answer.RS)
+
+    def _alive(self, master: int, now: int) -> None:
+        if master == self._cyclic.master:
+            self._cyclic.heard_ns = now
+
+    # -- answers -----------------------------------------------------------------------------------------------------
+
+    @staticmethod
+    def _short(telegram: Telegram, answer: Answer) -> Telegram:
+        return Telegram(telegram.source, telegram.destination, answer)
+
+    @staticmethod
+    def _data(telegram: Telegram, data: bytes, answer: Answer = Answer.DL) -> Line:
+        """Access points of an answer are those of the request, exchanged."""
+        if not data:
+            return ShortAck()
+        return Telegram(telegram.source, telegram.destination, answer, telegram.ssap, telegram.dsap, data)
+
+    def answer_data(self, telegram: Telegram, data: bytes) -> Line:
+        """An answer with data of the services of DP-V1."""
+        return self._data(telegram, data)
+
+    def answer_without(self, telegram: Telegram, answer: Answer) -> Line:
+        """An answer of theirs without."""
+        return self._short(telegram, answer)
+
+    # -- Data_Exchange -----------------------------------------------------------------------------------------------
+
+    def _data_exchange(self, telegram: Telegram, now: int) -> Line:
+        cyclic = self._cyclic
+        if self.state is not DpState.DATA_EXCH or telegram.source != cyclic.master:
+            self.dropped[_NOT_HERE] += 1
+            return self._short(telegram, Answer.RS)
+        data = telegram.data
+        wanted = self.user.output_octets
+        parameters = cyclic.parameters
+        fail_safe = (
+            self.options.supports_fail_safe
+            and parameters is not None
+            and bool(parameters.v1[0] & V1Status1.FAIL_SAFE)
+            and not data
+        )
+        if len(data) != wanted and not fail_safe:
+            self._leave(BAD_LENGTH, now)
+            return self._short(telegram, Answer.RS)
+        if not cyclic.exchanged:
+            cyclic.exchanged = True
+            self._events.append(ExchangeBegan(cyclic.master))
+        if fail_safe or cyclic.clear:
+            cyclic.held = bytes(wanted)
+            self.user.clear_outputs(now)
+        elif not cyclic.sync:
+            cyclic.held = data
+            self.user.take_outputs(data, now)
+        else:
+            # they wait for the next Sync
+            cyclic.held = data
+        answer = Answer.DL
+        if self._pending_diagnosis:
+            answer = Answer.DH
+        inputs = self._inputs()
+        if not inputs and answer is Answer.DH:
+            # one octet that means nothing carries the priority (8.3.6)
+            inputs = b"\0"
+        return self._data(telegram, inputs, answer)
+
+    def _inputs(self) -> bytes:
+        return self._cyclic.frozen if self._cyclic.frozen is not None else self.user.inputs()
+
+    # -- diagnosis ---------------------------------------------------------------------------------------------------
+
+    def _diagnosis(self, master: int) -> bytes:
+        cyclic, faults = self._cyclic, self.faults
+        is_error, is_static, extended = self.user.diagnosis()
+        status = StationStatus.ALWAYS_1
+        marks = {
+            StationStatus.STATION_NOT_READY: self.state is not DpState.DATA_EXCH,
+            StationStatus.CFG_FAULT: faults.configuration,
+            StationStatus.EXT_DIAG: is_error,
+            StationStatus.NOT_SUPPORTED: faults.unsupported,
+            StationStatus.PRM_FAULT: faults.parameters,
+            StationStatus.MASTER_LOCK: cyclic.master not in {NO_MASTER, master},
+            StationStatus.PRM_REQ: self.state is DpState.WAIT_PRM,
+            StationStatus.STAT_DIAG: is_static,
+            StationStatus.WD_ON: bool(cyclic.watchdog_ns),
+            StationStatus.FREEZE_MODE: cyclic.freeze,
+            StationStatus.SYNC_MODE: cyclic.sync,
+            StationStatus.EXT_DIAG_OVERFLOW: len(extended) > MOST_DIAGNOSIS - 6,
+        }
+        for bit, is_set in marks.items():
+            status |= bit if is_set else StationStatus(0)
+        if cyclic.master in {master, NO_MASTER}:
+            self._pending_diagnosis = is_static
+        return emit_diagnosis(Diagnosis(status, cyclic.master, self.options.ident, extended[: MOST_DIAGNOSIS - 6]))
+
+    # -- parameters and configuration --------------------------------------------------------------------------------
+
+    def _set_parameters(self, telegram: Telegram, now: int) -> Line:
+        try:
+            parameters = parse_parameters(telegram.data)
+        except DecodeError as exc:
+            self.dropped[exc.reason] += 1
+            return ShortAck()
+        cyclic = self._cyclic
+        if cyclic.master not in {NO_MASTER, telegram.source}:
+            # it belongs to another master, which the diagnosis says (Master_Lock)
+            self.dropped["locked"] += 1
+            return ShortAck()
+        if parameters.status & PrmStatus.UNLOCK_REQ:
+            if cyclic.master != NO_MASTER:
+                self._leave(UNLOCKED, now)
+            return ShortAck()
+        if not parameters.status & PrmStatus.LOCK_REQ:
+            # only the time of the answer changes (8.3.3, table of Lock_Req and Unlock_Req)
+            self._set_min_tsdr(parameters)
+            return ShortAck()
+        wrong = self._parameters_wrong(parameters)
+        if wrong is not None:
+            self._leave(PARAMETERS_WRONG, now, sign=_Sign.NO_PARAMETERS)
+            self.faults.parameters = True
+            self._events.append(ParametersRefused(telegram.source, wrong))
+            return ShortAck()
+        if self.state is DpState.DATA_EXCH:
+            self._leave(PARAMETERS_AGAIN, now)
+        self.faults = _Faults()
+        self._set_min_tsdr(parameters)
+        self._cyclic = _Cyclic(telegram.source, parameters, parameters.watchdog_ns(), now)
+        self._go(_Sign.PARAMETERS)
+        self._events.append(ParametersTaken(telegram.source, parameters))
+        return ShortAck()
+
+    def _parameters_wrong(self, parameters: Parameters) -> str | None:
+        options = self.options
+        if self.refuse_parameters is not None:
+            return self.refuse_parameters
+        if parameters.ident != options.ident:
+            return f"ident number 0x{parameters.ident:04X} instead of 0x{options.ident:04X}"
+        unsupported = (parameters.status & PrmStatus.FREEZE_REQ and not options.supports_freeze) or (
+            parameters.status & PrmStatus.SYNC_REQ and not options.supports_sync
+        )
+        if unsupported:
+            self.faults.unsupported = True
+            return "freeze or sync is not supported"
+        if parameters.status & PrmStatus.WD_ON and 0 in parameters.factors:
+            return "a watchdog with a factor of 0"
+        return self.user.check_parameters(parameters)
+
+    def _set_min_tsdr(self, parameters: Parameters) -> None:
+        if parameters.min_tsdr:
+            self._min_tsdr_bits = max(LEAST_TSDR_BITS, parameters.min_tsdr)
+
+    def _check_configuration(self, telegram: Telegram, now: int) -> Line:
+        if self.state is DpState.WAIT_PRM or telegram.source != self._cyclic.master:
+            self.dropped[_NOT_HERE] += 1
+            return self._short(telegram, Answer.RS)
+        if self.refuse_configuration or not self.user.check_configuration(telegram.data):
+            self._leave(CONFIGURED_WRONG, now, sign=_Sign.NO_CONFIGURATION)
+            self.faults.configuration = True
+            self._events.append(ConfigurationRefused(telegram.source, telegram.data))
+            return ShortAck()
+        self._go(_Sign.CONFIGURATION)
+        return ShortAck()
+
+    def _takes_address(self) -> bool:
+        return self.state is DpState.WAIT_PRM and self.options.address_changes and not self.address_locked
+
+    def _set_address(self, telegram: Telegram) -> Line:
+        try:
+            wanted = parse_set_address(telegram.data)
+        except DecodeError as exc:
+            self.dropped[exc.reason] += 1
+            return ShortAck()
+        if wanted.ident != self.options.ident or wanted.address > 125:
+            self.dropped["wrong-ident"] += 1
+            return ShortAck()
+        self._new_address = wanted.address
+        self.address_locked = wanted.locks
+        self._events.append(AddressSet(wanted.address, wanted.locks))
+        return ShortAck()
+
+    # -- Global_Control ----------------------------------------------------------------------------------------------
+
+    def _without_answer(self, telegram: Telegram, now: int) -> None:
+        if telegram.dsap != Sap.GLOBAL_CONTROL or telegram.ssap != Sap.MASTER:
+            self.dropped[_NOT_HERE] += 1
+            return
+        try:
+            control = parse_global_control(telegram.data)
+        except DecodeError as exc:
+            self.dropped[exc.reason] += 1
+            return
+        cyclic = self._cyclic
+        if self.state is not DpState.DATA_EXCH or telegram.source != cyclic.master or cyclic.parameters is None:
+            return
+        if control.groups and not control.groups & cyclic.parameters.group:
+            return
+        self._alive(telegram.source, now)
+        command = control.command
+        clear = bool(command & Control.CLEAR_DATA)
+        if clear != cyclic.clear:
+            cyclic.clear = clear
+            self._events.append(ClearChanged(clear))
+            if clear:
+                cyclic.held = bytes(self.user.output_octets)
+                self.user.clear_outputs(now)
+        allowed = cyclic.parameters.status
+        if allowed & PrmStatus.SYNC_REQ:
+            if command & Control.UNSYNC:
+                cyclic.sync = False
+            elif command & Control.SYNC:
+                cyclic.sync = True
+            if command & (Control.SYNC | Control.UNSYNC) and cyclic.held is not None and not clear and cyclic.exchanged:
+                self.user.take_outputs(cyclic.held, now)
+        if allowed & PrmStatus.FREEZE_REQ:
+            if command & Control.UNFREEZE:
+                cyclic.freeze, cyclic.frozen = False, None
+            elif command & Control.FREEZE:
+                cyclic.freeze, cyclic.frozen = True, self.user.inputs()
+
+    # -- the state ---------------------------------------------------------------------------------------------------
+
+    def _class_one_open(self, source: int) -> bool:
+        return self.state is DpState.DATA_EXCH and source == self._cyclic.master and self.v1_enabled
+
+    def _go(self, sign: _Sign) -> None:
+        """The only place that changes the state."""
+        following = TRANSITIONS.get((self.state, sign))
+        if following is None:
+            raise InternalError(f"a slave in {self.state.name} got {sign.name}")
+        self.state = following
+
+    def _leave(self, why: str, now: int, *, sign: _Sign = _Sign.LEAVE) -> None:
+        del now
+        cyclic, before = self._cyclic, self.state
+        self._go(sign)
+        self._cyclic = _Cyclic()
+        self._pending_diagnosis = False
+        self.class_one.reset()
+        if before is not DpState.WAIT_PRM:
+            self._events.append(Left(why, before, cyclic.master, cyclic.exchanged))

@@ -1,0 +1,1 @@
+"""Telegrams and the data in them."""

@@ -1,0 +1,324 @@
+"""Data of DP-V0: diagnosis, parameters, configuration, global control, address.
+
+EN 50170 part 2, 8.3; the octets of DPV1 in Set_Prm: guideline 2.082.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum, IntFlag
+from typing import Final
+
+from pnfarm.errors import DecodeError
+
+__all__ = [
+    "MOST_DIAGNOSIS", "NO_MASTER", "Control", "Diagnosis", "DiagnosisBlock", "DpState", "GlobalControl", "Identifier",
+    "Parameters", "PrmStatus", "SetAddress", "StationStatus", "V1Status1", "V1Status2", "emit_diagnosis",
+    "emit_identifiers", "emit_parameters", "parse_diagnosis", "parse_global_control", "parse_identifiers",
+    "parse_parameters", "parse_set_address", "watchdog_factors",
+]  # fmt: skip
+
+#: Master address of a slave that none has parametrised.
+NO_MASTER: Final = 0xFF
+#: Longest diagnosis.
+MOST_DIAGNOSIS: Final = 244
+
+# -- Slave_Diag (8.3.1) -----------------------------------------------------------------------------------------------
+
+
+class StationStatus(IntFlag):
+    """Octets 1 to 3 of a diagnosis, the first one lowest."""
+
+    STATION_NON_EXISTENT = 0x000001
+    STATION_NOT_READY = 0x000002
+    CFG_FAULT = 0x000004
+    EXT_DIAG = 0x000008
+    NOT_SUPPORTED = 0x000010
+    INVALID_SLAVE_RESPONSE = 0x000020
+    PRM_FAULT = 0x000040
+    MASTER_LOCK = 0x000080
+    PRM_REQ = 0x000100
+    STAT_DIAG = 0x000200
+    ALWAYS_1 = 0x000400
+    WD_ON = 0x000800
+    FREEZE_MODE = 0x001000
+    SYNC_MODE = 0x002000
+    DEACTIVATED = 0x008000
+    EXT_DIAG_OVERFLOW = 0x800000
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisBlock:
+    """A block of the extended diagnosis: its first octet says of which kind it is and, but for channels, its length."""
+
+    octets: bytes
+
+    @property
+    def kind(self) -> str:
+        """``device`` (with DP-V1: alarm, status), ``identifier``, ``channel`` or ``revision``."""
+        return ("device", "identifier", "channel", "revision")[self.octets[0] >> 6]
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """``extended``: octets behind the first six, blocks one after the other."""
+
+    status: StationStatus
+    master: int
+    ident: int
+    extended: bytes = b""
+
+    def blocks(self) -> list[DiagnosisBlock]:
+        """The blocks of the extended part; what is cut off ends the list."""
+        found: list[DiagnosisBlock] = []
+        place = 0
+        while place < len(self.extended):
+            head = self.extended[place]
+            length = {2: 3, 3: 1}.get(head >> 6, head & 0x3F)
+            if length == 0 or place + length > len(self.extended):
+                break
+            found.append(DiagnosisBlock(self.extended[place : place + length]))
+            place += length
+        return found
+
+
+def parse_diagnosis(data: bytes) -> Diagnosis:
+    """The answer to Slave_Diag.  Raises :class:`DecodeError`."""
+    if not 6 <= len(data) <= MOST_DIAGNOSIS:
+        raise DecodeError("bad-length", f"a diagnosis of {len(data)} octets")
+    return Diagnosis(
+        StationStatus(int.from_bytes(data[:3], "little")), data[3], int.from_bytes(data[4:6], "big"), data[6:]
+    )
+
+
+def emit_diagnosis(diagnosis: Diagnosis) -> bytes:
+    return (
+        int(diagnosis.status).to_bytes(3, "little")
+        + bytes((diagnosis.master,))
+        + diagnosis.ident.to_bytes(2, "big")
+        + diagnosis.extended
+    )
+
+
+# -- Set_Prm (8.3.3) --------------------------------------------------------------------------------------------------
+
+
+class PrmStatus(IntFlag):
+    """Octet 1."""
+
+    WD_ON = 0x08
+    FREEZE_REQ = 0x10
+    SYNC_REQ = 0x20
+    UNLOCK_REQ = 0x40
+    LOCK_REQ = 0x80
+
+
+class V1Status1(IntFlag):
+    """DPV1_Status_1: octet 8."""
+
+    WD_BASE_1MS = 0x04
+    PUBLISHER = 0x20
+    FAIL_SAFE = 0x40
+    DPV1_ENABLE = 0x80
+
+
+class V1Status2(IntFlag):
+    """DPV1_Status_2: octet 9."""
+
+    CHECK_CFG_MODE = 0x01
+    UPDATE_ALARM = 0x04
+    STATUS_ALARM = 0x08
+    MANUFACTURER_ALARM = 0x10
+    DIAGNOSTIC_ALARM = 0x20
+    PROCESS_ALARM = 0x40
+    PULL_PLUG_ALARM = 0x80
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """``user``: the data behind the first seven octets, the three octets of DPV1 first where the slave has them.
+
+    ``factors``: of the watchdog; ``min_tsdr``: bits, 0 to leave it as it is.
+    """
+
+    status: PrmStatus
+    factors: tuple[int, int]
+    min_tsdr: int
+    ident: int
+    group: int = 0
+    user: bytes = b""
+
+    @property
+    def v1(self) -> tuple[int, int, int]:
+        """DPV1_Status_1 to 3; zero where they are missing."""
+        one, two, three = (self.user[:3] + bytes(3))[:3]
+        return one, two, three
+
+    def watchdog_ns(self) -> int:
+        """Time of the watchdog; 0 without one."""
+        if not self.status & PrmStatus.WD_ON:
+            return 0
+        base = 1_000_000 if self.v1[0] & V1Status1.WD_BASE_1MS else 10_000_000
+        return self.factors[0] * self.factors[1] * base
+
+
+def parse_parameters(data: bytes) -> Parameters:
+    """Raises :class:`DecodeError`."""
+    if not 7 <= len(data) <= 244:
+        raise DecodeError("bad-length", f"Set_Prm of {len(data)} octets")
+    return Parameters(
+        PrmStatus(data[0]), (data[1], data[2]), data[3], int.from_bytes(data[4:6], "big"), data[6], data[7:]
+    )
+
+
+def emit_parameters(parameters: Parameters) -> bytes:
+    one, two = parameters.factors
+    head = bytes((int(parameters.status), one, two, parameters.min_tsdr))
+    return head + parameters.ident.to_bytes(2, "big") + bytes((parameters.group,)) + parameters.user
+
+
+def watchdog_factors(time_ns: int, base_ns: int = 10_000_000) -> tuple[int, int]:
+    """The two factors whose product is the least that reaches this time, with the smaller one first.
+
+    Raises :class:`ValueError` for a time beyond them.
+    """
+    steps = max(1, -(-time_ns // base_ns))
+    found: tuple[int, int, int] | None = None
+    for first in range(1, 256):
+        second = -(-steps // first)
+        if second <= 255 and first <= second and (found is None or first * second < found[0]):
+            found = first * second, first, second
+    if found is None:
+        raise ValueError(f"{time_ns} ns are more than 255 x 255 x {base_ns} ns")
+    return found[1], found[2]
+
+
+# -- Chk_Cfg and Get_Cfg (8.3.5) --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Identifier:
+    """One identifier with its octets; ``inputs`` and ``outputs`` are octets of data, as a master names them."""
+
+    octets: bytes
+    inputs: int
+    outputs: int
+    #: Whether the data are consistent as a whole, not just each unit of them.
+    consistent: bool
+    #: Octets behind the length octets of a special format.
+    specific: bytes = b""
+
+
+def parse_identifiers(data: bytes) -> list[Identifier]:
+    """Raises :class:`DecodeError`."""
+    found: list[Identifier] = []
+    place = 0
+    while place < len(data):
+        head = data[place]
+        if head & 0x30:
+            length = (head & 0x0F) + 1
+            length *= 2 if head & 0x40 else 1
+            kind = head >> 4 & 3
+            found.append(
+                Identifier(
+                    bytes((head,)), length if kind & 1 else 0, length if kind & 2 else 0, consistent=bool(head & 0x80)
+                )
+            )
+            place += 1
+            continue
+        end = place + 1
+        sizes = {"outputs": 0, "inputs": 0}
+        consistent = True
+        for bit, name in ((0x80, "outputs"), (0x40, "inputs")):
+            if head & bit:
+                if end >= len(data):
+                    raise DecodeError("short", "a length octet of an identifier is missing")
+                octet = data[end]
+                sizes[name] = ((octet & 0x3F) + 1) * (2 if octet & 0x40 else 1)
+                consistent = consistent and bool(octet & 0x80)
+                end += 1
+        specific = head & 0x0F
+        if specific == 15:
+            specific = 0
+        if end + specific > len(data):
+            raise DecodeError("short", "manufacturer specific octets of an identifier are missing")
+        found.append(
+            Identifier(
+                data[place : end + specific],
+                sizes["inputs"],
+                sizes["outputs"],
+                consistent,
+                data[end : end + specific],
+            )
+        )
+        place = end + specific
+    return found
+
+
+def emit_identifiers(identifiers: list[Identifier]) -> bytes:
+    return b"".join(one.octets for one in identifiers)
+
+
+# -- Global_Control (8.3.7) -------------------------------------------------------------------------------------------
+
+
+class Control(IntFlag):
+    """Control_Command."""
+
+    CLEAR_DATA = 0x02
+    UNFREEZE = 0x04
+    FREEZE = 0x08
+    UNSYNC = 0x10
+    SYNC = 0x20
+
+
+@dataclass(frozen=True, slots=True)
+class GlobalControl:
+    """``groups``: 0 for all slaves, else a bit for each of eight groups."""
+
+    command: Control
+    groups: int = 0
+
+    def octets(self) -> bytes:
+        return bytes((int(self.command), self.groups))
+
+
+def parse_global_control(data: bytes) -> GlobalControl:
+    """Raises :class:`DecodeError`."""
+    if len(data) != 2:
+        raise DecodeError("bad-length", f"Global_Control of {len(data)} octets")
+    return GlobalControl(Control(data[0]), data[1])
+
+
+# -- Set_Slave_Add (8.3.8) --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class SetAddress:
+    """``locks``: no other change of the address afterwards (No_Add_Chg)."""
+
+    address: int
+    ident: int
+    locks: bool = False
+    remanent: bytes = field(default=b"")
+
+    def octets(self) -> bytes:
+        return (
+            bytes((self.address,)) + self.ident.to_bytes(2, "big") + bytes((0xFF if self.locks else 0,)) + self.remanent
+        )
+
+
+def parse_set_address(data: bytes) -> SetAddress:
+    """Raises :class:`DecodeError`."""
+    if len(data) < 4:
+        raise DecodeError("short", f"Set_Slave_Add of {len(data)} octets")
+    return SetAddress(data[0], int.from_bytes(data[1:3], "big"), bool(data[3]), data[4:])
+
+
+class DpState(IntEnum):
+    """States of a slave (8.2)."""
+
+    POWER_ON = 0
+    WAIT_PRM = 1
+    WAIT_CFG = 2
+    DATA_EXCH = 3

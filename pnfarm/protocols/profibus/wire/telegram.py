@@ -1,0 +1,240 @@
+"""Telegrams of the line (FDL; EN 50170 part 2, 4.7; Moog MSD manual table 9.1).
+
+=====  =======================================================  ==============================
+start  octets                                                   what it is
+=====  =======================================================  ==============================
+0x10   SD1 DA SA FC FCS ED                                      without data
+0x68   SD2 LE LEr SD2 DA SA FC DATA(0..246) FCS ED              data of any length
+0xA2   SD3 DA SA FC DATA(8) FCS ED                              eight octets of data
+0xDC   SD4 DA SA                                                the token
+0xE5   SC                                                       short acknowledgement
+=====  =======================================================  ==============================
+
+LE counts from DA to the last octet of data; FCS is their sum modulo 256.  The highest bit of an address says that an
+access point (SAP) follows as an octet of the data, that of the destination first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from pnfarm.errors import DecodeError
+
+__all__ = [
+    "BROADCAST", "ED", "FCB", "FCV", "LONGEST_DATA", "LONGEST_TELEGRAM", "REQUEST", "SC", "SD1", "SD2", "SD3", "SD4",
+    "Answer", "Line", "Request", "Sap", "ShortAck", "Station", "Telegram", "Token", "checksum", "emit_telegram",
+    "parse_telegram", "telegram_length",
+]  # fmt: skip
+
+SD1: Final = 0x10
+SD2: Final = 0x68
+SD3: Final = 0xA2
+SD4: Final = 0xDC
+SC: Final = 0xE5
+ED: Final = 0x16
+#: All stations; no answer follows.
+BROADCAST: Final = 127
+#: Data with access points: LE has room for 249 octets, three of which are DA, SA and FC.
+LONGEST_DATA: Final = 246
+#: SD2, LE, LEr, SD2, 249 octets, FCS, ED.
+LONGEST_TELEGRAM: Final = 255
+_EXTENDED: Final = 0x80
+_FIXED: Final = 8
+
+# Bits of FC of a request.
+REQUEST: Final = 0x40
+FCB: Final = 0x20
+FCV: Final = 0x10
+
+
+class Request(IntEnum):
+    """Function of a request: the lower four bits of FC (4.7.1.2, table 3a)."""
+
+    SDA_LOW = 0x3
+    SDN_LOW = 0x4
+    SDA_HIGH = 0x5
+    SDN_HIGH = 0x6
+    DIAGNOSIS = 0x7
+    FDL_STATUS = 0x9
+    SRD_LOW = 0xC
+    SRD_HIGH = 0xD
+    IDENT = 0xE
+    LSAP_STATUS = 0xF
+
+
+class Answer(IntEnum):
+    """Function of an answer: the lower four bits of FC (table 3b)."""
+
+    OK = 0x0
+    UE = 0x1  # user error
+    RR = 0x2  # no resource
+    RS = 0x3  # no service activated
+    DL = 0x8  # data, low priority
+    NR = 0x9  # no data
+    DH = 0xA  # data, high priority
+    RDL = 0xC  # data low, no resource
+    RDH = 0xD  # data high, no resource
+
+
+class Station(IntEnum):
+    """Bits 4 and 5 of FC of an answer."""
+
+    SLAVE = 0x00
+    MASTER_NOT_READY = 0x10
+    MASTER_READY = 0x20
+    MASTER_IN_RING = 0x30
+
+
+class Sap(IntEnum):
+    """Access points of DP (8.3) and of its extensions (guideline 2.082); Data_Exchange has none."""
+
+    SET_SLAVE_ADDRESS = 55
+    READ_INPUTS = 56
+    READ_OUTPUTS = 57
+    GLOBAL_CONTROL = 58
+    GET_CONFIGURATION = 59
+    SLAVE_DIAGNOSIS = 60
+    SET_PARAMETERS = 61
+    CHECK_CONFIGURATION = 62
+    #: That of the master in all requests above.
+    MASTER = 62
+    #: Reading and writing within the cyclic connection, on both sides; alarms would have 50.
+    MSAC1 = 51
+    MSAC1_ALARM = 50
+    #: The slave's resource manager, and the master of class 2.
+    RESOURCE_MANAGER = 49
+    MASTER_2 = 50
+
+
+@dataclass(frozen=True, slots=True)
+class Telegram:
+    """SD1, SD2 or SD3; ``function`` is FC, ``data`` is without access points."""
+
+    destination: int
+    source: int
+    function: int
+    dsap: int | None = None
+    ssap: int | None = None
+    data: bytes = b""
+
+    @property
+    def is_request(self) -> bool:
+        return bool(self.function & REQUEST)
+
+    @property
+    def code(self) -> int:
+        """The function itself, without the bits above it."""
+        return self.function & 0x0F
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """The right to send."""
+
+    destination: int
+    source: int
+
+
+@dataclass(frozen=True, slots=True)
+class ShortAck:
+    """Done, without data."""
+
+
+#: Whatever is one telegram of the line.
+Line = Telegram | Token | ShortAck
+
+
+def checksum(octets: bytes | memoryview) -> int:
+    """FCS of DA to the last octet of data."""
+    return sum(octets) & 0xFF
+
+
+def telegram_length(begin: bytes | bytearray | memoryview) -> int | None:
+    """Octets of the telegram that begins here, None where they are too few to say.
+
+    Raises :class:`DecodeError` where none begins.
+    """
+    if not begin:
+        return None
+    match begin[0]:
+        case 0x10:
+            return 6
+        case 0xA2:
+            return 14
+        case 0xDC:
+            return 3
+        case 0xE5:
+            return 1
+        case 0x68:
+            if len(begin) < 4:
+                if len(begin) > 1 and not 4 <= begin[1] <= 249:
+                    raise DecodeError("bad-length", f"LE is {begin[1]}")
+                return None
+            if begin[1] != begin[2] or begin[3] != SD2 or not 4 <= begin[1] <= 249:
+                raise DecodeError("bad-length", f"LE {begin[1]}, LEr {begin[2]}")
+            return begin[1] + 6
+        case other:
+            raise DecodeError("no-delimiter", f"0x{other:02x} begins no telegram")
+
+
+def parse_telegram(octets: bytes) -> Line:
+    """One whole telegram.  Raises :class:`DecodeError`."""
+    length = telegram_length(octets)
+    if length is None or len(octets) < length:
+        raise DecodeError("short", f"{len(octets)} octets")
+    if len(octets) > length:
+        raise DecodeError("long", f"{len(octets)} octets for a telegram of {length}")
+    start = octets[0]
+    if start == SC:
+        return ShortAck()
+    if start == SD4:
+        return Token(octets[1] & 0x7F, octets[2] & 0x7F)
+    if octets[-1] != ED:
+        raise DecodeError("no-end", f"0x{octets[-1]:02x} instead of 0x16")
+    body = octets[4:-2] if start == SD2 else octets[1:-2]
+    if checksum(body) != octets[-2]:
+        raise DecodeError("bad-fcs", f"0x{octets[-2]:02x} instead of 0x{checksum(body):02x}")
+    destination, source, function, data = body[0], body[1], body[2], body[3:]
+    dsap = ssap = None
+    if destination & _EXTENDED:
+        dsap, data = _access_point(data)
+    if source & _EXTENDED:
+        ssap, data = _access_point(data)
+    return Telegram(destination & 0x7F, source & 0x7F, function, dsap, ssap, data)
+
+
+def _access_point(data: bytes) -> tuple[int, bytes]:
+    if not data:
+        raise DecodeError("short", "an access point is announced and missing")
+    return data[0], data[1:]
+
+
+def emit_telegram(telegram: Line) -> bytes:
+    """As SD1 without data, SD3 with eight octets of it, else SD2.  Raises :class:`ValueError` for too much data."""
+    match telegram:
+        case ShortAck():
+            return bytes((SC,))
+        case Token(destination, source):
+            return bytes((SD4, destination, source))
+    points = bytes(sap for sap in (telegram.dsap, telegram.ssap) if sap is not None)
+    data = points + telegram.data
+    body = (
+        bytes(
+            (
+                telegram.destination | (_EXTENDED if telegram.dsap is not None else 0),
+                telegram.source | (_EXTENDED if telegram.ssap is not None else 0),
+                telegram.function,
+            )
+        )
+        + data
+    )
+    if len(data) > LONGEST_DATA:
+        raise ValueError(f"{len(data)} octets of data; a telegram has at most {LONGEST_DATA}")
+    end = bytes((checksum(body), ED))
+    if not data:
+        return bytes((SD1,)) + body + end
+    if len(data) == _FIXED:
+        return bytes((SD3,)) + body + end
+    return bytes((SD2, len(body), len(body), SD2)) + body + end

@@ -1,0 +1,208 @@
+"""A master and its slaves: start-up, loss and return, watchdogs, diagnosis, control, records."""
+
+from __future__ import annotations
+
+import pytest
+from dp_line import IDENT, MS, DpLine
+
+from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, SlaveState
+from pnfarm.protocols.profibus.record_request import RecordRequest
+from pnfarm.protocols.profibus.slave_user import ExchangeBegan, Left, ParametersTaken
+from pnfarm.protocols.profibus.wire.dp import Control, DpState, StationStatus
+from pnfarm.protocols.profibus.wire.telegram import ShortAck, parse_telegram
+
+
+@pytest.mark.parametrize("count", [1, 8, 32])
+def test_slaves_come_into_data_exchange_and_are_polled(count):
+    line = DpLine(count)
+    assert line.run(1.0, until=lambda: line.exchanging)
+    line.master.station("s0").outputs = b"\x04\x7f" + bytes(10)
+    line.run(0.1)
+    assert line.drives[0].outputs[-1] == b"\x04\x7f" + bytes(10)
+    assert all(station.inputs == bytes(range(12)) for station in line.master.stations)
+    assert [type(event) for event in line.events] == [ConnectionMade] * count
+    kinds = [type(event) for event in line.slaves[0].take_events()]
+    assert ParametersTaken in kinds
+    assert ExchangeBegan in kinds
+
+
+def test_a_cycle_takes_the_time_that_was_asked_for_where_the_line_permits_it():
+    line = DpLine(1, cycle_ns=5 * MS)
+    line.run(0.2)
+    polls = line.master.stations[0].polls
+    line.run(1.0)
+    assert line.master.stations[0].polls - polls == pytest.approx(200, abs=2)
+    fast = DpLine(32, cycle_ns=100_000)
+    fast.run(1.0, until=lambda: fast.exchanging)
+    fast.run(1.0)
+    # 21 octets and 21 back at 1.5 Mbit/s, the pauses between: some 0.37 ms for each slave
+    assert fast.master.cycle_ns == pytest.approx(32 * 370_000, rel=0.2)
+
+
+def test_a_slave_that_falls_silent_is_lost_and_comes_back():
+    line = DpLine(2)
+    line.run(1.0, until=lambda: line.exchanging)
+    cut = [True]
+
+    def lose(who, octets):
+        """The plug of the first slave is out."""
+        telegram = parse_telegram(octets)
+        mine = isinstance(telegram, ShortAck) or 3 in {telegram.destination, telegram.source}
+        return None if cut[0] and mine else octets
+
+    line.lose = lose
+    assert line.run(1.0, until=lambda: line.master.stations[0].state is SlaveState.WAITING)
+    assert line.master.stations[0].reason == "no answer"
+    assert line.master.counts["retries"] >= 1
+    # it hears the master no more, so its watchdog runs out, and its outputs are taken back
+    assert line.run(1.0, until=lambda: line.slaves[0].state is DpState.WAIT_PRM)
+    left = [event for event in line.slaves[0].take_events() if isinstance(event, Left)]
+    assert (left[0].why, left[0].before, left[0].exchanged) == ("watchdog", DpState.DATA_EXCH, True)
+    assert line.master.stations[1].exchanging
+    cut[0] = False
+    assert line.run(2.0, until=lambda: line.exchanging)
+    assert line.master.stations[0].connects == 2
+    assert line.master.stations[1].connects == 1
+
+
+def test_one_lost_answer_is_repeated_with_the_same_fcb_and_counts_once_for_the_slave():
+    line = DpLine(1)
+    line.run(1.0, until=lambda: line.exchanging)
+    lost = []
+
+    def lose(who, octets):
+        if who == "slave" and not lost:
+            lost.append(octets)
+            return None
+        return octets
+
+    before = len(line.drives[0].outputs)
+    polls = line.master.stations[0].polls
+    line.lose = lose
+    line.run(0.1)
+    assert lost
+    assert line.slaves[0].repeated == 1
+    assert line.master.stations[0].retries == 1
+    assert len(line.drives[0].outputs) - before == line.master.stations[0].polls - polls, "taken once"
+    assert line.exchanging
+
+
+@pytest.mark.parametrize(("factors", "base", "milliseconds"), [((10, 1), 0, 100), ((5, 7), 4, 35), ((0, 0), 0, None)])
+def test_the_watchdog_has_the_time_of_its_factors(factors, base, milliseconds):
+    line = DpLine(1, watchdog=factors if milliseconds else None)
+    line.plans[0] = line.master.stations[0].plan
+    object.__setattr__(line.master.stations[0].plan, "user", bytes((0x80 | base, 0, 0)))
+    line.run(1.0, until=lambda: line.exchanging)
+    slave = line.slaves[0]
+    assert slave.watchdog_ns == (milliseconds or 0) * MS
+    slave.take_events()
+    quiet = line.now
+    line.lose = lambda who, octets: None if who == "master" else octets
+    line.run(2.0, until=lambda: slave.state is not DpState.DATA_EXCH)
+    if milliseconds is None:
+        assert slave.state is DpState.DATA_EXCH
+    else:
+        assert line.now - quiet == pytest.approx(milliseconds * MS, abs=3 * MS)
+
+
+def test_what_does_not_fit_is_said_by_the_diagnosis_and_tried_again():
+    line = DpLine(1)
+    line.slaves[0].options.ident = IDENT + 1
+    line.run(0.5)
+    assert "ident number 0x0BAE instead of 0x0BAD" in line.master.stations[0].reason
+    line.slaves[0].options.ident = IDENT
+    line.slaves[0].refuse_parameters = "no"
+    line.run(0.5)
+    assert "Prm_Fault" in line.master.stations[0].reason
+    line.slaves[0].refuse_parameters = None
+    line.slaves[0].refuse_configuration = True
+    line.run(0.5)
+    assert "Cfg_Fault" in line.master.stations[0].reason
+    line.slaves[0].refuse_configuration = False
+    assert line.run(1.0, until=lambda: line.exchanging)
+    assert sum(isinstance(event, ConnectionMissed) for event in line.events) == 3, "each reason once"
+
+
+def test_a_diagnosis_in_data_exchange_is_fetched_once_and_a_static_one_again_and_again():
+    line = DpLine(1)
+    line.run(1.0, until=lambda: line.exchanging)
+    drive, slave = line.drives[0], line.slaves[0]
+    drive.error, drive.extended = True, bytes((4, 0x81, 0, 0))
+    slave.diagnosis_changed()
+    line.run(0.2)
+    read = [event for event in line.events if isinstance(event, DiagnosisRead)]
+    assert len(read) == 1
+    assert read[0].diagnosis.status & StationStatus.EXT_DIAG
+    assert read[0].diagnosis.extended == drive.extended
+    assert line.exchanging
+    drive.static = True
+    slave.diagnosis_changed()
+    line.run(0.1)
+    assert sum(isinstance(event, DiagnosisRead) for event in line.events) > 5
+    drive.static = False
+    line.run(0.1)
+    count = len(line.events)
+    line.run(0.1)
+    assert len(line.events) == count
+
+
+def test_clear_makes_outputs_zero_until_operate():
+    line = DpLine(2)
+    line.run(1.0, until=lambda: line.exchanging)
+    line.master.control(Control.CLEAR_DATA)
+    line.run(0.05)
+    assert all(slave.clear for slave in line.slaves)
+    taken = len(line.drives[0].outputs)
+    line.run(0.05)
+    assert len(line.drives[0].outputs) == taken
+    assert line.drives[0].cleared > 5
+    line.master.control(Control(0))
+    line.run(0.05)
+    assert not any(slave.clear for slave in line.slaves)
+    assert len(line.drives[0].outputs) > taken
+
+
+@pytest.mark.parametrize("access", ["class-1", "class-2"])
+def test_records_are_written_and_read_back_while_data_are_exchanged(access):
+    line = DpLine(2, access=access)
+    line.run(1.0, until=lambda: line.exchanging)
+    data = bytes(range(100))
+    write, read = RecordRequest.write(0, 47, data), RecordRequest.read(0, 47, 240)
+    line.drives[0].ready_ns = line.now + 20 * MS
+    line.master.ask("s0", write, line.now)
+    line.master.ask("s0", read, line.now)
+    assert line.run(1.0, until=lambda: write.done and read.done)
+    assert (write.ok, read.ok, read.data) == (True, True, data)
+    assert line.exchanging
+    assert line.slaves[0].class_two.open == ([] if access == "class-1" else [(1, 0)])
+    line.drives[0].refuse = (0xB0, 1)
+    again = RecordRequest.read(0, 48, 10)
+    line.master.ask("s0", again, line.now)
+    assert line.run(1.0, until=lambda: again.done)
+    assert again.refused == (0xB0, 1)
+    # a quiet connection of class 2 is kept alive by idle telegrams
+    line.run(5.0)
+    assert line.slaves[0].class_two.open == ([] if access == "class-1" else [(1, 0)])
+
+
+def test_a_connection_of_a_lost_master_ends_by_time():
+    line = DpLine(1)
+    line.run(1.0, until=lambda: line.exchanging)
+    read = RecordRequest.read(0, 47, 10)
+    line.master.ask("s0", read, line.now)
+    line.run(1.0, until=lambda: read.done)
+    assert line.slaves[0].class_two.open
+    line.lose = lambda who, octets: None
+    line.run(10.0)
+    assert not line.slaves[0].class_two.open
+    assert line.drives[0].gone.count(1) == 1
+
+
+def test_released_slaves_wait_for_parameters():
+    line = DpLine(3)
+    line.run(1.0, until=lambda: line.exchanging)
+    line.master.release(line.now)
+    assert line.run(0.5, until=lambda: line.master.all_stopped)
+    assert {slave.state for slave in line.slaves} == {DpState.WAIT_PRM}
+    left = [event for event in line.slaves[0].take_events() if isinstance(event, Left)]
+    assert left[-1].why == "unlocked"
