@@ -418,6 +418,11 @@ def _station_macs(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     return _fill(b"".join(drive.network.macs)[: parameter.elements], parameter)
 
 
+def _line_rate(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    """P-0963: the rate of a serial line, by its code."""
+    return [drive.network.line_rate]
+
+
 _Function = Callable[["DriveView", Parameter], Sequence[int]]
 
 
@@ -469,6 +474,7 @@ COMPUTED: dict[str, _Function] = {
     "station-name": _station_name,
     "name-of-station": _name_of_station,
     "station-ip": _station_ip,
+    "line-rate": _line_rate,
     "station-mask": _station_mask,
     "station-gateway": _station_gateway,
     "station-macs": _station_macs,

@@ -149,6 +149,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 "falls_back": list(telegram.falls_back),
                 **_module_json(telegram.module),
                 "other_modules": _others_json(telegram),
+                "identifiers": telegram.identifiers.hex(" ") or None,
                 "output": [signal.name if signal else None for signal in telegram.output],
                 "input": [signal.name if signal else None for signal in telegram.input],
                 "source": telegram.source,

@@ -28,6 +28,11 @@ class Network(Protocol):
         """MAC address of the station, then of each port."""
         ...
 
+    @property
+    def line_rate(self) -> int:
+        """Code of a serial line's rate in the drive's parameter, 0 without one."""
+        ...
+
     def allows(self, name: str) -> bool:
         """Whether a station may have this name."""
         ...
@@ -42,6 +47,7 @@ class NoNetwork:
     mask: int = 0
     gateway: int = 0
     macs: tuple[bytes, ...] = ()
+    line_rate: int = 0
 
     def allows(self, name: str) -> bool:
         """Any."""

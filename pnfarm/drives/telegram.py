@@ -132,6 +132,7 @@ class Telegram:
     ``tasks`` is how it selects traversing tasks (``TASKS_*`` of the axis).
     ``pulses_enabled`` is the bit of ZSW2 for enabled pulses in this telegram, None without one.
     ``falls_back`` names set points whose parameter applies while the telegram's word is 0.
+    ``identifiers`` are the octets by which a master configures it, empty on a bus without.
     """
 
     number: int
@@ -151,6 +152,7 @@ class Telegram:
     parameter_words: int = 0
     settings: Mapping[int, int] = field(default_factory=dict)
     falls_back: tuple[str, ...] = ()
+    identifiers: bytes = b""
 
     @property
     def modules(self) -> tuple[Module, ...]:

@@ -135,7 +135,17 @@ def _telegram(
         tasks=_tasks(table),
         pulses_enabled=_choice(table, "pulses_enabled", range(12)),
         falls_back=_falls_back(table),
+        identifiers=_identifiers(table),
     )
+
+
+def _identifiers(table: Table) -> bytes:
+    """Identifiers of its modules, in hexadecimal; empty on a bus without."""
+    text = table.get("identifiers", "")
+    try:
+        return bytes.fromhex(text)
+    except (TypeError, ValueError):
+        raise ConfigError(f"{table.where('identifiers')}: {text!r} are no octets in hexadecimal") from None
 
 
 def _choice(table: Table, key: str, allowed: range) -> int | None:
@@ -237,6 +247,9 @@ def read_telegrams(
         _check_stored(signal, tables[number], parameters)
     by_name = {signal.name: signal for signal in signals.values()}
     places = joined_tables(files, FILE, "telegram", "number")
+    # the product may have telegrams that a bus lacks
+    known = frozenset(places)
+    places = {number: table for number, table in places.items() if "absent" not in table}
     telegrams = {number: _telegram(table, by_name, layout, numbers) for number, table in sorted(places.items())}
     _check_settings(telegrams, places, parameters)
     owners: dict[int, int] = {}
@@ -251,4 +264,4 @@ def read_telegrams(
         for path, data in files.tomls(FILE)
         for index, table in enumerate(data.get("bits", ()), 1)
     ]
-    return signals, telegrams, read_bits(bits, by_name, telegrams)
+    return signals, telegrams, read_bits(bits, by_name, known)

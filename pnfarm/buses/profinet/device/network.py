@@ -35,5 +35,9 @@ class StationNetwork:
     def gateway(self) -> int:
         return int(self._dcp.gateway) if self._dcp.gateway is not None else 0
 
+    @property
+    def line_rate(self) -> int:
+        return 0
+
     def allows(self, name: str) -> bool:
         return not name or check_station_name(name) is None
