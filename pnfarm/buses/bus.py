@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
+    from collections import Counter
     from collections.abc import Callable, Iterable, Mapping, Sequence
     from ipaddress import IPv4Address
     from pathlib import Path
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
     from pnfarm.terminal.command import Command
 
 __all__ = [
-    "Bus", "DeviceServices", "InjectionHost", "RouteHost", "Segment", "SocketBus", "SpeakingBus", "kinds_here",
-    "uses_sockets",
+    "Bus", "DeviceServices", "InjectionHost", "LineBus", "LineSplitter", "RouteHost", "Segment", "SocketBus",
+    "SpeakingBus", "kinds_here", "line_of", "uses_sockets",
 ]  # fmt: skip
 
 
@@ -210,6 +211,42 @@ class SocketBus(Protocol):
         ...
 
 
+class LineSplitter(Protocol):
+    """From the octets of a serial line to what its stations receive: whole telegrams."""
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """What was none, by reason."""
+        ...
+
+    def split(self, octets: bytes, now: int) -> list[bytes]:
+        """The telegrams that are whole now."""
+        ...
+
+    def next_deadline(self) -> int | None:
+        """When an incomplete telegram is given up."""
+        ...
+
+    def handle_timeout(self, now: int) -> list[bytes]:
+        """Give it up; telegrams that it hid."""
+        ...
+
+
+@runtime_checkable
+class LineBus(Protocol):
+    """What a bus says besides if its stations share one serial line; one without this has a network.
+
+    Such stations have no hardware address; a frame is a telegram, and each of them hears all.
+    """
+
+    @property
+    def uses_line(self) -> bool: ...
+
+    def splitter(self, baud: int) -> LineSplitter:
+        """For one end of a line of this rate, bit/s."""
+        ...
+
+
 @runtime_checkable
 class SpeakingBus(Protocol):
     """What a bus says besides about kinds of injections that are not its own; one without this says nothing."""
@@ -222,6 +259,11 @@ class SpeakingBus(Protocol):
 def kinds_here(bus: Bus) -> Mapping[str, KindOnBus]:
     """What a bus says about kinds of injections."""
     return bus.kinds_here() if isinstance(bus, SpeakingBus) else {}
+
+
+def line_of(bus: Bus) -> str:
+    """The name of the serial line that the stations of a bus share, empty for a network."""
+    return bus.name if isinstance(bus, LineBus) and bus.uses_line else ""
 
 
 def uses_sockets(bus: Bus) -> bool:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.bus import kinds_here
 from pnfarm.buses.ethernetip.bus import ETHERNETIP
+from pnfarm.buses.profibus.bus import PROFIBUS
 from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.buses.search import SearchBus
 from pnfarm.captures.families import filters_of
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_filters", "registered", "searches"]
 
-_buses: dict[str, Bus] = {PROFINET.name: PROFINET, ETHERNETIP.name: ETHERNETIP}
+_buses: dict[str, Bus] = {one.name: one for one in (PROFINET, ETHERNETIP, PROFIBUS)}
 #: By name.
 BUSES: Mapping[str, Bus] = MappingProxyType(_buses)
 

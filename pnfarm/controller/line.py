@@ -6,7 +6,9 @@ import asyncio
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.bus import line_of
 from pnfarm.buses.controller import ControllerHost
+from pnfarm.buses.registry import bus
 from pnfarm.config.ip import IpController
 from pnfarm.controller.group import Controllers
 from pnfarm.controller.plan import plan_controllers
@@ -85,7 +87,7 @@ async def join_controllers(
     for one in planned:
         link = world.link()
         links.append(link)
-        ports += await link.open([PortSpec(one.section.name, one.mac or b"")])
+        ports += await link.open([PortSpec(one.section.name, one.mac or b"", line=line_of(one.bus))])
     controllers = Controllers(
         planned,
         [
@@ -182,7 +184,9 @@ class VirtualLine:
             comment = f"pnfarm farm {config.farm or 'farm'}"
             whole = PcapLink(link, pcap, clock=world.clock, epoch_ns=epoch_ns, comment=comment, sink=frames)
             world.watch(whole.record)
-        ports = await whole.open([PortSpec(drive.name, drive.mac) for drive in drives])
+        ports = await whole.open(
+            [PortSpec(drive.name, drive.mac, line=line_of(bus(model_of(drive).bus))) for drive in drives]
+        )
         farm = FarmCore(
             config.farm or "farm",
             drives,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import anyio
 
-from pnfarm.buses.bus import uses_sockets
+from pnfarm.buses.bus import line_of, uses_sockets
 from pnfarm.buses.registry import bus, fault_kinds
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import MacvlanLink as MacvlanSection
@@ -232,7 +232,8 @@ class Farm:
 
     @staticmethod
     def _port_of(drive: DriveConfig) -> PortSpec:
-        return PortSpec(drive.name, drive.mac, kernel=uses_sockets(bus(model_by_name(drive.model).bus)))
+        its = bus(model_by_name(drive.model).bus)
+        return PortSpec(drive.name, drive.mac, kernel=uses_sockets(its), line=line_of(its))
 
     async def _make_driver(self, core: FarmCore, ports: Sequence[Port]) -> int:
         """What lets time pass; returns the farm's time at its start."""

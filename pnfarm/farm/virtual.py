@@ -68,9 +68,9 @@ class VirtualWorld:
         """Nanoseconds."""
         return self.clock.now
 
-    def link(self) -> MemoryLink:
-        """A link on this world's switch."""
-        return MemoryLink(self.switch, self.clock)
+    def link(self, *, baud: int = 0) -> MemoryLink:
+        """A link on this world's switch; ``baud``: of serial lines that begin with its ports."""
+        return MemoryLink(self.switch, self.clock, baud=baud)
 
     def join(self, node: Node, ports: Sequence[Port]) -> None:
         """Put a node into the world; the first is the farm, the others its controllers.

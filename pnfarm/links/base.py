@@ -51,20 +51,27 @@ class PortSpec:
     """A requested port.  ``mac`` has 6 octets; an :class:`~pnfarm.links.interface.InterfaceLink` ignores it.
 
     ``kernel``: the station has sockets of the kernel's, which answers for its address; else it is kept silent there.
+    ``line``: the serial line that it shares with all stations of that name, where its bus is one; it then has no
+    address.
     """
 
     station: str
     mac: bytes
     kernel: bool = False
+    line: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Port:
-    """One attachment of a station.  ``index`` is the kernel's interface index, or the port number in memory."""
+    """One attachment of a station.  ``index`` is the kernel's interface index, or the port number in memory.
+
+    ``baud``: the rate of its serial line, 0 for a network.
+    """
 
     name: str
     index: int
     mac: bytes
+    baud: int = 0
 
 
 @dataclass(slots=True)

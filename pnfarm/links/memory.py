@@ -31,16 +31,53 @@ Audience: TypeAlias = "Callable[[bytes], Collection[int] | None]"
 MAX_DELIVERIES = 1_000_000
 
 
+#: Rate of a line in memory where nothing says another one, bit/s.
+USUAL_BAUD = 1_500_000
+
+
 class _Socket:
-    """One port's side of the switch."""
+    """One port's side of the switch; ``line`` is the name of its serial line, empty for a network."""
 
-    __slots__ = ("carrier", "counters", "mac", "receiver")
+    __slots__ = ("carrier", "counters", "line", "mac", "receiver")
 
-    def __init__(self, mac: bytes, counters: LinkCounters) -> None:
+    def __init__(self, mac: bytes, counters: LinkCounters, line: str = "") -> None:
         self.mac = mac
+        self.line = line
         self.counters = counters
         self.receiver: Receiver | None = None
         self.carrier = True
+
+
+class _Line:
+    """A serial line: one medium, on which octets take their time and everybody hears everything."""
+
+    #: Start bit, eight of data, parity, stop bit; between the octets of two stations, the line turns around.
+    BITS, TURN_BITS = 11, 11
+
+    def __init__(self, baud: int) -> None:
+        self.baud = baud
+        self.under_way: deque[tuple[int, int, bytes]] = deque()
+        self._free_ns = 0
+        self._last = 0
+
+    def send(self, port: int, octets: bytes, now: int) -> None:
+        """Put octets on the line.  While others are on it, both are garbled."""
+        begin = now
+        if now < self._free_ns and self.under_way:
+            due, other, garbled = self.under_way.pop()
+            self.under_way.append((due, other, _garbled(garbled)))
+            octets = _garbled(octets)
+        elif self._last not in {0, port}:
+            # an answer begins no sooner than that behind its request
+            begin = max(now, self._free_ns + self.TURN_BITS * 1_000_000_000 // self.baud)
+        end = max(self._free_ns, begin + len(octets) * self.BITS * 1_000_000_000 // self.baud)
+        self._free_ns, self._last = end, port
+        self.under_way.append((end, port, octets))
+
+
+def _garbled(octets: bytes) -> bytes:
+    """What is heard where two speak."""
+    return bytes(octet ^ 0x55 for octet in octets)
 
 
 class MemorySwitch:
@@ -57,20 +94,34 @@ class MemorySwitch:
         #: How often a port has changed its address.
         self.moves = 0
         self._under_way: deque[tuple[int, int, bytes | Callable[[int], None]]] = deque()
+        self._lines: dict[str, _Line] = {}
         #: Streams and datagrams of stations with addresses of their own.
         self.network = MemoryNetwork(self._post, self._plugged, self.mac_of, self.join, self.leave)
         #: Multicast groups that ports have joined, for what passes frames by address.
         self.groups: list[tuple[bytes, int]] = []
 
     def attach(
-        self, mac: bytes, receiver: Receiver | None = None, *, name: str = "", counters: LinkCounters | None = None
+        self,
+        mac: bytes,
+        receiver: Receiver | None = None,
+        *,
+        name: str = "",
+        counters: LinkCounters | None = None,
+        line: str = "",
+        baud: int = 0,
     ) -> Port:
-        """A new port.  ``counters`` are shared by the ports of one link, and say that they are of one link."""
+        """A new port.  ``counters`` are shared by the ports of one link, and say that they are of one link.
+
+        ``line``: it is on the serial line of that name, whose rate is that of its first port that gives a ``baud``.
+        """
         index = self._next_index
         self._next_index += 1
-        socket = _Socket(mac, counters if counters is not None else LinkCounters())
+        socket = _Socket(mac, counters if counters is not None else LinkCounters(), line)
         socket.receiver = receiver
         self._sockets[index] = socket
+        if line:
+            made = self._lines.setdefault(line, _Line(baud or USUAL_BAUD))
+            return Port(name or f"memory-{index}", index, mac, made.baud)
         self._by_mac.setdefault(mac, []).append(index)
         return Port(name or f"memory-{index}", index, mac)
 
@@ -78,7 +129,7 @@ class MemorySwitch:
         """Take a port away; frames on their way to it are lost."""
         socket = self._sockets.pop(port_index, None)
         self.groups = [(group, index) for group, index in self.groups if index != port_index]
-        if socket is not None:
+        if socket is not None and not socket.line:
             self._by_mac[socket.mac].remove(port_index)
 
     def set_receiver(self, port_index: int, receiver: Receiver) -> None:
@@ -135,18 +186,24 @@ class MemorySwitch:
             socket.counters.dropped["cable-pulled"] += 1
             return
         socket.counters.sent += 1
+        if socket.line:
+            self._lines[socket.line].send(port_index, bytes(frame), now)
+            return
         self._under_way.append((now + self._latency_ns, port_index, bytes(frame)))
 
     def next_deadline(self) -> int | None:
         """When the oldest frame on its way is due."""
-        return self._under_way[0][0] if self._under_way else None
+        due = [line.under_way[0][0] for line in self._lines.values() if line.under_way]
+        if self._under_way:
+            due.append(self._under_way[0][0])
+        return min(due, default=None)
 
     def deliver(self, now: int) -> int:
         """Hand over every frame that is due; returns how many were handed to a port.
 
         Raises :class:`~pnfarm.errors.InternalError` when stations keep answering each other within one instant.
         """
-        delivered = 0
+        delivered = sum(self._deliver_line(name, line, now) for name, line in self._lines.items())
         for _ in range(MAX_DELIVERIES):
             if not self._under_way or self._under_way[0][0] > now:
                 return delivered
@@ -176,6 +233,23 @@ class MemorySwitch:
             f"stations exchanged {MAX_DELIVERIES} frames in one instant: do two of them answer each other endlessly?"
         )
 
+    def _deliver_line(self, name: str, line: _Line, now: int) -> int:
+        """Hand what has left a line to everybody else on it."""
+        delivered = 0
+        while line.under_way and line.under_way[0][0] <= now:
+            due, source, octets = line.under_way.popleft()
+            for index, socket in list(self._sockets.items()):
+                if socket.line != name or index == source or index not in self._sockets:
+                    continue
+                if not socket.carrier:
+                    socket.counters.dropped["cable-pulled"] += 1
+                    continue
+                socket.counters.received += 1
+                delivered += 1
+                if socket.receiver is not None:
+                    socket.receiver(index, octets, due)
+        return delivered
+
     def set_audience(self, ports: Collection[int], audience: Audience | None) -> None:
         """Ask ``audience`` which of ``ports`` a group-addressed frame goes to; None: to all of them again."""
         self._audiences = [(of, ask) for of, ask in self._audiences if of.isdisjoint(ports)]
@@ -199,12 +273,16 @@ class MemorySwitch:
 
 
 class MemoryLink:
-    """The ports of one farm (or of one controller) on a switch.  ``clock`` is the virtual time at which it sends."""
+    """The ports of one farm (or of one controller) on a switch.  ``clock`` is the virtual time at which it sends.
+
+    ``baud`` is the rate of serial lines that begin with its ports.
+    """
 
     kind = "memory"
 
-    def __init__(self, switch: MemorySwitch, clock: Clock) -> None:
+    def __init__(self, switch: MemorySwitch, clock: Clock, *, baud: int = 0) -> None:
         self._switch = switch
+        self._baud = baud
         self._clock = clock
         self._counters = LinkCounters()
         self._receiver: Receiver | None = None
@@ -219,7 +297,10 @@ class MemoryLink:
         if self._indexes:
             raise InternalError("this memory link is already open")
         ports = [
-            self._switch.attach(spec.mac, self._receive, name=spec.station, counters=self._counters) for spec in wanted
+            self._switch.attach(
+                spec.mac, self._receive, name=spec.station, counters=self._counters, line=spec.line, baud=self._baud
+            )
+            for spec in wanted
         ]
         self._indexes = {port.index for port in ports}
         return ports

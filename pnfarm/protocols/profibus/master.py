@@ -38,6 +38,8 @@ from pnfarm.protocols.profibus.wire.telegram import (
 from pnfarm.protocols.profibus.wire.timing import SYN_BITS, bits_ns, line_ns, slot_bits
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pnfarm.protocols.profibus.record_request import RecordRequest
     from pnfarm.protocols.profibus.wire.telegram import Line
 
@@ -148,6 +150,8 @@ class Station:
     connects: int = 0
     losses: int = 0
     reason: str = ""
+    #: Asked for the outputs of each poll; None: ``outputs`` as they are.
+    source: Callable[[], bytes] | None = None
     connection: Connection = field(default=None)  # type: ignore[assignment]  # set by the master
 
     @property
@@ -198,6 +202,7 @@ class Master:
         self._free_ns = 0
         self._events: list[MasterEvent] = []
         self._released = False
+        self._fresh: list[Station] = []
 
     # -- what the owner does -----------------------------------------------------------------------------------------
 
@@ -208,6 +213,11 @@ class Master:
     def take_events(self) -> list[MasterEvent]:
         events, self._events = self._events, []
         return events
+
+    def take_fresh(self) -> list[Station]:
+        """Slaves whose inputs came since the last call."""
+        fresh, self._fresh = self._fresh, []
+        return fresh
 
     def ask(self, name: str, request: RecordRequest, now: int) -> None:
         """Ask a slave for a record; the request says when it is done."""
@@ -414,6 +424,8 @@ class Master:
                     station.wants_diagnosis = False
                     return self._diagnose(station)
                 station.polls += 1
+                if station.source is not None:
+                    station.outputs = station.source()
                 return self._srd(station, None, None, station.outputs, Request.SRD_HIGH)
             case _:
                 return None
@@ -484,6 +496,7 @@ class Master:
             return
         station.answers += 1
         station.inputs, station.answered_ns = data, now
+        self._fresh.append(station)
         if isinstance(telegram, Telegram) and telegram.code in {Answer.DH, Answer.RDH}:
             station.wants_diagnosis = True
 

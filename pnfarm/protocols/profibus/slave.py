@@ -55,7 +55,7 @@ from pnfarm.protocols.profibus.wire.telegram import (
 from pnfarm.protocols.profibus.wire.timing import LEAST_TSDR_BITS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from pnfarm.protocols.profibus.slave_user import SlaveEvent, SlaveUser
     from pnfarm.protocols.profibus.wire.telegram import Line
@@ -178,7 +178,10 @@ class Slave:
         self.repeated = 0
         #: Set by injections: why a Set_Prm or Chk_Cfg is refused, whatever it says.
         self.refuse_parameters: str | None = None
+        self.refuse_set_up: Callable[[], str | None] | None = None
         self.refuse_configuration = False
+        #: Diagnoses that were read; Set_Prm and Chk_Cfg that did not fit.
+        self.diagnoses = self.refusals = 0
         #: Whether a good telegram was heard lately, and ever.
         self.found = False
         self.was_found = False
@@ -411,6 +414,7 @@ class Slave:
     # -- diagnosis ---------------------------------------------------------------------------------------------------
 
     def _diagnosis(self, master: int) -> bytes:
+        self.diagnoses += 1
         cyclic, faults = self._cyclic, self.faults
         is_error, is_static, extended = self.user.diagnosis()
         status = StationStatus.ALWAYS_1
@@ -459,6 +463,7 @@ class Slave:
         if wrong is not None:
             self._leave(PARAMETERS_WRONG, now, sign=_Sign.NO_PARAMETERS)
             self.faults.parameters = True
+            self.refusals += 1
             self._events.append(ParametersRefused(telegram.source, wrong))
             return ShortAck()
         if self.state is DpState.DATA_EXCH:
@@ -474,6 +479,8 @@ class Slave:
         options = self.options
         if self.refuse_parameters is not None:
             return self.refuse_parameters
+        if self.refuse_set_up is not None and (refused := self.refuse_set_up()) is not None:
+            return refused
         if parameters.ident != options.ident:
             return f"ident number 0x{parameters.ident:04X} instead of 0x{options.ident:04X}"
         unsupported = (parameters.status & PrmStatus.FREEZE_REQ and not options.supports_freeze) or (
@@ -497,6 +504,7 @@ class Slave:
         if self.refuse_configuration or not self.user.check_configuration(telegram.data):
             self._leave(CONFIGURED_WRONG, now, sign=_Sign.NO_CONFIGURATION)
             self.faults.configuration = True
+            self.refusals += 1
             self._events.append(ConfigurationRefused(telegram.source, telegram.data))
             return ShortAck()
         self._go(_Sign.CONFIGURATION)

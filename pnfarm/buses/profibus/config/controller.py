@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
 from pnfarm.buses.profibus.config.drive import Address
 from pnfarm.config.controller import ControllerSection
-from pnfarm.config.drive import MAX_DRIVES
-from pnfarm.config.section import Section
-from pnfarm.config.values import Duration, NamePattern, OctetString
+from pnfarm.config.values import Duration
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.problem import Problem
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-__all__ = ["GsdDevice", "ProfibusController"]
+__all__ = ["ProfibusController"]
 
 #: The watchdog's factors: 1 to 255 times 1 to 255 times 10 ms (EN 50170 part 2, 8.3.3).
 LONGEST_WATCHDOG_NS = 255 * 255 * 10_000_000
@@ -38,29 +33,10 @@ Watchdog = Annotated[Duration, _between(1_000_000, LONGEST_WATCHDOG_NS, "0ms for
 Latency = Annotated[Duration, _between(0, LONGEST_LATENCY_NS, "0ms to 1s")]
 
 
-class GsdDevice(Section):
-    """A slave that no model describes: its maker's GSD file does."""
-
-    name: NamePattern = Field(description="Its name here; the wire has none.")
-    gsd: str = Field(min_length=1, description="Its GSD file, relative to this file.")
-    address: Address = Field(description="Its station address.")
-    modules: list[str] = Field(
-        default_factory=list,
-        max_length=64,
-        description="Names of the modules of the GSD file, in the order of their slots; left out, its only module.",
-    )
-    parameters: OctetString | None = Field(
-        default=None, description="User parameter data in hexadecimal; left out, as the GSD file has them."
-    )
-    outputs: OctetString | None = Field(
-        default=None, description="Its outputs in hexadecimal, the same all the time; left out, zeros."
-    )
-
-
 class ProfibusController(ControllerSection):
     """The built-in PROFIBUS master, of class 1 and 2."""
 
-    last_keys: ClassVar[tuple[str, ...]] = ("program", "devices", "reconnect")
+    last_keys: ClassVar[tuple[str, ...]] = ("program", "reconnect")
 
     address: Address = Field(default=1, description="Its station address.")
     cycle_ns: Cycle = Field(
@@ -93,10 +69,3 @@ class ProfibusController(ControllerSection):
     highest_address: Annotated[int, Field(ge=1, le=126)] = Field(
         default=126, description="Highest address that it looks for other stations at (HSA)."
     )
-    devices: list[GsdDevice] = Field(
-        default_factory=list, max_length=MAX_DRIVES, description="Further slaves, each by its GSD file."
-    )
-
-    @property
-    def device_names(self) -> Sequence[str]:
-        return [device.name for device in self.devices]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.farm_file import CONTROLLER
 from pnfarm.buses.profibus.config import checks
 from pnfarm.buses.profibus.config.controller import ProfibusController
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS, ProfibusDriveConfig, ProfibusDrives
-from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -50,17 +50,9 @@ class ProfibusPart:
 
     def check_devices(self, controller: ProfibusController, claims: Claims, report: Report) -> None:
         own = ("profibus", controller.address)
-        if (by := claims.claim("address", own, "the controller", controller.name)) is not None:
+        if (by := claims.claim("address", own, CONTROLLER, controller.name)) is not None:
             what = f"station address {controller.address} belongs to {by} already"
             report(("controller", "address"), what, "each once on the line")
-        for number, device in enumerate(controller.devices):
-            at: Location = ("controller", "devices", number)
-            for field, value, text in (
-                ("name", device.name, shown(device.name)),
-                ("address", ("profibus", device.address), f"station address {device.address}"),
-            ):
-                if (by := claims.claim(field, value, f"controller.devices[{number}]", device.name)) is not None:
-                    report((*at, field), f"{text} belongs to {by} already", "each once in the file")
 
     def check_controller(
         self,

@@ -56,6 +56,8 @@ class CyclicImage:
         #: Counters, as of the engine's channels; there is no agreed cycle, so jitter stays empty.
         self.counts = ClosedChannels()
         self._last_ns = 0
+        #: When inputs were last sent.
+        self.sent_ns = 0
         self.layout((), ())
 
     def layout(self, output_codes: Sequence[int], input_codes: Sequence[int]) -> None:
@@ -118,6 +120,7 @@ class CyclicImage:
         image = self._image
         image.filled = (int(image.filled) + 1) & 0xFFFFFFFF
         self.counts.sent += 1
+        self.sent_ns = int(image.frame_ns)
         return words.tobytes()
 
     def _count(self, now: int) -> None:

@@ -80,7 +80,7 @@ _CONNECTION: Final = {
         "Negative responses to Read and Write on MSAC1 and MSAC2 with the error code given.",
         "RDREC, WRREC, SFB52 and SFB53 end with the error code in STATUS.",
         {
-            "code": ParamSpec(
+            "error": ParamSpec(
                 "whole number",
                 "Error_Code_1: class and code (PROFIBUS guideline 2.182, table 4).",
                 default="state-conflict",

@@ -10,11 +10,11 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.axis_program import configure
+from pnfarm.buses.parameter_words import parameter_answer, put_parameter_task
 from pnfarm.buses.profinet.controller import events
 from pnfarm.buses.profinet.controller.channels import SessionChannels
 from pnfarm.buses.profinet.controller.device_plan import CALL_PORT
 from pnfarm.buses.profinet.controller.events import NameGivenTwice, PhaseChanged
-from pnfarm.buses.profinet.controller.parameter_words import parameter_answer, put_parameter_task
 from pnfarm.buses.profinet.controller.records import READ_LENGTH, RecordJob, RecordPlace
 from pnfarm.buses.profinet.controller.search import Duplicate, Outcome, Search
 from pnfarm.buses.profinet.controller.session import DeviceSession, SessionState, Sign

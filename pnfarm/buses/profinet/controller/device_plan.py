@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from pnfarm.drives.signal_view import signal_units
 from pnfarm.protocols.profinet.cmctl_events import Timeouts
 from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT
-from pnfarm.table.axis_codes import TASKS_NONE
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
@@ -17,40 +15,16 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address, IPv4Interface
 
     from pnfarm.buses.axis_program import AxisProgram
+    from pnfarm.buses.signal_steps import SignalSteps
     from pnfarm.drives.signal_view import AxisSignals
     from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 
-__all__ = ["CALL_PORT", "DevicePlan", "ProfinetPlan", "SignalSteps"]
+__all__ = ["CALL_PORT", "DevicePlan", "ProfinetPlan"]
 
 
 #: UDP port of the controller's own calls.
 CALL_PORT = 49_153
-
-
-@dataclass(frozen=True, slots=True)
-class SignalSteps:
-    """Size of one increment of each set point in the drive, and how it reads STW1; names as in the axis record."""
-
-    velocity_step: float = 1.0
-    velocity_step_b: float = 0.0
-    task_form: int = TASKS_NONE
-    control_config: int = 0
-    target_step: float = 1.0
-    task_velocity_step: float = 1.0
-    task_acceleration_step: float = 1.0
-    task_deceleration_step: float = 1.0
-    task_ramps_signed: bool = False
-    ramp_step: float = 1.0
-
-    def units(self) -> dict[str, tuple[float, str]]:
-        """Increment and unit of each signal of speed and of a target."""
-        return signal_units(
-            velocity_step=self.velocity_step,
-            velocity_step_b=self.velocity_step_b,
-            target_step=self.target_step,
-            task_velocity_step=self.task_velocity_step,
-        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,20 +8,16 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.axis_program import IDLE, axis_program
 from pnfarm.buses.profinet.config.send_clock import clock_of
-from pnfarm.buses.profinet.controller.device_plan import DevicePlan, ProfinetPlan, SignalSteps
+from pnfarm.buses.profinet.controller.device_plan import DevicePlan, ProfinetPlan
 from pnfarm.buses.profinet.controller.gsdml import load_gsdml
-from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.buses.signal_steps import SignalSteps, signal_steps
 from pnfarm.drives.signal_view import axis_signals
-from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import ConfigError
-from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.profidrive.tasks import ramp_step
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.describe import describe_diagnosis
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.table.axis_codes import TASKS_NONE
-from pnfarm.table.image import IMAGE
 from pnfarm.vocabulary.globs import means
 
 if TYPE_CHECKING:
@@ -32,45 +28,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.model import Model
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
 
-__all__ = ["plan_controller", "plan_devices", "signal_steps"]
-
-
-def signal_steps(model: Model, drive: ProfinetDriveConfig, telegram: int) -> SignalSteps:
-    """The steps as the drive itself works them out of its parameters and the telegram."""
-    axes, image = AXIS.allocate(1), IMAGE.allocate(1)
-    axis = axes[0]
-    store = ParameterStore(model, AxisHandle(axis, image[0]))
-    numbers: dict[str | int, int | Sequence[int]] = {
-        key: int(value, 0) if isinstance(value, str) else int(value) for key, value in drive.params.items()
-    }
-    store.commission(numbers)
-    store.power_on()
-    return SignalSteps(
-        velocity_step=float(axis.profidrive.settings.velocity_step),
-        velocity_step_b=float(axis.profidrive.settings.velocity_step_b),
-        task_form=model.profidrive.telegrams[telegram].tasks if telegram in model.profidrive.telegrams else TASKS_NONE,
-        control_config=int(axis.asked.settings.control_config),
-        target_step=float(axis.profidrive.settings.target_step) or float(axis.travel.settings.position_step),
-        task_velocity_step=float(axis.profidrive.settings.task_velocity_step) or 1.0,
-        task_acceleration_step=float(
-            ramp_step(
-                axis.profidrive.settings.task_acceleration_step,
-                axis.jog.settings.acceleration,
-                axis.ramp.settings.acceleration,
-            )
-        )
-        or 1.0,
-        task_deceleration_step=float(
-            ramp_step(
-                axis.profidrive.settings.task_deceleration_step,
-                axis.jog.settings.deceleration,
-                axis.ramp.settings.deceleration,
-            )
-        )
-        or 1.0,
-        task_ramps_signed=bool(axis.profidrive.settings.task_ramps_signed),
-        ramp_step=float(axis.profidrive.settings.acceleration_step) or 1.0,
-    )
+__all__ = ["plan_controller", "plan_devices"]
 
 
 def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:

@@ -23,7 +23,6 @@ from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.kept_values import check_kept
 from pnfarm.buses.profinet.device.neighbours import StationNeighbours
 from pnfarm.buses.profinet.device.network import StationNetwork
-from pnfarm.buses.profinet.device.parameter_words import StationParameterWords
 from pnfarm.buses.profinet.device.pump import CALL_PORT, DevicePump
 from pnfarm.buses.profinet.device.record_memory import records_of
 from pnfarm.buses.profinet.device.snmp import snmp_view
@@ -51,6 +50,7 @@ from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, object_uuid
 from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
 from pnfarm.station.events import ControllerModeChanged, OutputsChanged
+from pnfarm.station.parameter_words import StationParameterWords
 from pnfarm.table import engine_row
 from pnfarm.table.channel import W_START
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, parse_ethernet

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.device.address import StationAddress
     from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels
     from pnfarm.buses.profinet.device.neighbours import StationNeighbours
-    from pnfarm.buses.profinet.device.parameter_words import StationParameterWords
     from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
     from pnfarm.buses.profinet.device.traffic import PortTraffic
     from pnfarm.drives.axis_handle import AxisHandle
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.description import DeviceDescription
     from pnfarm.protocols.profinet.mib_view import SystemText
     from pnfarm.station.events import Event
+    from pnfarm.station.parameter_words import StationParameterWords
 
 __all__ = ["DeviceParts"]
 

@@ -1,0 +1,267 @@
+"""The master without a clock and without tasks: slaves, cyclic data, programs; a :class:`Node` like a farm.
+
+The axis programs run in the engine's table, as with any controller; the polls take their words out of its process
+images, and put the slaves' in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from pnfarm.buses.axis_program import PHASES, configure
+from pnfarm.buses.parameter_words import parameter_answer, put_parameter_task
+from pnfarm.buses.profibus.controller import events as happened
+from pnfarm.buses.profibus.controller.parameters import ParameterJob
+from pnfarm.buses.profibus.device.image import CyclicImage
+from pnfarm.drives.parameter import ParameterError
+from pnfarm.engine.columns import Columns, allocate
+from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, Master
+from pnfarm.protocols.profibus.wire.dp import StationStatus
+from pnfarm.protocols.profibus.wire.telegram import parse_telegram
+from pnfarm.table import engine_row, program
+from pnfarm.table.image import LOST_EXPIRED, LOST_NEVER
+from pnfarm.table.signals import PKW_HEAD, WORD_NONE
+
+if TYPE_CHECKING:
+    from pnfarm.buses.controller import ControllerHost
+    from pnfarm.buses.profibus.controller.plan import DevicePlan, ProfibusPlan
+    from pnfarm.drives.profiles.profidrive.pkw import Pkw
+    from pnfarm.links.base import Link, Port
+    from pnfarm.protocols.profibus.master import MasterEvent, Station
+    from pnfarm.protocols.profibus.record_request import RecordRequest
+
+__all__ = ["MasterCore"]
+
+
+class MasterCore:
+    """See the module's docstring."""
+
+    def __init__(self, plan: ProfibusPlan, host: ControllerHost, *, tick_ns: int = 1_000_000) -> None:
+        self.name = plan.name
+        self.link: Link = host.link
+        self.port: Port = host.port
+        self.log = host.log
+        self.dropped: dict[str, int] = {}
+        self.plan = plan
+        baud = host.port.baud or plan.settings.baud
+        self.master = Master(replace(plan.settings, baud=baud), [device.slave for device in plan.devices])
+        count = len(plan.devices)
+        self.columns: Columns = allocate(stations=count, programs=count, channels=8)
+        self.columns.engine[0].tick_ns = tick_ns
+        self.columns.image.lost[:] = LOST_NEVER
+        self._images: list[CyclicImage] = []
+        self._places = {device.name: index for index, device in enumerate(plan.devices)}
+        for index, device in enumerate(plan.devices):
+            image = CyclicImage(self.columns.image[index])
+            image.layout(device.input_words, device.output_words)
+            self._images.append(image)
+            station = self.master.stations[index]
+            station.source = image.fill
+            configure(self.columns.program[index], device.program, asdict(device.steps) | {"life": device.life})
+        self._jobs: list[tuple[str, ParameterJob]] = []
+        self._began_ns: dict[str, int] = {}
+        self._reference = 0
+        self._tail = 0
+        self.link.set_receiver(self.receive)
+
+    def start(self, now: int) -> None:
+        """Begin to poll."""
+        self._began_ns = dict.fromkeys(self._places, now)
+        self._go_on(now)
+
+    # -- node --------------------------------------------------------------------------------------------------------
+
+    def receive(self, port: int, frame: bytes, now: int) -> None:
+        """One telegram of the line."""
+        del port
+        try:
+            telegram = parse_telegram(frame)
+        except DecodeError as exc:
+            self.dropped[exc.reason] = self.dropped.get(exc.reason, 0) + 1
+            self.master.broken(1)
+            return
+        self.master.receive(telegram, now)
+        self._go_on(now)
+
+    def service(self, now: int) -> None:
+        """See :class:`pnfarm.buses.controller.Controller`."""
+        self._drain()
+        self._go_on(now)
+
+    def next_deadline(self) -> int | None:
+        return self.master.next_deadline()
+
+    def _go_on(self, now: int) -> None:
+        """Take what came, and send what is to be sent."""
+        master = self.master
+        master.handle_timeout(now)
+        while (octets := master.to_send()) is not None:
+            self.link.send(self.port.index, octets)
+            master.sent(now)
+            master.handle_timeout(now)
+        for station in master.take_fresh():
+            self._images[self._places[station.plan.name]].take(station.inputs, now)
+        for event in master.take_events():
+            self._take(event, now)
+        for job in list(self._jobs):
+            name, work = job
+            work.advance(partial(self._ask, name, now), now)
+            if work.done:
+                self._jobs.remove(job)
+
+    def _ask(self, name: str, now: int, record: RecordRequest) -> None:
+        self.master.ask(name, record, now)
+
+    def _take(self, event: MasterEvent, now: int) -> None:
+        name = event.name
+        place = self._places[name]
+        match event:
+            case ConnectionMade():
+                self._images[place].begin()
+                address = self.plan.devices[place].slave.address
+                self.log.record(now, name, happened.Connected(now - self._began_ns[name], address))
+            case ConnectionMissed(why=why, exchanged=exchanged):
+                if exchanged:
+                    self._images[place].stop(LOST_EXPIRED)
+                    self._began_ns[name] = now
+                self.log.record(now, name, happened.ConnectionBroken(why) if exchanged else happened.ConnectFailed(why))
+            case DiagnosisRead(diagnosis=diagnosis):
+                status = tuple(bit.name.lower() for bit in StationStatus if bit in diagnosis.status and bit.name)
+                self.log.record(now, name, happened.DiagnosisRead(status, diagnosis.extended.hex(" ")))
+            case _:
+                pass
+
+    def _drain(self) -> None:
+        """Events of the engine: programs go on."""
+        head = int(self.columns.engine[0].event_head)
+        size = self.columns.events.shape[0]
+        self._tail = max(self._tail, head - size)
+        while self._tail < head:
+            event = self.columns.events[self._tail % size]
+            kind, row, when, value = int(event.kind), int(event.row), int(event.now_ns), int(event.value)
+            self._tail += 1
+            if kind == engine_row.PHASE_CHANGED:
+                name = self.plan.devices[row].name
+                self.log.record(when, name, happened.PhaseChanged(value >> 8, value & 0xFF))
+
+    # -- what the owner does -----------------------------------------------------------------------------------------
+
+    def release(self, now: int) -> None:
+        """Release every slave."""
+        self.master.release(now)
+        self._go_on(now)
+
+    @property
+    def all_stopped(self) -> bool:
+        return self.master.all_stopped
+
+    @property
+    def all_connected(self) -> bool:
+        """Every slave exchanges data both ways."""
+        return all(
+            station.exchanging and bool(self.columns.image[index].valid)
+            for index, station in enumerate(self.master.stations)
+        )
+
+    @property
+    def all_running(self) -> bool:
+        """Every enabled axis is in operation."""
+        return all(
+            int(self.columns.program[index].phase) == program.RUNNING or not device.program.enable
+            for index, device in enumerate(self.plan.devices)
+        )
+
+    def exchanging(self, name: str) -> bool:
+        """Whether a slave's data is valid; false for one that is not the master's."""
+        place = self._places.get(name)
+        return place is not None and bool(self.columns.image[place].valid)
+
+    def snapshot(self) -> list[dict[str, Any]]:
+        """One dict for each slave, for the terminal and for JSON."""
+        return [self._row(index, device) for index, device in enumerate(self.plan.devices)]
+
+    def _row(self, index: int, device: DevicePlan) -> dict[str, Any]:
+        row, station = self.columns.program[index], self.master.stations[index]
+        access = station.connection
+        return {
+            "name": device.name,
+            "model": device.model,
+            "mac": "",
+            "ip": str(device.slave.address),
+            "state": station.state.value,
+            "phase": PHASES[int(row.phase)],
+            "zsw1": int(row.zsw1),
+            "stw1": int(row.stw1),
+            "moves": int(row.moves),
+            "faults": int(row.faults),
+            "connects": station.connects,
+            "losses": station.losses,
+            "retries": station.retries,
+            "reaction_seconds": _seconds(int(row.reaction_ns) or None),
+            "reaction_max_seconds": _seconds(int(row.reaction_max_ns) or None),
+            "recovery_seconds": _seconds(int(row.recovery_ns) or None),
+            "cycle_seconds": max(self.master.cycle_ns, device.cycle_ns) / 1e9,
+            "frames_sent": station.polls,
+            "frames_received": station.answers,
+            "requests_answered": access.answered_requests,
+            "requests_failed": access.failed,
+            "unusable": [],
+            "identification": None,
+            "last_reason": station.reason,
+        }
+
+    # -- parameters --------------------------------------------------------------------------------------------------
+
+    def read_parameter(self, name: str, parameter: str | int, now: int) -> ParameterJob:
+        """A parameter of a drive by name or number; the answer is in what is returned, once that is ``done``.
+
+        Raises :class:`ConfigError` for an unknown drive or parameter.
+        """
+        return self._begin_job(name, parameter, None, now)
+
+    def write_parameter(self, name: str, parameter: str | int, value: int, now: int) -> ParameterJob:
+        """Write a parameter, a whole number as on the wire; raises as :meth:`read_parameter` does."""
+        return self._begin_job(name, parameter, value, now)
+
+    def _begin_job(self, name: str, parameter: str | int, value: int | None, now: int) -> ParameterJob:
+        device, _ = self._named(name)
+        try:
+            found, subindex = device.described.resolve(parameter)
+        except ParameterError:
+            raise ConfigError(f"{device.described.name} has no parameter {parameter!r}") from None
+        self._reference = self._reference % 0xFF + 1
+        due = now + self.master.settings.request_timeout_ns
+        job = ParameterJob(found, subindex, value, due, self._reference)
+        self._jobs.append((name, job))
+        self._go_on(now)
+        return job
+
+    def put_parameter_task(self, name: str, task: Pkw) -> None:
+        """See :class:`pnfarm.buses.controller.Controller`."""
+        put_parameter_task(self._channel_image(name), task)
+
+    def parameter_answer(self, name: str) -> Pkw:
+        """See :class:`pnfarm.buses.controller.Controller`."""
+        return parameter_answer(self._channel_image(name))
+
+    def _channel_image(self, name: str) -> Any:
+        device, _ = self._named(name)
+        if PKW_HEAD not in {code >> 2 for code in device.output_words if code != WORD_NONE}:
+            raise ConfigError(f"the telegram of drive {name!r} has no parameter channel (PKW)")
+        return self.columns.image[self._places[name]]
+
+    def _named(self, name: str) -> tuple[DevicePlan, Station]:
+        place = self._places.get(name)
+        if place is None:
+            self._unknown(name)
+        return self.plan.devices[place], self.master.stations[place]
+
+    def _unknown(self, name: str) -> NoReturn:
+        raise ConfigError(f"controller {self.name} has no drive {name!r}")
+
+
+def _seconds(value: int | None) -> float | None:
+    return None if value is None else value / 1e9

@@ -1,0 +1,377 @@
+"""One drive on PROFIBUS: its slave, its image, its parameters as records.
+
+Telegrams and ``now`` in, answers and typed events out.  Slave and user are created at each power-on.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any, Final, cast
+
+from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
+from pnfarm.buses.profibus.device import events as happened
+from pnfarm.buses.profibus.device.image import CyclicImage
+from pnfarm.buses.profibus.device.kept_values import check_kept
+from pnfarm.buses.profibus.device.product import Product
+from pnfarm.buses.profibus.device.user import DriveUser
+from pnfarm.buses.profibus.device.view import connection_of, losses_in_words, view_of
+from pnfarm.drives.network import NoNetwork
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profibus import slave_user as dp
+from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave, SlaveOptions
+from pnfarm.protocols.profibus.wire.dp import DpState
+from pnfarm.protocols.profibus.wire.telegram import emit_telegram, parse_telegram
+from pnfarm.station.events import ControllerModeChanged, WatchdogExpired
+from pnfarm.station.lateness import budget_ns
+from pnfarm.station.parameter_words import StationParameterWords
+from pnfarm.station.step_time import FASTEST_STEP_NS, SLOWEST_STEP_NS
+from pnfarm.table.axis_codes import CMD_RAISE_FAULT
+from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.buses.bus import DeviceServices
+    from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
+    from pnfarm.drives.store import ParameterStore
+    from pnfarm.engine.closed_channels import ClosedChannels
+    from pnfarm.protocols.profibus.slave_user import SlaveEvent
+    from pnfarm.station.device import ConnectionView
+    from pnfarm.station.events import Event
+    from pnfarm.station.lateness import Lateness
+    from pnfarm.station.station import Station
+
+__all__ = ["ProfibusDevice"]
+
+#: The address of a slave that nobody gave one (EN 50170 part 2, 8.3.8).
+DEFAULT_ADDRESS: Final = 126
+
+
+class ProfibusDevice:
+    """See :class:`pnfarm.station.device.Device`."""
+
+    def __init__(self, station: Station, services: DeviceServices) -> None:
+        self.station = station
+        self.port = station.port
+        self.model = station.model
+        self.handle = station.handle
+        self.product = Product.of(station.model)
+        self._lateness = services.lateness
+        self.image = CyclicImage(station.handle.image)
+        self.connects = 0
+        #: Connections that ended without a release, by reason; those that the farm's own lateness ended.
+        self.lost: Counter[str] = Counter()
+        self.lost_by_farm: Counter[str] = Counter()
+        self.watchdog_expirations = 0
+        self.watchdog_expirations_by_farm = 0
+        #: Telegrams that were dropped, by reason, of the slaves before the last power-on.
+        self.dropped: dict[str, int] = {}
+        self.boots = 0
+        self.connected_ns = 0
+        self.address_from = ""
+        #: The rate of its line, as the link has it.
+        self.baud = getattr(station.port, "baud", 0)
+        self._answers: list[bytes] = []
+        #: Counts parametrisations: which of them is in force.
+        self.number = 0
+        #: Set by an injection: the line has another rate for this slave, which hears nothing but garbage.
+        self.deaf = False
+        self.slave: Slave
+        self.user: DriveUser
+        self._built = False
+
+    # -- life --------------------------------------------------------------------------------------------------------
+
+    def check(self, kept: Mapping[str, Any]) -> None:
+        """See :class:`pnfarm.station.device.Device`."""
+        check_kept(kept)
+
+    def commission(self, kept: Mapping[str, Any]) -> None:
+        """See :class:`pnfarm.station.device.Device`: an address entered with the buttons is in the parameter."""
+        if self.config.control_unit is not None and "drive" not in kept:
+            self.store.commission({self.product.address_parameter: self.config.control_unit})
+
+    def build(self, kept: dict[str, Any]) -> None:
+        """See :class:`pnfarm.station.device.Device`."""
+        if self._built:
+            self.dropped = self.discards()
+        self._built = True
+        self.boots += 1
+        product = self.product
+        self.user = DriveUser(self.store, self.image, product, strict=self.config.strict, latency=self.station.latency)
+        self.parameter_words = StationParameterWords(self.store, self.station.latency)
+        self.slave = Slave(
+            self._address(),
+            self.user,
+            SlaveOptions(
+                self.model.profidrive.identity.device_id,
+                supports_freeze=product.freeze,
+                supports_sync=product.sync,
+                supports_fail_safe=product.fail_safe,
+                address_changes=product.address_changes and self.config.switches > HIGHEST_ADDRESS,
+                connections=product.connections,
+                longest_record=product.longest_record,
+                send_timeout_ns=product.send_timeout_ns,
+                silence_ns=product.silence_ns,
+            ),
+        )
+        self.slave.address_locked = bool(kept.get("address_locked", False))
+        self.connected_ns = 0
+
+    def _address(self) -> int:
+        """By the coding switches, else by the parameter (Moog MSD manual 4.2.2); both count at power-on."""
+        if self.config.switches <= HIGHEST_ADDRESS:
+            self.address_from = "switches"
+            return self.config.switches
+        self.address_from = "parameter"
+        number = self.store.raw(self.product.address_parameter, DEFAULT_ADDRESS)
+        return min(number, DEFAULT_ADDRESS)
+
+    def start(self, now: int) -> list[str]:
+        """See :class:`pnfarm.station.device.Device`."""
+        del now
+        self._show_rate()
+        return []
+
+    def stop(self, now: int) -> None:
+        """See :class:`pnfarm.station.device.Device`: the slave is silent at once."""
+        self._answers.clear()
+        if self.slave.state is not DpState.WAIT_PRM:
+            self.slave.leave(now)
+            self.slave.take_events()
+        self.slave.class_two.close_all()
+        self._ended(LOST_CLOSED)
+
+    def leave(self, now: int) -> None:
+        """See :class:`pnfarm.station.device.Device`: a slave has no word for it; its master sees it fall silent."""
+        if self.slave.state is not DpState.WAIT_PRM:
+            self.slave.leave(now, UNLOCKED)
+        self._settle(now)
+
+    # -- frames and time ---------------------------------------------------------------------------------------------
+
+    def receive(self, data: bytes, now: int) -> None:
+        """See :class:`pnfarm.station.device.Device`: one telegram of the line."""
+        if self.deaf:
+            self.drop("garbage")
+            return
+        try:
+            telegram = parse_telegram(data)
+        except DecodeError as exc:
+            self.drop(exc.reason)
+            return
+        answer = self.slave.receive(telegram, now)
+        if answer is not None:
+            self._answers.append(emit_telegram(answer))
+
+    def put_on_line(self, octets: bytes) -> None:
+        """Octets that are no answer, for an injection."""
+        self._answers.append(octets)
+
+    def pump(self, now: int) -> list[bytes]:
+        """See :class:`pnfarm.station.device.Device`."""
+        while self.station.pump_drive(now):
+            pass
+        self._settle(now)
+        answers, self._answers = self._answers, []
+        return answers
+
+    def next_deadline(self) -> int | None:
+        """See :class:`pnfarm.station.device.Device`."""
+        due = (self.slave.next_deadline(), self.user.channel.next_deadline(), self.parameter_words.next_deadline())
+        return min((time for time in due if time is not None), default=None)
+
+    def handle_timeout(self, now: int) -> None:
+        """See :class:`pnfarm.station.device.Device`."""
+        self.slave.handle_timeout(now)
+        self.user.channel.handle_timeout(now)
+        self.parameter_words.handle_timeout(now)
+
+    def telegram_changed(self) -> None:
+        """See :class:`pnfarm.station.device.Device`."""
+        self.user.layout()
+
+    # -- the slave's events ------------------------------------------------------------------------------------------
+
+    def _settle(self, now: int) -> None:
+        for event in self.slave.take_events():
+            self._take(event, now)
+
+    def _take(self, event: SlaveEvent, now: int) -> None:
+        match event:
+            case dp.BaudFound():
+                self._show_rate()
+                self.note(now, happened.BaudRateFound(self.baud))
+            case dp.BaudLost():
+                self._show_rate()
+                self.note(now, happened.BaudRateLost())
+            case dp.ParametersTaken(master, parameters):
+                self.number += 1
+                self.store.watchdog_ns = parameters.watchdog_ns()
+                self.note(now, happened.ParametersTaken(master, parameters.watchdog_ns(), connection=self.number))
+            case dp.ParametersRefused(master, why):
+                self.note(now, happened.ParametersRefused(master, why))
+            case dp.ConfigurationRefused(master, identifiers):
+                self.note(now, happened.ConfigurationRefused(master, identifiers))
+            case dp.ExchangeBegan(master):
+                self._began(master, now)
+            case dp.Left():
+                self._left(event, now)
+            case dp.ClearChanged(clear):
+                self.note(now, ControllerModeChanged(run=not clear))
+            case dp.AddressSet(address, locks):
+                self._readdressed(address, now, locks=locks)
+            case dp.AcyclicOpened(master, sap):
+                self.note(now, happened.AcyclicConnectionOpened(master, sap))
+            case dp.AcyclicClosed(master, sap, reason):
+                self.note(now, happened.AcyclicConnectionEnded(master, sap, f"0x{reason:02X}"))
+            case _:
+                pass
+
+    def _began(self, master: int, now: int) -> None:
+        self.connects += 1
+        self.connected_ns = now
+        self.image.begin()
+        self.handle.axis.step_ns = FASTEST_STEP_NS
+        self.handle.image.good = 1
+        self.note(now, happened.DataExchangeBegan(master, self.store.telegram_number, connection=self.number))
+
+    def _left(self, event: dp.Left, now: int) -> None:
+        silent = self.store.watchdog_ns
+        own: Lateness | None = None
+        if event.why == WATCHDOG:
+            own = self._lateness.between(now - silent, now, budget_ns(self.cycle_ns, silent), by_loop=True)
+            self.watchdog_expirations += 1
+            self.watchdog_expirations_by_farm += own.late
+            self.note(now, WatchdogExpired(silent, own, connection=self.number))
+        self._ended(LOST_EXPIRED if event.why == WATCHDOG else LOST_CLOSED)
+        if not event.exchanged:
+            return
+        if event.why == UNLOCKED:
+            self.note(now, happened.SlaveReleased(event.master, connection=self.number))
+            return
+        self.lost[event.why] += 1
+        if own is not None and own.late:
+            self.lost_by_farm[event.why] += 1
+        self.note(now, happened.DataExchangeLost(event.why, event.master, lateness=own, connection=self.number))
+        code = int(self.handle.axis.faults.settings.loss_fault)
+        if event.why == WATCHDOG and code:
+            self.handle.push_command(CMD_RAISE_FAULT, code)
+
+    def _ended(self, why: int) -> None:
+        """Data exchange is over, whatever ended it."""
+        if self.connected_ns or int(self.handle.image.valid):
+            self.image.stop(why)
+        self.connected_ns = 0
+        self.store.channels_closed()
+        self.store.watchdog_ns = 0
+        self.parameter_words.reset()
+        self.handle.axis.step_ns = SLOWEST_STEP_NS
+
+    def _readdressed(self, address: int, now: int, *, locks: bool) -> None:
+        """Set_Slave_Add: the parameter has the address from now on."""
+        self.store.set(self.product.address_parameter, address)
+        self.station.kept["address_locked"] = locks
+        self.station.keep(now, "drive", self.store.snapshot())
+        self.note(now, happened.AddressChanged(address, "master"))
+
+    def _show_rate(self) -> None:
+        rate = self.product.baud_code(self.baud) if self.slave.found else 0
+        self.store.network = NoNetwork(name=self.name, line_rate=rate)
+
+    # -- events of the engine ----------------------------------------------------------------------------------------
+
+    def channel_event(self, kind: int, row: int, when: int, value: int, now: int) -> bool:
+        """See :class:`pnfarm.station.device.Device`: it has no rows."""
+        del kind, row, when, value, now
+        return False
+
+    def catch_up(self, now: int) -> None:
+        """See :class:`pnfarm.station.device.Device`."""
+
+    def fault_raised(self, number: int) -> None:
+        """See :class:`pnfarm.station.device.Device`: the master is asked to read the diagnosis."""
+        del number
+        if self.user.tells:
+            self.slave.diagnosis_changed()
+
+    def faults_cleared(self) -> None:
+        """See :class:`pnfarm.station.device.Device`."""
+        if self.user.tells:
+            self.slave.diagnosis_changed()
+
+    def parameter_task(self, value: int, now: int) -> None:
+        """See :class:`pnfarm.station.device.Device`: a task of the cyclic parameter channel."""
+        self.parameter_words.take(value, now)
+
+    # -- state for observers -----------------------------------------------------------------------------------------
+
+    @property
+    def config(self) -> ProfibusDriveConfig:
+        """This drive's settings in the farm file."""
+        return cast("ProfibusDriveConfig", self.station.config)
+
+    @property
+    def store(self) -> ParameterStore:
+        """The drive's parameters; recreated at each power-on."""
+        return self.station.store
+
+    @property
+    def name(self) -> str:
+        return self.station.configured_name
+
+    @property
+    def cycle_ns(self) -> int:
+        """Time between the last two polls; 0 before there were two."""
+        return int(self.handle.image.interval_ns)
+
+    @property
+    def connected(self) -> bool:
+        """Whether outputs come."""
+        return self.slave.exchanging
+
+    def connection(self) -> ConnectionView | None:
+        """See :class:`pnfarm.station.device.Device`."""
+        return connection_of(self)
+
+    def losses(self) -> Mapping[str, int]:
+        """See :class:`pnfarm.station.device.Device`."""
+        return self.lost
+
+    def losses_by_farm(self) -> Mapping[str, int]:
+        """See :class:`pnfarm.station.device.Device`."""
+        return self.lost_by_farm
+
+    def losses_in_words(self) -> Mapping[str, int]:
+        """See :class:`pnfarm.station.device.Device`."""
+        return losses_in_words(self)
+
+    @property
+    def closed(self) -> ClosedChannels:
+        """See :class:`pnfarm.station.device.Device`: all counts are here, as there are no rows."""
+        return self.image.counts
+
+    @property
+    def channel_rows(self) -> tuple[list[int], list[int]]:
+        """See :class:`pnfarm.station.device.Device`."""
+        return [], []
+
+    def discards(self) -> dict[str, int]:
+        """See :class:`pnfarm.station.device.Device`."""
+        total = Counter(self.dropped)
+        if self._built:
+            total.update(self.slave.dropped)
+        return dict(total)
+
+    def drop(self, reason: str) -> None:
+        """Something of the line that is no telegram."""
+        self.dropped[reason] = self.dropped.get(reason, 0) + 1
+
+    def view(self, now: int) -> dict[str, Any]:
+        """See :class:`pnfarm.station.device.Device`."""
+        del now
+        return view_of(self)
+
+    def note(self, now: int, event: Event) -> None:
+        """Something happened to this drive."""
+        self.station.note(now, event)

@@ -1,0 +1,159 @@
+"""The drive behind a slave: its telegrams by identifiers, its image, its parameters as records, its diagnosis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
+from pnfarm.errors import DecodeError
+from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.protocols.profibus.slave_user import RecordRefusedError
+from pnfarm.protocols.profibus.wire.dpv1 import ErrorCode1
+from pnfarm.table.signals import WORD_NONE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.buses.profibus.device.image import CyclicImage
+    from pnfarm.buses.profibus.device.product import Product
+    from pnfarm.drives.store import ParameterStore
+    from pnfarm.protocols.profibus.wire.dp import Parameters
+
+__all__ = ["DriveUser"]
+
+#: Data unit index of base mode parameter access (Moog MSD manual 9.1).
+PARAMETERS: Final = 47
+
+
+class DriveUser:
+    """See :class:`pnfarm.protocols.profibus.slave_user.SlaveUser`.  Made anew at each power-on.
+
+    ``latency`` gives the time of the next request for parameters, ns.
+    """
+
+    def __init__(
+        self,
+        store: ParameterStore,
+        image: CyclicImage,
+        product: Product,
+        *,
+        strict: bool,
+        latency: Callable[[], int] | None,
+    ) -> None:
+        self._store = store
+        self._image = image
+        self._product = product
+        self.channel = ParameterChannel(store, PARAMETERS, strict=strict, latency=latency)
+        self._by_identifiers = {
+            telegram.identifiers: number
+            for number, telegram in store.model.profidrive.telegrams.items()
+            if telegram.identifiers
+        }
+        #: Injections: what refuses records, and what holds answers back.
+        self.error: tuple[int, int] | None = None
+        self.withhold: Callable[[int], bool] | None = None
+        self.given: Callable[[], None] = lambda: None
+        #: Diagnosis that an injection adds: octets of a block, and whether data exchange makes no sense.
+        self.further_diagnosis = b""
+        self.static_diagnosis = False
+        self.layout()
+
+    # -- cyclic data -------------------------------------------------------------------------------------------------
+
+    def layout(self) -> None:
+        """The words of the telegram in force."""
+        frame = self._store.telegram
+        outputs, inputs = self._store.output_words(), self._store.input_words()
+        self._image.layout(
+            (outputs + (WORD_NONE,) * len(frame.output))[: len(frame.output)],
+            (inputs + (WORD_NONE,) * len(frame.input))[: len(frame.input)],
+        )
+
+    @property
+    def output_octets(self) -> int:
+        return self._image.output_octets
+
+    def take_outputs(self, data: bytes, now: int) -> None:
+        self._image.take(data, now)
+
+    def clear_outputs(self, now: int) -> None:
+        self._image.clear(now)
+
+    def inputs(self) -> bytes:
+        return self._image.fill()
+
+    # -- start-up ----------------------------------------------------------------------------------------------------
+
+    def check_parameters(self, parameters: Parameters) -> str | None:
+        """Any octets behind those of DP-V1 are taken: the manual names none."""
+        del parameters
+        return None
+
+    def check_configuration(self, identifiers: bytes) -> bool:
+        number = self._by_identifiers.get(identifiers)
+        if number is None:
+            return False
+        self._store.plug_telegram(number)
+        self.layout()
+        return True
+
+    def configuration(self) -> bytes:
+        return self._store.telegram.identifiers
+
+    # -- diagnosis ---------------------------------------------------------------------------------------------------
+
+    @property
+    def faulty(self) -> bool:
+        """Whether a fault is active."""
+        return int(self._store.handle.axis.faults.code[0]) != 0
+
+    @property
+    def tells(self) -> bool:
+        """Whether the diagnosis has more than its first six octets (P-1256)."""
+        return self._store.raw(self._product.diagnosis_parameter) in self._product.diagnosis_modes
+
+    def diagnosis(self) -> tuple[bool, bool, bytes]:
+        extended = self._extended() + self.further_diagnosis
+        return bool(extended) and (self.faulty or bool(self.further_diagnosis)), self.static_diagnosis, extended
+
+    def _extended(self) -> bytes:
+        """Table 9.21: a status block with error and warning."""
+        if not self.tells:
+            return b""
+        axis = self._store.handle.axis
+        error, warning = (int(code) & NUMBER_MASK for code in (axis.faults.code[0], axis.warnings.code))
+        return bytes(self._product.diagnosis_header) + error.to_bytes(4, "big") + warning.to_bytes(4, "big")
+
+    # -- records -----------------------------------------------------------------------------------------------------
+
+    def read_record(self, slot: int, index: int, length: int, client: int, now: int) -> bytes | None:
+        """Slots are not evaluated (9.1)."""
+        del slot
+        self._refuse(index)
+        if self.withhold is not None and self.channel.pending(client) and self.withhold(now):
+            return None
+        answer = self.channel.read_response(length, client, now)
+        if answer is None:
+            raise RecordRefusedError(ErrorCode1.STATE_CONFLICT)
+        return answer
+
+    def write_record(self, slot: int, index: int, data: bytes, client: int, now: int) -> bool:
+        del slot
+        self._refuse(index)
+        try:
+            taken = self.channel.write_request(data, client, now)
+        except DecodeError:
+            raise RecordRefusedError(ErrorCode1.WRITE_LENGTH) from None
+        if not taken:
+            raise RecordRefusedError(ErrorCode1.STATE_CONFLICT)
+        return True
+
+    def _refuse(self, index: int) -> None:
+        if index != PARAMETERS:
+            raise RecordRefusedError(ErrorCode1.INVALID_INDEX)
+        if self.error is not None:
+            self.given()
+            raise RecordRefusedError(*self.error)
+
+    def client_gone(self, client: int) -> None:
+        self.channel.reset(client)

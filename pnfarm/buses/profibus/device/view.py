@@ -1,0 +1,106 @@
+"""The state of a slave for metrics and snapshots; read-only."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.protocols.profibus.slave import (
+    BAD_LENGTH,
+    CONFIGURED_WRONG,
+    LEFT,
+    PARAMETERS_AGAIN,
+    PARAMETERS_WRONG,
+    UNLOCKED,
+    WATCHDOG,
+)
+from pnfarm.protocols.profibus.wire.dp import NO_MASTER, DpState
+from pnfarm.station.device import ConnectionView
+
+if TYPE_CHECKING:
+    from pnfarm.buses.profibus.device.device import ProfibusDevice
+
+__all__ = ["CONNECTION_STATES", "USUAL_LOSSES", "connection_of", "lamps_of", "losses_in_words", "view_of"]
+
+_STATES = {
+    DpState.WAIT_PRM: "WAIT_PRM",
+    DpState.WAIT_CFG: "WAIT_CFG",
+    DpState.DATA_EXCH: "DATA_EXCH",
+}
+#: States of the slave in the order of their numbers, from 1.
+CONNECTION_STATES = tuple(_STATES.values())
+#: The usual reasons for losing a master.
+USUAL_LOSSES = (WATCHDOG, PARAMETERS_AGAIN, BAD_LENGTH)
+
+_WORDS = {
+    WATCHDOG: "the master fell silent for longer than the watchdog",
+    PARAMETERS_AGAIN: "the master parametrised it again",
+    PARAMETERS_WRONG: "parameters that do not fit",
+    CONFIGURED_WRONG: "a configuration that does not fit",
+    BAD_LENGTH: "outputs of a wrong length",
+    UNLOCKED: "the master released it",
+    LEFT: "the drive left its data exchange",
+}
+
+
+def connection_of(device: ProfibusDevice) -> ConnectionView | None:
+    """The master's hold on the slave; None while it waits for parameters."""
+    slave = device.slave
+    if slave.master == NO_MASTER:
+        return None
+    return ConnectionView(
+        _STATES[slave.state],
+        f"master {slave.master}",
+        cycle_ns=device.cycle_ns,
+        watchdog_ns=slave.watchdog_ns,
+        connected_ns=device.connected_ns,
+        cyclic=True,
+        exchanging=slave.exchanging,
+    )
+
+
+def losses_in_words(device: ProfibusDevice) -> dict[str, int]:
+    """Lost connections, by the reason in words."""
+    return {_WORDS[reason]: count for reason, count in device.lost.items()}
+
+
+def lamps_of(device: ProfibusDevice) -> dict[str, str]:
+    """H1 to H3 and how each is lit (Moog MSD manual 4.2.1)."""
+    slave, product = device.slave, device.product
+    if not device.station.powered:
+        return dict.fromkeys(product.lamp_names, "off")
+    if not device.station.on_the_wire:
+        lit = product.lamp_boot
+    elif not slave.found:
+        lit = product.lamp_search_again if device.connects else product.lamp_search
+    elif slave.exchanging:
+        lit = product.lamp_exchange
+        if slave.clear:
+            lit = product.lamp_clear
+        elif slave.class_two.open:
+            lit = product.lamp_class_2
+    elif slave.faults.parameters:
+        lit = product.lamp_parameters
+    elif slave.faults.configuration:
+        lit = product.lamp_configuration
+    else:
+        lit = product.lamp_wait
+    return dict(zip(product.lamp_names, lit, strict=True))
+
+
+def view_of(device: ProfibusDevice) -> dict[str, Any]:
+    """Address, lamps, masters: a drive's data that only PROFIBUS has."""
+    slave = device.slave
+    return {
+        "station_name": device.name,
+        "lamps": lamps_of(device),
+        "profibus": {
+            "address": slave.address,
+            "address_from": device.address_from,
+            "master": None if slave.master == NO_MASTER else slave.master,
+            "state": _STATES[slave.state],
+            "baud": device.baud if slave.found else None,
+            "clear": slave.clear,
+            "class_2_masters": [master for master, _ in slave.class_two.open],
+            "repeated_requests": slave.repeated,
+        },
+    }

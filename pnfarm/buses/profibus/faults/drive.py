@@ -1,0 +1,65 @@
+"""A drive on PROFIBUS as injections see it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.profibus.faults.connection import SlaveConnection
+from pnfarm.buses.profibus.faults.requests import Records, SetParameters
+from pnfarm.buses.profibus.faults.slave import SLAVE, SlavePart
+from pnfarm.buses.profibus.faults.wire import ACYCLIC, CYCLIC, LineWire
+from pnfarm.errors import DecodeError
+from pnfarm.faults.connection import CONNECTION
+from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
+from pnfarm.faults.servo import SERVO, Servo
+from pnfarm.faults.wire import WIRE
+from pnfarm.protocols.profibus.wire.telegram import Telegram, parse_telegram
+
+if TYPE_CHECKING:
+    from pnfarm.buses.bus import InjectionHost
+    from pnfarm.buses.profibus.device.device import ProfibusDevice
+
+__all__ = ["injected_drive"]
+
+
+def injected_drive(device: ProfibusDevice, host: InjectionHost) -> InjectedDrive:
+    """Parts outside of the device: the gate, hooks of its slave."""
+    station = device.station
+    name, port = station.configured_name, station.port.index
+
+    def telegram_class(octets: bytes) -> str:
+        """Only telegrams of this slave have a class: a fault of one is none of the others."""
+        try:
+            telegram = parse_telegram(octets)
+        except DecodeError:
+            return ACYCLIC
+        if not isinstance(telegram, Telegram):
+            return ACYCLIC
+        if telegram.is_request and telegram.destination not in {device.slave.address, 127}:
+            return "other"
+        if not telegram.is_request and telegram.source != device.slave.address:
+            return "other"
+        return CYCLIC if telegram.dsap is None and telegram.ssap is None else ACYCLIC
+
+    host.gate.classify(port, telegram_class)
+
+    def came_on(now: int) -> None:
+        drive.refresh(now)
+
+    wire = LineWire(
+        name, station.index, port, host.impairments, host.gate, host.carriers, lambda _: None,
+        classes=frozenset({CYCLIC, ACYCLIC}),
+    )  # fmt: skip
+    servo = Servo(station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
+    parts: dict[Part[Any], DrivePart] = {
+        SERVO: servo,
+        WIRE: wire,
+        CONNECTION: SlaveConnection(device, host.settle),
+        CONNECT_REQUESTS: SetParameters(device),
+        PARAMETER_ACCESS: Records(device, host.settle),
+        SLAVE: SlavePart(device, host.settle),
+    }
+    model = station.model
+    drive = InjectedDrive(name, lambda: (name,), (model.name, *model.aliases), parts, lambda: device.slave, model.bus)
+    return drive

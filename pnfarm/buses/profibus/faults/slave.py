@@ -1,0 +1,90 @@
+"""What only a slave of PROFIBUS can have: another ident number, refusals, diagnoses, another baud rate, noise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.faults.parts import DrivePart, Part
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.buses.profibus.device.device import ProfibusDevice
+
+__all__ = ["SLAVE", "SlavePart"]
+
+
+class SlavePart(DrivePart):
+    """Each setting is put in force by ``put`` and taken back by ``take_back``; the latest of a kind counts."""
+
+    def __init__(self, device: ProfibusDevice, settle: Callable[[int], None]) -> None:
+        self._device = device
+        self._settle = settle
+        self._ident = device.slave.options.ident
+        self._in_force: dict[str, list[Any]] = {
+            "ident": [],
+            "configuration": [],
+            "diagnosis": [],
+            "static": [],
+            "deaf": [],
+        }
+
+    def rebooted(self, now: int) -> None:
+        self._apply(now)
+
+    def in_force(self) -> list[Any]:
+        return [one for values in self._in_force.values() for one in values]
+
+    def put(self, what: str, value: Any, now: int) -> None:
+        """``what``: ``ident`` (a number), ``configuration`` (refused), ``diagnosis`` (octets), ``static``, ``deaf``."""
+        self._in_force[what].append(value)
+        self._apply(now)
+        self._settle(now)
+
+    def take_back(self, what: str, value: Any, now: int) -> None:
+        """Undo one :meth:`put`."""
+        self._in_force[what].remove(value)
+        self._apply(now)
+        self._settle(now)
+
+    def _apply(self, now: int) -> None:
+        device, known = self._device, self._in_force
+        slave, user = device.slave, device.user
+        ident = known["ident"][-1] if known["ident"] else self._ident
+        if slave.options.ident != ident:
+            slave.options.ident = ident
+            # a slave cannot change its number in data exchange: it starts anew
+            slave.leave(now)
+        slave.refuse_configuration = bool(known["configuration"])
+        if known["configuration"] and slave.exchanging:
+            slave.leave(now)
+        diagnosis = known["diagnosis"][-1] if known["diagnosis"] else b""
+        static = bool(known["static"])
+        if (user.further_diagnosis, user.static_diagnosis) != (diagnosis, static):
+            user.further_diagnosis, user.static_diagnosis = diagnosis, static
+            slave.diagnosis_changed()
+        device.deaf = bool(known["deaf"])
+        if device.deaf:
+            slave.search()
+
+    @property
+    def exchanging(self) -> bool:
+        return self._device.slave.exchanging
+
+    @property
+    def diagnoses_read(self) -> int:
+        """How often a master read the diagnosis since power-on."""
+        return self._device.slave.diagnoses
+
+    @property
+    def refusals(self) -> int:
+        """How often a master was told that something does not fit, since power-on."""
+        return self._device.slave.refusals
+
+    def noise(self, octets: bytes, now: int) -> None:
+        """Octets of the slave that are no telegram."""
+        self._device.put_on_line(octets)
+        self._settle(now)
+
+
+SLAVE: Part[SlavePart] = Part("a slave of its own")
