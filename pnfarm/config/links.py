@@ -2,17 +2,71 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
-from pydantic import Discriminator, Field
+from pydantic import AfterValidator, Discriminator, Field, model_validator
 
 from pnfarm.config.section import Section
 from pnfarm.config.values import Interface
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import shown
 
-__all__ = ["LINK_KINDS", "Link", "MacvlanLink", "MemoryLink", "TapLink", "VethLink"]
+__all__ = [
+    "LINK_KINDS", "USUAL_BAUD", "LineWay", "Link", "MacvlanLink", "MemoryLink", "SerialLink", "TapLink", "VethLink",
+]  # fmt: skip
+
+#: Rate of a line where the file says none.
+USUAL_BAUD = 1_500_000
+_HOST_PORT = re.compile(r"(?:\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+):([0-9]{1,5})")
 
 
-class MacvlanLink(Section):
+def _host_and_port(value: str) -> str:
+    found = _HOST_PORT.fullmatch(value)
+    if found is None or int(found[1]) > 0xFFFF:
+        raise Problem(f"is {shown(value)}", "HOST:PORT")
+    return value
+
+
+HostPort = Annotated[str, AfterValidator(_host_and_port)]
+
+
+class LineWay(Section):
+    """The way to a serial line: one of `pty`, `port`, `connect` and `listen`; left out, a pty."""
+
+    pty: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None,
+        description="A pair of pseudo terminals that the farm makes: the path of a symbolic link to its far end, or "
+        "`auto` for none; the log has the path.",
+    )
+    port: Annotated[str, Field(min_length=1)] | None = Field(
+        default=None, description="A serial port, such as the /dev/ttyUSB0 of an RS-485 adapter, or a pty's far end."
+    )
+    connect: HostPort | None = Field(default=None, description="TCP, octets as they are, to this HOST:PORT.")
+    listen: HostPort | None = Field(default=None, description="TCP from a client, at this HOST:PORT.")
+    baud: Annotated[int, Field(ge=9_600, le=12_000_000)] = Field(
+        default=USUAL_BAUD, description="Bits per second; a pty and TCP have none of their own, and count by it."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> LineWay:
+        given = [key for key in ("pty", "port", "connect", "listen") if getattr(self, key) is not None]
+        if len(given) > 1:
+            raise Problem(f"has {' and '.join(given)}", "one of pty, port, connect, listen")
+        return self
+
+
+class _WithLines(Section):
+    """A link beside which drives of other buses have a serial line."""
+
+    lines: dict[str, LineWay] = Field(
+        default_factory=dict,
+        description="Serial lines for drives of buses that have one, by the name of the bus.",
+        examples=[{"profibus": {"pty": "auto"}}],
+    )
+
+
+class MacvlanLink(_WithLines):
     """One macvlan per drive on an interface of this machine: the drives are on the real network."""
 
     kind: Literal["macvlan"]
@@ -24,7 +78,7 @@ class MacvlanLink(Section):
     )
 
 
-class VethLink(Section):
+class VethLink(_WithLines):
     """One veth pair per drive, joined by a bridge: a farm and a controller on one machine."""
 
     kind: Literal["veth"]
@@ -33,7 +87,7 @@ class VethLink(Section):
     )
 
 
-class TapLink(Section):
+class TapLink(_WithLines):
     """One TAP per drive: for virtual machines, or where no other interface can be made.  Slower."""
 
     kind: Literal["tap"]
@@ -44,15 +98,25 @@ class MemoryLink(Section):
     """No network and no rights: the drives and the file's controller in one process, on one clock."""
 
     kind: Literal["memory"]
+    baud: Annotated[int, Field(ge=9_600, le=12_000_000)] = Field(
+        default=USUAL_BAUD, description="Rate of serial lines, bit/s."
+    )
 
 
-Link = Annotated[MacvlanLink | VethLink | TapLink | MemoryLink, Discriminator("kind")]
+class SerialLink(LineWay):
+    """One serial line that all drives share, and nothing else."""
+
+    kind: Literal["serial"]
+
+
+Link = Annotated[MacvlanLink | VethLink | TapLink | MemoryLink | SerialLink, Discriminator("kind")]
 
 
 #: By the value of `kind`, as messages list them.
-LINK_KINDS: dict[str, type[MacvlanLink | VethLink | TapLink | MemoryLink]] = {
+LINK_KINDS: dict[str, type[MacvlanLink | VethLink | TapLink | MemoryLink | SerialLink]] = {
     "macvlan": MacvlanLink,
     "veth": VethLink,
     "tap": TapLink,
     "memory": MemoryLink,
+    "serial": SerialLink,
 }

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import anyio
 
-from pnfarm.buses.bus import uses_sockets
+from pnfarm.buses.bus import line_of, uses_sockets
 from pnfarm.buses.controller import ControllerHost
+from pnfarm.config.links import LineWay
 from pnfarm.config.links import MacvlanLink as MacvlanSection
 from pnfarm.config.links import MemoryLink as MemorySection
+from pnfarm.config.links import SerialLink as SerialSection
 from pnfarm.config.links import TapLink as TapSection
 from pnfarm.config.links import VethLink as VethSection
 from pnfarm.controller.group import Controllers
@@ -26,6 +28,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import realtime_settings
 from pnfarm.farm.file.choice import bus_of_controller, titles
 from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
+from pnfarm.farm.lines import line_bus, make_line
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link
@@ -61,6 +64,9 @@ RELEASE_SECONDS = 2.0
 
 def _link(config: FarmConfig, section: ControllerSection, interface: str | None, owner: str) -> Link:
     """A controller's link: an existing interface, a link of its own, or a port beside the farm's drives."""
+    bus = bus_of_controller(section)
+    if line_of(bus):
+        return make_line(_line(config, section, bus.name), line_bus(bus.name))
     interface = interface or section.interface
     if interface is not None:
         return InterfaceLink(interface)
@@ -86,6 +92,21 @@ def _link(config: FarmConfig, section: ControllerSection, interface: str | None,
             )
 
 
+def _line(config: FarmConfig, section: ControllerSection, name: str) -> LineWay:
+    """The way to a line: the section's own, or the far end of the farm's."""
+    if isinstance(section.link, SerialSection):
+        return section.link
+    way = config.link if isinstance(config.link, SerialSection) else getattr(config.link, "lines", {}).get(name)
+    if way is not None and way.pty not in {None, "auto"}:
+        return LineWay(port=way.pty, baud=way.baud)
+    if way is not None and way.listen is not None:
+        return LineWay(connect=way.listen, baud=way.baud)
+    raise ConfigError(
+        "the file does not say how the controller reaches the line; give `controller: {link: {kind: serial, port: "
+        "...}}`, or a farm whose line has a path (`pty: /tmp/line`) or listens"
+    )
+
+
 class _Station:
     """One controller on the network: its link, its port there, and the engine behind it."""
 
@@ -106,9 +127,11 @@ class _Station:
         """Take the port; nothing is sent before :meth:`start`."""
         self._lock.acquire()
         self._is_ours = True
-        if self._own_link and self.link.kind != "interface":
+        if self._own_link and self.link.kind not in {"interface", "serial"}:
             await remove_leftovers(self.owner)
-        spec = PortSpec(self.section.name, planned.mac or bytes(6), kernel=uses_sockets(planned.bus))
+        line = line_of(planned.bus)
+        mac = b"" if line else planned.mac or bytes(6)
+        spec = PortSpec(self.section.name, mac, kernel=uses_sockets(planned.bus), line=line)
         (port,) = await self.link.open([spec])
         address, ports = planned.plan.udp_ports
         if address is not None:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from pnfarm.buses.bus import DeviceServices
+from pnfarm.buses.bus import DeviceServices, line_of
 from pnfarm.buses.registry import bus
 from pnfarm.config.axis import apply_axis
 from pnfarm.config.machine import apply_machine
@@ -27,6 +27,7 @@ from pnfarm.farm.realism import imperfections
 from pnfarm.faults.gate import GatedLink
 from pnfarm.faults.socket_gate import SocketGate
 from pnfarm.links.base import unwrap
+from pnfarm.links.joined import lines_of
 from pnfarm.links.memory import MemoryLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.protocols.deadlines import Deadlines
@@ -45,7 +46,7 @@ from pnfarm.table.image import LOST_NEVER
 from pnfarm.trace import TraceManager
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.memory import NonVolatile
@@ -189,6 +190,11 @@ class FarmCore:
             self._sockets.set_user(self.socket_event)
         if isinstance(innermost := unwrap(link), MemoryLink):
             innermost.set_audience(self._audience)
+        self._on_lines = [name for name in self._segments if line_of(bus(name))]
+        for carrier in lines_of(link).values():
+            carrier.set_line_audience(self._line_audience)
+        if isinstance(innermost, MemoryLink):
+            innermost.set_line_audience(self._line_audience)
 
     def start(self, now: int) -> None:
         """Power on at ``now``: announce addresses."""
@@ -273,12 +279,18 @@ class FarmCore:
     def _audience(self, frame: bytes) -> list[int] | None:
         """Ports that a group-addressed frame can concern, None for any."""
         found: list[int] = []
-        for segment in self._segments.values():
+        for name, segment in self._segments.items():
+            if name in self._on_lines:
+                continue
             ports = segment.audience(frame)
             if ports is None:
                 return None
             found += ports
         return found
+
+    def _line_audience(self, telegram: bytes) -> Collection[int] | None:
+        """Ports that a telegram of a serial line can concern; one bus has a line."""
+        return self._segments[self._on_lines[0]].audience(telegram) if self._on_lines else ()
 
     def settle(self, station: Station, now: int) -> None:
         """Let a station finish processing an input, send its frames, and note its next deadline."""

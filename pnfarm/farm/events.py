@@ -18,6 +18,7 @@ __all__ = [
     "EngineEventsLost",
     "FarmStarted",
     "FarmStopped",
+    "LineReady",
     "RealTimeOptionRefused",
 ]
 
@@ -33,6 +34,16 @@ class FarmStarted(Event):
 
     def details(self) -> dict[str, Any]:
         return {"drives": self.drives, "link": self.link, "granted": list(self.granted)}
+
+
+@dataclass(frozen=True, slots=True)
+class LineReady(Event):
+    """A serial line is there; ``where`` is what the other end connects to."""
+
+    TEXT = "serial line ready"
+    way: str
+    where: str
+    baud: int
 
 
 @dataclass(frozen=True, slots=True)

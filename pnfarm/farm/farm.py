@@ -15,6 +15,7 @@ from pnfarm.buses.registry import bus, fault_kinds
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import MacvlanLink as MacvlanSection
 from pnfarm.config.links import MemoryLink as MemorySection
+from pnfarm.config.links import SerialLink as SerialSection
 from pnfarm.config.links import TapLink as TapSection
 from pnfarm.config.links import VethLink as VethSection
 from pnfarm.drives.behaviour import with_behaviour
@@ -25,10 +26,11 @@ from pnfarm.engine.realtime import RealTimeSettings
 from pnfarm.errors import ConfigError
 from pnfarm.farm.capture import CaptureSettings, FarmCapture
 from pnfarm.farm.core import FarmCore
-from pnfarm.farm.events import CaptureStarted, FarmStarted, FarmStopped, RealTimeOptionRefused
+from pnfarm.farm.events import CaptureStarted, FarmStarted, FarmStopped, LineReady, RealTimeOptionRefused
 from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
 from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.injections import add_impairments
+from pnfarm.farm.lines import line_bus, make_line, make_lines
 from pnfarm.farm.memory import MemoryDriver
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.state import FarmState
@@ -36,6 +38,7 @@ from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link
 from pnfarm.links.interfaces import remove_leftovers, remove_leftovers_now
+from pnfarm.links.joined import JoinedLink, lines_of
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.ownership import FarmLock
 from pnfarm.links.tap import TapLink
@@ -48,6 +51,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from pnfarm.config.drive import DriveConfig
+    from pnfarm.config.links import LineWay
     from pnfarm.drives.model import Model
     from pnfarm.faults.manager import Injection, InjectionManager
     from pnfarm.links.base import Link, Port
@@ -74,15 +78,26 @@ def make_link(config: FarmConfig) -> Link:
     name, section = config.farm or "farm", config.link
     match section:
         case MacvlanSection():
-            return MacvlanLink(name, section.parent)
+            return _with_lines(MacvlanLink(name, section.parent), section.lines)
         case VethSection():
-            return VethLink(name, bridge=section.bridge, own_bridge=section.bridge is None)
+            return _with_lines(VethLink(name, bridge=section.bridge, own_bridge=section.bridge is None), section.lines)
         case TapSection():
-            return TapLink(name, bridge=section.bridge)
+            return _with_lines(TapLink(name, bridge=section.bridge), section.lines)
+        case SerialSection():
+            own = next(model_by_name(group.model).bus for group in config.drives)
+            return make_line(section, line_bus(own))
         case None:
             raise ConfigError("the file has no link; add for example `link: {kind: macvlan, parent: eth1}`")
         case _:
             raise ConfigError(f"a {section.kind} link has no interfaces; use macvlan, veth or tap")
+
+
+def _with_lines(link: Link, ways: Mapping[str, LineWay]) -> Link:
+    return JoinedLink(link, make_lines(ways)) if ways else link
+
+
+def _memory_baud(config: FarmConfig) -> int:
+    return config.link.baud if isinstance(config.link, MemorySection) else 0
 
 
 def _in_memory(config: FarmConfig) -> bool:
@@ -126,7 +141,7 @@ class Farm:
                 "a memory link has no interface to capture from: use a veth link, or run a scenario in virtual time "
                 "(`pnfarm run SCENARIO --virtual --pcap FILE`)"
             )
-        self.link = link or (make_link(config) if self.world is None else self.world.link())
+        self.link = link or (make_link(config) if self.world is None else self.world.link(baud=_memory_baud(config)))
         self.drives = expand(config)
         self._lock = FarmLock(config.farm or "farm", config.state_directory)
         self._state: FarmState | None = None
@@ -268,6 +283,8 @@ class Farm:
         granted = engine.report.granted if engine else []
         refused = engine.report.refused if engine else {}
         self.log.record(now, "", FarmStarted(len(self.drives), self.link.kind, tuple(granted)))
+        for link in lines_of(self.link).values():
+            self.log.record(now, "", LineReady(link.line.kind, link.line.where, link.baud))
         if self.capture is not None:
             self.log.record(now, "", CaptureStarted(str(self.capture.path)))
         asked = self.config.realtime.model_fields_set

@@ -24,6 +24,7 @@ from pnfarm.farm.core import SocketNode
 from pnfarm.farm.lateness import StolenTime
 from pnfarm.links.base import EngineLink, unwrap
 from pnfarm.links.linux import PacketLink
+from pnfarm.links.serial_link import SerialLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.links.tap import TapLink
 
@@ -77,7 +78,7 @@ class RealTimeDriver:
             self.engine = RealTimeEngine(self.node.columns, self._socket, self.settings, beside=self._beside)
             self.engine.start()
             loop.add_reader(self.engine.wake_fd, self._guard, self._woken)
-        elif isinstance(link, TapLink):
+        elif isinstance(link, (TapLink, SerialLink)):
             self._in_loop = _LoopEngine(self.node, link, self._guard)
             self._in_loop.start()
         else:
@@ -229,9 +230,12 @@ class _Heartbeat:
 
 
 class _LoopEngine:
-    """Ticks in the event loop, for links without a packet socket: as exact as asyncio's timers."""
+    """Ticks in the event loop, for links without a packet socket: as exact as asyncio's timers.
 
-    def __init__(self, node: Node, link: TapLink, guard: Callable[[Callable[[], None]], None]) -> None:
+    A serial line has no cyclic frames: what is polled is not the engine's.
+    """
+
+    def __init__(self, node: Node, link: TapLink | SerialLink, guard: Callable[[Callable[[], None]], None]) -> None:
         self._node = node
         self._link = link
         self._guard = guard
@@ -241,7 +245,8 @@ class _LoopEngine:
         self._due = 0
 
     def start(self) -> None:
-        self._link.set_cyclic_receiver(self._received)
+        if isinstance(self._link, TapLink):
+            self._link.set_cyclic_receiver(self._received)
         self._head = int(self._node.columns.engine[0].event_head)
         self._handle = asyncio.get_running_loop().call_soon(lambda: self._guard(self._tick))  # type: ignore[assignment]  # a Handle is cancelled in the same way
 

@@ -91,6 +91,7 @@ class MemorySwitch:
         self._by_mac: dict[bytes, list[int]] = {}
         self._next_index = 1
         self._audiences: list[tuple[frozenset[int], Audience]] = []
+        self._line_audiences: list[tuple[frozenset[int], Audience]] = []
         #: How often a port has changed its address.
         self.moves = 0
         self._under_way: deque[tuple[int, int, bytes | Callable[[int], None]]] = deque()
@@ -238,8 +239,9 @@ class MemorySwitch:
         delivered = 0
         while line.under_way and line.under_way[0][0] <= now:
             due, source, octets = line.under_way.popleft()
-            for index, socket in list(self._sockets.items()):
-                if socket.line != name or index == source or index not in self._sockets:
+            for index in self._hearers(name, octets):
+                socket = self._sockets.get(index)
+                if socket is None or index == source:
                     continue
                 if not socket.carrier:
                     socket.counters.dropped["cable-pulled"] += 1
@@ -249,6 +251,21 @@ class MemorySwitch:
                 if socket.receiver is not None:
                     socket.receiver(index, octets, due)
         return delivered
+
+    def _hearers(self, name: str, octets: bytes) -> list[int]:
+        """Ports of a line, less those that a telegram does not concern."""
+        hearers = {index for index, socket in self._sockets.items() if socket.line == name}
+        for ports, audience in self._line_audiences:
+            wanted = audience(octets)
+            if wanted is not None:
+                hearers -= ports.difference(wanted)
+        return sorted(hearers)
+
+    def set_line_audience(self, ports: Collection[int], audience: Audience | None) -> None:
+        """Ask ``audience`` which of ``ports`` a telegram of their line goes to; None: to all of them again."""
+        self._line_audiences = [(of, ask) for of, ask in self._line_audiences if of.isdisjoint(ports)]
+        if audience is not None:
+            self._line_audiences.append((frozenset(ports), audience))
 
     def set_audience(self, ports: Collection[int], audience: Audience | None) -> None:
         """Ask ``audience`` which of ``ports`` a group-addressed frame goes to; None: to all of them again."""
@@ -307,6 +324,7 @@ class MemoryLink:
 
     async def close(self) -> None:
         self._switch.set_audience(self._indexes, None)
+        self._switch.set_line_audience(self._indexes, None)
         self.sockets.close(self._indexes)
         for index in self._indexes:
             self._switch.detach(index)
@@ -328,6 +346,10 @@ class MemoryLink:
     def set_audience(self, audience: Audience) -> None:
         """Set which ports a broadcast or multicast frame can concern; the others get no copy."""
         self._switch.set_audience(self._indexes, audience)
+
+    def set_line_audience(self, audience: Audience) -> None:
+        """Set which ports a telegram of a serial line can concern; the others get no copy."""
+        self._switch.set_line_audience(self._indexes, audience)
 
     async def set_carrier(self, port_index: int, up: bool) -> None:
         self._switch.set_carrier(port_index, up, self._clock())

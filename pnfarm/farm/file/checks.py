@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.bus import line_of
 from pnfarm.buses.farm_file import CONTROLLER, Claims, PlacedGroup
+from pnfarm.buses.registry import BUSES
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
 from pnfarm.config.links import MacvlanLink, MemoryLink
@@ -18,11 +20,12 @@ from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from pnfarm.config.controller import ControllerSection
     from pnfarm.config.drive import DriveGroup
     from pnfarm.config.known import Known, ModelFacts
+    from pnfarm.config.links import LineWay, Link
     from pnfarm.farm.file.sections import FarmSections
     from pnfarm.vocabulary.issues import Location, Report
 
@@ -52,7 +55,7 @@ def check(
     for placed in groups:
         _check_group(placed.at, placed.group, known, report)
     if is_complete and sections.link is not None:
-        _check_links(sections.link.kind, groups, report)
+        _check_links(sections.link, groups, report)
     total = sum(group.count for group in sections.drives)
     if total > MAX_DRIVES:
         report(("drives",), f"makes {total} drives", f"at most {MAX_DRIVES} in one farm")
@@ -197,10 +200,21 @@ def _check_tasks(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
         seen.add(task.number)
 
 
-def _check_links(kind: str, groups: Sequence[PlacedGroup[DriveGroup]], report: Report) -> None:
+def _check_links(link: Link, groups: Sequence[PlacedGroup[DriveGroup]], report: Report) -> None:
+    lines: Mapping[str, LineWay] = getattr(link, "lines", {})
+    for name in lines:
+        if name not in BUSES or not line_of(BUSES[name]):
+            known = [each for each, one in BUSES.items() if line_of(one)]
+            report(("link", "lines", name), f"{shown(name)} is no bus with a serial line", ", ".join(known))
+    kind = link.kind
     for placed in groups:
         bus = bus_of(placed.group)
-        if kind not in bus.link_kinds:
+        if line_of(bus) and bus.name in lines:
+            continue
+        if line_of(bus) and kind not in bus.link_kinds:
+            what = f"{shown(placed.group.model)} is on {bus.title}, and the link has no line for it"
+            report((*placed.at, "model"), what, f"lines: {{{bus.name}: {{pty: auto}}}} in `link`, or kind: serial")
+        elif kind not in bus.link_kinds:
             what = f"{shown(placed.group.model)} is on {bus.title}, which a link of the kind {kind} does not carry"
             report((*placed.at, "model"), what, "link: {kind: ...}, " + ", ".join(sorted(bus.link_kinds)))
 

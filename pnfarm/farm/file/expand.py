@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.bus import line_of
 from pnfarm.buses.farm_file import Expansion
 from pnfarm.config.drive import DriveConfig
 from pnfarm.config.ip import IpController, Macs, auto_mac
@@ -29,6 +30,8 @@ def controller_mac(sections: FarmSections, controller: ControllerSection | None 
     """
     controller = controller or sections.controller
     if controller is None:
+        return None
+    if line_of(bus_of_controller(controller)):
         return None
     mac = controller.mac if isinstance(controller, IpController) else None
     if isinstance(mac, bytes):

@@ -245,6 +245,10 @@ class Slave:
         """Wait for parameters again, as after power-on."""
         self._leave(why, now)
 
+    def heard(self, now: int) -> None:
+        """A good telegram for somebody else was on the line then."""
+        self._heard_ns = max(self._heard_ns, now)
+
     def search(self) -> None:
         """Forget the baud rate: the next good telegram finds it again."""
         if self.found:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
+    from pnfarm.buses.profibus.device.segment import ProfibusSegment
     from pnfarm.drives.store import ParameterStore
     from pnfarm.engine.closed_channels import ClosedChannels
     from pnfarm.protocols.profibus.slave_user import SlaveEvent
@@ -71,6 +72,8 @@ class ProfibusDevice:
         self.address_from = ""
         #: The rate of its line, as the link has it.
         self.baud = getattr(station.port, "baud", 0)
+        #: What the slaves of the line share; set by the segment.
+        self.line: ProfibusSegment | None = None
         self._answers: list[bytes] = []
         #: Counts parametrisations: which of them is in force.
         self.number = 0
@@ -183,6 +186,9 @@ class ProfibusDevice:
 
     def handle_timeout(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
+        if self.line is not None:
+            # telegrams for others are not given to it, and keep the rate as well
+            self.slave.heard(self.line.heard_ns)
         self.slave.handle_timeout(now)
         self.user.channel.handle_timeout(now)
         self.parameter_words.handle_timeout(now)

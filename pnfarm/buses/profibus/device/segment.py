@@ -1,8 +1,10 @@
-"""Which telegrams concern a slave: everybody on the line hears all of them."""
+"""Which telegrams concern a slave: everybody on the line hears all of them, and most are for one."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+
+from pnfarm.protocols.profibus.wire.telegram import BROADCAST, SD1, SD2, SD3
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -11,20 +13,39 @@ if TYPE_CHECKING:
 
 __all__ = ["ProfibusSegment"]
 
+#: Start delimiter -> place of the destination address.
+_DESTINATION = {SD1: 1, SD2: 4, SD3: 1}
+
 
 class ProfibusSegment:
-    """See :class:`pnfarm.buses.bus.Segment`; a slave itself turns away what is not its own, which costs no more."""
+    """See :class:`pnfarm.buses.bus.Segment`.
+
+    A slave that is addressed gets its telegram; one that seeks the baud rate, any; the others are told that the line
+    lives.
+    """
 
     def __init__(self, devices: Sequence[ProfibusDevice]) -> None:
-        del devices
+        self._devices = {device.port.index: device for device in devices}
+        #: When a telegram came last.
+        self.heard_ns = 0
+        for device in devices:
+            device.line = self
 
     def admits(self, port: int, frame: bytes, now: int) -> bool:
-        del port, frame, now
+        del port, frame
+        self.heard_ns = now
         return True
 
     def audience(self, frame: bytes) -> Sequence[int] | None:
-        del frame
-        return None
+        place = _DESTINATION.get(frame[0]) if frame else None
+        destination = frame[place] & 0x7F if place is not None and len(frame) > place else None
+        if destination == BROADCAST:
+            return None
+        return [
+            port
+            for port, device in self._devices.items()
+            if device.slave.address == destination or not device.slave.found
+        ]
 
     def settled(self, port: int) -> None:
         del port

@@ -1,0 +1,59 @@
+"""The serial lines of a farm or a controller, as its file asks for them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.bus import LineBus
+from pnfarm.buses.registry import BUSES
+from pnfarm.errors import ConfigError
+from pnfarm.links.line import LineFormat
+from pnfarm.links.serial import ConnectLine, ListenLine, PortLine, PtyLine
+from pnfarm.links.serial_link import SerialLink
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.config.links import LineWay
+    from pnfarm.links.line import Line
+
+__all__ = ["line_bus", "make_line", "make_lines"]
+
+#: A pseudo terminal has neither rate nor parity; drivers want one that they know.
+_PTY_BAUD = 38_400
+
+
+def line_bus(name: str) -> LineBus:
+    """The bus with a line of this name.  Raises :class:`ConfigError`."""
+    known: dict[str, LineBus] = {each: one for each, one in BUSES.items() if isinstance(one, LineBus) and one.uses_line}
+    if name not in known:
+        raise ConfigError(f"no bus {name!r} has a serial line; those with one: {', '.join(known)}")
+    return known[name]
+
+
+def make_line(way: LineWay, bus: LineBus) -> SerialLink:
+    """The line that a file asks for, not open yet."""
+    return SerialLink(_way(way), bus.splitter(way.baud), way.baud)
+
+
+def make_lines(ways: Mapping[str, LineWay]) -> dict[str, SerialLink]:
+    """Lines by the names of their buses.  Raises :class:`ConfigError`."""
+    return {name: make_line(way, line_bus(name)) for name, way in ways.items()}
+
+
+def _way(way: LineWay) -> Line:
+    if way.port is not None:
+        if Path(way.port).resolve().parts[:3] == ("/", "dev", "pts"):
+            return PortLine(way.port, _PTY_BAUD, LineFormat((_PTY_BAUD,)))
+        return PortLine(way.port, way.baud, LineFormat((way.baud,), "even"))
+    if way.connect is not None:
+        return ConnectLine(*_place(way.connect), baud=way.baud)
+    if way.listen is not None:
+        return ListenLine(*_place(way.listen), baud=way.baud)
+    return PtyLine(None if way.pty in {None, "auto"} else Path(str(way.pty)), baud=way.baud)
+
+
+def _place(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    return host.strip("[]"), int(port)

@@ -1,0 +1,587 @@
+"""Lines over file descriptors: a pty that the farm makes, a serial port, TCP from either end.
+
+All are read in the event loop and written at once, in the call that wants to send.  A far end that does not
+read fills a bounded queue, and what comes on top is lost and counted.  A far end that goes away (a closed pty, an
+adapter pulled out, a TCP peer gone) is counted, and the way is tried again with growing pauses; the farm runs on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import os
+import socket
+import termios
+import time
+import tty
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import EnvironmentError_, InternalError
+from pnfarm.links.line import LineCounters
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pnfarm.links.base import Clock
+    from pnfarm.links.line import LineFormat, LineNews, LineReceiver
+
+__all__ = [
+    "MOST_WAITING",
+    "ConnectLine",
+    "FdLine",
+    "ListenLine",
+    "PortLine",
+    "PtyLine",
+    "open_port",
+]
+
+#: Octets that wait for a far end that does not read: some telegrams, so that it does not read old ones for long.
+MOST_WAITING = 4096
+_READ = 4096
+#: Reads in one call of the event loop at most, so that a flood does not keep it.
+_READS = 16
+#: Pauses between two tries of a way that broke.
+_FIRST_PAUSE_SECONDS = 0.005
+_LAST_PAUSE_SECONDS = 1.0
+#: A pty's far end is a process of this machine, which may open it again at any time: looking costs one call.
+_LAST_PTY_PAUSE_SECONDS = 0.02
+_CONNECT_SECONDS = 5.0
+
+_PARITIES = {"none": "N", "even": "E", "odd": "O"}
+
+
+class FdLine(ABC):
+    """What all have in common: reading, writing, losing and trying again.  ``clock`` stamps what came."""
+
+    kind: str
+    last_pause = _LAST_PAUSE_SECONDS
+
+    def __init__(self, *, baud: int | None = None, clock: Clock = time.monotonic_ns) -> None:
+        self._baud = baud
+        self._clock = clock
+        self._counters = LineCounters()
+        self._receiver: LineReceiver | None = None
+        self._news: LineNews | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._fd: int | None = None
+        self._queue = bytearray()
+        self._pause = _FIRST_PAUSE_SECONDS
+        self._again: asyncio.TimerHandle | None = None
+        #: The last news, so that a way that stays broken is told once.
+        self._told: tuple[bool, str] | None = None
+
+    @property
+    def where(self) -> str:
+        raise NotImplementedError
+
+    @property
+    def baud(self) -> int | None:
+        return self._baud
+
+    @property
+    def counters(self) -> LineCounters:
+        return self._counters
+
+    @property
+    def is_up(self) -> bool:
+        """Whether somebody is at the far end."""
+        return self._fd is not None
+
+    def set_receiver(self, receiver: LineReceiver) -> None:
+        self._receiver = receiver
+
+    def set_news(self, news: LineNews) -> None:
+        self._news = news
+
+    def set_baud(self, baud: int) -> None:
+        """A pty and TCP have no rate: nothing happens."""
+        del baud
+
+    async def open(self) -> None:
+        if self._loop is not None:
+            raise InternalError(f"this {self.kind} line is already open")
+        self._loop = asyncio.get_running_loop()
+        try:
+            await self._begin()
+        except BaseException:
+            await self.close()
+            raise
+
+    async def close(self) -> None:
+        if self._again is not None:
+            self._again.cancel()
+            self._again = None
+        self._news = None
+        self._detach()
+        self._loop = None
+        await self._end()
+
+    # -- what a way does itself
+
+    @abstractmethod
+    async def _begin(self) -> None:
+        """Take the way: :meth:`_attach` or :meth:`_broken` follows, now or later."""
+
+    @abstractmethod
+    async def _end(self) -> None:
+        """Give everything back."""
+
+    @abstractmethod
+    def _try(self) -> None:
+        """Try again, after a pause: calls :meth:`_attach` or :meth:`_broken`."""
+
+    @abstractmethod
+    def _release(self) -> None:
+        """The descriptor is no longer read: close it, if it is not kept."""
+
+    # -- the descriptor
+
+    def _attach(self, fd: int) -> None:
+        """Octets go over this non-blocking descriptor from now on."""
+        if self._loop is None:
+            raise InternalError(f"this {self.kind} line is not open")
+        self._fd = fd
+        self._pause = _FIRST_PAUSE_SECONDS
+        self._counters.opened += 1
+        self._loop.add_reader(fd, self._readable)
+        self._tell(True, self.where)
+
+    def _detach(self) -> None:
+        fd, self._fd = self._fd, None
+        if fd is not None and self._loop is not None and not self._loop.is_closed():
+            self._loop.remove_reader(fd)
+            self._loop.remove_writer(fd)
+        if self._queue:
+            self._counters.lost["cut-off"] += len(self._queue)
+            self._queue.clear()
+        self._release()
+
+    def _broken(self, reason: str, text: str) -> None:
+        """The way broke, or could not be taken: count it, and try again after a pause."""
+        self._counters.interruptions[reason] += 1
+        self._detach()
+        self._tell(False, text)
+        self._later()
+
+    def _later(self) -> None:
+        """Try again after a pause, which grows."""
+        if self._loop is None:
+            return
+        if self._again is not None:
+            self._again.cancel()
+        self._again = self._loop.call_later(self._pause, self._try)
+        self._pause = min(2 * self._pause, self.last_pause)
+
+    def _tell(self, up: bool, text: str) -> None:
+        if self._news is not None and self._told != (up, text):
+            self._news(up, text)
+        self._told = (up, text)
+
+    def _readable(self) -> None:
+        for _ in range(_READS):
+            if self._fd is None:
+                return
+            try:
+                octets = os.read(self._fd, _READ)
+            except (BlockingIOError, InterruptedError):
+                return
+            except OSError as exc:
+                self._broken(*_reason(exc, self.where))
+                return
+            if not octets:
+                self._broken("far-end-closed", f"{self.where}: the far end is closed")
+                return
+            self._counters.received += len(octets)
+            if self._receiver is not None:
+                self._receiver(octets, self._clock())
+            if len(octets) < _READ:
+                return
+
+    def send(self, octets: bytes) -> None:
+        counters = self._counters
+        if self._fd is None:
+            counters.lost["not-open"] += len(octets)
+            return
+        written = 0
+        if not self._queue:
+            try:
+                written = os.write(self._fd, octets)
+            except (BlockingIOError, InterruptedError):
+                written = 0
+            except OSError as exc:
+                counters.lost["cut-off"] += len(octets)
+                self._broken(*_reason(exc, self.where))
+                return
+            counters.sent += written
+        if written == len(octets):
+            return
+        rest = memoryview(octets)[written:]
+        if len(self._queue) + len(rest) > MOST_WAITING:
+            counters.lost["queue-full"] += len(rest)
+            return
+        if not self._queue and self._loop is not None:
+            self._loop.add_writer(self._fd, self._writable)
+        self._queue += rest
+
+    def _writable(self) -> None:
+        if self._fd is None:
+            return
+        try:
+            written = os.write(self._fd, self._queue)
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError as exc:
+            self._broken(*_reason(exc, self.where))
+            return
+        self._counters.sent += written
+        del self._queue[:written]
+        if not self._queue and self._loop is not None:
+            self._loop.remove_writer(self._fd)
+
+
+def _reason(exc: OSError, where: str) -> tuple[str, str]:
+    """Slug and sentence of an error of the kernel's."""
+    if exc.errno in {errno.EIO, errno.ECONNRESET, errno.EPIPE}:
+        return "far-end-closed", f"{where}: the far end is closed"
+    if exc.errno in {errno.ENXIO, errno.ENODEV, errno.ENOENT}:
+        return "no-device", f"{where}: the device is gone"
+    return "refused", f"{where}: {exc.strerror or exc}"
+
+
+class PtyLine(FdLine):
+    """A pair of pseudo terminals: whoever opens ``path`` is at the far end.  ``link``: a symbolic link to it.
+
+    A link that is there is replaced, anything else is not.  A pseudo terminal has neither a rate nor a parity; the C
+    library refuses to set even parity on one, so that the far end opens it without.
+    """
+
+    kind = "pty"
+    last_pause = _LAST_PTY_PAUSE_SECONDS
+
+    def __init__(self, link: Path | None = None, *, baud: int | None = None, clock: Clock = time.monotonic_ns) -> None:
+        super().__init__(baud=baud, clock=clock)
+        self._link = link
+        self._master: int | None = None
+        #: The far end's path, empty until the line is open.
+        self.path = ""
+
+    @property
+    def where(self) -> str:
+        if self._link is None or not self.path:
+            return self.path or str(self._link or "a pty")
+        return f"{self._link} -> {self.path}"
+
+    async def _begin(self) -> None:
+        try:
+            self._master, far = os.openpty()
+        except OSError as exc:
+            raise EnvironmentError_(f"no pty can be made ({exc.strerror}): is /dev/pts mounted?") from exc
+        try:
+            tty.setraw(far)
+            self.path = os.ttyname(far)
+        finally:
+            os.close(far)
+        os.set_blocking(self._master, False)
+        if self._link is not None:
+            self._make_link(self._link)
+        self._try()
+        if not self.is_up:
+            self._tell(False, f"{self.where}: waits for somebody to open it")
+
+    def _make_link(self, link: Path) -> None:
+        try:
+            if link.is_symlink():
+                link.unlink()
+            link.symlink_to(self.path)
+        except OSError as exc:
+            raise EnvironmentError_(f"the link {link} to {self.path} cannot be made: {exc.strerror}") from exc
+
+    async def _end(self) -> None:
+        if self._master is not None:
+            os.close(self._master)
+            self._master = None
+        link = self._link
+        if link is not None and self.path:
+            with contextlib.suppress(OSError):
+                # another farm may have taken it
+                if str(link.readlink()) == self.path:
+                    link.unlink()
+
+    def _release(self) -> None:
+        """The pair stays; what the last one at the far end has not read is not for the next one."""
+        if self._master is None or self._loop is None:
+            return
+        with contextlib.suppress(OSError, termios.error):
+            # only the far end's own side flushes what is already in its queue
+            far = os.open(self.path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+            try:
+                termios.tcflush(far, termios.TCIFLUSH)
+            finally:
+                os.close(far)
+
+    def _try(self) -> None:
+        """The far end is open again once a read no longer fails; what it brings is taken at once."""
+        if self._master is None or self._loop is None:
+            return
+        try:
+            octets = os.read(self._master, _READ)
+        except (BlockingIOError, InterruptedError):
+            octets = b""
+        except OSError:
+            self._later()
+            return
+        self._attach(self._master)
+        if octets:
+            self._counters.received += len(octets)
+            if self._receiver is not None:
+                self._receiver(octets, self._clock())
+
+
+def open_port(port: str, baud: int, form: LineFormat) -> Any:
+    """A serial port through pyserial, raw and not blocking; raises :class:`EnvironmentError_` with one sentence."""
+    serial = import_serial(f"serial port {port}")
+    try:
+        opened = serial.Serial(
+            port,
+            baud,
+            parity=_PARITIES[form.parity],
+            stopbits=form.stop_bits,
+            timeout=0,
+            write_timeout=0,
+            exclusive=True,
+        )
+    except (OSError, ValueError) as exc:
+        raise EnvironmentError_(_why_not(port, baud, exc)) from exc
+    # the driver of an adapter may not have it: it answers later then, and `pnfarm doctor` measures how late
+    with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
+        opened.set_low_latency_mode(True)
+    return opened
+
+
+def import_serial(what: str) -> Any:
+    """pyserial; raises :class:`EnvironmentError_` where it is not installed."""
+    try:
+        import serial  # noqa: PLC0415 - needed by those who have a serial port
+    except ImportError as exc:
+        raise EnvironmentError_(f"{what} needs pyserial, which is not installed: `pip install pyserial`") from exc
+    return serial
+
+
+def _why_not(port: str, baud: int, exc: Exception) -> str:
+    number = getattr(exc, "errno", None)
+    if number == errno.ENOENT:
+        return f"serial port {port} does not exist: `ls /dev/tty*` shows those that do"
+    if number == errno.EACCES:
+        return f"serial port {port} may not be opened: join the group of the device (`ls -l {port}`)"
+    if number in {errno.EBUSY, errno.EAGAIN}:
+        return f"serial port {port} is in use by another program"
+    if not _is_terminal(port):
+        return f"{port} is not a serial port"
+    return f"serial port {port} cannot be set to {baud} baud ({exc}): its driver has other rates or no such parity"
+
+
+def _is_terminal(port: str) -> bool:
+    try:
+        fd = os.open(port, os.O_RDONLY | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        return os.isatty(fd)
+    finally:
+        os.close(fd)
+
+
+class PortLine(FdLine):
+    """A serial port of this machine, such as an RS-485 adapter's."""
+
+    kind = "port"
+
+    def __init__(self, port: str, baud: int, form: LineFormat, *, clock: Clock = time.monotonic_ns) -> None:
+        super().__init__(baud=baud, clock=clock)
+        self._port = port
+        self._form = form
+        self._serial: Any = None
+
+    @property
+    def where(self) -> str:
+        return self._port
+
+    def set_baud(self, baud: int) -> None:
+        """Another rate from now on; one that the driver refuses breaks the way."""
+        self._baud = baud
+        if self._serial is None:
+            return
+        try:
+            self._serial.baudrate = baud
+        except (OSError, ValueError) as exc:
+            self._broken("refused", _why_not(self._port, baud, exc))
+
+    async def _begin(self) -> None:
+        self._serial = open_port(self._port, self._baud or 0, self._form)
+        self._attach(self._serial.fileno())
+
+    def _try(self) -> None:
+        try:
+            self._serial = open_port(self._port, self._baud or 0, self._form)
+        except EnvironmentError_ as exc:
+            self._broken("no-device", str(exc))
+        else:
+            self._attach(self._serial.fileno())
+
+    def _release(self) -> None:
+        serial, self._serial = self._serial, None
+        if serial is not None:
+            with contextlib.suppress(OSError):
+                serial.close()
+
+    async def _end(self) -> None:
+        """Closed with the descriptor."""
+
+
+def _as_text(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _ready(sock: socket.socket) -> None:
+    """Small telegrams leave at once, and a peer that vanished is noticed."""
+    sock.setblocking(False)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 10)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 5)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3)
+
+
+class ConnectLine(FdLine):
+    """TCP to a server that passes octets as they are (``ser2net`` in raw mode, a gateway)."""
+
+    kind = "connect"
+
+    def __init__(self, host: str, port: int, *, baud: int | None = None, clock: Clock = time.monotonic_ns) -> None:
+        super().__init__(baud=baud, clock=clock)
+        self._peer = (host, port)
+        self._socket: socket.socket | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    @property
+    def where(self) -> str:
+        return _as_text(*self._peer)
+
+    async def _begin(self) -> None:
+        self._try()
+
+    def _try(self) -> None:
+        if self._loop is not None:
+            self._task = self._loop.create_task(self._connect(self._loop))
+
+    async def _connect(self, loop: asyncio.AbstractEventLoop) -> None:
+        try:
+            async with asyncio.timeout(_CONNECT_SECONDS):
+                sock = await _connected(loop, *self._peer)
+        except TimeoutError:
+            self._broken("no-answer", f"{self.where} does not answer")
+        except OSError as exc:
+            self._broken("no-connection", f"{self.where} cannot be reached: {exc.strerror or exc}")
+        else:
+            self._socket = sock
+            self._attach(sock.fileno())
+
+    def _release(self) -> None:
+        sock, self._socket = self._socket, None
+        if sock is not None:
+            sock.close()
+
+    async def _end(self) -> None:
+        task, self._task = self._task, None
+        if task is not None and not task.done():
+            task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await task
+
+
+async def _connected(loop: asyncio.AbstractEventLoop, host: str, port: int) -> socket.socket:
+    """A connected socket; raises :class:`OSError` of the last address that was tried."""
+    failed: OSError = OSError(errno.EHOSTUNREACH, "the name has no address")
+    for family, kind, protocol, _, address in await loop.getaddrinfo(host, port, type=socket.SOCK_STREAM):
+        sock = socket.socket(family, kind, protocol)
+        try:
+            _ready(sock)
+            await loop.sock_connect(sock, address)
+        except OSError as exc:
+            sock.close()
+            failed = exc
+        except BaseException:
+            sock.close()
+            raise
+        else:
+            return sock
+    raise failed
+
+
+class ListenLine(FdLine):
+    """TCP from a client, one at a time.  The newest one stays: a client that was restarted takes its place."""
+
+    kind = "listen"
+
+    def __init__(self, host: str, port: int, *, baud: int | None = None, clock: Clock = time.monotonic_ns) -> None:
+        super().__init__(baud=baud, clock=clock)
+        self._host = host
+        #: The port that clients connect to; with 0 the kernel's choice, once the line is open.
+        self.port = port
+        self._server: socket.socket | None = None
+        self._client: socket.socket | None = None
+
+    @property
+    def where(self) -> str:
+        return _as_text(self._host, self.port)
+
+    async def _begin(self) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            family, kind, protocol, _, address = (
+                await loop.getaddrinfo(self._host, self.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+            )[0]
+            self._server = socket.socket(family, kind, protocol)
+            self._server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            self._server.bind(address)
+            self._server.listen(4)
+        except OSError as exc:
+            raise EnvironmentError_(f"the line cannot listen on {self.where}: {exc.strerror or exc}") from exc
+        self._server.setblocking(False)
+        self.port = int(self._server.getsockname()[1])
+        loop.add_reader(self._server.fileno(), self._accept)
+        self._tell(False, f"{self.where}: waits for a client")
+
+    def _accept(self) -> None:
+        if self._server is None:
+            return
+        try:
+            client, _ = self._server.accept()
+        except OSError:
+            self._counters.interruptions["not-accepted"] += 1
+            return
+        if self._client is not None:
+            self._counters.interruptions["replaced"] += 1
+            self._detach()
+        _ready(client)
+        self._client = client
+        self._attach(client.fileno())
+
+    def _later(self) -> None:
+        """Nothing to try: the next client comes by itself."""
+
+    def _try(self) -> None:
+        """See :meth:`_later`."""
+
+    def _release(self) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            client.close()
+
+    async def _end(self) -> None:
+        server, self._server = self._server, None
+        if server is not None:
+            asyncio.get_running_loop().remove_reader(server.fileno())
+            server.close()

@@ -1,0 +1,134 @@
+"""A serial line as a link: each station has a port of it, a frame is a telegram, and all share the octets.
+
+What comes is split into telegrams once, and given to those that it concerns; what one sends leaves at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from typing import TYPE_CHECKING, Protocol
+
+from pnfarm.errors import InternalError
+from pnfarm.links.base import LinkCounters, Port
+
+if TYPE_CHECKING:
+    from collections import Counter
+    from collections.abc import Callable, Collection, Sequence
+
+    from pnfarm.links.base import PortSpec, Receiver
+    from pnfarm.links.line import Line
+
+__all__ = ["FIRST_PORT", "SerialLink", "Splitter"]
+
+#: Ports of lines have numbers that no interface of the kernel has.
+FIRST_PORT = 0x0100_0000
+
+
+class Splitter(Protocol):
+    """See :class:`pnfarm.buses.bus.LineSplitter`."""
+
+    @property
+    def dropped(self) -> Counter[str]: ...
+
+    def split(self, octets: bytes, now: int) -> list[bytes]: ...
+
+    def next_deadline(self) -> int | None: ...
+
+    def handle_timeout(self, now: int) -> list[bytes]: ...
+
+
+class SerialLink:
+    """A :class:`~pnfarm.links.base.Link` over ``line``; ``baud`` is told to its stations."""
+
+    kind = "serial"
+
+    def __init__(self, line: Line, splitter: Splitter, baud: int) -> None:
+        self.line = line
+        self.baud = baud
+        self.splitter = splitter
+        self._counters = LinkCounters()
+        self._receiver: Receiver | None = None
+        self._audience: Callable[[bytes], Collection[int] | None] | None = None
+        self._ports: dict[int, Port] = {}
+        self._pulled: set[int] = set()
+        self._timer: asyncio.TimerHandle | None = None
+        line.set_receiver(self._received)
+
+    @property
+    def counters(self) -> LinkCounters:
+        return self._counters
+
+    async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
+        if self._ports:
+            raise InternalError("this serial link is already open")
+        await self.line.open()
+        ports = [Port(spec.station, FIRST_PORT + index, b"", self.baud) for index, spec in enumerate(wanted)]
+        self._ports = {port.index: port for port in ports}
+        return ports
+
+    async def close(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        self._ports = {}
+        await self.line.close()
+
+    def send(self, port_index: int, frame: bytes) -> None:
+        if port_index not in self._ports:
+            self._counters.dropped["unknown-port"] += 1
+        elif port_index in self._pulled:
+            self._counters.dropped["cable-pulled"] += 1
+        else:
+            self._counters.sent += 1
+            self.line.send(frame)
+
+    def set_receiver(self, receiver: Receiver) -> None:
+        self._receiver = receiver
+
+    def set_line_audience(self, audience: Callable[[bytes], Collection[int] | None]) -> None:
+        """Set which ports a telegram can concern (None: all): the others get no copy."""
+        self._audience = audience
+
+    async def set_carrier(self, port_index: int, up: bool) -> None:
+        """The plug of one station: the line goes on for the others."""
+        if up:
+            self._pulled.discard(port_index)
+        else:
+            self._pulled.add(port_index)
+
+    async def set_mac(self, port_index: int, mac: bytes) -> None:
+        """A line has no hardware addresses."""
+
+    def _received(self, octets: bytes, now: int) -> None:
+        self._deliver(self.splitter.split(octets, now), now)
+        self._arm()
+
+    def _deliver(self, telegrams: list[bytes], now: int) -> None:
+        receiver = self._receiver
+        if receiver is None:
+            return
+        for telegram in telegrams:
+            self._counters.received += 1
+            wanted = None if self._audience is None else self._audience(telegram)
+            for index in list(self._ports) if wanted is None else wanted:
+                if index in self._pulled:
+                    self._counters.dropped["cable-pulled"] += 1
+                elif index in self._ports:
+                    receiver(index, telegram, now)
+
+    def _arm(self) -> None:
+        """An incomplete telegram is given up in time."""
+        due = self.splitter.next_deadline()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if due is not None:
+            delay = max(0.0, (due - time.monotonic_ns()) / 1e9)
+            self._timer = asyncio.get_running_loop().call_later(delay, self._given_up)
+
+    def _given_up(self) -> None:
+        self._timer = None
+        now = time.monotonic_ns()
+        self._deliver(self.splitter.handle_timeout(now), now)
+        self._arm()
