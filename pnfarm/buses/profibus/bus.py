@@ -104,7 +104,10 @@ class Profibus:
         return ON_PROFIBUS
 
     def commands(self) -> Iterable[Command]:
-        return ()
+        from pnfarm.buses.profibus.commands import gsd
+        from pnfarm.terminal.command import Command, Panel
+
+        return (Command("gsd", Panel.REFERENCE, gsd.gsd, behind="models"),)
 
     def add_routes(self, app: FastAPI, host: RouteHost) -> None:
         """It has no routes of its own."""

@@ -1,0 +1,1 @@
+"""The file that describes a virtual drive to engineering tools."""
