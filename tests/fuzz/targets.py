@@ -15,6 +15,7 @@ from random import Random
 
 import pnfarm.drives.profiles.profidrive
 import pnfarm.protocols.enip
+import pnfarm.protocols.profibus
 import pnfarm.protocols.profinet
 import pnfarm.wire
 from pnfarm.drives import catalogue
@@ -29,7 +30,13 @@ from tests.fuzz.mutate import variation, varied_xml
 
 __all__ = ["Parser", "parsers"]
 
-ROOTS = (pnfarm.wire, pnfarm.protocols.profinet, pnfarm.protocols.enip, pnfarm.drives.profiles.profidrive)
+ROOTS = (
+    pnfarm.wire,
+    pnfarm.protocols.profinet,
+    pnfarm.protocols.enip,
+    pnfarm.protocols.profibus,
+    pnfarm.drives.profiles.profidrive,
+)
 #: Texts that users write, not octets that peers send.
 NOT_PEERS = {"parse_mac", "parse_record", "parse_number", "parse_tokens", "parse_octets"}
 #: Arguments that are not octets, with the values to try.
