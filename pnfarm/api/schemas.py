@@ -59,7 +59,7 @@ class DriveFault(Schema):
 
 class Controller(Schema):
     name: str
-    ip: str
+    ip: str = Field(description="Its address; empty on a serial line.")
     mac: str
 
 
@@ -87,6 +87,7 @@ class Drive(Schema):
     ip: str | None = Field(description="Address and prefix length.")
     gateway: str | None
     ip_conflict: str | None = Field(description="MAC address of a station that uses the same IP address.")
+    station_address: int | None = Field(description="Address on a serial line; null on a network.")
     powered: bool
     state: str = Field(description="S1..S5 of the PROFIdrive state machine; boot, or off.")
     status: list[str] = Field(description="What holds of ready, enabled, in_operation, at_rest, homed, task_active ...")
@@ -131,6 +132,7 @@ class Drive(Schema):
     lamps: dict[str, str] = Field(
         description="Lamps of the network interface by name: on, off or their flashing; empty if the manual has none."
     )
+    details: dict[str, Any] = Field(description="What only drives on its bus have.")
     signalled_seconds_ago: float | None = Field(description="Time since the last DCP signal request.")
     realism: dict[str, float | list[float]] = Field(
         description="Realism settings with units in the names: noise, latency, boot time, drift."

@@ -10,6 +10,7 @@ from pnfarm.buses.bus import line_of
 from pnfarm.buses.controller import ControllerHost
 from pnfarm.buses.registry import bus
 from pnfarm.config.ip import IpController
+from pnfarm.config.links import MemoryLink as MemorySection
 from pnfarm.controller.group import Controllers
 from pnfarm.controller.plan import plan_controllers
 from pnfarm.controller.program_file import program_of, program_settings
@@ -178,7 +179,8 @@ class VirtualLine:
         """
         drives = expand(config)
         world = VirtualWorld()
-        link = world.link()
+        section = config.link
+        link = world.link(baud=section.baud if isinstance(section, MemorySection) else 0)
         whole: Link = link
         if pcap is not None or frames is not None:
             comment = f"pnfarm farm {config.farm or 'farm'}"

@@ -40,6 +40,9 @@ _NOT_SHOWN: Mapping[str, Any] = {
     "ip_conflict": None,
     "neighbours": [],
     "signalling": False,
+    "station_address": None,
+    "lamps": None,
+    "details": {},
 }
 #: State without a connection; the other states are named by the bus.
 NO_AR = "NO_AR"
@@ -83,7 +86,7 @@ def drive_snapshot(
     telegram = station.store.telegram_number
     codes = [int(code) & NUMBER_MASK for code in axis.faults.code if code]
     connection = station.device.connection()
-    known = connection if connection is not None and connection.ip is not None else None
+    known = connection if connection is not None and (connection.ip is not None or connection.cyclic) else None
     exchanging = powered and connection is not None and connection.exchanging
     sent, suppressed, received = _frames(core, station)
     seen = {**_NOT_SHOWN, "station_name": station.device.name, **station.device.view(now)}
@@ -98,6 +101,7 @@ def drive_snapshot(
         "ip": seen["ip"],
         "gateway": seen["gateway"],
         "ip_conflict": seen["ip_conflict"],
+        "station_address": seen["station_address"],
         "powered": powered,
         "state": _state_word(powered, state),
         "status": [name for name in STATUS_BITS if SIGNALS[name].read(station)] if powered else [],
@@ -137,7 +141,12 @@ def drive_snapshot(
         "bus_volts": float(axis.supply.voltage),
         "thermal_load": float(axis.motor.thermal_load),
         "signalling": seen["signalling"],
-        "lamps": _lamps(station, exchanging=exchanging, signalling=seen["signalling"]),
+        "lamps": (
+            _lamps(station, exchanging=exchanging, signalling=seen["signalling"])
+            if seen["lamps"] is None
+            else seen["lamps"]
+        ),
+        "details": seen["details"],
         "signalled_seconds_ago": ((now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None),
         "realism": station.flaws.shown(),
         "faults_injected": list(injected.get(station.configured_name, ())),
@@ -145,7 +154,8 @@ def drive_snapshot(
 
 
 def _controller(connection: ConnectionView) -> dict[str, Any]:
-    return {"name": connection.controller, "ip": str(connection.ip), "mac": format_mac(connection.mac)}
+    ip = "" if connection.ip is None else str(connection.ip)
+    return {"name": connection.controller, "ip": ip, "mac": format_mac(connection.mac) if connection.mac else ""}
 
 
 def _lamps(station: Station, *, exchanging: bool, signalling: bool) -> dict[str, str]:

@@ -277,6 +277,7 @@ class ProfibusDevice:
     def _readdressed(self, address: int, now: int, *, locks: bool) -> None:
         """Set_Slave_Add: the parameter has the address from now on."""
         self.store.set(self.product.address_parameter, address)
+        self.store.commission({self.product.address_parameter: address})
         self.station.kept["address_locked"] = locks
         self.station.keep(now, "drive", self.store.snapshot())
         self.note(now, happened.AddressChanged(address, "master"))

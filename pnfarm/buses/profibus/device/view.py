@@ -93,8 +93,8 @@ def view_of(device: ProfibusDevice) -> dict[str, Any]:
     return {
         "station_name": device.name,
         "lamps": lamps_of(device),
-        "profibus": {
-            "address": slave.address,
+        "station_address": slave.address,
+        "details": {
             "address_from": device.address_from,
             "master": None if slave.master == NO_MASTER else slave.master,
             "state": _STATES[slave.state],
