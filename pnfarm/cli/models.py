@@ -170,8 +170,11 @@ def _print_telegrams(found: dict[str, Any]) -> None:
     from pnfarm.terminal.output import print_line, print_table
 
     print_line()
-    columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "~SOURCE")
-    print_table(columns, _module_rows(found))
+    if any(telegram["identifiers"] for telegram in found["telegrams"]):
+        print_table(("TELEGRAM", "IDENTIFIERS", ">IN", ">OUT", "~SOURCE"), _identifier_rows(found))
+    else:
+        columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "~SOURCE")
+        print_table(columns, _module_rows(found))
     print_line()
     print_table(
         ("TELEGRAM", "~TO THE DRIVE", "~FROM THE DRIVE", "SOURCE", "~NOTE"),
@@ -205,6 +208,13 @@ def _reading_rows(points: list[dict[str, Any]]) -> Iterator[tuple[str, str, str]
         for place, (name, does) in enumerate(point["descriptions"].items()):
             usual = " (default)" if name == point["default"] else ""
             yield "" if place else point["name"], f"{name}{usual}", does
+
+
+def _identifier_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:
+    """Telegrams that a master configures by identifiers, with their octets of data."""
+    for telegram in found["telegrams"]:
+        octets = (2 * len(telegram["input"]), 2 * len(telegram["output"]))
+        yield telegram["number"], telegram["identifiers"].upper(), *octets, telegram["module_source"]
 
 
 def _module_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:

@@ -14,11 +14,10 @@ from pnfarm.config.axis import axis_complaints
 from pnfarm.config.realism import missing_figures
 from pnfarm.drives import catalogue as drives
 from pnfarm.drives.given_values import raw_number
-from pnfarm.drives.model_identity import CIP_OVERRIDES, with_identity
+from pnfarm.drives.model_identity import OVERRIDES, overrides_of, with_identity
 from pnfarm.drives.motor_kinds import ROTARY, with_motor
 from pnfarm.drives.parameter import Form, ParameterError
 from pnfarm.drives.parameter_list import read_parameter_list
-from pnfarm.drives.profiles.cip.part import CIP
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.vocabulary.quoting import did_you_mean, shown
@@ -208,8 +207,8 @@ class InstalledModel:
 
     def identity_complaints(self, identity: Mapping[str, Any]) -> list[Complaint]:
         allowed = f"what `pnfarm models {self.name}` shows under identity, dap and telegrams"
-        if self.model.profile == CIP:
-            allowed = "; ".join(f"{key}: {what}" for key, what in CIP_OVERRIDES.items())
+        if (known := overrides_of(self.model)) is not OVERRIDES:
+            allowed = "; ".join(f"{key}: {what}" for key, what in known.items())
         complaints: list[Complaint] = []
         # each key alone, so that every wrong one is named
         for key, value in identity.items():

@@ -136,7 +136,9 @@ def _profidrive(
     """The model's PROFIdrive data; empty for a model without the profile."""
     if sections.data.get("profile") != PROFIDRIVE:
         return Profidrive()
-    signals, telegrams, bits = read_telegrams(files, sections.wanted("telegram_module"), parameters, numbers)
+    # PROFIBUS has no numbers of modules: a telegram is known by its identifiers
+    layout = None if sections.data["bus"] == "profibus" else sections.wanted("telegram_module")
+    signals, telegrams, bits = read_telegrams(files, layout, parameters, numbers)
     default = sections.wanted("default_telegram")
     if default not in telegrams:
         raise ConfigError(f"{sections.place('', 'default_telegram')}: there is no telegram {default}")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.model import Model
 
-__all__ = ["CIP_OVERRIDES", "OVERRIDES", "with_identity"]
+__all__ = ["CIP_OVERRIDES", "OVERRIDES", "PROFIBUS_OVERRIDES", "overrides_of", "with_identity"]
 
 #: Keys of the farm file's ``identity`` section, for a PROFIdrive model.
 OVERRIDES: Mapping[str, str] = {
@@ -32,6 +32,14 @@ OVERRIDES: Mapping[str, str] = {
     "dap_submodules": "mapping: subslot -> submodule ident",
     "access_point": "submodule ident of the parameter access point",
     "telegrams": "mapping: telegram -> module ident, or {module: ident, submodule: ident}",
+}
+#: Those of them that only PROFINET has.
+_OF_MODULES = frozenset({"dap", "dap_submodules", "access_point", "telegrams"})
+#: The same for a PROFIdrive model on PROFIBUS, which has no modules with idents.
+PROFIBUS_OVERRIDES: Mapping[str, str] = {
+    **{key: what for key, what in OVERRIDES.items() if key not in _OF_MODULES},
+    "device": "ident number, 0..0xFFFF",
+    "station_type": "model name, up to 25 ASCII characters",
 }
 #: The same for a CIP model.
 CIP_OVERRIDES: Mapping[str, str] = {
@@ -131,14 +139,21 @@ def _with_cip_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
     return dataclasses.replace(model, bus_facts=facts)
 
 
+def overrides_of(model: Model) -> Mapping[str, str]:
+    """The keys that the farm file's ``identity`` section may have for this model, and what each is."""
+    if model.profile == CIP:
+        return CIP_OVERRIDES
+    return PROFIBUS_OVERRIDES if model.bus == "profibus" else OVERRIDES
+
+
 def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
-    """The model under another identity; :data:`OVERRIDES` has the keys, :data:`CIP_OVERRIDES` those of a CIP model.
+    """The model under another identity; :func:`overrides_of` has the keys.
 
     Raises :class:`ConfigError`.
     """
     if not overrides:
         return model
-    known = CIP_OVERRIDES if model.profile == CIP else OVERRIDES
+    known = overrides_of(model)
     for key in overrides:
         if key not in known:
             raise ConfigError(f"identity.{key}: unknown; there are {', '.join(known)}")
@@ -188,7 +203,7 @@ def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
             )
         telegrams[number] = dataclasses.replace(telegrams[number], module=module)
     idents = [module.ident for telegram in telegrams.values() for module in telegram.modules]
-    if len(set(idents)) != len(idents):
+    if model.dap.submodules and len(set(idents)) != len(idents):
         raise ConfigError(
             "identity.telegrams: two modules have the same module ident; a controller could not tell them apart"
         )

@@ -83,7 +83,7 @@ def _parameter_words(table: Table) -> int:
 
 
 def _telegram(
-    table: Table, signals: Mapping[str, Signal], layout: Mapping[str, Any], numbers: ParameterNumbers
+    table: Table, signals: Mapping[str, Signal], layout: Mapping[str, Any] | None, numbers: ParameterNumbers
 ) -> Telegram:
     words: dict[str, tuple[Signal | None, ...]] = {}
     codes: dict[str, tuple[int, ...]] = {}
@@ -101,6 +101,41 @@ def _telegram(
             codes[direction] = signal_codes(words[direction], setpoint=direction == "output")
         except MappingError as exc:
             raise ConfigError(f"{table.where(direction)}: {exc}") from exc
+    if layout is None:
+        # its identifiers are all that a bus without numbered modules has of it
+        table.required("identifiers")
+        modules = [Module(0, (), table.required("ident_source"))]
+    else:
+        modules = _modules(table, words, layout, numbers)
+    return Telegram(
+        number=table.required("number"),
+        name=table.required("name"),
+        free_mapping=table.required("free_mapping"),
+        output=words["output"],
+        input=words["input"],
+        output_words=codes["output"],
+        input_words=codes["input"],
+        module=modules[0],
+        source=table.required("source"),
+        note=table.get("note", ""),
+        others=tuple(modules[1:]),
+        parameter_words=parameter_words,
+        settings=_settings(table, table.where("settings"), numbers),
+        opmode=_choice(table, "opmode", range(3)),
+        tasks=_tasks(table),
+        pulses_enabled=_choice(table, "pulses_enabled", range(12)),
+        falls_back=_falls_back(table),
+        identifiers=_identifiers(table),
+    )
+
+
+def _modules(
+    table: Table,
+    words: Mapping[str, tuple[Signal | None, ...]],
+    layout: Mapping[str, Any],
+    numbers: ParameterNumbers,
+) -> list[Module]:
+    """The modules that carry a telegram, the one to use first."""
     known = layout["telegram"]
     data = Submodule(
         slot=layout["slot"],
@@ -113,30 +148,13 @@ def _telegram(
         source=known["source"],
         note=known.get("note", ""),
     )
-    ident, source = table.required("module_ident"), table.required("ident_source")
-    return Telegram(
-        number=table.required("number"),
-        name=table.required("name"),
-        free_mapping=table.required("free_mapping"),
-        output=words["output"],
-        input=words["input"],
-        output_words=codes["output"],
-        input_words=codes["input"],
-        module=Module(ident, (_access_point(layout), data), source),
-        source=table.required("source"),
-        note=table.get("note", ""),
-        others=tuple(
+    return [
+        Module(table.required("module_ident"), (_access_point(layout), data), table.required("ident_source")),
+        *(
             _other_module(other, data, layout, f"{table.where('other_modules')} {index}", numbers)
             for index, other in enumerate(table.get("other_modules", ()), 1)
         ),
-        parameter_words=parameter_words,
-        settings=_settings(table, table.where("settings"), numbers),
-        opmode=_choice(table, "opmode", range(3)),
-        tasks=_tasks(table),
-        pulses_enabled=_choice(table, "pulses_enabled", range(12)),
-        falls_back=_falls_back(table),
-        identifiers=_identifiers(table),
-    )
+    ]
 
 
 def _identifiers(table: Table) -> bytes:
@@ -223,6 +241,16 @@ def _check_settings(telegrams: Mapping[int, Telegram], places: Mapping[int, Tabl
                     raise ConfigError(f"{where}.{pnu}: {value} is not within {parameter.minimum}..{parameter.maximum}")
 
 
+def _check_identifiers(telegrams: Mapping[int, Telegram], places: Mapping[int, Table]) -> None:
+    """A master names a telegram by its identifiers alone."""
+    owners: dict[bytes, int] = {}
+    for number, telegram in telegrams.items():
+        owner = owners.setdefault(telegram.identifiers, number) if telegram.identifiers else number
+        if owner != number:
+            where = places[number].where("identifiers")
+            raise ConfigError(f"{where}: {telegram.identifiers.hex(' ').upper()} are those of telegram {owner}")
+
+
 def _check_stored(signal: Signal, table: Table, parameters: Parameters) -> None:
     """Whether a signal that shows a parameter has one."""
     shown = parameters.get(signal.number)
@@ -235,11 +263,12 @@ def _check_stored(signal: Signal, table: Table, parameters: Parameters) -> None:
 
 
 def read_telegrams(
-    files: ModelFiles, layout: Mapping[str, Any], parameters: Parameters, numbers: ParameterNumbers
+    files: ModelFiles, layout: Mapping[str, Any] | None, parameters: Parameters, numbers: ParameterNumbers
 ) -> tuple[dict[int, Signal], dict[int, Telegram], tuple[WordBits, ...]]:
     """Signals and telegrams by number, in ascending order, and names of bits.
 
-    ``layout`` is the section ``telegram_module``: the structure of all modules.
+    ``layout`` is the section ``telegram_module``, the structure of all modules; None on a bus whose telegrams have
+    identifiers instead.
     """
     tables = joined_tables(files, FILE, "signal", "number")
     signals = {number: _signal(table) for number, table in sorted(tables.items())}
@@ -252,8 +281,9 @@ def read_telegrams(
     places = {number: table for number, table in places.items() if "absent" not in table}
     telegrams = {number: _telegram(table, by_name, layout, numbers) for number, table in sorted(places.items())}
     _check_settings(telegrams, places, parameters)
+    _check_identifiers(telegrams, places)
     owners: dict[int, int] = {}
-    for telegram in telegrams.values():
+    for telegram in telegrams.values() if layout is not None else ():
         for module in telegram.modules:
             if module.ident in owners:
                 where = places[telegram.number].where("module_ident")

@@ -186,6 +186,11 @@ def test_every_row_that_acts_by_its_value_reaches_what_the_firmware_reads(name: 
         store = editing(with_its_motor(described, parameter))
         if described.diagnosis_coding is not None and target.pnu == described.diagnosis_coding.mode_parameter:
             assert told(store, target) > 2, f"{name} {parameter.pnu}"
+        elif described.bus == "profibus" and target.pnu in {918, 1256}:
+            # the slave reads them: tests/buses/profibus/test_profibus_product.py
+            assert target.pnu in {
+                described.bus_facts[key].value for key in ("address_parameter", "diagnosis_parameter")
+            }
         elif target.pnu in described.access.mapping_elements:
             assert remaps(store, target), f"{name} {parameter.pnu}"
         else:
@@ -239,7 +244,8 @@ def test_every_computed_row_that_acts_changes_telegram_history_or_name(name: str
                 for s in store.model.profidrive.signals.values()
                 if s.setpoint == setpoint and s.bits == 16 and not s.shown_as
             ]
-            store.write(parameter.pnu, 0, [words[0].number, words[-1].number] + [0] * (len(store.output_words()) - 2))
+            mapped = len(store.output_words()) - store.telegram.parameter_words
+            store.write(parameter.pnu, 0, [words[0].number, words[-1].number] + [0] * (mapped - 2))
         else:
             store.write(parameter.pnu, 0, [7])
         assert footprint(store) != before or int(store.handle.axis.commands.settings.head) != ring, (
@@ -340,6 +346,7 @@ def test_notes_that_say_kept_or_without_effect_agree(name: str) -> None:
 class _Elsewhere:
     name, ip, mask, gateway = "elsewhere", 0x0A000001, 0xFF000000, 0x0A0000FE
     macs = (b"\x02\0\0\0\0\x01",) * 3
+    line_rate = 6
 
 
 def disturb(store: ParameterStore) -> None:

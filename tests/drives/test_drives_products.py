@@ -38,17 +38,17 @@ def renamed(folder: Path, name: str, bus: str) -> None:
 
 def test_a_second_bus_is_a_folder_that_shares_the_drive(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = copy_model("moog-msd", tmp_path / "places" / "msd")
-    second = first.parent / "profibus"
+    second = first.parent / "otherbus"
     shutil.copytree(first, second)
-    for folder, name, bus in ((first, "msd-a", "profinet"), (second, "msd-b", "profibus")):
+    for folder, name, bus in ((first, "msd-a", "profinet"), (second, "msd-b", "otherbus")):
         renamed(folder, name, bus)
     (second / "parameters.csv").unlink()
     rewrite(second, "model.toml", "station_name = {", "# station_name = {")
     rewrite(second, "telegrams.toml", "module_ident = 0x1001", "module_ident = 0x2001")
     monkeypatch.setenv(catalogue.MODELS_VARIABLE, str(tmp_path / "places"))
     a, b = model("msd-a"), model("msd-b")
-    assert (a.bus, b.bus) == ("profinet", "profibus")
-    assert [entry.bus for entry in models().values()].count("profibus") == 1
+    assert (a.bus, b.bus) == ("profinet", "otherbus")
+    assert [entry.bus for entry in models().values()].count("otherbus") == 1
     assert set(a.parameters) - set(b.parameters) == {61000, *range(1289, 1298)}
     assert {b.parameters[pnu] == a.parameters[pnu] for pnu in b.parameters} == {True}
     assert (a.faults, a.motor, a.firmware, a.factor_group) == (b.faults, b.motor, b.firmware, b.factor_group)

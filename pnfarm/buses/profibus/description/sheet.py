@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.profibus.device.extended_diagnosis import extended_octets
 from pnfarm.buses.profibus.device.product import Product
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd import GsdModule, SlaveDescription
@@ -45,7 +46,7 @@ def describe_model(model: Model) -> SlaveDescription:
         auto_baud=True,
         modules=[GsdModule(one.name, one.identifiers, one.number) for one in telegrams],
         longest=max(lengths),
-        diagnosis=6 + len(product.diagnosis_header) + 8,
+        diagnosis=6 + extended_octets(product),
         parameters=bytes((int(V1Status1.DPV1_ENABLE), 0, 0)),
         v1=True,
         longest_record=product.longest_record,

@@ -6,13 +6,14 @@ Telegrams and ``now`` in, answers and typed events out.  Slave and user are crea
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
 from pnfarm.buses.profibus.device import events as happened
 from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.buses.profibus.device.kept_values import check_kept
 from pnfarm.buses.profibus.device.product import Product
+from pnfarm.buses.profibus.device.station_address import DEFAULT_ADDRESS, station_address
 from pnfarm.buses.profibus.device.user import DriveUser
 from pnfarm.buses.profibus.device.view import connection_of, losses_in_words, view_of
 from pnfarm.drives.network import NoNetwork
@@ -44,9 +45,6 @@ if TYPE_CHECKING:
 
 __all__ = ["ProfibusDevice"]
 
-#: The address of a slave that nobody gave one (EN 50170 part 2, 8.3.8).
-DEFAULT_ADDRESS: Final = 126
-
 
 class ProfibusDevice:
     """See :class:`pnfarm.station.device.Device`."""
@@ -60,6 +58,8 @@ class ProfibusDevice:
         self._lateness = services.lateness
         self.image = CyclicImage(station.handle.image)
         self.connects = 0
+        #: Those before the last power-on.
+        self.connects_before = 0
         #: Connections that ended without a release, by reason; those that the farm's own lateness ended.
         self.lost: Counter[str] = Counter()
         self.lost_by_farm: Counter[str] = Counter()
@@ -100,6 +100,7 @@ class ProfibusDevice:
             self.dropped = self.discards()
         self._built = True
         self.boots += 1
+        self.connects_before = self.connects
         product = self.product
         self.user = DriveUser(self.store, self.image, product, strict=self.config.strict, latency=self.station.latency)
         self.parameter_words = StationParameterWords(self.store, self.station.latency)
@@ -123,12 +124,10 @@ class ProfibusDevice:
 
     def _address(self) -> int:
         """By the coding switches, else by the parameter (Moog MSD manual 4.2.2); both count at power-on."""
-        if self.config.switches <= HIGHEST_ADDRESS:
-            self.address_from = "switches"
-            return self.config.switches
-        self.address_from = "parameter"
-        number = self.store.raw(self.product.address_parameter, DEFAULT_ADDRESS)
-        return min(number, DEFAULT_ADDRESS)
+        parameter = self.store.raw(self.product.address_parameter, DEFAULT_ADDRESS)
+        found = station_address(self.config.switches, parameter)
+        self.address_from = found.origin
+        return found.address
 
     def start(self, now: int) -> list[str]:
         """See :class:`pnfarm.station.device.Device`."""

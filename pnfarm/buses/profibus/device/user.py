@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from pnfarm.buses.profibus.device.extended_diagnosis import extended_diagnosis
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import DecodeError
 from pnfarm.firmware.causes import NUMBER_MASK
@@ -118,11 +119,9 @@ class DriveUser:
 
     def _extended(self) -> bytes:
         """Table 9.21: a status block with error and warning."""
-        if not self.tells:
-            return b""
-        axis = self._store.handle.axis
+        axis, product = self._store.handle.axis, self._product
         error, warning = (int(code) & NUMBER_MASK for code in (axis.faults.code[0], axis.warnings.code))
-        return bytes(self._product.diagnosis_header) + error.to_bytes(4, "big") + warning.to_bytes(4, "big")
+        return extended_diagnosis(product, self._store.raw(product.diagnosis_parameter), error, warning)
 
     # -- records -----------------------------------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.profibus.device.lamps import LampState, lamps
 from pnfarm.protocols.profibus.slave import (
     BAD_LENGTH,
     CONFIGURED_WRONG,
@@ -65,26 +66,19 @@ def losses_in_words(device: ProfibusDevice) -> dict[str, int]:
 
 def lamps_of(device: ProfibusDevice) -> dict[str, str]:
     """H1 to H3 and how each is lit (Moog MSD manual 4.2.1)."""
-    slave, product = device.slave, device.product
-    if not device.station.powered:
-        return dict.fromkeys(product.lamp_names, "off")
-    if not device.station.on_the_wire:
-        lit = product.lamp_boot
-    elif not slave.found:
-        lit = product.lamp_search_again if device.connects else product.lamp_search
-    elif slave.exchanging:
-        lit = product.lamp_exchange
-        if slave.clear:
-            lit = product.lamp_clear
-        elif slave.class_two.open:
-            lit = product.lamp_class_2
-    elif slave.faults.parameters:
-        lit = product.lamp_parameters
-    elif slave.faults.configuration:
-        lit = product.lamp_configuration
-    else:
-        lit = product.lamp_wait
-    return dict(zip(product.lamp_names, lit, strict=True))
+    slave = device.slave
+    state = LampState(
+        powered=device.station.powered,
+        booting=not device.station.on_the_wire,
+        found=slave.found,
+        exchanged=device.connects > device.connects_before,
+        exchanging=slave.exchanging,
+        clear=slave.clear,
+        class_two=bool(slave.class_two.open),
+        parameters_wrong=slave.faults.parameters,
+        configuration_wrong=slave.faults.configuration,
+    )
+    return lamps(device.product, state)
 
 
 def view_of(device: ProfibusDevice) -> dict[str, Any]:
