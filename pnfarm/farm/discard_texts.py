@@ -122,6 +122,17 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "type": "of a type that alarm frames do not have",
         "version": "of another version",
         "withheld": "kept back by an injected fault",
+        # telegrams of PROFIBUS
+        "no-delimiter": "begins with an octet that begins no telegram",
+        "bad-fcs": "telegram whose frame check sequence is wrong",
+        "garbage": "octets of a line that belong to no telegram",
+        "locked": "parameters from another master than the one that locked the slave",
+        "wrong-ident": "parameters for a slave with another ident number",
+        "no-end": "telegram that does not end with 0x16",
+        "unknown-function": "telegram whose function a slave does not have",
+        "busy": "request of DP-V1 while an earlier one waits for its answer",
+        "no-connection": "request of DP-V1 for a connection that does not exist",
+        "no-connection-free": "initiation of a DP-V1 connection when all are in use",
         # LLDP
         "aged-out": "no more frames from the neighbour",
         "bad-order": "parts in another order than prescribed",

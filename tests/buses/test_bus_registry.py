@@ -77,7 +77,7 @@ def test_nothing_of_a_bus_stays_after_its_block(bare, capsys):
 def test_a_bus_is_registered_under_a_name_of_its_own():
     with pytest.raises(ValueError, match="'profinet' already"), registry.registered(registry.bus("profinet")):
         pass
-    assert list(registry.BUSES) == ["profinet", "ethernetip"]
+    assert list(registry.BUSES) == ["profinet", "ethernetip", "profibus"]
 
 
 def names(*behind):

@@ -125,9 +125,8 @@ WRONG = [
     ("farm: line-1", "farm: 7", 1, "farm", "is 7, not a word", "a-z"),
     ("farm: line-1\n", "", 1, "", "neither `farm` nor `controller`", "farm: NAME"),
     ("link: {kind: macvlan, parent: eth1}\n", "", 1, "", "has no `link`", "link:"),
-    ("kind: macvlan", "kind: macvaln", 2, "link", "did you mean macvlan?", "macvlan, veth, tap, memory"),
+    ("kind: macvlan", "kind: macvaln", 2, "link", "did you mean macvlan?", "macvlan, veth, tap, memory, serial"),
     ("kind: macvlan, ", "", 2, "link", "has no kind", "macvlan, veth, tap, memory"),
-    ("kind: macvlan", "kind: serial", 2, "link", "serial is for PROFIBUS", "macvlan, veth, tap, memory"),
     ("{kind: macvlan, parent: eth1}", "eth1", 2, "link", "is 'eth1', not a mapping", "macvlan"),
     (", parent: eth1", "", 2, "link.parent", "is missing", "such as eth1"),
     ("eth1", "a-very-long-interface", 2, "link.parent", "longer than an interface name", "15 octets"),
@@ -342,7 +341,7 @@ def test_every_error_of_a_file_is_reported_in_one_run_in_the_files_order():
     assert len(lines) == len(caught.value.issues)
     assert lines[1] == (
         "line.pnfarm.yml:2: link: 'macvlna' is not a kind of link, did you mean macvlan?; "
-        "allowed: kind: macvlan, veth, tap, memory"
+        "allowed: kind: macvlan, veth, tap, memory, serial"
     )
     assert isinstance(caught.value, ConfigError)
     assert caught.value.exit_code == 2

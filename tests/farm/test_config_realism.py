@@ -31,8 +31,8 @@ drives:
     realism: {realism}
     ip: 10.77.0.11/23
 """
-#: A model of a further folder needs no figures.
-MODELS = SHIPPED
+#: Models whose drives have an address; a model of a further folder needs no figures.
+MODELS = [name for name in SHIPPED if catalogue.model(name).bus != "profibus"]
 
 
 def text(realism: str, *, link: str = MEMORY, model: str = "akd-profinet", limits: str = "strict", count: int = 1,

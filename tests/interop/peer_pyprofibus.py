@@ -1,6 +1,6 @@
 """pyprofibus as a master of class 1: runs the slaves of a line for a while and prints what it saw, as JSON.
 
-    peer_pyprofibus.py PATH GSD MODULE OCTETS SECONDS ADDRESS ...
+peer_pyprofibus.py PATH GSD MODULE OCTETS SECONDS ADDRESS ...
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def main(path, gsd, module, octets, seconds, *addresses):
         try:
             slave = master.run()
         except ProfibusError as exc:
-            print(f"{exc}", file=sys.stderr)
+            sys.stderr.write(f"{exc}\n")
             continue
         if slave is None:
             continue
@@ -57,7 +57,7 @@ def main(path, gsd, module, octets, seconds, *addresses):
         slave.setMasterOutData(bytearray((stw1 >> 8, stw1 & 0xFF, 0x08, 0x00)).ljust(int(octets), b"\0"))
     for slave in slaves:
         seen[slave.slaveAddr]["connected"] = slave.isConnected()
-    print(json.dumps(seen))
+    sys.stdout.write(json.dumps(seen) + "\n")
 
 
 main(*sys.argv[1:])

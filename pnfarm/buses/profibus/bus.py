@@ -114,7 +114,7 @@ class Profibus:
 
     @property
     def frame_families(self) -> Sequence[str]:
-        return ("cyclic", "dp", "fdl")
+        return ()  # telegrams of a line are in no capture
 
     def decoder(self, capture: Capture) -> ProfibusDecoder:
         from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder

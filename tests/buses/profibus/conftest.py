@@ -27,7 +27,9 @@ def farm():
     made = []
 
     def make(count=1, *, address="address: 11", more="", keys="", cycle="5ms", link="", watchdog="100ms", running=True):
-        text = FARM.format(count=count, address=address, more=more, keys=keys, cycle=cycle, link=link, watchdog=watchdog)
+        text = FARM.format(
+            count=count, address=address, more=more, keys=keys, cycle=cycle, link=link, watchdog=watchdog
+        )
         line = Line.from_text(text)
         made.append(line)
         if running:

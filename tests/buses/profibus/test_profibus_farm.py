@@ -6,8 +6,7 @@ import pytest
 
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.protocols.profibus.wire.dp import Control, SetAddress, StationStatus, emit_parameters
-from pnfarm.protocols.profibus.wire.dp import Parameters, PrmStatus
+from pnfarm.protocols.profibus.wire.dp import Control, Parameters, PrmStatus, SetAddress, StationStatus, emit_parameters
 from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram
 
 DP = model("moog-msd-dp")

@@ -68,7 +68,7 @@ KINDS = (
         LineNoise,
         {
             "every": ParamSpec(
-                "duration", "Time between two bursts.", default=20_000_000, low=100_000, high=60_000_000_000
+                "duration", "Time between two bursts.", default="20ms", low=100_000, high=60_000_000_000
             ),
             "octets": ParamSpec("whole number", "Length of a burst.", default=5, low=1, high=200),
         },
