@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.errors import ConfigError
+from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.protocols.profibus.wire.dp import parse_identifiers
 from pnfarm.protocols.profibus.wire.timing import BAUD_RATES
 
 if TYPE_CHECKING:
@@ -65,11 +66,28 @@ class Product:
         for key in ("address_parameter", "baud_parameter", "diagnosis_parameter"):
             if values[key] not in model.parameters:
                 raise ConfigError(f"{model.name}: [profibus] {key}: there is no parameter {values[key]}")
+        _check_telegrams(model)
         return cls(**values)
 
     def baud_code(self, baud: int) -> int:
         """The code of a rate in the baud parameter, 0 for one that it has not."""
         return dict(zip(self.baud_rates, self.baud_codes, strict=True)).get(baud, 0)
+
+
+def _check_telegrams(model: Model) -> None:
+    """Each telegram's identifiers have the lengths of its words."""
+    for number, telegram in model.profidrive.telegrams.items():
+        try:
+            parts = parse_identifiers(telegram.identifiers)
+        except DecodeError as exc:
+            raise ConfigError(f"{model.name}: telegram {number}: its identifiers are cut off: {exc.detail}") from exc
+        words = 2 * len(telegram.output), 2 * len(telegram.input)
+        named = sum(part.outputs for part in parts), sum(part.inputs for part in parts)
+        if words != named:
+            raise ConfigError(
+                f"{model.name}: telegram {number} has {words[0]} octets of outputs and {words[1]} of inputs, "
+                f"its identifiers say {named[0]} and {named[1]}"
+            )
 
 
 def _number(lowest: int, highest: int) -> Any:
