@@ -28,6 +28,9 @@ _RATES = {
     12_000_000: "12M",
 }
 
+#: Unit of Min_Slave_Intervall.
+_INTERVAL_NS = 100_000
+
 
 @dataclass(frozen=True, slots=True)
 class GsdModule:
@@ -43,7 +46,8 @@ class GsdModule:
 class SlaveDescription:
     """What a slave says of itself; times in bits of the line, lengths in octets.
 
-    ``rates``: baud rate and longest Tsdr.  ``diagnosis``: most octets of a diagnosis, with the first six.
+    ``rates``: baud rate and longest Tsdr.  ``interval_ns``: least time between two polls, ns, rounded up to 100 us.
+    ``diagnosis``: most octets of a diagnosis, with the first six.
     """
 
     vendor: str
@@ -54,6 +58,7 @@ class SlaveDescription:
     software: str
     family: int
     rates: Sequence[tuple[int, int]]
+    interval_ns: int
     freeze: bool
     sync: bool
     fail_safe: bool
@@ -105,7 +110,7 @@ def emit_gsd(slave: SlaveDescription) -> bytes:
         f"Auto_Baud_supp = {flags[slave.auto_baud]}",
         f"Set_Slave_Add_supp = {flags[slave.address_changes]}",
         f"Fail_Safe = {flags[slave.fail_safe]}",
-        "Min_Slave_Intervall = 1",
+        f"Min_Slave_Intervall = {-(-slave.interval_ns // _INTERVAL_NS)}",
         f"Slave_Family = {slave.family}",
         f"Max_Diag_Data_Len = {slave.diagnosis}",
         "Modular_Station = 1",

@@ -39,6 +39,7 @@ def describe_model(model: Model) -> SlaveDescription:
         software=f"{identity.software_prefix}{major}.{minor}.{patch}",
         family=_DRIVES,
         rates=list(zip(product.baud_rates, product.max_tsdr_bits, strict=True)),
+        interval_ns=model.limits.min_cycle_ns,
         freeze=product.freeze,
         sync=product.sync,
         fail_safe=product.fail_safe,
