@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 import time
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
@@ -34,26 +35,32 @@ controller:
   cycle: 16ms
   watchdog_factor: 32
   program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 500ms}}
-  reconnect: {{after: 200ms}}{scanner}
+  reconnect: {{after: 200ms}}{scanner}{master}
 """
 #: The controller's other half, for the drives on EtherNet/IP.
 SCANNER = """
   ethernetip: {{ip: {ip}, {where}, timeout_multiplier: 16}}"""
 SCANNER_IP = IPv4Interface("10.77.255.2/16")
+#: And for those on PROFIBUS; the line has its watchdog, a slave's own time without a poll.
+MASTER = """
+  profibus: {cycle: 10ms, watchdog: 500ms}"""
 GROUP = """
   - name: axis-{{n:02}}
     start: {first}
     count: {count}
     model: {model}
-    ip: {ip}/16
+    {place}
     {pace}
     load: {{inertia: 2.0e-4, friction: 0.05}}"""
+#: The model that has a line in place of a network.
+ON_LINE, FIRST_ADDRESS = "moog-msd-dp", 11
 #: Models beside the AKD, each with a cycle that its manual allows; each gets one drive in eight.
 OTHERS = (
     ("akd-profinet-2012", "cycle: 8ms"),
     ("hiwin-e1", "cycle: 4ms"),
     ("moog-msd", "cycle: 4ms"),
     ("akd-ethernetip", "rpi: 10ms"),
+    (ON_LINE, ""),
 )
 PARENT, PEER = "pndemo0", "pndemo1"
 
@@ -96,22 +103,33 @@ def command(
     anyio.run(compile_ahead)
     # the times that are shown do not include compilation
     begin = time.monotonic()
-    if where == "memory":
-        scanner = _scanner_section(drives, "mac: auto")
-        text = FILE.format(link="{kind: memory}", groups=_groups(drives), where="mac: auto", scanner=scanner)
-    else:
-        _cable()
-        link = f"{{kind: macvlan, parent: {PARENT}}}"
-        scanner = _scanner_section(drives, f"mac: auto, link: {{kind: macvlan, parent: {PEER}}}")
-        text = FILE.format(link=link, groups=_groups(drives), where=f"profinet: {{interface: {PEER}}}", scanner=scanner)
-    demo = Demo(
-        text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file, pcap=pcap, report=html
-    )
-    summary: dict[str, Any] = anyio.run(demo.run)
+    with tempfile.TemporaryDirectory(prefix="pnfarm-demo-") as folder:
+        text = _text(drives, None if where == "memory" else Path(folder) / "line")
+        demo = Demo(
+            text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file, pcap=pcap, report=html
+        )
+        summary: dict[str, Any] = anyio.run(demo.run)
     if json_file is not None:
         json_file.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     if not summary["ok"]:
         raise typer.Exit(1)
+
+
+def _text(drives: int, line: Path | None) -> str:
+    """The farm file: in a network, with a pty named ``line``; in memory without."""
+    every = drives // 8
+    if line is None:
+        scanner = SCANNER.format(ip=SCANNER_IP, where="mac: auto") if every else ""
+        master = MASTER if every else ""
+        link, where = "{kind: memory}", "mac: auto"
+    else:
+        _cable()
+        own = f"mac: auto, link: {{kind: macvlan, parent: {PEER}}}"
+        scanner = SCANNER.format(ip=SCANNER_IP, where=own) if every else ""
+        master = MASTER if every else ""
+        lines = f", lines: {{profibus: {{pty: '{line}'}}}}" if every else ""
+        link, where = f"{{kind: macvlan, parent: {PARENT}{lines}}}", f"profinet: {{interface: {PEER}}}"
+    return FILE.format(link=link, groups=_groups(drives), where=where, scanner=scanner, master=master)
 
 
 def _groups(drives: int) -> str:
@@ -123,15 +141,10 @@ def _groups(drives: int) -> str:
         *((model, pace, each) for model, pace in OTHERS),
     ):
         if count:
-            ip = IPv4Address("10.77.0.10") + first
-            groups += GROUP.format(first=first, count=count, model=model, ip=ip, pace=pace)
+            place = f"address: {FIRST_ADDRESS}" if model == ON_LINE else f"ip: {IPv4Address('10.77.0.10') + first}/16"
+            groups += GROUP.format(first=first, count=count, model=model, place=place, pace=pace)
             first += count
     return groups
-
-
-def _scanner_section(drives: int, where: str) -> str:
-    """The controller's keys for EtherNet/IP; none without a drive on it."""
-    return SCANNER.format(ip=SCANNER_IP, where=where) if drives // 8 else ""
 
 
 def _check_writable(file: Path | None) -> None:

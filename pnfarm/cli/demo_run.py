@@ -318,7 +318,7 @@ class Demo:
             seen = drive_snapshot(self._farm, station, now, injected={})
             fault = f"F{seen['fault']['number']}" if seen["fault"] else ""
             style = "red" if fault else ("yellow" if seen["cycle_seconds"] is None else "")
-            cycle = "" if seen["cycle_seconds"] is None else f"{seen['cycle_seconds'] * 1000:g} ms"
+            cycle = "" if seen["cycle_seconds"] is None else f"{seen['cycle_seconds'] * 1000:.3g} ms"
             table.add_row(
                 seen["name"], seen["model"], seen["state"], f"{seen['setpoint_rpm']:.0f} rpm",
                 f"{seen['velocity_rpm']:.0f} rpm", f"{seen['current_amperes']:.2f} A", cycle, str(seen["frames_sent"]),
@@ -349,6 +349,7 @@ class Demo:
                     "model": seen["model"],
                     "mac": seen["mac"],
                     "ip": seen["ip"].partition("/")[0] if seen["ip"] else None,
+                    "station_address": seen.get("station_address"),
                     "connected": connected,
                     "frames_sent": seen["frames_sent"],
                     "frames_received": seen["frames_received"],
@@ -376,12 +377,13 @@ class Demo:
             for sentence in self._log_lines:
                 self._console.print(sentence, highlight=False)
         table = Table(title="Summary", title_justify="left")
-        for column in ("drive", "MAC", "IP", "connected", "sent", "received", "cycle", "faults", "recovered"):
+        for column in ("drive", "MAC", "address", "connected", "sent", "received", "cycle", "faults", "recovered"):
             table.add_column(column)
         for d in summary["drives"]:
-            cycle = "" if d["cycle_seconds"] is None else f"{d['cycle_seconds'] * 1000:g} ms"
+            cycle = "" if d["cycle_seconds"] is None else f"{d['cycle_seconds'] * 1000:.3g} ms"
+            place = d["ip"] or f"station {d['station_address']}"
             table.add_row(
-                d["name"], d["mac"], d["ip"] or "", "yes" if d["connected"] else "NO", str(d["frames_sent"]),
+                d["name"], d["mac"] or "", place, "yes" if d["connected"] else "NO", str(d["frames_sent"]),
                 str(d["frames_received"]), cycle, ", ".join(d["faults"]), "yes" if d["recovered"] else "NO",
             )  # fmt: skip
         self._console.print(table)

@@ -116,8 +116,10 @@ class _Station:
         self._lldp = config.lldp
         self.section = section
         self.owner = f"{config.farm or 'farm'} {section.name}"
-        self.link = link or _link(config, section, interface, self.owner)
-        self._own_link = link is None
+        # a link that is given is a network's: a line is the file's, beside it
+        given = None if line_of(bus_of_controller(section)) and len(config.controllers) > 1 else link
+        self.link = given or _link(config, section, interface, self.owner)
+        self._own_link = given is None
         self._lock = FarmLock(self.owner)
         self._is_ours = False
         self._held: list[socket.socket] = []
@@ -169,7 +171,7 @@ class Plc:
     """The controllers of a farm file, one for each bus that has drives in it and a controller.
 
     Use as an asynchronous context manager; leaving it releases every connection.  ``interface`` and ``link`` are for a
-    file with one controller; several name their interfaces in the file.
+    file with one controller on a network; several name their interfaces in the file.  A controller on a line has none.
     """
 
     def __init__(
@@ -184,8 +186,8 @@ class Plc:
         section = config.controller
         if section is None:
             raise ConfigError("the file has no `controller:` section; `pnfarm schema farm` shows its keys")
-        if len(config.controllers) > 1 and (interface is not None or link is not None):
-            buses = [bus_of_controller(one) for one in config.controllers]
+        buses = [bus for one in config.controllers if not line_of(bus := bus_of_controller(one))]
+        if len(buses) > 1 and (interface is not None or link is not None):
             raise ConfigError(
                 f"the file has controllers on {titles(buses)}, which cannot share one interface; "
                 f"give `controller: {{{buses[0].name}: {{interface: ...}}, ...}}`"

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import assembly_points
-from open_points import FAULT, RUN, SPEED, Plc, observes, speed_plc
+from open_points import FAULT, RUN, SPEED, Plc, kind, observes, speed_plc
 
 from pnfarm.drives.catalogue import model
-from pnfarm.protocols.profinet.wire.rtc import DataStatus
 
 BYTE, WORD, UNSIGNED16 = 0x41, 0x42, 0x06
 #: The PNU of the operation mode, its format, and its number of another mode than that of the speed.
@@ -24,7 +23,7 @@ def mode_change(name: str, behaviour: str) -> object:
     if name == assembly_points.NAME:
         return assembly_points.mode_change(behaviour)
     plc = speed_plc(name, behaviour)
-    pnu, form, other = MODE[name]
+    pnu, form, other = MODE[kind(name)]
     error = plc.change(pnu, form, other)
     changed = plc.read(pnu) == other
     plc.put(STW1=0x0406)
@@ -43,7 +42,7 @@ def change_formats(name: str, behaviour: str) -> object:
 @observes("profile-parameters", {"there": "axis-01", "listed-only": 0x00})
 def profile_parameters(name: str, behaviour: str) -> object:
     """The name of the station by PNU 61000, or the error that it and the others are refused with."""
-    plc = Plc(name, behaviour, SPEED[name])
+    plc = Plc(name, behaviour, SPEED[kind(name)])
     (point,) = [point for point in model(name).behaviour if point.name == "profile-parameters"]
     *others, last = point.readings["listed-only"].model["access", "absent"]
     answer = plc.ask(last, 7)
@@ -56,7 +55,7 @@ def profile_parameters(name: str, behaviour: str) -> object:
 def fault_on_plc_stop(name: str, behaviour: str) -> object:
     """Whether ZSW1.3 is set while the controller is in STOP."""
     plc = speed_plc(name, behaviour)
-    plc.plc.columns.ppm[0].data_status &= ~DataStatus.RUN & 0xFF
+    plc.stop_controller()
     return bool(plc.put(STW1=RUN, wait=200) & FAULT)
 
 
@@ -75,8 +74,8 @@ def fault_history(name: str, behaviour: str) -> object:
     """Whether the fault buffer has anything behind a power cycle."""
     if name == assembly_points.NAME:
         return assembly_points.fault_history(behaviour)
-    plc = Plc(name, behaviour, SPEED[name])
-    number = {"hiwin-e1": 17, "moog-msd": "9-1"}.get(name, 702)
+    plc = Plc(name, behaviour, SPEED[kind(name)])
+    number = {"hiwin-e1": 17, "moog-msd": "9-1"}.get(kind(name), 702)
     plc.inject("drive-fault", fault=number)
     plc.wait(20)
     assert plc.put(STW1=0x0480) & FAULT == 0, "acknowledged"

@@ -18,6 +18,7 @@ from open_points import (
     TAKEN,
     Plc,
     home,
+    kind,
     observes,
     speed_plc,
     start,
@@ -91,7 +92,7 @@ def resume_with_edge(name: str, behaviour: str) -> object:
     plc.wait(50)
     plc.put(STW1=READY & ~0x0020, wait=200)
     assert plc.rpm() == pytest.approx(0.0, abs=1.0)
-    target = "TARPOS_A" if name == "moog-msd" else "MDI_TARPOS"
+    target = "TARPOS_A" if kind(name) == "moog-msd" else "MDI_TARPOS"
     plc.put(wait=1, **{target: 2 * (COUNTS_E1 if name == "hiwin-e1" else 65536)})
     taken = bool(plc.put(STW1=READY | START) & TAKEN)
     plc.put(STW1=READY)
@@ -164,7 +165,7 @@ def jogger(name: str, behaviour: str, *, positions: bool) -> Plc:
         "akd-profinet-2012": f"{{1004: 273, 1005: 137, 930: {2 if positions else 1}}}",
         "hiwin-e1": "{Pt533: 100}",
         "moog-msd": "{P-1268: 100, P-1269: 50}",
-    }[name]
+    }[kind(name)]
     plc = (
         task_plc(name, behaviour, homed=False, params=params)
         if positions
@@ -197,7 +198,7 @@ def both(plc: Plc) -> tuple[str, str]:
 )
 def both_jog_bits(name: str, behaviour: str) -> object:
     """What both bits do from rest, and behind STW1.9 alone, which table 10.10 says of the MSD."""
-    if name == "moog-msd":
+    if kind(name) == "moog-msd":
         plc = jogger(name, behaviour, positions=False)
         plc.put(STW1=JOGGING | JOG_1 | JOG_2, wait=300)
         return ("second" if plc.rpm() == pytest.approx(50, abs=1) else "stands",) * 2
@@ -263,7 +264,12 @@ def measuring_on_the_fly(name: str, behaviour: str) -> object:
 @observes("sensor-home-position", {"refused": (0x8000, 0x0F01), "ignored": (0, 0)})
 def sensor_home_position(name: str, behaviour: str) -> object:
     """G1_ZSW and G1_XIST2 when G1_STW.12 is set."""
-    plc = Plc(name, behaviour, 3)
+    if name == "moog-msd-dp":
+        # no standard telegram on PROFIBUS has the words of the encoder: a mapped one
+        plc = Plc(name, behaviour, 106)
+        plc.map_words(setpoints=[967, 1263], actual_values=[968, 1264, 1266, 1266])
+    else:
+        plc = Plc(name, behaviour, 3)
     plc.put(G1_STW=SET_HOME)
     return plc["G1_ZSW"], plc["G1_XIST2"]
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from open_points import ACKNOWLEDGE, FAULT, IN_RANGE, JOG_1, JOG_2, REACHED, RUN, SPEED, Plc, observes, speed_plc
-
-from pnfarm.protocols.profinet.wire.rtc import DataStatus
+from open_points import ACKNOWLEDGE, FAULT, IN_RANGE, JOG_1, JOG_2, REACHED, RUN, SPEED, Plc, kind, observes, speed_plc
 
 #: 600 rpm in each drive's set point: signal and number.
 RPM = 600.0
@@ -18,7 +16,7 @@ JOGGING = 0x040F
 def set_point(name: str, rpm: float) -> dict[str, int]:
     if name == "hiwin-e1":
         return {"NSOLL_B": round(rpm / 3000 * 0x40000000)}
-    return {"NSOLL_A": round(rpm / (1.0 if name == "moog-msd" else 12000 / 2**15))}
+    return {"NSOLL_A": round(rpm / (1.0 if kind(name) == "moog-msd" else 12000 / 2**15))}
 
 
 def turning(name: str, behaviour: str, *, params: str | None = None, **options) -> Plc:
@@ -61,7 +59,7 @@ def controller_stop(name: str, behaviour: str) -> object:
         chosen = behaviour.replace("{", "{fault-on-plc-stop: no-fault, ").replace(", }", "}")
     params = "{FBUS.PARAM02: 0}" if name == "akd-profinet" else None
     plc = turning(name, chosen, params=params, **LIGHT)
-    plc.plc.columns.ppm[0].data_status &= ~DataStatus.RUN & 0xFF
+    plc.stop_controller()
     plc.put(STW1=0, **set_point(name, 0.0))
     assert not plc["ZSW1"] & FAULT
     return what_is_left(plc)
@@ -70,7 +68,7 @@ def controller_stop(name: str, behaviour: str) -> object:
 @observes("switch-on", {"bit-0": ("S2", "S2", "S4"), "bit-0-or-3": ("S2", "S3", "S4")})
 def switch_on(name: str, behaviour: str) -> object:
     """The states behind the second, the third and the fourth word of the manual's sample."""
-    plc = Plc(name, behaviour, SPEED[name])
+    plc = Plc(name, behaviour, SPEED[kind(name)])
     plc.put(STW1=0x0400)
     seen = []
     for word in (0x0406, 0x040E, 0x040F):
@@ -82,7 +80,7 @@ def switch_on(name: str, behaviour: str) -> object:
 @observes("switching-on-inhibit", {"off-first": "S1", "leaves": "S4"})
 def switching_on_inhibit(name: str, behaviour: str) -> object:
     """The state when the word of operation comes in S1."""
-    plc = Plc(name, behaviour, SPEED[name])
+    plc = Plc(name, behaviour, SPEED[kind(name)])
     assert state(plc) == "S1"
     plc.put(STW1=RUN, wait=30)
     return state(plc)
@@ -111,7 +109,7 @@ def fault_acknowledge(name: str, behaviour: str) -> object:
 )
 def sign_of_life(name: str, behaviour: str) -> object:
     """Whether a count that stops raises a fault, and whether the drive counts itself."""
-    watches = name in {"hiwin-e1", "moog-msd"}
+    watches = kind(name) in {"hiwin-e1", "moog-msd"}
     plc = Plc(name, behaviour, 3 if watches else 9, params="{925: 2}" if watches else "{}")
     plc.wait(60)
     before = plc["ZSW2"] >> 12
@@ -126,8 +124,8 @@ def sign_of_life(name: str, behaviour: str) -> object:
 
 def jogging(name: str, behaviour: str, **options) -> Plc:
     """In operation, ready to jog in speed control: forwards at 100 rpm, at 50 rpm by the other bit."""
-    speeds = "{P-1268: 100, P-1269: 50}" if name == "moog-msd" else "{1004: 273, 1005: 137}"
-    plc = Plc(name, behaviour, SPEED[name], params=speeds, **options)
+    speeds = "{P-1268: 100, P-1269: 50}" if kind(name) == "moog-msd" else "{1004: 273, 1005: 137}"
+    plc = Plc(name, behaviour, SPEED[kind(name)], params=speeds, **options)
     plc.switch_on(operation=JOGGING)
     return plc
 
@@ -179,6 +177,6 @@ def speed_reached_bit(name: str, behaviour: str) -> object:
 @observes("control-requested-bit", {"ready": (True, True), "shows-bit-10": (False, True)})
 def control_requested_bit(name: str, behaviour: str) -> object:
     """ZSW1.9 before STW1.10 is set, and then."""
-    plc = Plc(name, behaviour, SPEED[name])
+    plc = Plc(name, behaviour, SPEED[kind(name)])
     without = bool(plc.put(STW1=0x0006) & CONTROL_REQUESTED)
     return without, bool(plc.put(STW1=0x0406) & CONTROL_REQUESTED)

@@ -9,18 +9,13 @@ from pathlib import Path
 import pytest
 from open_points import OBSERVATIONS
 
-from pnfarm.buses.registry import BUSES, bus
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model, models
 
 for module in sorted(Path(__file__).parent.glob("observe_*.py")):
     importlib.import_module(module.stem)
 
-#: A drive is looked at over a network; one on a line has the points of its sibling there.
-JOINED = sorted(
-    name for name, entry in models().items() if entry.bus in BUSES and "serial" not in bus(entry.bus).link_kinds
-)
-POINTS = [(name, point) for name in JOINED for point in model(name).behaviour]
+POINTS = [(name, point) for name in sorted(models()) for point in model(name).behaviour]
 READINGS = [(name, point.name, reading) for name, point in POINTS for reading in point.readings]
 
 
@@ -43,10 +38,3 @@ def test_no_reading_is_without_a_test_and_no_two_of_a_point_show_the_same():
     for name, point in POINTS:
         shows = [OBSERVATIONS[point.name].shows[reading] for reading in point.readings]
         assert len(set(shows)) == len(shows), f"{name}, {point.name}"
-
-
-def test_a_drive_on_a_line_has_the_open_points_of_its_sibling_on_a_network():
-    points = {point.name: point for point in model("moog-msd").behaviour}
-    assert model("moog-msd-dp").behaviour
-    for point in model("moog-msd-dp").behaviour:
-        assert points[point.name] == point

@@ -19,6 +19,7 @@ from pnfarm.station.imperfections import Imperfections
 from pnfarm.vocabulary.yaml_lines import parse_yaml
 
 REAL = "{kind: macvlan, parent: eth1}"
+LINE = "{kind: serial, pty: auto}"
 MEMORY = "{kind: memory}"
 FILE = """farm: f
 link: {link}
@@ -29,15 +30,19 @@ drives:
     limits: {limits}
     motor: {motor}
     realism: {realism}
-    ip: 10.77.0.11/23
+    {place}
 """
-#: Models whose drives have an address; a model of a further folder needs no figures.
-MODELS = [name for name in SHIPPED if catalogue.model(name).bus != "profibus"]
+#: A model of a further folder needs no figures.
+MODELS = SHIPPED
 
 
 def text(realism: str, *, link: str = MEMORY, model: str = "akd-profinet", limits: str = "strict", count: int = 1,
          motor: str = "{}") -> str:  # fmt: skip
-    return FILE.format(realism=realism, link=link, model=model, limits=limits, count=count, motor=motor)
+    place = "ip: 10.77.0.11/23"
+    if catalogue.model(model).bus == "profibus":
+        place = "address: 11"
+        link = LINE if link == REAL else link
+    return FILE.format(realism=realism, link=link, model=model, limits=limits, count=count, motor=motor, place=place)
 
 
 def flaws(realism: str, **options) -> list[Imperfections]:

@@ -29,7 +29,10 @@ SERVICES = ("farm", "plc", "prometheus")
 TOKEN_FILE, GROUP = "/run/pnfarm/token", "8702"
 FARM = "http://127.0.0.1:8702"
 PROMETHEUS = "http://127.0.0.1:9090"
-DRIVES = [f"axis-{number:02}" for number in range(1, 9)]
+NETWORKED = [f"axis-{number:02}" for number in range(1, 9)]
+#: Its line is TCP between the two containers.
+ON_PROFIBUS = "axis-09"
+DRIVES = [*NETWORKED, ON_PROFIBUS]
 #: CAP_NET_ADMIN (12) and CAP_NET_RAW (13).
 NET_ADMIN, NET_RAW = 1 << 12, 1 << 13
 
@@ -91,7 +94,7 @@ class Rig:
 
     def working(self):
         """Names of the drives that exchange data and are in operation."""
-        return [name for name, drive in self.drives().items() if (drive["ar_state"], drive["state"]) == ("DATA", "S4")]
+        return [name for name, drive in self.drives().items() if drive["connected"] and drive["state"] == "S4"]
 
 
 def eventually(what, seconds=30.0):
@@ -115,9 +118,11 @@ def rig(engine):
 
 def test_once_the_rig_is_up_every_drive_is_run_by_the_controller(rig):
     eventually(lambda: rig.working() == DRIVES)
-    for drive in rig.drives().values():
-        assert drive["controller"]["name"] == "plc"
-        assert drive["cycle_seconds"] == 0.016
+    drives = rig.drives()
+    for name in NETWORKED:
+        assert (drives[name]["ar_state"], drives[name]["controller"]["name"]) == ("DATA", "plc")
+        assert drives[name]["cycle_seconds"] == 0.016
+    assert (drives[ON_PROFIBUS]["ar_state"], drives[ON_PROFIBUS]["controller"]["name"]) == ("DATA_EXCH", "master 1")
     first = rig.drives()["axis-01"]
     time.sleep(2)
     second = rig.drives()["axis-01"]
@@ -271,7 +276,7 @@ def test_on_a_network_card_the_drives_are_on_its_wire(engine, rig):
         found = engine.inside(
             sys.executable, "-m", "pnfarm.cli.main", "scan", "--interface", "wire", "--format", "json"
         )
-        assert {"plc", *DRIVES} <= {device["name"] for device in json.loads(found)}
+        assert {"plc", *NETWORKED} <= {device["name"] for device in json.loads(found)}
     finally:
         on_card.down()
         engine.inside("ip", "link", "del", "card")

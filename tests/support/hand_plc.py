@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from virtual_line import VirtualLine
 
+from pnfarm.protocols.profibus.wire.dp import Control
+from pnfarm.protocols.profinet.wire.rtc import DataStatus
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
 if TYPE_CHECKING:
@@ -75,6 +77,13 @@ class HandPlc(VirtualLine):
     def inject(self, kind: str, **params):
         """A fault of `pnfarm fault kinds` with its parameters, until it is cleared."""
         return self.faults.inject({"kind": kind, "on": "all", "params": params}, self.world.now)
+
+    def stop_controller(self) -> None:
+        """The controller is in STOP: by its data status, on PROFIBUS by Clear_Data; its outputs are zero."""
+        if self.is_on_line:
+            self.plc.master.control(Control.CLEAR_DATA)
+        else:
+            self.plc.columns.ppm[0].data_status &= ~DataStatus.RUN & 0xFF
 
     def clear(self) -> None:
         """End every injected fault."""

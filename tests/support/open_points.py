@@ -19,6 +19,8 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     emit_request,
     parse_response,
 )
+from pnfarm.protocols.profibus.record_request import RecordRequest
+from pnfarm.protocols.profibus.wire.dpv1 import ErrorCode1
 from pnfarm.protocols.profinet.cmctl_events import RecordRead
 
 #: Telegrams of speed and of positions, and control words with operation enabled, of each model.
@@ -34,11 +36,16 @@ READY, START, ACKNOWLEDGE, JOG_1, JOG_2, HOME = 0x043F, 0x0040, 0x0080, 0x0100, 
 FAULT, IN_RANGE, REACHED, HOMED, TAKEN, STOPPED = 0x0008, 0x0100, 0x0400, 0x0800, 0x1000, 0x2000
 
 
+def kind(name: str) -> str:
+    """The model's name on a network: a drive on a line has the points of its sibling there."""
+    return name.removesuffix("-dp")
+
+
 class Plc(HandPlc):
     """A PLC at 1 ms with one drive of a model; ``behaviour`` is the farm file's."""
 
     def __init__(self, name: str, behaviour: str, telegram: int, **options) -> None:
-        self.drive = name
+        self.drive = kind(name)
         super().__init__(name, telegram, **{"behaviour": behaviour, "limits": "lax"} | options)
 
     def change(self, pnu: int, form: int, value: int) -> int | None:
@@ -59,6 +66,13 @@ class Plc(HandPlc):
         """The first 16 places of the fault buffer (PNU 947)."""
         return self._ask(emit_request(read_request(7, [ParameterAddress(947, 0, 16)]))).entries[0].values
 
+    def map_words(self, *, setpoints: list[int], actual_values: list[int]) -> None:
+        """Words of a telegram that is mapped freely, in the drive (P-0915, P-0916) and in the controller's eyes."""
+        self.store.write(915, 0, setpoints)
+        self.store.write(916, 0, actual_values)
+        self.plc.image_of(0).layout(self.store.input_words(), self.store.output_words())
+        self.wait(10)
+
     def power_cycle(self) -> None:
         """Off and on; then connected again, STW1 without anything but its bit 10."""
         self.put(STW1=0x0400)
@@ -67,7 +81,27 @@ class Plc(HandPlc):
         self.connect()
         self.wait(200)
 
+    def _ask_on_line(self, request: bytes) -> bytes:
+        """MSAC1; reading is tried again until the answer is there."""
+        master, axis = self.plc.master, self.plc.plan.devices[0].name
+
+        def carried_out(record: RecordRequest) -> RecordRequest:
+            master.ask(axis, record, self.world.now)
+            assert self.world.run(1.0, until=lambda: record.done)
+            return record
+
+        assert carried_out(RecordRequest.write(0, 47, request)).ok
+        for _ in range(100):
+            read = carried_out(RecordRequest.read(0, 47, 240))
+            if read.ok:
+                return read.data
+            assert read.refused is not None
+            assert read.refused[0] == ErrorCode1.STATE_CONFLICT
+        raise AssertionError("no answer")
+
     def _ask(self, request: bytes) -> ParameterResponse:
+        if self.is_on_line:
+            return parse_response(self._ask_on_line(request))
         (session,) = self.plc.sessions
         session.machine.write_record("write", 0x3A00, 1, 1, PARAMETERS, request)
         session.machine.read_record("read", 0x3A00, 1, 1, PARAMETERS, 240)
@@ -89,8 +123,8 @@ def task_plc(name: str, behaviour: str, *, homed: bool = True, **options) -> Plc
         "akd-profinet-2012": "{930: 2}",
         # the rising edge of STW1.6 alone starts a task, as with the others
         "moog-msd": "{P-1267: 64}",
-    }.get(name, "{}")
-    plc = Plc(name, behaviour, TASKS[name], **{"params": params} | options)
+    }.get(kind(name), "{}")
+    plc = Plc(name, behaviour, TASKS[kind(name)], **{"params": params} | options)
     plc.switch_on(operation=READY)
     if homed and plc.drive.startswith("akd"):
         home(plc)
@@ -130,7 +164,7 @@ def start(plc: Plc, revolutions: float, rpm: float = 600.0, *, relative: bool = 
 
 def speed_plc(name: str, behaviour: str, **options) -> Plc:
     """In operation, speed control."""
-    plc = Plc(name, behaviour, SPEED[name], **options)
+    plc = Plc(name, behaviour, SPEED[kind(name)], **options)
     plc.switch_on(operation=RUN)
     return plc
 

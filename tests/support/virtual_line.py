@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from pnfarm.controller import line as controller_line
+from pnfarm.drives import catalogue
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.station.event_log import EventLog
@@ -37,6 +38,15 @@ controller:
 """
 
 
+#: A drive on PROFIBUS instead, at its fastest rate; the master asks for parameters within the cyclic connection.
+ON_LINE = (
+    ("link: {kind: memory}", "link: {kind: memory, baud: 12000000}"),
+    ("    ip: 10.77.0.11/23\n", "    address: 11\n"),
+    ("  ip: 10.77.1.250/23\n", "  address: 1\n  access: class-1\n"),
+    ("  watchdog_factor: {watchdog}\n  startup: {startup}\n", "  watchdog: 100ms\n"),
+)
+
+
 class VirtualLine:
     """``run`` seconds; look at ``farm`` and ``plc``."""
 
@@ -46,7 +56,12 @@ class VirtualLine:
                  motor: str = "{}", load: str = "{}", machine: str = "{}", behaviour: str = "{}", realism: str = "{}",
                  top: str = "",
                  program: str = "{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}") -> None:  # fmt: skip
-        text = top + FILE.format(
+        #: Whether it is a line, with a master.
+        self.is_on_line = catalogue.model(model).bus == "profibus"
+        file = FILE
+        for ip, line in ON_LINE if self.is_on_line else ():
+            file = file.replace(ip, line)
+        text = top + file.format(
             drives=drives,
             cycle=cycle,
             limits=limits,
@@ -85,6 +100,8 @@ class VirtualLine:
         assert self.world.run(within, until=lambda: self.plc.all_running), self.reasons()
 
     def reasons(self) -> str:
+        if self.is_on_line:
+            return "; ".join(f"{row['name']} {row['state']} {row['last_reason']}" for row in self.plc.snapshot())
         return "; ".join(f"{s.plan.name} {s.state} {s.measures.last_reason}" for s in self.plc.sessions)
 
     def events(self, name: str) -> list[str]:

@@ -174,6 +174,10 @@ class MasterCore:
             for index, device in enumerate(self.plan.devices)
         )
 
+    def image_of(self, place: int) -> CyclicImage:
+        """The words of a slave, by its place in the plan."""
+        return self._images[place]
+
     def exchanging(self, name: str) -> bool:
         """Whether a slave's data is valid; false for one that is not the master's."""
         place = self._places.get(name)
