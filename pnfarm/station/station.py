@@ -113,6 +113,8 @@ class Station:
         #: How often it came on the wire.
         self.starts = 0
         self.device = make_device(self)
+        # found out once: it is asked for each frame
+        self._sockets = self.device if isinstance(self.device, SocketDevice) else None
         self._build()
         restore_history(handle.axis, self.kept.get("faults", ()))
 
@@ -208,20 +210,16 @@ class Station:
 
     def services(self) -> Services | None:
         """The address and the ports that it has now, on a bus that uses sockets."""
-        if not self.on_the_wire or not isinstance(self.device, SocketDevice):
-            return None
-        return self.device.services()
+        return None if self._sockets is None or not self.on_the_wire else self._sockets.services()
 
     def socket_event(self, event: SocketEvent, now: int) -> None:
         """Something of a stream, or a datagram."""
-        if self.on_the_wire and isinstance(self.device, SocketDevice):
-            self.device.socket_event(event, now)
+        if self._sockets is not None and self.on_the_wire:
+            self._sockets.socket_event(event, now)
 
     def pump_sockets(self, now: int) -> list[SocketAction]:
         """What it sends over its streams and as datagrams."""
-        if not self.on_the_wire or not isinstance(self.device, SocketDevice):
-            return []
-        return self.device.pump_sockets(now)
+        return [] if self._sockets is None or not self.on_the_wire else self._sockets.pump_sockets(now)
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is due."""
