@@ -1,0 +1,113 @@
+"""Farms on real ways to a line, a pty and TCP: noise, masters that come and go.  Needs no rights."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import random
+from contextlib import asynccontextmanager
+
+import pytest
+
+from pnfarm.controller.runtime import Plc
+from pnfarm.farm.farm import Farm
+from pnfarm.farm.file.reading import parse_farm
+from pnfarm.links.joined import lines_of
+from pnfarm.protocols.profibus.wire.telegram import Request, Telegram, emit_telegram
+from pnfarm.station.event_log import EventLog
+
+pytestmark = pytest.mark.asyncio
+FARM = """
+farm: dpline{number}
+link: {{kind: serial, {way}}}
+api: off
+realtime: {{nice: 0}}
+drives:
+  - {{name: 'axis-{{n:02}}', count: {count}, model: moog-msd-dp, address: 11}}
+controller:
+  name: plc
+  cycle: 10ms
+  watchdog: 500ms
+  program: {{kind: constant, speed_rpm: 300, acknowledge_after: 100ms}}
+  reconnect: {{after: 200ms}}
+"""
+NOISE = 1_000_000
+
+
+def config(way: str, count: int = 4):
+    return parse_farm(FARM.format(number=os.getpid(), way=way, count=count))
+
+
+@asynccontextmanager
+async def master(config):
+    async with Plc(config, log=EventLog(quiet=True)) as plc:
+        try:
+            yield plc
+        finally:
+            await plc.release()
+
+
+async def until(condition, seconds=20.0):
+    async with asyncio.timeout(seconds):
+        while not condition():  # noqa: ASYNC110 - a condition of the other end's has no event
+            await asyncio.sleep(0.01)
+
+
+def states(farm):
+    return [(int(s.handle.axis.drive.state), s.device.slave.state, s.device.connects) for s in farm.core.stations]
+
+
+async def poured(fd: int, octets: bytes) -> None:
+    """Write as the far end takes it."""
+    loop = asyncio.get_running_loop()
+    rest = memoryview(octets)
+    while rest:
+        room = loop.create_future()
+        loop.add_writer(fd, room.set_result, None)
+        try:
+            await asyncio.wait_for(room, 20)
+        finally:
+            loop.remove_writer(fd)
+        rest = rest[os.write(fd, rest[:4096]) :]
+
+
+async def test_a_million_octets_of_noise_change_nothing_but_counters(tmp_path):
+    told = config(f"pty: {tmp_path}/line")
+    async with Farm(told, log=EventLog(quiet=True)) as farm:
+        await until(lambda: all(state[0] == 1 for state in states(farm)))
+        before = states(farm)
+        (link,) = lines_of(farm.link).values()
+        draw = random.Random(20)
+        poll = emit_telegram(Telegram(11, 1, Request.SRD_HIGH, data=bytes(4)))
+        # pure noise, telegrams with a wrong octet, halves of telegrams
+        parts = [draw.randbytes(draw.randint(1, 300)) for _ in range(6000)]
+        parts += [poll[: draw.randint(1, len(poll) - 1)] for _ in range(3000)]
+        parts += [bytes(octet ^ (draw.random() < 0.2) for octet in poll) for _ in range(3000)]
+        draw.shuffle(parts)
+        octets = b"".join(parts)[:NOISE]
+        assert len(octets) >= 900_000
+        fd = os.open(tmp_path / "line", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            await poured(fd, octets)
+            await until(lambda: link.line.counters.received == len(octets))
+        finally:
+            os.close(fd)
+        assert states(farm) == before
+        assert sum(link.splitter.dropped.values()) > 100_000
+        assert len(farm.log.entries("axis-01")) < 50
+        async with master(told) as plc:
+            await until(lambda: plc.controllers.all_running)
+
+
+async def test_a_master_over_tcp_is_lost_and_another_one_takes_its_place(tmp_path):
+    async with Farm(config("listen: '127.0.0.1:0'"), log=EventLog(quiet=True)) as farm:
+        (link,) = lines_of(farm.link).values()
+        # the controller finds the other end by the farm's own
+        told = config(f"listen: '127.0.0.1:{link.line.port}'")
+        async with master(told) as plc:
+            await until(lambda: plc.controllers.all_running)
+        await until(lambda: not any(station.device.connected for station in farm.core.stations))
+        async with master(told) as plc:
+            await until(lambda: plc.controllers.all_running)
+        assert [station.device.connects for station in farm.core.stations] == [2] * 4
+        assert link.line.counters.opened == 2
