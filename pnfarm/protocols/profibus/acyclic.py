@@ -163,11 +163,11 @@ class ClassTwo:
         for sap in list(self._connections):
             self._forget(sap, AbortReason.USER)
 
-    def request(self, telegram: Telegram, now: int) -> Line:
-        """A request or a poll of a master of class 2."""
-        if telegram.dsap == Sap.RESOURCE_MANAGER:
+    def request(self, telegram: Telegram, sap: int | None, now: int) -> Line:
+        """A request or a poll of a master of class 2 to the slave's access point ``sap``."""
+        if sap == Sap.RESOURCE_MANAGER:
             return self._initiate(telegram, now)
-        connection = self._connections.get(-1 if telegram.dsap is None else telegram.dsap)
+        connection = self._connections.get(-1 if sap is None else sap)
         if connection is None or connection.master != telegram.source:
             self._slave.dropped["no-connection"] += 1
             return self._slave.answer_without(telegram, Answer.RS)

@@ -88,7 +88,8 @@ class SlaveOptions:
     """What a slave is; injections replace some of it.
 
     ``silence_ns``: without a good telegram for so long, the slave seeks the baud rate again.  ``address_changes``:
-    whether Set_Slave_Add is taken.  ``connections``: of masters of class 2.
+    whether Set_Slave_Add is taken.  ``connections``: of masters of class 2.  ``class_two_exchanged``: their requests are
+    taken with DSAP and SSAP exchanged, too.
     """
 
     ident: int
@@ -100,6 +101,7 @@ class SlaveOptions:
     connections: int = 4
     longest_record: int = 240
     send_timeout_ns: int = 1_000_000_000
+    class_two_exchanged: bool = False
     silence_ns: int = 5_000_000_000
 
 
@@ -342,8 +344,10 @@ class Slave:
                 return self._set_address(telegram)
             case Sap.MSAC1, Sap.MSAC1 if self._class_one_open(telegram.source):
                 return self.class_one.request(telegram, now)
-            case (_, Sap.MASTER_2) if self.options.v1:
-                return self.class_two.request(telegram, now)
+            case (sap, Sap.MASTER_2) if self.options.v1:
+                return self.class_two.request(telegram, sap, now)
+            case (Sap.MASTER_2, sap) if self.options.v1 and self.options.class_two_exchanged:
+                return self.class_two.request(telegram, sap, now)
         self.dropped[_NOT_HERE] += 1
         return self._short(telegram, Answer.RS)
 

@@ -316,6 +316,19 @@ def test_several_masters_of_class_2_have_connections_of_their_own():
     assert bench.drive.gone == [first + 1]
 
 
+def test_requests_of_class_2_with_exchanged_access_points_are_taken_where_the_model_says_so():
+    initiate = Initiate(500_000_000).octets()
+    assert Bench().ask(Sap.MASTER_2, initiate, ssap=Sap.RESOURCE_MANAGER, source=5).code == Answer.RS
+    bench = Bench(class_two_exchanged=True)
+    manager = bench.ask(Sap.MASTER_2, initiate, ssap=Sap.RESOURCE_MANAGER, source=5)
+    assert (manager.dsap, manager.ssap) == (Sap.RESOURCE_MANAGER, Sap.MASTER_2)
+    sap = manager.data[1]
+    assert bench.ask(Sap.MASTER_2, ssap=sap, source=5).data[0] == Function.INITIATE
+    bench.ask(Sap.MASTER_2, emit_access(Access(Function.WRITE, 0, 47, 1, b"a")), ssap=sap, source=5)
+    assert bench.ask(Sap.MASTER_2, ssap=sap, source=5).data[0] == Function.WRITE
+    assert initiated(bench, source=6) != sap, "the usual order beside it"
+
+
 @pytest.mark.parametrize(
     ("data", "reason"),
     [(b"\x00", 0x15), (bytes((Function.READ, 0)), 0x14), (bytes((Function.WRITE, 0, 47, 5, 1)), 0x14)],

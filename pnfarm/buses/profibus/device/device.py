@@ -116,6 +116,7 @@ class ProfibusDevice:
                 connections=product.connections,
                 longest_record=product.longest_record,
                 send_timeout_ns=product.send_timeout_ns,
+                class_two_exchanged=product.class_two_exchanged,
                 silence_ns=product.silence_ns,
             ),
         )
