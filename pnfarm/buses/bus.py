@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
+from pnfarm.links.base import ETHERNET, PortSpec
+
 if TYPE_CHECKING:
     from collections import Counter
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Bus", "DeviceServices", "InjectionHost", "LineBus", "LineSplitter", "RouteHost", "Segment", "SocketBus",
-    "SpeakingBus", "kinds_here", "line_of", "uses_sockets",
+    "SpeakingBus", "kinds_here", "line_of", "port_spec", "uses_sockets",
 ]  # fmt: skip
 
 
@@ -242,6 +244,11 @@ class LineBus(Protocol):
     @property
     def uses_line(self) -> bool: ...
 
+    @property
+    def link_type(self) -> int:
+        """LINKTYPE of its telegrams in a capture (tcpdump.org)."""
+        ...
+
     def splitter(self, baud: int) -> LineSplitter:
         """For one end of a line of this rate, bit/s."""
         ...
@@ -264,6 +271,13 @@ def kinds_here(bus: Bus) -> Mapping[str, KindOnBus]:
 def line_of(bus: Bus) -> str:
     """The name of the serial line that the stations of a bus share, empty for a network."""
     return bus.name if isinstance(bus, LineBus) and bus.uses_line else ""
+
+
+def port_spec(bus: Bus, station: str, mac: bytes) -> PortSpec:
+    """The port that a station on this bus wants, drive or controller."""
+    if not (line := line_of(bus)):
+        return PortSpec(station, mac, kernel=uses_sockets(bus))
+    return PortSpec(station, b"", line=line, link_type=bus.link_type if isinstance(bus, LineBus) else ETHERNET)
 
 
 def uses_sockets(bus: Bus) -> bool:

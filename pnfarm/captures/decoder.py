@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from pnfarm.captures.conversations import Conversations
 from pnfarm.captures.neutral import arp, icmp, other, unreadable
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pnfarm.captures.reading import CapturedFrame
     from pnfarm.drives.model import Model
 
-__all__ = ["Decoder", "FrameDecoder", "Line", "PlannedDrive", "family_of"]
+__all__ = ["Decoder", "FrameDecoder", "Line", "LineDecoder", "PlannedDrive", "family_of"]
 
 #: Families of frames without a bus -> the function that describes them.
 _NEUTRAL: Mapping[str, Callable[[Packet, Capture], Iterator[Description]]] = MappingProxyType(
@@ -68,6 +68,32 @@ class FrameDecoder(Protocol):
         ...
 
 
+@runtime_checkable
+class LineDecoder(FrameDecoder, Protocol):
+    """A bus's decoder whose telegrams are on a line, with a link type of their own."""
+
+    @property
+    def link_type(self) -> int:
+        """LINKTYPE of its telegrams, as :attr:`pnfarm.links.line.LineFormat.link_type` has it."""
+        ...
+
+    def packet(self, frame: CapturedFrame) -> Packet:
+        """A telegram with its stations; the decoder then gets it as it gets frames.
+
+        Addresses are octets of any number but six, which is Ethernet's.  Raises nothing: octets that are no telegram
+        have empty addresses.
+        """
+        ...
+
+    def learn(self, drive: Any, model: Model) -> None:
+        """A drive of a farm file, by the configuration that its bus makes of it."""
+        ...
+
+    def learn_controller(self, section: Any) -> None:
+        """A farm file's controller on this bus, by its section."""
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class Line:
     """One line of output; ``source`` and ``destination`` are addresses, which the decoder names."""
@@ -97,13 +123,30 @@ class Decoder:
     def __init__(self, capture: Capture, buses: Mapping[str, FrameDecoder]) -> None:
         self.capture = capture
         self.buses = buses
+        self._line_decoders = {one.link_type: one for one in buses.values() if isinstance(one, LineDecoder)}
         self._conversations = Conversations()
         self._groups: Bounded[bytes, int] = Bounded(256)
+        #: The last telegrams of lines and their times: the interface that had each first.
+        self._telegrams: Bounded[tuple[bytes, int], str | None] = Bounded(256)
         #: Frames too short to have an EtherType.
         self.short = 0
 
+    @property
+    def link_types(self) -> frozenset[int]:
+        """Link types besides Ethernet's that some bus decodes."""
+        return frozenset(self._line_decoders)
+
+    def ends(self, frame: CapturedFrame) -> tuple[bytes, bytes]:
+        """Destination and source of a frame, empty where it has none."""
+        if (own := self._line_decoders.get(frame.link_type)) is not None:
+            packet = own.packet(frame)
+            return packet.destination, packet.source
+        return frame.data[:6], frame.data[6:12]
+
     def feed(self, frame: CapturedFrame) -> list[Line]:
         """The lines of this frame: often none.  A copy of a broadcast, at another interface, is left out."""
+        if (own := self._line_decoders.get(frame.link_type)) is not None:
+            return [] if self._copied(frame) else self._lines_of(frame, own.packet(frame), own)
         data = frame.data
         if len(data) < _HEADER:
             self.short += 1
@@ -119,7 +162,15 @@ class Decoder:
         if frame.direction is not None and frame.interface:
             drive = packet.source if frame.direction == _OUTBOUND else packet.destination
             self.capture.stations.guess(drive, frame.interface)
-        family, descriptions = self._described(packet)
+        return self._lines_of(frame, packet)
+
+    def _lines_of(self, frame: CapturedFrame, packet: Packet, own: FrameDecoder | None = None) -> list[Line]:
+        """The lines of a packet; ``own``: the decoder of its link type."""
+        family = None if own is None else own.family_of(packet)
+        if own is not None and family is not None:
+            descriptions = own.describe(family, packet)
+        else:
+            family, descriptions = self._described(packet)
         talk = self._conversations.between(packet.source, packet.destination)
         talk.add(frame.time_ns, family)
         lines = []
@@ -150,6 +201,13 @@ class Decoder:
         """The conversation of each pair of stations, plain JSON values, the longest first."""
         channels = [channel for bus in self.buses.values() for channel in bus.cyclic_channels()]
         return self._conversations.as_list(self.capture.stations, channels)
+
+    def _copied(self, frame: CapturedFrame) -> bool:
+        """Whether a telegram was seen at another interface at the same moment: each station of a line hears it."""
+        this = frame.data, frame.time_ns
+        first = self._telegrams.get(this, frame.interface)
+        self._telegrams[this] = first
+        return first != frame.interface
 
     def _again(self, frame: CapturedFrame) -> bool:
         """Whether a multicast was seen a moment ago: a capture of many drives has a copy for each."""

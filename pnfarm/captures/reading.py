@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO, cast
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
     from pathlib import Path
 
-__all__ = ["CapturedFrame", "FrameReader"]
+__all__ = ["ETHERNET", "CapturedFrame", "FrameReader"]
 
-_LINKTYPE_ETHERNET = 1
+#: LINKTYPE_ETHERNET of tcpdump.org.
+ETHERNET = 1
 _MAGICS = {
     bytes.fromhex("a1b2c3d4"), bytes.fromhex("d4c3b2a1"), bytes.fromhex("a1b23c4d"), bytes.fromhex("4d3cb2a1"),
     bytes.fromhex("0a0d0d0a"),
@@ -27,7 +28,10 @@ _GZIP = b"\x1f\x8b"
 
 @dataclass(frozen=True, slots=True)
 class CapturedFrame:
-    """``time_ns`` since 1970; ``direction`` 1 inbound, 2 outbound, None unknown; ``cut`` octets are missing."""
+    """``time_ns`` since 1970; ``direction`` 1 inbound, 2 outbound, None unknown; ``cut`` octets are missing.
+
+    ``link_type``: another one than that of Ethernet for telegrams of a line.
+    """
 
     number: int
     time_ns: int
@@ -35,6 +39,7 @@ class CapturedFrame:
     interface: str | None = None
     direction: int | None = None
     cut: int = 0
+    link_type: int = ETHERNET
 
 
 @contextlib.contextmanager
@@ -63,11 +68,13 @@ class _Unpacked(gzip.GzipFile):
 class FrameReader:
     """Iterate over it; holds one frame at a time.
 
+    ``link_types`` are those besides Ethernet's whose telegrams are read, too.
     Raises :class:`~pnfarm.errors.ConfigError` for a file that does not exist or is not a capture of Ethernet frames.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, link_types: Collection[int] = ()) -> None:
         self._path = path
+        self._link_types = {ETHERNET, *link_types}
         #: What is wrong with the file's end; set when it is reached.
         self.complaint: str | None = None
         #: Packets that are not Ethernet frames.
@@ -114,9 +121,9 @@ class FrameReader:
         classic = not hasattr(reader, "interfaces")
         # reads a packet's octets and meta data without dissection; one block at a time, to know where it ends
         read = reader._read_packet if classic else reader._read_block  # noqa: SLF001 - scapy has no public ones
-        if classic and reader.linktype != _LINKTYPE_ETHERNET:
+        if classic and reader.linktype not in self._link_types:
             raise ConfigError(
-                f"{self._path} holds frames of link type {reader.linktype}, not of Ethernet ({_LINKTYPE_ETHERNET}): "
+                f"{self._path} holds frames of link type {reader.linktype}, not of Ethernet ({ETHERNET}): "
                 "capture at an interface, not at `any`"
             )
         unit = 1 if classic and reader.nano else 1000
@@ -131,13 +138,15 @@ class FrameReader:
                     if meta.caplen > len(data):
                         self.complaint = f"{meta.caplen - len(data)} octets of its last packet are missing"
                     time_ns, name, direction = meta.sec * 1_000_000_000 + meta.usec * unit, None, None
+                    link_type = int(reader.linktype)
                 else:
-                    if meta.linktype != _LINKTYPE_ETHERNET:
+                    if meta.linktype not in self._link_types:
                         self.foreign += 1
                         continue
                     ticks = (meta.tshigh or 0) << 32 | (meta.tslow or 0)
                     time_ns = ticks * 1_000_000_000 // int(meta.tsresol)
                     name, direction = meta.ifname, meta.direction
+                    link_type = int(meta.linktype)
                     if isinstance(name, bytes):
                         name = name.decode("utf-8", "replace")
             except EOFError:
@@ -148,6 +157,5 @@ class FrameReader:
                 self.complaint = f"{type(exc).__name__}: {exc}"
                 return
             self.frames += 1
-            yield CapturedFrame(
-                self.frames, time_ns, bytes(data), name, direction, max(0, int(meta.wirelen) - len(data))
-            )
+            cut = max(0, int(meta.wirelen) - len(data))
+            yield CapturedFrame(self.frames, time_ns, bytes(data), name, direction, cut, link_type)

@@ -19,6 +19,7 @@ _V = TypeVar("_V")
 
 #: Stations, calls and connections kept at a time; the oldest are dropped.
 MOST = 4096
+_MAC_OCTETS = 6
 
 
 class Bounded(OrderedDict[_K, _V], Generic[_K, _V]):
@@ -63,11 +64,19 @@ class Stations:
         if mac not in self._guessed and not is_group(mac):
             self._guessed[mac] = name
 
+    def name_line(self, address: bytes, name: str) -> None:
+        """The name of an address of a line, which is no MAC address."""
+        self._guessed[address] = name
+
     def name(self, mac: bytes) -> str:
-        """The station's name, or its address."""
+        """The station's name, or its address; ``?`` where there is none."""
+        if not mac:
+            return "?"
         found = self._names.get(mac) or self._guessed.get(mac)
         if found is not None:
             return found
+        if len(mac) != _MAC_OCTETS:
+            return f"station {int.from_bytes(mac, 'big')}"
         if mac == BROADCAST:
             return "everybody"
         return "all" if is_group(mac) else format_mac(mac)

@@ -76,12 +76,12 @@ def decode(
     if farm is not None:
         _learn_farm(farm, decoder)
     chosen = _Chosen(drive or (), decoder)
-    reader = FrameReader(file)
+    reader = FrameReader(file, decoder.link_types)
     # written at once but not flushed: flushing each line would slow down a long capture
     write = sys.stdout.write
     for frame in reader:
         lines = decoder.feed(frame)
-        chosen.see(frame.data)
+        chosen.see(*decoder.ends(frame))
         for line in lines:
             if not summary and line.family in families and chosen.wants(line):
                 write(_text(line, decoder) if output is DecodeFormat.TEXT else f"{json.dumps(decoder.as_dict(line))}\n")
@@ -127,11 +127,11 @@ class _Chosen:
         self._senders: dict[bytes, None] = {}
         self._addressed: set[bytes] = set()
 
-    def see(self, data: bytes) -> None:
+    def see(self, destination: bytes, source: bytes) -> None:
         """Note the stations of one frame, whether or not it makes a line."""
         if self._asked and len(self._senders) < _MOST_STATIONS and len(self._addressed) < _MOST_STATIONS:
-            self._senders[data[6:12]] = None
-            self._addressed.add(data[:6])
+            self._senders[source] = None
+            self._addressed.add(destination)
 
     def wants(self, line: Line) -> bool:
         """Whether a line is from or to one of the stations; always, if none was asked for."""
@@ -175,7 +175,7 @@ def _text(line: Line, decoder: Decoder) -> str:
 
 def _learn_farm(path: Path, decoder: Decoder) -> None:
     """Give the decoder the names, models and planned connections of a farm file."""
-    from pnfarm.captures.decoder import PlannedDrive
+    from pnfarm.captures.decoder import LineDecoder, PlannedDrive
     from pnfarm.cli.files import read
     from pnfarm.config.ip import IpController, IpDriveConfig
     from pnfarm.controller.plan import plan_controllers
@@ -187,6 +187,9 @@ def _learn_farm(path: Path, decoder: Decoder) -> None:
     models = [model_of(drive) for drive in drives]
     stations = decoder.capture.stations
     for drive, model in zip(drives, models, strict=True):
+        if isinstance(own := decoder.buses[model.bus], LineDecoder):
+            own.learn(drive, model)
+            continue
         ip = drive.ip if isinstance(drive, IpDriveConfig) else None
         stations.learn(drive.mac, name=drive.name, ip=ip.ip if ip is not None else None, model=model)
     for one in plan_controllers(config, drives) if config.controllers else ():
@@ -194,6 +197,8 @@ def _learn_farm(path: Path, decoder: Decoder) -> None:
         if one.mac is not None:
             ip = section.ip if isinstance(section, IpController) else None
             stations.learn(one.mac, name=section.name, ip=ip.ip if ip is not None else None)
+        if isinstance(own := decoder.buses[one.bus.name], LineDecoder):
+            own.learn_controller(section)
         # devices without a model come after the drives
         planned = [
             PlannedDrive(drive.mac, model, wanted)

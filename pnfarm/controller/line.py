@@ -6,7 +6,7 @@ import asyncio
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.bus import line_of
+from pnfarm.buses.bus import port_spec
 from pnfarm.buses.controller import ControllerHost
 from pnfarm.buses.registry import bus
 from pnfarm.config.ip import IpController
@@ -21,7 +21,6 @@ from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import controller_mac, expand
 from pnfarm.farm.virtual import VirtualWorld
-from pnfarm.links.base import PortSpec
 from pnfarm.links.pcap import PcapLink
 from pnfarm.station.event_log import EventLog
 
@@ -88,7 +87,7 @@ async def join_controllers(
     for one in planned:
         link = world.link()
         links.append(link)
-        ports += await link.open([PortSpec(one.section.name, one.mac or b"", line=line_of(one.bus))])
+        ports += await link.open([port_spec(one.bus, one.section.name, one.mac or b"")])
     controllers = Controllers(
         planned,
         [
@@ -186,9 +185,7 @@ class VirtualLine:
             comment = f"pnfarm farm {config.farm or 'farm'}"
             whole = PcapLink(link, pcap, clock=world.clock, epoch_ns=epoch_ns, comment=comment, sink=frames)
             world.watch(whole.record)
-        ports = await whole.open(
-            [PortSpec(drive.name, drive.mac, line=line_of(bus(model_of(drive).bus))) for drive in drives]
-        )
+        ports = await whole.open([port_spec(bus(model_of(drive).bus), drive.name, drive.mac) for drive in drives])
         farm = FarmCore(
             config.farm or "farm",
             drives,

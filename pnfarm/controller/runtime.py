@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import anyio
 
-from pnfarm.buses.bus import line_of, uses_sockets
+from pnfarm.buses.bus import line_of, port_spec
 from pnfarm.buses.controller import ControllerHost
 from pnfarm.config.links import LineWay
 from pnfarm.config.links import MacvlanLink as MacvlanSection
@@ -30,7 +30,7 @@ from pnfarm.farm.file.choice import bus_of_controller, titles
 from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
 from pnfarm.farm.lines import line_bus, make_line
 from pnfarm.farm.realtime import RealTimeDriver
-from pnfarm.links.base import PortSpec, unwrap
+from pnfarm.links.base import unwrap
 from pnfarm.links.capabilities import require_for_link
 from pnfarm.links.interface import InterfaceLink
 from pnfarm.links.interfaces import remove_leftovers
@@ -131,10 +131,7 @@ class _Station:
         self._is_ours = True
         if self._own_link and self.link.kind not in {"interface", "serial"}:
             await remove_leftovers(self.owner)
-        line = line_of(planned.bus)
-        mac = b"" if line else planned.mac or bytes(6)
-        spec = PortSpec(self.section.name, mac, kernel=uses_sockets(planned.bus), line=line)
-        (port,) = await self.link.open([spec])
+        (port,) = await self.link.open([port_spec(planned.bus, self.section.name, planned.mac or bytes(6))])
         address, ports = planned.plan.udp_ports
         if address is not None:
             self._held += hold_ports(address, ports)

@@ -13,6 +13,7 @@ import os
 import re
 import threading
 import time
+from collections import deque
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -24,8 +25,9 @@ from pnfarm.errors import ConfigError, EnvironmentError_, InternalError
 from pnfarm.farm.events import CaptureEnded, CaptureFailed, CaptureLostFrames
 from pnfarm.links.bpf_capture import KINDS, atoms_of, capture_filter
 from pnfarm.links.packet_ring import BLOCK, RETIRE_MS, PacketRing
-from pnfarm.links.pcap import interface_description, interface_statistics, section_header
+from pnfarm.links.pcap import interface_description, interface_statistics, packet_block, section_header
 from pnfarm.links.pcap_files import CaptureFiles
+from pnfarm.links.serial_link import FIRST_PORT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Port
     from pnfarm.links.pcap_files import BlockSink
     from pnfarm.station.events import Event
+    from pnfarm.wire.direction import Direction
 
 __all__ = ["CaptureSettings", "FarmCapture", "parse_size", "prepare"]
 
@@ -47,6 +50,9 @@ LOOK_MS = 200
 TELL_SECONDS = 10.0
 #: Increment of the writing thread's nice value over the farm's.
 NICENESS = 5
+#: Telegrams of lines that wait for the thread: at 12 Mbit/s those of a second.
+MOST_TELEGRAMS = 65_536
+BLOCKS_AT_ONCE = 1024
 
 _SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([kMG]?)(i?)B?", re.IGNORECASE)
 _POWERS = {"": 0, "k": 1, "m": 2, "g": 3}
@@ -131,6 +137,11 @@ class FarmCapture:
             self._files = CaptureFiles(settings.path, head, size=size, files=files)
         self._files.tail = self._tail
         self._ring: PacketRing | None = None
+        #: Interface numbers of ports on lines, and their telegrams on their way to the thread.
+        self._line_numbers: dict[int, int] = {}
+        self._telegrams: deque[tuple[int, bytes]] = deque()
+        self._telegrams_lost = 0
+        self._epoch_ns = time.time_ns() - time.monotonic_ns()
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         #: Frames written of each captured drive; the last element: invalid frames of the kernel's ring.
@@ -161,20 +172,34 @@ class FarmCapture:
         chosen = [ports[place] for place in self._places]
         self._files.extend_head(
             b"".join(
-                interface_description(self._names[place], f"interface {port.name}", port.mac)
+                interface_description(self._names[place], _where(port), port.mac, link_type=port.link_type)
                 for place, port in zip(self._places, chosen, strict=True)
             )
         )
-        indexes = [port.index for port in chosen]
-        numbers = np.full(max(indexes) - min(indexes) + 1, -1, np.int32)
-        for number, index in enumerate(indexes):
-            numbers[index - min(indexes)] = number
+        places = {port.index: number for number, port in enumerate(chosen) if port.index < FIRST_PORT}
+        # words of --pcap-only are about frames of a network
+        if not self.settings.only:
+            self._line_numbers = {port.index: n for n, port in enumerate(chosen) if port.index >= FIRST_PORT}
+        lowest = min(places, default=0)
+        numbers = np.full(max(places, default=0) - lowest + 1, -1, np.int32)
+        for index, number in places.items():
+            numbers[index - lowest] = number
         atoms = atoms_of(self.settings.only)
-        self._ring = PacketRing(capture_filter(indexes, atoms, others=far_end))
+        self._ring = PacketRing(capture_filter(list(places), atoms, others=far_end)) if places else None
         self._thread = threading.Thread(
-            target=self._run, args=(self._ring, numbers, min(indexes), far_end), name="capture", daemon=True
+            target=self._run, args=(self._ring, numbers, lowest, far_end), name="capture", daemon=True
         )
         self._thread.start()
+
+    def telegram(self, index: int, octets: bytes, now: int, direction: Direction) -> None:
+        """Write a telegram of a line, seen by the event loop at ``now`` of the monotonic clock."""
+        number = self._line_numbers.get(index)
+        if number is None or self._stop.is_set():
+            return
+        if len(self._telegrams) >= MOST_TELEGRAMS:
+            self._telegrams_lost += 1
+            return
+        self._telegrams.append((number, packet_block(number, octets, now + self._epoch_ns, direction)))
 
     def stop(self) -> None:
         """Write what has been captured and close the file.  Takes some tenths of a second; may be called twice."""
@@ -188,13 +213,17 @@ class FarmCapture:
 
     # -- the thread --------------------------------------------------------------------------------------------------
 
-    def _run(self, ring: PacketRing, numbers: Any, lowest: int, far_end: bool) -> None:
+    def _run(self, ring: PacketRing | None, numbers: Any, lowest: int, far_end: bool) -> None:
         # it yields to the event loop's thread and to the engine's, and preempts neither when frames wake it
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), NICENESS)
         try:
-            self._record(ring, numbers, lowest, far_end)
+            if ring is None:
+                self._record_lines()
+            else:
+                self._record(ring, numbers, lowest, far_end)
+            self._write_telegrams()
             self._files.close()
         except EnvironmentError_ as exc:
             self.failed = exc
@@ -203,9 +232,30 @@ class FarmCapture:
             self.failed = EnvironmentError_(f"the capture failed: {type(exc).__name__}: {exc}")
             self._files.abandon()
         finally:
-            ring.close()
+            if ring is not None:
+                ring.close()
         result = str(self.path), self.frames, self.lost
         self._note(CaptureEnded(*result) if self.failed is None else CaptureFailed(*result, str(self.failed)))
+
+    def _record_lines(self) -> None:
+        """Of a farm without a network."""
+        while not self._stop.wait(LOOK_MS / 1000):
+            self._write_telegrams()
+
+    def _write_telegrams(self) -> None:
+        """What the event loop left; telegrams of a line are up to a look later in the file than their time says."""
+        blocks = []
+        for _ in range(len(self._telegrams)):
+            number, block = self._telegrams.popleft()
+            self._counts[number] += 1
+            blocks.append(block)
+            if len(blocks) >= BLOCKS_AT_ONCE:
+                self._files.write(b"".join(blocks))
+                blocks.clear()
+        if blocks:
+            self._files.write(b"".join(blocks))
+        lost, self._telegrams_lost = self._telegrams_lost, 0
+        self.lost += lost
 
     def _record(self, ring: PacketRing, numbers: Any, lowest: int, far_end: bool) -> None:
         memory = np.frombuffer(ring.memory, np.uint8)
@@ -221,6 +271,7 @@ class FarmCapture:
                     length = pack_block(memory, words, start, numbers, lowest, far_end, out, out_words, self._counts)
                     if length:
                         self._files.write(view[:length])
+                self._write_telegrams()
                 self.lost += ring.lost()
                 if self.lost > told_lost and time.monotonic() - told_at >= TELL_SECONDS:
                     self._note(CaptureLostFrames(self.lost - told_lost))
@@ -240,6 +291,10 @@ class FarmCapture:
             )
             for number in range(len(self._places))
         )
+
+
+def _where(port: Port) -> str:
+    return f"interface {port.name}" if port.index < FIRST_PORT else f"on a line of {port.baud} bit/s"
 
 
 def prepare() -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import anyio
 
-from pnfarm.buses.bus import line_of, uses_sockets
+from pnfarm.buses.bus import port_spec
 from pnfarm.buses.registry import bus, fault_kinds
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import MacvlanLink as MacvlanSection
@@ -220,6 +220,8 @@ class Farm:
             ports = await self.link.open([self._port_of(drive) for drive in self.drives])
             if self.capture is not None:
                 self.capture.start(ports, far_end=isinstance(unwrap(self.link), TapLink))
+                for line in lines_of(self.link).values():
+                    line.set_watcher(self.capture.telegram)
             self._core = FarmCore(
                 self.config.farm or "farm",
                 self.drives,
@@ -248,7 +250,7 @@ class Farm:
     @staticmethod
     def _port_of(drive: DriveConfig) -> PortSpec:
         its = bus(model_by_name(drive.model).bus)
-        return PortSpec(drive.name, drive.mac, kernel=uses_sockets(its), line=line_of(its))
+        return port_spec(its, drive.name, drive.mac)
 
     async def _make_driver(self, core: FarmCore, ports: Sequence[Port]) -> int:
         """What lets time pass; returns the farm's time at its start."""

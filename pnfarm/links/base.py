@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BROADCAST",
+    "ETHERNET",
     "MULTICAST_DCP_IDENTIFY",
     "MULTICAST_LLDP",
     "Clock",
@@ -42,6 +43,8 @@ MULTICAST_LLDP = bytes.fromhex("0180c200000e")
 
 #: ``receiver(port_index, frame, now_ns)``: one whole Ethernet frame without FCS.
 Receiver: TypeAlias = Callable[[int, bytes, int], None]
+#: LINKTYPE_ETHERNET of tcpdump.org: frames of a network, in a capture.
+ETHERNET = 1
 #: Nanoseconds of the farm's clock.
 Clock: TypeAlias = Callable[[], int]
 
@@ -52,26 +55,28 @@ class PortSpec:
 
     ``kernel``: the station has sockets of the kernel's, which answers for its address; else it is kept silent there.
     ``line``: the serial line that it shares with all stations of that name, where its bus is one; it then has no
-    address.
+    address.  ``link_type``: that of its frames in a capture.
     """
 
     station: str
     mac: bytes
     kernel: bool = False
     line: str = ""
+    link_type: int = ETHERNET
 
 
 @dataclass(frozen=True, slots=True)
 class Port:
     """One attachment of a station.  ``index`` is the kernel's interface index, or the port number in memory.
 
-    ``baud``: the rate of its serial line, 0 for a network.
+    ``baud``: the rate of its serial line, 0 for a network.  ``link_type``: as in its specification.
     """
 
     name: str
     index: int
     mac: bytes
     baud: int = 0
+    link_type: int = ETHERNET
 
 
 @dataclass(slots=True)

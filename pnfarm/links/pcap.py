@@ -15,6 +15,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import EnvironmentError_, InternalError
+from pnfarm.links.base import ETHERNET
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,7 +39,6 @@ _INTERFACE_DESCRIPTION = 0x00000001
 _INTERFACE_STATISTICS = 0x00000005
 _ENHANCED_PACKET = 0x00000006
 _BYTE_ORDER_MAGIC = 0x1A2B3C4D
-_LINKTYPE_ETHERNET = 1
 
 _OPTION_END = 0
 _COMMENT = 1
@@ -76,13 +76,13 @@ def section_header(comment: str = "") -> bytes:
     return _block(_SECTION_HEADER, struct.pack("<IHHq", _BYTE_ORDER_MAGIC, 1, 0, -1) + options)
 
 
-def interface_description(name: str, description: str = "", mac: bytes = b"") -> bytes:
+def interface_description(name: str, description: str = "", mac: bytes = b"", *, link_type: int = ETHERNET) -> bytes:
     """An interface with nanosecond stamps; they are numbered in the order of their blocks."""
     options = _text(_IF_NAME, name) + _text(_IF_DESCRIPTION, description)
     if mac:
         options += _option(_IF_MAC, mac)
     options += _option(_IF_TSRESOL, b"\x09") + _option(_OPTION_END, b"")
-    return _block(_INTERFACE_DESCRIPTION, struct.pack("<HHI", _LINKTYPE_ETHERNET, 0, 0) + options)
+    return _block(_INTERFACE_DESCRIPTION, struct.pack("<HHI", link_type, 0, 0) + options)
 
 
 def packet_block(interface: int, frame: bytes, wall_ns: int, direction: Direction) -> bytes:
@@ -123,9 +123,9 @@ class PcapngWriter:
         self._flushed_ns = 0
         self._write(section_header(comment))
 
-    def add_interface(self, name: str, description: str = "", mac: bytes = b"") -> int:
+    def add_interface(self, name: str, description: str = "", mac: bytes = b"", *, link_type: int = ETHERNET) -> int:
         """Describe an interface; the number to write its frames with."""
-        self._write(interface_description(name, description, mac))
+        self._write(interface_description(name, description, mac, link_type=link_type))
         self._interfaces += 1
         return self._interfaces - 1
 
@@ -207,7 +207,9 @@ class PcapLink:
         ports = await self.inner.open(wanted)
         if self._writer is not None:
             for spec, port in zip(wanted, ports, strict=True):
-                self._interfaces[port.index] = self._writer.add_interface(spec.station, port.name, port.mac)
+                self._interfaces[port.index] = self._writer.add_interface(
+                    spec.station, port.name, port.mac, link_type=spec.link_type
+                )
         return ports
 
     async def close(self) -> None:

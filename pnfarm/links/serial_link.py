@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 
     from pnfarm.links.base import PortSpec, Receiver
     from pnfarm.links.line import Line
+    from pnfarm.wire.direction import Direction
+
+    #: ``watcher(port_index, telegram, now_ns, direction)``.
+    Watcher = Callable[[int, bytes, int, Direction], None]
 
 __all__ = ["FIRST_PORT", "SerialLink", "Splitter"]
 
@@ -50,6 +54,7 @@ class SerialLink:
         self._counters = LinkCounters()
         self._receiver: Receiver | None = None
         self._audience: Callable[[bytes], Collection[int] | None] | None = None
+        self._watcher: Watcher | None = None
         self._ports: dict[int, Port] = {}
         self._pulled: set[int] = set()
         self._timer: asyncio.TimerHandle | None = None
@@ -63,7 +68,9 @@ class SerialLink:
         if self._ports:
             raise InternalError("this serial link is already open")
         await self.line.open()
-        ports = [Port(spec.station, FIRST_PORT + index, b"", self.baud) for index, spec in enumerate(wanted)]
+        ports = [
+            Port(spec.station, FIRST_PORT + index, b"", self.baud, spec.link_type) for index, spec in enumerate(wanted)
+        ]
         self._ports = {port.index: port for port in ports}
         return ports
 
@@ -82,9 +89,15 @@ class SerialLink:
         else:
             self._counters.sent += 1
             self.line.send(frame)
+            if self._watcher is not None:
+                self._watcher(port_index, frame, time.monotonic_ns(), "out")
 
     def set_receiver(self, receiver: Receiver) -> None:
         self._receiver = receiver
+
+    def set_watcher(self, watcher: Watcher | None) -> None:
+        """Set who sees each telegram that a port receives or sends."""
+        self._watcher = watcher
 
     def set_line_audience(self, audience: Callable[[bytes], Collection[int] | None]) -> None:
         """Set which ports a telegram can concern (None: all): the others get no copy."""
@@ -115,6 +128,8 @@ class SerialLink:
                 if index in self._pulled:
                     self._counters.dropped["cable-pulled"] += 1
                 elif index in self._ports:
+                    if self._watcher is not None:
+                        self._watcher(index, telegram, now, "in")
                     receiver(index, telegram, now)
 
     def _arm(self) -> None:

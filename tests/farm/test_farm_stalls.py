@@ -16,6 +16,8 @@ import pytest
 
 from pnfarm.buses.ethernetip.config.controller import EthernetIpController
 from pnfarm.buses.ethernetip.config.drive import EthernetIpDrives
+from pnfarm.buses.profibus.config.controller import ProfibusController
+from pnfarm.buses.profibus.config.drive import ProfibusDrives
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.cli import demo
 from pnfarm.farm.file.reading import parse_farm
@@ -183,17 +185,17 @@ def test_demo_survives_a_machine_that_stalls_for_20_ms(apart):
 
 @pytest.mark.parametrize("file", ["demo", "configs/demo.pnfarm.yml", "configs/compose.pnfarm.yml"])
 def test_watchdogs_of_the_demos_leave_room_for_a_stall_of_20_ms(file):
-    text = (ROOT / file).read_text("utf-8") if "/" in file else demo.FILE.format(
-        link="{kind: memory}", groups=demo._groups(8), where="mac: auto",
-        scanner=demo._scanner_section(8, "mac: auto"),
-    )  # fmt: skip
+    text = (ROOT / file).read_text("utf-8") if "/" in file else demo._text(8, None)
     config = parse_farm(text)
     section = config.controller
     scanners = [one for one in config.controllers if isinstance(one, EthernetIpController)]
+    masters = [one for one in config.controllers if isinstance(one, ProfibusController)]
     for group in config.drives:
         if isinstance(group, EthernetIpDrives):
             cycle_ns = group.rpi_ns
             hold_ns = cycle_ns * scanners[0].timeout_multiplier
+        elif isinstance(group, ProfibusDrives):
+            cycle_ns, hold_ns = masters[0].cycle_ns, masters[0].watchdog_ns
         else:
             cycle_ns = clock_of(section, group.cycle_ns).cycle_ns
             hold_ns = cycle_ns * section.watchdog_factor

@@ -113,8 +113,12 @@ class Profibus:
         """It has no routes of its own."""
 
     @property
+    def link_type(self) -> int:
+        return 257  # LINKTYPE_PROFIBUS_DL
+
+    @property
     def frame_families(self) -> Sequence[str]:
-        return ()  # telegrams of a line are in no capture
+        return ("cyclic", "dp", "dpv1", "fdl")
 
     def decoder(self, capture: Capture) -> ProfibusDecoder:
         from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder

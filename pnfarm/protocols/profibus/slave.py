@@ -88,8 +88,8 @@ class SlaveOptions:
     """What a slave is; injections replace some of it.
 
     ``silence_ns``: without a good telegram for so long, the slave seeks the baud rate again.  ``address_changes``:
-    whether Set_Slave_Add is taken.  ``connections``: of masters of class 2.  ``class_two_exchanged``: their requests are
-    taken with DSAP and SSAP exchanged, too.
+    whether Set_Slave_Add is taken.  ``connections``: of masters of class 2.  ``class_two_exchanged``: their requests
+    are taken with DSAP and SSAP exchanged, too.
     """
 
     ident: int

@@ -9,7 +9,10 @@ from contextlib import asynccontextmanager
 
 import pytest
 
+from pnfarm.buses import registry
+from pnfarm.captures.reading import FrameReader
 from pnfarm.controller.runtime import Plc
+from pnfarm.farm.capture import CaptureSettings
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.links.joined import lines_of
@@ -111,3 +114,22 @@ async def test_a_master_over_tcp_is_lost_and_another_one_takes_its_place(tmp_pat
             await until(lambda: plc.controllers.all_running)
         assert [station.device.connects for station in farm.core.stations] == [2] * 4
         assert link.line.counters.opened == 2
+
+
+async def test_a_capture_of_a_running_farm_has_the_telegrams_of_each_drive(tmp_path):
+    told, path = config(f"pty: {tmp_path}/line", 2), tmp_path / "line.pcapng"
+    async with Farm(told, log=EventLog(quiet=True), capture=CaptureSettings(path)) as farm:
+        async with master(told) as plc:
+            await until(lambda: plc.controllers.all_running)
+        received = farm.core.stations[0].device.image.counts.received
+    decoder = registry.decoder()
+    lines = [line for frame in FrameReader(path, decoder.link_types) for line in decoder.feed(frame)]
+    names = {decoder.name(line.source) for line in lines} | {decoder.name(line.destination) for line in lines}
+    assert names == {"axis-01", "axis-02", "station 1", "all"}
+    said = [f"{decoder.name(line.source)} {line.description.what} {line.description.text}" for line in lines]
+    for axis in ("axis-01", "axis-02"):
+        assert f"{axis} Set_Prm.res acknowledged" in said
+        assert any(text.startswith(f"{axis} ZSW1") and "S4 operation" in text for text in said)
+    assert farm.capture.lost == 0
+    cyclic = [one for talk in decoder.summary() for one in talk["cyclic"] if "axis-01" in talk["between"]]
+    assert [one["frames"] for one in cyclic] == [received] * 2

@@ -10,10 +10,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.connect import connect_request, connect_response, forget_asked
-from pnfarm.buses.profinet.decode.records import BASE_MODE_INDEXES, index_text, parameter_request, parameter_response
+from pnfarm.buses.profinet.decode.records import BASE_MODE_INDEXES, index_text
 from pnfarm.buses.profinet.decode.shared import Call
 from pnfarm.captures.neutral import describe_udp, ip_packet
 from pnfarm.captures.packet import Description
+from pnfarm.captures.parameter_access import parameter_request, parameter_response
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, Reassembly
 from pnfarm.protocols.profinet.wire.block_texts import blocks_in_line

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from pnfarm.captures.drive_words import words_of
 from pnfarm.protocols.profinet.wire.iocr import IocrType
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
@@ -117,7 +118,7 @@ def make_template(layout: IocrLayout, telegram: Telegram | None, model: Model | 
         place = layout.data_of(holder.slot, holder.subslot) if holder is not None else None
         signals = telegram.input if is_input else telegram.output
         if place is not None:
-            words = list(_words((s.name if s is not None else "" for s in signals), place.data_offset))
+            words = list(words_of((s.name if s is not None else "" for s in signals), place.data_offset))
             words = [word for word in words if word[1] + word[2] <= place.data_offset + place.data_length]
     if place is None:
         place = next((d for d in layout.data if d.api == PROFIDRIVE_API and d.data_length >= 2), None)
@@ -131,15 +132,3 @@ def make_template(layout: IocrLayout, telegram: Telegram | None, model: Model | 
     if model is not None and number is not None:
         bits = {name: found for name, _, _ in words if (found := model.profidrive.bit_names(name, number))}
     return Template(layout, number, tuple(words), tuple(statuses), bits)
-
-
-def _words(names: Iterable[str], offset: int) -> Iterable[tuple[str, int, int]]:
-    """Consecutive words with the same name are one double word."""
-    found: list[tuple[str, int, int]] = []
-    for name in names:
-        if found and name and found[-1][0] == name and found[-1][2] == 2:
-            found[-1] = (name, found[-1][1], 4)
-        elif name:
-            found.append((name, offset, 2))
-        offset += 2
-    return found

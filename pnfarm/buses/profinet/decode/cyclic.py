@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.channels import Channel
+from pnfarm.captures.drive_words import SECOND_MASK, bits_text, stw1_text, values_text, zsw1_text
 from pnfarm.captures.packet import Description
 from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.protocols.profinet.wire.frame_id import classify_frame_id
@@ -29,29 +30,13 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.decode.shared import Shared
     from pnfarm.captures.packet import Packet
 
-__all__ = ["cyclic", "drive_state", "status_text"]
+__all__ = ["cyclic", "status_text"]
 
-#: Reported bits of ZSW1, and of STW2 and ZSW2, whose upper four are the sign of life.
-ZSW1_MASK = 0x02FF
-SECOND_MASK = 0x0FFF
-STATE_MASK = 0x0047
-FAULT_PRESENT = 0x0008
-#: Prefixes of the names of words that hold bits, task numbers or codes instead of quantities.
-BIT_WORDS = (
-    "STW", "ZSW", "POS_STW", "POS_ZSW", "G1_STW", "G1_ZSW", "MELDW", "SATZANW", "AKTSATZ", "MDI_MOD", "FAULT_CODE",
-    "WARN_CODE", "DRIVE_INPUTS", "DRIVE_MOTION_STATUS", "E_DIGITAL", "A_DIGITAL", "word",
-)  # fmt: skip
 #: Lines of one kind for one channel; further ones are only counted.
 MOST_LINES = 50
 #: The cycle counter wraps in this time, so that it says nothing after a longer silence.
 COUNTER_ROUND_NS = 65_536 * SEND_CLOCK_NS
 
-_STATES = {
-    0x40: "S1 switching on inhibited",
-    0x01: "S2 ready for switching on",
-    0x03: "S3 switched on",
-    0x07: "S4 operation",
-}
 _STATUS_BITS = (
     (DataStatus.PRIMARY, "primary", "backup"),
     (DataStatus.REDUNDANCY, "redundancy bit set", "redundancy bit clear"),
@@ -66,15 +51,6 @@ _IOXS = {
     IOXS_BAD_BY_DEVICE: "bad (device)",
     IOXS_BAD_BY_CONTROLLER: "bad (controller)",
 }
-
-
-def drive_state(zsw1: int, stw1: int | None) -> str:
-    """The drive's state; S5 looks like S3 or S4 in ZSW1 and is recognised by its cause, the control word or a fault."""
-    state = _STATES.get(zsw1 & STATE_MASK, "")
-    stopping = bool(zsw1 & FAULT_PRESENT) or (stw1 is not None and stw1 & 0x05 != 0x05)
-    if zsw1 & 0x03 == 0x03 and stopping:
-        return "S5 switching off"
-    return state
 
 
 def status_text(status: int, before: int | None = None) -> str:
@@ -169,13 +145,7 @@ def _values(channel: Channel) -> str:
     template = channel.template
     if template is None:
         return channel.data.hex()
-    texts = []
-    for name, offset, width in template.words:
-        value = int.from_bytes(channel.data[offset : offset + width], "big")
-        is_bits = name.startswith(BIT_WORDS)
-        signed = value - (1 << 8 * width) if value >> (8 * width - 1) else value
-        texts.append(f"{name} 0x{value:0{2 * width}X}" if is_bits else f"{name} {signed}")
-    return " ".join(texts)
+    return values_text(template.words, channel.data)
 
 
 def _limited(channel: Channel, what: str, text: str, **details: object) -> Iterator[Description]:
@@ -256,7 +226,7 @@ def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Descript
         name, place = second
         old, new = (int.from_bytes(data[place : place + 2], "big") for data in (before, after))
         if (old ^ new) & SECOND_MASK:
-            text = _bits(old, new, template.bits.get(name, ()), SECOND_MASK)
+            text = bits_text(old, new, template.bits.get(name, ()), SECOND_MASK)
             yield from _limited(channel, name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
     changed: dict[tuple[str, int, int], list[str]] = {}
     for kind, slot, subslot, offset in template.statuses:
@@ -273,29 +243,12 @@ def _names(channel: Channel, word: str, usual: tuple[str, ...]) -> tuple[str, ..
 
 
 def _stw1(channel: Channel, old: int, new: int) -> str:
-    return _bits(old, new, _names(channel, "STW1", STW1_BITS), 0xFFFF)
+    return stw1_text(old, new, _names(channel, "STW1", STW1_BITS))
 
 
 def _zsw1(channel: Channel, old: int, new: int) -> str:
-    changed = (old ^ new) & ZSW1_MASK
-    if not changed:
-        return ""
     partner = channel.partner
     stw1 = None
     if partner is not None and partner.begun and partner.template is not None and partner.template.control is not None:
         stw1 = partner.word(partner.template.control)
-    texts = []
-    if changed & STATE_MASK:
-        was, now = drive_state(old, stw1), drive_state(new, stw1)
-        texts.append(f"{was.partition(' ')[0] or '?'} -> {now or '?'}")
-    rest = _bits(old, new, _names(channel, "ZSW1", ZSW1_BITS), ZSW1_MASK & ~STATE_MASK)
-    return "; ".join([*texts, *([rest] if rest else [])])
-
-
-def _bits(old: int, new: int, names: tuple[str, ...], mask: int) -> str:
-    texts = []
-    for bit in range(16):
-        if (old ^ new) & mask & 1 << bit:
-            name = names[bit].replace("_", " ") if bit < len(names) and names[bit] else f"bit {bit}"
-            texts.append(f"{name} {'set' if new & 1 << bit else 'reset'}")
-    return ", ".join(texts)
+    return zsw1_text(old, new, stw1, _names(channel, "ZSW1", ZSW1_BITS))

@@ -1,0 +1,116 @@
+"""The data of DP-V0's services and the identity of a slave, as text."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.catalogue import model, models
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profibus.wire.dp import (
+    NO_MASTER,
+    Control,
+    Diagnosis,
+    GlobalControl,
+    Parameters,
+    PrmStatus,
+    SetAddress,
+    StationStatus,
+    V1Status1,
+    V1Status2,
+    parse_identifiers,
+)
+
+if TYPE_CHECKING:
+    from enum import IntFlag
+
+    from pnfarm.drives.model import Model
+
+__all__ = ["address_text", "configuration_text", "control_text", "diagnosis_text", "model_by_ident", "parameters_text"]
+
+
+@cache
+def _known() -> dict[int, Model]:
+    """The first model of each ident number."""
+    found: dict[int, Model] = {}
+    for entry in models().values():
+        if entry.bus == "profibus":
+            found.setdefault(model(entry.name).profidrive.identity.device_id, model(entry.name))
+    return found
+
+
+def model_by_ident(ident: int) -> Model | None:
+    """The model with this ident number, as the catalogue has it."""
+    return _known().get(ident)
+
+
+def _flags(value: IntFlag) -> list[str]:
+    return [str(bit.name).lower().replace("_", " ") for bit in type(value) if bit in value]
+
+
+def diagnosis_text(diagnosis: Diagnosis) -> str:
+    """Status bits, master, ident number, and the extended octets by blocks."""
+    bits = _flags(diagnosis.status & ~StationStatus.ALWAYS_1) or ["nothing to tell"]
+    master = "no master" if diagnosis.master == NO_MASTER else f"master {diagnosis.master}"
+    parts = [", ".join(bits), master, f"ident 0x{diagnosis.ident:04X}"]
+    if not diagnosis.status & StationStatus.ALWAYS_1:
+        parts.append("the bit that is always set is not")
+    parts += [f"{block.kind} {block.octets.hex(' ')}" for block in diagnosis.blocks()]
+    rest = len(diagnosis.extended) - sum(len(block.octets) for block in diagnosis.blocks())
+    if rest:
+        parts.append(f"{rest} octets that are no block")
+    return "; ".join(parts)
+
+
+def parameters_text(parameters: Parameters) -> str:
+    """What a Set_Prm asks for."""
+    bits = [bit for bit in _flags(parameters.status) if bit != "wd on"]
+    watchdog = parameters.watchdog_ns()
+    parts = [
+        ", ".join(bits) or "neither lock nor unlock",
+        f"watchdog {watchdog / 1e6:g} ms" if watchdog else "no watchdog",
+        f"min T_SDR {parameters.min_tsdr} bits" if parameters.min_tsdr else "min T_SDR unchanged",
+        f"ident 0x{parameters.ident:04X}",
+    ]
+    if parameters.group:
+        parts.append(f"groups 0x{parameters.group:02X}")
+    if parameters.user:
+        one, two, _ = parameters.v1
+        enabled = [*_flags(V1Status1(one)), *_flags(V1Status2(two))]
+        parts.append(f"user {parameters.user.hex(' ')}" + (f" ({', '.join(enabled)})" if enabled else ""))
+    return "; ".join(parts)
+
+
+def configuration_text(identifiers: bytes, described: Model | None) -> str:
+    """Identifiers, their octets, and the drive's telegram with them."""
+    telegram = None
+    if described is not None:
+        known = described.profidrive.telegrams.values()
+        telegram = next((one for one in known if one.identifiers == identifiers), None)
+    try:
+        parts = parse_identifiers(identifiers)
+    except DecodeError as exc:
+        return f"{identifiers.hex(' ')}: {exc}"
+    outputs, inputs = sum(part.outputs for part in parts), sum(part.inputs for part in parts)
+    named = f"telegram {telegram.number}, " if telegram is not None else ""
+    return f"{named}{outputs} octets of outputs, {inputs} of inputs ({identifiers.hex(' ')})"
+
+
+def control_text(control: GlobalControl) -> str:
+    """Commands, and for whom."""
+    words = _flags(
+        control.command & (Control.CLEAR_DATA | Control.UNFREEZE | Control.FREEZE | Control.UNSYNC | Control.SYNC)
+    )
+    whom = f"groups 0x{control.groups:02X}" if control.groups else "all slaves"
+    return f"{', '.join(words) or 'operate'}; {whom}"
+
+
+def address_text(wanted: SetAddress) -> str:
+    """The new address."""
+    locked = ", locked" if wanted.locks else ""
+    return f"address {wanted.address}{locked}; ident 0x{wanted.ident:04X}"
+
+
+def is_set_up(parameters: Parameters) -> bool:
+    """Whether a Set_Prm takes the slave rather than releasing it."""
+    return bool(parameters.status & PrmStatus.LOCK_REQ) and not parameters.status & PrmStatus.UNLOCK_REQ

@@ -1,0 +1,95 @@
+"""The words of a drive's telegram as text (PROFIdrive 4.x, general state machine), whichever bus carries them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+__all__ = [
+    "SECOND_MASK", "ZSW1_MASK", "Words", "bits_text", "drive_state", "stw1_text", "values_text", "words_of",
+    "zsw1_text",
+]  # fmt: skip
+
+#: Reported bits of ZSW1, and of STW2 and ZSW2, whose upper four are the sign of life.
+ZSW1_MASK = 0x02FF
+SECOND_MASK = 0x0FFF
+STATE_MASK = 0x0047
+FAULT_PRESENT = 0x0008
+#: Prefixes of the names of words that hold bits, task numbers or codes instead of quantities.
+BIT_WORDS = (
+    "STW", "ZSW", "POS_STW", "POS_ZSW", "G1_STW", "G1_ZSW", "MELDW", "SATZANW", "AKTSATZ", "MDI_MOD", "FAULT_CODE",
+    "WARN_CODE", "DRIVE_INPUTS", "DRIVE_MOTION_STATUS", "E_DIGITAL", "A_DIGITAL", "word",
+)  # fmt: skip
+#: (name, octet, octets) of each word.
+Words = tuple[tuple[str, int, int], ...]
+
+_STATES = {
+    0x40: "S1 switching on inhibited",
+    0x01: "S2 ready for switching on",
+    0x03: "S3 switched on",
+    0x07: "S4 operation",
+}
+
+
+def drive_state(zsw1: int, stw1: int | None) -> str:
+    """The drive's state; S5 looks like S3 or S4 in ZSW1 and is recognised by its cause, the control word or a fault."""
+    state = _STATES.get(zsw1 & STATE_MASK, "")
+    stopping = bool(zsw1 & FAULT_PRESENT) or (stw1 is not None and stw1 & 0x05 != 0x05)
+    if zsw1 & 0x03 == 0x03 and stopping:
+        return "S5 switching off"
+    return state
+
+
+def words_of(names: Iterable[str], offset: int = 0) -> Words:
+    """Words from ``offset`` on; consecutive ones of one name are a double word, those without are left out."""
+    found: list[tuple[str, int, int]] = []
+    for name in names:
+        if found and name and found[-1][0] == name and found[-1][2] == 2:
+            found[-1] = (name, found[-1][1], 4)
+        elif name:
+            found.append((name, offset, 2))
+        offset += 2
+    return tuple(found)
+
+
+def values_text(words: Words, data: bytes) -> str:
+    """Each word of a telegram with its value."""
+    texts = []
+    for name, offset, width in words:
+        value = int.from_bytes(data[offset : offset + width], "big")
+        is_bits = name.startswith(BIT_WORDS)
+        signed = value - (1 << 8 * width) if value >> (8 * width - 1) else value
+        texts.append(f"{name} 0x{value:0{2 * width}X}" if is_bits else f"{name} {signed}")
+    return " ".join(texts)
+
+
+def stw1_text(old: int, new: int, names: Sequence[str] = STW1_BITS) -> str:
+    """What changed in STW1."""
+    return bits_text(old, new, names, 0xFFFF)
+
+
+def zsw1_text(old: int, new: int, stw1: int | None, names: Sequence[str] = ZSW1_BITS) -> str:
+    """What changed in ZSW1, the drive's state first; empty for nothing of interest."""
+    changed = (old ^ new) & ZSW1_MASK
+    if not changed:
+        return ""
+    texts = []
+    if changed & STATE_MASK:
+        was, now = drive_state(old, stw1), drive_state(new, stw1)
+        texts.append(f"{was.partition(' ')[0] or '?'} -> {now or '?'}")
+    rest = bits_text(old, new, names, ZSW1_MASK & ~STATE_MASK)
+    return "; ".join([*texts, *([rest] if rest else [])])
+
+
+def bits_text(old: int, new: int, names: Sequence[str], mask: int) -> str:
+    """Bits that were set or reset, by name."""
+    texts = []
+    for bit in range(16):
+        if (old ^ new) & mask & 1 << bit:
+            name = names[bit].replace("_", " ") if bit < len(names) and names[bit] else f"bit {bit}"
+            texts.append(f"{name} {'set' if new & 1 << bit else 'reset'}")
+    return ", ".join(texts)
