@@ -11,7 +11,7 @@ from pnfarm.api.changes import ParameterWritten, PowerCycleRequested, who
 from pnfarm.api.schemas import ControllerView, Drive, FarmView, ParameterValue, ParameterWrite
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.farm.controller_view import controller_view
-from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot, injected_faults
+from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot, injected_faults, line_snapshot
 from pnfarm.web.bodies import PREFIX, Json, body_of, checked, read_object
 
 if TYPE_CHECKING:
@@ -46,7 +46,13 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
             drives.append(drive_snapshot(core, station, context.now(), injected=injected))
             if place % DRIVES_AT_ONCE == 0:
                 await anyio.lowlevel.checkpoint()
-        view = {"farm": core.name, "link": core.link.kind, "engine": engine_snapshot(core), "drives": drives}
+        view = {
+            "farm": core.name,
+            "link": core.link.kind,
+            "lines": [line_snapshot(core, name) for name in core.lines],
+            "engine": engine_snapshot(core),
+            "drives": drives,
+        }
         return Json(view)
 
     @app.get(f"{PREFIX}/drives/{{name}}", tags=tags, summary="One drive", responses={200: {"model": Drive}})

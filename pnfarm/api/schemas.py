@@ -20,6 +20,7 @@ __all__ = [
     "Engine",
     "FarmView",
     "FieldError",
+    "LineView",
     "ParameterValue",
     "ParameterWrite",
     "Problem",
@@ -229,9 +230,29 @@ class Engine(Schema):
     events_lost: int
 
 
+class LineView(Schema):
+    """A serial line that all drives on one bus share."""
+
+    name: str = Field(description="The name of the bus.")
+    way: str = Field(description="pty, port, connect or listen.")
+    where: str = Field(description="What the other end connects to.")
+    up: bool = Field(description="Whether somebody is at the other end, as far as the way can tell.")
+    baud: int
+    telegrams_received: int
+    telegrams_sent: int
+    octets_received: int
+    octets_sent: int
+    octets_lost: dict[str, int] = Field(description="Octets that could not be sent, by reason.")
+    interruptions: dict[str, int] = Field(description="How often the way broke or could not be opened, by reason.")
+    dropped: dict[str, int] = Field(description="What came and was no telegram, by reason; garbage counts octets.")
+    counts: dict[str, int] = Field(description="Requests of some kinds: repeated, diagnosis, refused.")
+    reply_seconds_mean: float | None = Field(description="From a request's last octet to its answer, in this process.")
+
+
 class FarmView(Schema):
     farm: str
     link: str
+    lines: list[LineView]
     engine: Engine
     drives: list[Drive]
 

@@ -39,8 +39,20 @@ if TYPE_CHECKING:
     from pnfarm.terminal.command import Command
 
 __all__ = [
-    "Bus", "DeviceServices", "InjectionHost", "LineBus", "LineSplitter", "RouteHost", "Segment", "SocketBus",
-    "SpeakingBus", "kinds_here", "line_of", "port_spec", "uses_sockets",
+    "Bus",
+    "CountingSegment",
+    "DeviceServices",
+    "InjectionHost",
+    "LineBus",
+    "LineSplitter",
+    "RouteHost",
+    "Segment",
+    "SocketBus",
+    "SpeakingBus",
+    "kinds_here",
+    "line_of",
+    "port_spec",
+    "uses_sockets",
 ]  # fmt: skip
 
 
@@ -251,6 +263,15 @@ class LineBus(Protocol):
 
     def splitter(self, baud: int) -> LineSplitter:
         """For one end of a line of this rate, bit/s."""
+        ...
+
+
+@runtime_checkable
+class CountingSegment(Protocol):
+    """What a segment says besides if its drives share a line."""
+
+    def counts(self) -> Mapping[str, int]:
+        """What happened on the line since the start, by kind: the same kinds always."""
         ...
 
 

@@ -83,7 +83,7 @@ def _data(key: str, value: Any) -> str:
 
 
 def _all(view: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import number, print_json, print_table, seconds
+    from pnfarm.terminal.output import number, print_json, print_line, print_table, seconds
 
     drives = view["drives"]
     if output is Format.JSON:
@@ -105,6 +105,22 @@ def _all(view: dict[str, Any], output: Format) -> None:
         for drive in drives
     ]
     print_table(columns, rows)
+    for line in view["lines"]:
+        print_line(_line_text(line))
+
+
+def _line_text(line: dict[str, Any]) -> str:
+    """A serial line in words."""
+    from pnfarm.terminal.output import seconds
+
+    dropped = sum(line["dropped"].values())
+    reply = line["reply_seconds_mean"]
+    return (
+        f"line {line['name']}: {line['way']} {line['where']}, {'up' if line['up'] else 'nobody at the other end'}, "
+        f"{line['baud']} bit/s, {line['telegrams_received']} telegrams received, {line['telegrams_sent']} sent"
+        + (f", {dropped} wrong" if dropped else "")
+        + (f", answers after {seconds(reply)}" if reply is not None else "")
+    )
 
 
 def _controller(drive: dict[str, Any]) -> str:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from pnfarm.buses.bus import DeviceServices, line_of
+from pnfarm.buses.bus import CountingSegment, DeviceServices, line_of
 from pnfarm.buses.registry import bus
 from pnfarm.config.axis import apply_axis
 from pnfarm.config.machine import apply_machine
@@ -46,7 +46,7 @@ from pnfarm.table.image import LOST_NEVER
 from pnfarm.trace import TraceManager
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
 
     from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.memory import NonVolatile
@@ -170,6 +170,11 @@ class FarmCore:
             name: bus(name).segment([s.device for s in self.stations if s.model.bus == name])
             for name in {station.model.bus for station in self.stations}
         }
+        #: The serial lines, by the names of their buses.
+        self.lines = {
+            name or next((one for one in self._segments if line_of(bus(one))), ""): carrier
+            for name, carrier in lines_of(link).items()
+        }
         self._segment_of = {s.port.index: self._segments[s.model.bus] for s in self.stations}
         self._socket_gate = SocketGate(self._deliver, self._act, self._refuse_streams)
         #: What is injected into the drives.
@@ -291,6 +296,11 @@ class FarmCore:
     def _line_audience(self, telegram: bytes) -> Collection[int] | None:
         """Ports that a telegram of a serial line can concern; one bus has a line."""
         return self._segments[self._on_lines[0]].audience(telegram) if self._on_lines else ()
+
+    def line_counts(self, name: str) -> Mapping[str, int]:
+        """What happened on a line, by kind."""
+        segment = self._segments.get(name)
+        return segment.counts() if isinstance(segment, CountingSegment) else {}
 
     def settle(self, station: Station, now: int) -> None:
         """Let a station finish processing an input, send its frames, and note its next deadline."""

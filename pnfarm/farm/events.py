@@ -18,6 +18,8 @@ __all__ = [
     "EngineEventsLost",
     "FarmStarted",
     "FarmStopped",
+    "LineInterrupted",
+    "LineOpened",
     "LineReady",
     "RealTimeOptionRefused",
 ]
@@ -44,6 +46,22 @@ class LineReady(Event):
     way: str
     where: str
     baud: int
+
+
+@dataclass(frozen=True, slots=True)
+class LineOpened(Event):
+    """Somebody is at the other end of a serial line."""
+
+    TEXT = "serial line opened"
+    where: str
+
+
+@dataclass(frozen=True, slots=True)
+class LineInterrupted(Event):
+    """Nobody is at the other end of a serial line any more, or its way broke; it is tried again."""
+
+    TEXT = "serial line interrupted"
+    reason: str
 
 
 @dataclass(frozen=True, slots=True)

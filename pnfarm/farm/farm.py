@@ -26,7 +26,15 @@ from pnfarm.engine.realtime import RealTimeSettings
 from pnfarm.errors import ConfigError
 from pnfarm.farm.capture import CaptureSettings, FarmCapture
 from pnfarm.farm.core import FarmCore
-from pnfarm.farm.events import CaptureStarted, FarmStarted, FarmStopped, LineReady, RealTimeOptionRefused
+from pnfarm.farm.events import (
+    CaptureStarted,
+    FarmStarted,
+    FarmStopped,
+    LineInterrupted,
+    LineOpened,
+    LineReady,
+    RealTimeOptionRefused,
+)
 from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
 from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.injections import add_impairments
@@ -287,12 +295,16 @@ class Farm:
         self.log.record(now, "", FarmStarted(len(self.drives), self.link.kind, tuple(granted)))
         for link in lines_of(self.link).values():
             self.log.record(now, "", LineReady(link.line.kind, link.line.where, link.baud))
+            link.line.set_news(self._line_news)
         if self.capture is not None:
             self.log.record(now, "", CaptureStarted(str(self.capture.path)))
         asked = self.config.realtime.model_fields_set
         for what, why in refused.items():
             by_default = what.startswith("nice") and "nice" not in asked
             self.log.record(now, "", RealTimeOptionRefused(what, why, asked=not by_default))
+
+    def _line_news(self, up: bool, text: str) -> None:
+        self.log.record(self.now(), "", LineOpened(text) if up else LineInterrupted(text))
 
     async def close(self) -> None:
         """Stop, notify the controllers, and remove every interface that the farm created."""

@@ -29,6 +29,7 @@ __all__ = [
     "discards",
     "drive_snapshot",
     "injected_faults",
+    "line_snapshot",
     "named_bits",
 ]
 
@@ -168,6 +169,28 @@ def _lamps(station: Station, *, exchanging: bool, signalling: bool) -> dict[str,
         exchanging=exchanging,
         signalling=signalling,
     )
+
+
+def line_snapshot(core: FarmCore, name: str) -> dict[str, Any]:
+    """One serial line: where it is, and what went over it."""
+    link = core.lines[name]
+    octets, telegrams = link.line.counters, link.counters
+    return {
+        "name": name,
+        "way": link.line.kind,
+        "where": link.line.where,
+        "up": link.line.is_up,
+        "baud": link.baud,
+        "telegrams_received": telegrams.received,
+        "telegrams_sent": telegrams.sent,
+        "octets_received": octets.received,
+        "octets_sent": octets.sent,
+        "octets_lost": dict(octets.lost),
+        "interruptions": dict(octets.interruptions),
+        "dropped": dict(link.splitter.dropped),
+        "counts": dict(core.line_counts(name)),
+        "reply_seconds_mean": link.reply_sum_ns / 1e9 / count if (count := sum(link.reply_times)) else None,
+    }
 
 
 def engine_snapshot(core: FarmCore) -> dict[str, Any]:

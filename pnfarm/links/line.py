@@ -84,6 +84,11 @@ class Line(Protocol):
         """What went over it."""
         ...
 
+    @property
+    def is_up(self) -> bool:
+        """Whether somebody is at the far end, as far as the way can tell."""
+        ...
+
     async def open(self) -> None:
         """Take the way; raises :class:`~pnfarm.errors.EnvironmentError_` for one that cannot be.
 

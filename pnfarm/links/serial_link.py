@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from bisect import bisect_left
 from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.errors import InternalError
@@ -23,10 +24,15 @@ if TYPE_CHECKING:
     #: ``watcher(port_index, telegram, now_ns, direction)``.
     Watcher = Callable[[int, bytes, int, Direction], None]
 
-__all__ = ["FIRST_PORT", "SerialLink", "Splitter"]
+__all__ = ["FIRST_PORT", "REPLY_EDGES_NS", "SerialLink", "Splitter"]
 
 #: Ports of lines have numbers that no interface of the kernel has.
 FIRST_PORT = 0x0100_0000
+#: Upper bounds of the histogram of reply times; max T_SDR is 0.067 ms at 12 Mbit/s, and 6.25 ms at 9.6 kbit/s.
+REPLY_EDGES_NS = (
+    50_000, 75_000, 100_000, 150_000, 200_000, 300_000, 500_000, 750_000, 1_000_000, 2_000_000, 5_000_000, 10_000_000,
+    20_000_000, 50_000_000,
+)  # fmt: skip
 
 
 class Splitter(Protocol):
@@ -52,6 +58,10 @@ class SerialLink:
         self.baud = baud
         self.splitter = splitter
         self._counters = LinkCounters()
+        #: From octets that came to the telegram that was sent next, by :data:`REPLY_EDGES_NS`; and their sum.
+        self.reply_times = [0] * (len(REPLY_EDGES_NS) + 1)
+        self.reply_sum_ns = 0
+        self._heard_ns = 0
         self._receiver: Receiver | None = None
         self._audience: Callable[[bytes], Collection[int] | None] | None = None
         self._watcher: Watcher | None = None
@@ -89,6 +99,10 @@ class SerialLink:
         else:
             self._counters.sent += 1
             self.line.send(frame)
+            if self._heard_ns:
+                took, self._heard_ns = max(0, time.monotonic_ns() - self._heard_ns), 0
+                self.reply_sum_ns += took
+                self.reply_times[bisect_left(REPLY_EDGES_NS, took)] += 1
             if self._watcher is not None:
                 self._watcher(port_index, frame, time.monotonic_ns(), "out")
 
@@ -114,6 +128,7 @@ class SerialLink:
         """A line has no hardware addresses."""
 
     def _received(self, octets: bytes, now: int) -> None:
+        self._heard_ns = now
         self._deliver(self.splitter.split(octets, now), now)
         self._arm()
 

@@ -19,6 +19,7 @@ from pnfarm.drives.model_parts import fault_label
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.metrics.families import OTHER, Family, Histogram, Room, Values
+from pnfarm.metrics.lines import LineFamilies
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, RECONNECT_EDGES_NS, Recovery
 from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS, JITTER_BUCKETS, JITTER_EDGES_NS
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
@@ -88,6 +89,7 @@ class FarmCollector(Collector):
         self._reacted = (-1, 0)
         self._names = [station.configured_name for station in core.stations]
         self._families()
+        self._lines = LineFamilies(core)
         #: The process's own metrics (CPU, memory, open files), in addition to the farm's.
         self.process = CollectorRegistry()
         ProcessCollector(registry=self.process)
@@ -290,6 +292,7 @@ class FarmCollector(Collector):
         parts.append((self._faults_active, self._labelled(self._faults_active, active)))
         parts.append((self._drive_faults_active, core.columns.image["injected"][:count].tolist()))
         parts.append((self._activations, self._labelled(self._activations, activations)))
+        parts += self._lines.gather()
         return Scrape(parts, self._lock)
 
     def collect(self) -> Iterator[Metric]:

@@ -27,6 +27,7 @@ def test_list_of_drives_shows_farm_engine_and_every_drive(still):
     view = FarmView.model_validate(response.json())
     assert [drive.name for drive in view.drives] == ["axis-01", "axis-02"]
     assert view.engine.cycles > 0
+    assert view.lines == []
     assert view.drives[0].ar_state == "NO_AR"
     assert view.drives[0].controller is None
 

@@ -9,13 +9,16 @@ from contextlib import asynccontextmanager
 
 import pytest
 
+from pnfarm.api.schemas import LineView
 from pnfarm.buses import registry
 from pnfarm.captures.reading import FrameReader
 from pnfarm.controller.runtime import Plc
 from pnfarm.farm.capture import CaptureSettings
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import parse_farm
+from pnfarm.farm.snapshot import line_snapshot
 from pnfarm.links.joined import lines_of
+from pnfarm.metrics import FarmCollector
 from pnfarm.protocols.profibus.wire.telegram import Request, Telegram, emit_telegram
 from pnfarm.station.event_log import EventLog
 
@@ -133,3 +136,47 @@ async def test_a_capture_of_a_running_farm_has_the_telegrams_of_each_drive(tmp_p
     assert farm.capture.lost == 0
     cyclic = [one for talk in decoder.summary() for one in talk["cyclic"] if "axis-01" in talk["between"]]
     assert [one["frames"] for one in cyclic] == [received] * 2
+
+
+async def test_metrics_and_api_tell_of_the_line(tmp_path):
+    told = config(f"pty: {tmp_path}/line", 2)
+    farm = Farm(told, log=EventLog(quiet=True))
+    collectors = []
+    farm.on_start.append(lambda core: collectors.append(FarmCollector(core)))
+    async with farm:
+        (collector,) = collectors
+        before = line_snapshot(farm.core, "profibus")
+        assert (before["up"], before["where"].split(" ")[0]) == (False, f"{tmp_path}/line")
+        async with master(told) as plc:
+            await until(lambda: plc.controllers.all_running)
+            assert line_snapshot(farm.core, "profibus")["up"]
+            os.write(os.open(tmp_path / "line", os.O_RDWR | os.O_NOCTTY), b"\x99" * 7)
+            await until(lambda: line_snapshot(farm.core, "profibus")["dropped"].get("garbage", 0) >= 7)
+        seen = LineView.model_validate(line_snapshot(farm.core, "profibus"))
+        values = {
+            (sample.name, *sorted(sample.labels.values())): sample.value
+            for metric in collector.collect()
+            for sample in metric.samples
+            if metric.name.startswith("pnfarm_line")
+        }
+        collector.close()
+        assert values["pnfarm_line_telegrams_total", "in", "profibus"] == seen.telegrams_received > 20
+        assert values["pnfarm_line_telegrams_total", "out", "profibus"] == seen.telegrams_sent > 20
+        assert values["pnfarm_line_octets_total", "in", "profibus"] == seen.octets_received
+        assert values["pnfarm_line_dropped_total", "garbage", "profibus"] == seen.dropped["garbage"]
+        assert values["pnfarm_line_requests_total", "diagnosis", "profibus"] == seen.counts["diagnosis"] >= 4
+        assert 0 < values["pnfarm_line_reply_seconds_count", "profibus"] <= seen.telegrams_sent
+        assert 0 < seen.reply_seconds_mean < 1
+        happened = [entry.event for entry in farm.log.entries()]
+        assert "serial line opened" in happened
+
+
+async def test_counts_of_a_line_do_not_fall_when_a_drive_is_switched_off_and_on(tmp_path):
+    told = config(f"pty: {tmp_path}/line", 1)
+    async with Farm(told, log=EventLog(quiet=True)) as farm, master(told) as plc:
+        await until(lambda: plc.controllers.all_running)
+        before = farm.core.line_counts("profibus")["diagnosis"]
+        farm.core.stations[0].power_cycle(farm.now())
+        farm.poke()
+        await until(lambda: farm.core.stations[0].device.connects == 2)
+        assert farm.core.line_counts("profibus")["diagnosis"] > before

@@ -67,6 +67,7 @@ class ProfibusDevice:
         self.watchdog_expirations_by_farm = 0
         #: Telegrams that were dropped, by reason, of the slaves before the last power-on.
         self.dropped: dict[str, int] = {}
+        self._counted_before: Counter[str] = Counter()
         self.boots = 0
         self.connected_ns = 0
         self.address_from = ""
@@ -98,6 +99,7 @@ class ProfibusDevice:
         """See :class:`pnfarm.station.device.Device`."""
         if self._built:
             self.dropped = self.discards()
+            self._counted_before = self.counted()
         self._built = True
         self.boots += 1
         self.connects_before = self.connects
@@ -340,6 +342,12 @@ class ProfibusDevice:
     def connection(self) -> ConnectionView | None:
         """See :class:`pnfarm.station.device.Device`."""
         return connection_of(self)
+
+    def counted(self) -> Counter[str]:
+        """Requests of some kinds since the start: repeated, diagnosis, refused."""
+        slave = self.slave
+        now = Counter(repeated=slave.repeated, diagnosis=slave.diagnoses, refused=slave.refusals)
+        return now + self._counted_before
 
     def losses(self) -> Mapping[str, int]:
         """See :class:`pnfarm.station.device.Device`."""

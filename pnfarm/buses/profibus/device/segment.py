@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profibus.wire.telegram import BROADCAST, SD1, SD2, SD3
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from pnfarm.buses.profibus.device.device import ProfibusDevice
 
 __all__ = ["ProfibusSegment"]
 
+#: What is counted of all slaves: requests that came again, diagnoses read, Set_Prm and Chk_Cfg that did not fit.
+COUNTED = ("repeated", "diagnosis", "refused")
 #: Start delimiter -> place of the destination address.
 _DESTINATION = {SD1: 1, SD2: 4, SD3: 1}
 
@@ -46,6 +49,13 @@ class ProfibusSegment:
             for port, device in self._devices.items()
             if device.slave.address == destination or not device.slave.found
         ]
+
+    def counts(self) -> Mapping[str, int]:
+        """See :class:`pnfarm.buses.bus.CountingSegment`."""
+        found: Counter[str] = Counter(dict.fromkeys(COUNTED, 0))
+        for device in self._devices.values():
+            found.update(device.counted())
+        return found
 
     def settled(self, port: int) -> None:
         del port

@@ -1,0 +1,85 @@
+"""Metrics of the serial lines that drives share; a farm without lines has none of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pnfarm.links.serial_link import REPLY_EDGES_NS
+from pnfarm.metrics.families import Family, Histogram, Values
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.farm.core import FarmCore
+
+__all__ = ["LineFamilies"]
+
+_WAYS = ("in", "out")
+
+
+class LineFamilies:
+    """The families of one farm's lines, with a label ``line``: the name of their bus."""
+
+    def __init__(self, core: FarmCore) -> None:
+        self._core = core
+        self._lines = core.lines
+
+        def counter(name: str, documentation: str, label: str) -> Family:
+            return Family(f"pnfarm_line_{name}_total", "counter", documentation, ("line", label))
+
+        self._up = Family("pnfarm_line_up", "gauge", "Whether somebody is at the other end of the line.", ("line",))
+        self._telegrams = counter("telegrams", "Whole telegrams that the farm received and sent.", "direction")
+        self._octets = counter("octets", "Octets that the farm received and sent.", "direction")
+        self._dropped = counter("dropped", "What came and was no telegram; garbage counts octets.", "reason")
+        self._lost = counter("octets_lost", "Octets that the farm could not send.", "reason")
+        self._interruptions = counter("interruptions", "How often the way to the other end broke.", "reason")
+        self._requests = counter("requests", "Requests of the master of some kinds.", "kind")
+        self._reply = Histogram(
+            "pnfarm_line_reply_seconds",
+            "From the last octet of a request to its answer, in this process (part of T_SDR).",
+            REPLY_EDGES_NS,
+            ("line",),
+        )
+        for name in self._lines:
+            self._up.add(name)
+            self._reply.add(name)
+            for way in _WAYS:
+                self._telegrams.add(name, way)
+                self._octets.add(name, way)
+            for kind in core.line_counts(name):
+                self._requests.add(name, kind)
+
+    def gather(self) -> list[tuple[Family, Values]]:
+        """Read the counters; in the thread of the stations."""
+        if not self._lines:
+            return []
+        lines = self._lines.items()
+        octets = [count for _, one in lines for count in (one.line.counters.received, one.line.counters.sent)]
+        telegrams = [count for _, one in lines for count in (one.counters.received, one.counters.sent)]
+        dropped = {(name, reason): n for name, one in lines for reason, n in one.splitter.dropped.items()}
+        lost = {(name, reason): n for name, one in lines for reason, n in one.line.counters.lost.items()}
+        broken = {(name, reason): n for name, one in lines for reason, n in one.line.counters.interruptions.items()}
+        kinds = {(name, kind): n for name in self._lines for kind, n in self._core.line_counts(name).items()}
+        buckets = np.array([one.reply_times for one in self._lines.values()])
+        sums = np.array([one.reply_sum_ns for one in self._lines.values()])
+        return [
+            (self._up, [int(one.line.is_up) for one in self._lines.values()]),
+            (self._telegrams, telegrams),
+            (self._octets, octets),
+            (self._dropped, _in_order(self._dropped, dropped)),
+            (self._lost, _in_order(self._lost, lost)),
+            (self._interruptions, _in_order(self._interruptions, broken)),
+            (self._requests, _in_order(self._requests, kinds)),
+            (self._reply, self._reply.values(buckets, sums)),
+        ]
+
+
+def _in_order(family: Family, counts: Mapping[tuple[str, str], int]) -> list[float]:
+    """Counts in the order of the family's series; a series is made with its first count."""
+    places = [(family.add(*labels), count) for labels, count in counts.items()]
+    values: list[float] = [0] * len(family)
+    for place, count in places:
+        values[place] = count
+    return values
