@@ -60,6 +60,7 @@ def farm_overview() -> Json:
     _overview_drives(board)
     _overview_wire(board)
     _overview_controller(board)
+    _overview_lines(board)
     _overview_engine(board)
     return board.json
 
@@ -361,6 +362,71 @@ def _overview_controller(board: Board) -> None:
             unit="s",
             minimum=0,
             no_value="none yet",
+        ),
+        6,
+        8,
+    )
+
+
+def _overview_lines(board: Board) -> None:
+    board.row("Serial lines (PROFIBUS)")
+    telegrams, octets = farm("pnfarm_line_telegrams_total"), farm("pnfarm_line_octets_total")
+    board.add(
+        timeseries(
+            "Telegrams on the line",
+            targets((f"sum by (line, direction) (rate({telegrams}[{RATE}]))", "{{line}} {{direction}}")),
+            "Whole telegrams that the farm received and sent.",
+            unit="cps",
+            minimum=0,
+            no_value="no serial line",
+        ),
+        6,
+        8,
+    )
+    load = f"sum by (line) (rate({octets}[{RATE}])) * 11"
+    board.add(
+        timeseries(
+            "Bits on the line",
+            targets((load, "{{line}}")),
+            "Octets in both directions, 11 bits each: to compare with the line's rate.",
+            unit="bps",
+            minimum=0,
+            no_value="no serial line",
+        ),
+        6,
+        8,
+    )
+    reply = farm("pnfarm_line_reply_seconds_bucket")
+
+    def quantile_of(share: float) -> tuple[str, str]:
+        grouped = f"sum by (line, le) (rate({reply}[{RATE}]))"
+        return f"histogram_quantile({share}, {grouped}) >= 0", f"{{{{line}}}} p{share * 100:g}"
+
+    board.add(
+        timeseries(
+            "Reply time",
+            targets(quantile_of(0.5), quantile_of(0.99)),
+            "From the last octet of a request to its answer, in the farm's process: part of T_SDR.",
+            unit="s",
+            minimum=0,
+            no_value="no serial line",
+        ),
+        6,
+        8,
+    )
+    requests, dropped = farm("pnfarm_line_requests_total"), farm("pnfarm_line_dropped_total")
+    board.add(
+        timeseries(
+            "Repetitions, diagnoses, wrong telegrams",
+            targets(
+                (f"sum by (line, kind) (rate({requests}[{RATE}]))", "{{line}} {{kind}}"),
+                (f"sum(rate({dropped}[{RATE}])) or vector(0)", "wrong"),
+            ),
+            "Requests that came again (same FCB), diagnoses that were read, set-ups that were refused; what came and "
+            "was no telegram.",
+            unit="cps",
+            minimum=0,
+            no_value="no serial line",
         ),
         6,
         8,

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
     from pnfarm.links.base import Clock, Link, Port
+    from pnfarm.links.line import LineTally
     from pnfarm.station.event_log import EventLog
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
@@ -170,11 +171,12 @@ class FarmCore:
             name: bus(name).segment([s.device for s in self.stations if s.model.bus == name])
             for name in {station.model.bus for station in self.stations}
         }
+        on_line = next((one for one in self._segments if line_of(bus(one))), "")
+        innermost = unwrap(link)
         #: The serial lines, by the names of their buses.
-        self.lines = {
-            name or next((one for one in self._segments if line_of(bus(one))), ""): carrier
-            for name, carrier in lines_of(link).items()
-        }
+        self.lines: dict[str, LineTally] = {name or on_line: carrier for name, carrier in lines_of(link).items()}
+        if isinstance(innermost, MemoryLink):
+            self.lines |= innermost.tallies()
         self._segment_of = {s.port.index: self._segments[s.model.bus] for s in self.stations}
         self._socket_gate = SocketGate(self._deliver, self._act, self._refuse_streams)
         #: What is injected into the drives.
@@ -193,7 +195,7 @@ class FarmCore:
         self._served: dict[int, tuple[int, Services]] = {}
         if self._sockets is not None:
             self._sockets.set_user(self.socket_event)
-        if isinstance(innermost := unwrap(link), MemoryLink):
+        if isinstance(innermost, MemoryLink):
             innermost.set_audience(self._audience)
         self._on_lines = [name for name in self._segments if line_of(bus(name))]
         for carrier in lines_of(link).values():

@@ -173,23 +173,23 @@ def _lamps(station: Station, *, exchanging: bool, signalling: bool) -> dict[str,
 
 def line_snapshot(core: FarmCore, name: str) -> dict[str, Any]:
     """One serial line: where it is, and what went over it."""
-    link = core.lines[name]
-    octets, telegrams = link.line.counters, link.counters
+    line = core.lines[name]
+    octets, replies, telegrams = line.octets, line.replies, line.telegrams
     return {
         "name": name,
-        "way": link.line.kind,
-        "where": link.line.where,
-        "up": link.line.is_up,
-        "baud": link.baud,
-        "telegrams_received": telegrams.received,
-        "telegrams_sent": telegrams.sent,
+        "way": line.way,
+        "where": line.where,
+        "up": line.is_up,
+        "baud": line.baud,
+        "telegrams_received": telegrams[0],
+        "telegrams_sent": telegrams[1],
         "octets_received": octets.received,
         "octets_sent": octets.sent,
         "octets_lost": dict(octets.lost),
         "interruptions": dict(octets.interruptions),
-        "dropped": dict(link.splitter.dropped),
+        "dropped": dict(line.dropped),
         "counts": dict(core.line_counts(name)),
-        "reply_seconds_mean": link.reply_sum_ns / 1e9 / count if (count := sum(link.reply_times)) else None,
+        "reply_seconds_mean": replies.sum_ns / 1e9 / replies.count if replies.count else None,
     }
 
 

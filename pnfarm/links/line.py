@@ -7,12 +7,16 @@ one are in :mod:`pnfarm.links.serial`: a pty, a port, TCP, a port behind TCP.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol, TypeAlias
 
-__all__ = ["Line", "LineCounters", "LineFormat", "LineNews", "LineReceiver", "Parity"]
+__all__ = [
+    "REPLY_EDGES_NS", "Line", "LineCounters", "LineFormat", "LineNews", "LineReceiver", "LineTally", "Parity",
+    "ReplyTimes",
+]  # fmt: skip
 
 Parity: TypeAlias = Literal["none", "even", "odd"]
 #: ``receiver(octets, now_ns)``: what came since the last call; its end was on the line at ``now_ns`` at the latest.
@@ -59,6 +63,59 @@ class LineCounters:
             **{f"lost_{reason}": count for reason, count in sorted(self.lost.items())},
             **{f"interruptions_{reason}": count for reason, count in sorted(self.interruptions.items())},
         }
+
+
+#: Upper bounds of the histogram of reply times; max T_SDR is 0.067 ms at 12 Mbit/s, and 6.25 ms at 9.6 kbit/s.
+REPLY_EDGES_NS = (
+    50_000, 75_000, 100_000, 150_000, 200_000, 300_000, 500_000, 750_000, 1_000_000, 2_000_000, 5_000_000, 10_000_000,
+    20_000_000, 50_000_000,
+)  # fmt: skip
+
+
+@dataclass(slots=True)
+class ReplyTimes:
+    """From the last octet of a request to its answer: ``buckets`` by :data:`REPLY_EDGES_NS`, and one for the rest."""
+
+    buckets: list[int] = field(default_factory=lambda: [0] * (len(REPLY_EDGES_NS) + 1))
+    sum_ns: int = 0
+
+    def add(self, took_ns: int) -> None:
+        self.sum_ns += took_ns
+        self.buckets[bisect_left(REPLY_EDGES_NS, took_ns)] += 1
+
+    @property
+    def count(self) -> int:
+        return sum(self.buckets)
+
+
+class LineTally(Protocol):
+    """What is to be known of one line of a farm; read, never written."""
+
+    @property
+    def way(self) -> str:
+        """As :attr:`Line.kind`, or ``memory``."""
+        ...
+
+    @property
+    def where(self) -> str: ...
+    @property
+    def is_up(self) -> bool: ...
+    @property
+    def baud(self) -> int: ...
+    @property
+    def octets(self) -> LineCounters: ...
+    @property
+    def telegrams(self) -> tuple[int, int]:
+        """Received and sent by the farm."""
+        ...
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """What came and was no telegram, by reason."""
+        ...
+
+    @property
+    def replies(self) -> ReplyTimes: ...
 
 
 class Line(Protocol):

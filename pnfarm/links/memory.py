@@ -12,15 +12,18 @@ Cyclic frames are exchanged by the compiled engine inside its tables; these are 
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from typing import TYPE_CHECKING, TypeAlias
 
 from pnfarm.errors import InternalError
 from pnfarm.links.base import MULTICAST_LLDP, Clock, LinkCounters, Port, PortSpec, Receiver
+from pnfarm.links.line import LineCounters, ReplyTimes
 from pnfarm.links.memory_sockets import MemoryNetwork, MemorySockets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
+
+    from pnfarm.links.line import LineTally
 
 __all__ = ["Audience", "MemoryLink", "MemorySwitch"]
 
@@ -48,6 +51,34 @@ class _Socket:
         self.carrier = True
 
 
+class _Tally:
+    """See :class:`pnfarm.links.line.LineTally`: what one link says, and hears of all others."""
+
+    way, where, is_up = "memory", "in memory", True
+
+    def __init__(self, line: _Line) -> None:
+        self._line = line
+        #: Telegrams, octets.
+        self.said = [0, 0]
+        self.replies = ReplyTimes()
+        self.dropped: Counter[str] = Counter()
+
+    @property
+    def baud(self) -> int:
+        return self._line.baud
+
+    @property
+    def octets(self) -> LineCounters:
+        return LineCounters(received=self._heard(1), sent=self.said[1])
+
+    @property
+    def telegrams(self) -> tuple[int, int]:
+        return self._heard(0), self.said[0]
+
+    def _heard(self, what: int) -> int:
+        return sum(one.said[what] for one in self._line.tallies.values()) - self.said[what]
+
+
 class _Line:
     """A serial line: one medium, on which octets take their time and everybody hears everything."""
 
@@ -56,13 +87,22 @@ class _Line:
 
     def __init__(self, baud: int) -> None:
         self.baud = baud
+        #: What each link on it said, by its counters.
+        self.tallies: dict[int, _Tally] = {}
         self.under_way: deque[tuple[int, int, bytes]] = deque()
         self._free_ns = 0
         self._last = 0
 
-    def send(self, port: int, octets: bytes, now: int) -> None:
+    def tally(self, counters: LinkCounters) -> _Tally:
+        """That of a link."""
+        return self.tallies.setdefault(id(counters), _Tally(self))
+
+    def send(self, port: int, octets: bytes, now: int, counters: LinkCounters) -> None:
         """Put octets on the line.  While others are on it, both are garbled."""
         begin = now
+        mine = self.tally(counters)
+        mine.said[0] += 1
+        mine.said[1] += len(octets)
         if now < self._free_ns and self.under_way:
             due, other, garbled = self.under_way.pop()
             self.under_way.append((due, other, _garbled(garbled)))
@@ -70,6 +110,7 @@ class _Line:
         elif self._last not in {0, port}:
             # an answer begins no sooner than that behind its request
             begin = max(now, self._free_ns + self.TURN_BITS * 1_000_000_000 // self.baud)
+            mine.replies.add(begin - self._free_ns)
         end = max(self._free_ns, begin + len(octets) * self.BITS * 1_000_000_000 // self.baud)
         self._free_ns, self._last = end, port
         self.under_way.append((end, port, octets))
@@ -188,7 +229,7 @@ class MemorySwitch:
             return
         socket.counters.sent += 1
         if socket.line:
-            self._lines[socket.line].send(port_index, bytes(frame), now)
+            self._lines[socket.line].send(port_index, bytes(frame), now, socket.counters)
             return
         self._under_way.append((now + self._latency_ns, port_index, bytes(frame)))
 
@@ -261,6 +302,11 @@ class MemorySwitch:
                 hearers -= ports.difference(wanted)
         return sorted(hearers)
 
+    def tallies(self, counters: LinkCounters, ports: Collection[int]) -> dict[str, LineTally]:
+        """Of a link's lines, by name; ``ports`` are the link's."""
+        names = {name: None for index in ports if (name := self._sockets[index].line)}
+        return {name: self._lines[name].tally(counters) for name in names}
+
     def set_line_audience(self, ports: Collection[int], audience: Audience | None) -> None:
         """Ask ``audience`` which of ``ports`` a telegram of their line goes to; None: to all of them again."""
         self._line_audiences = [(of, ask) for of, ask in self._line_audiences if of.isdisjoint(ports)]
@@ -309,6 +355,10 @@ class MemoryLink:
     @property
     def counters(self) -> LinkCounters:
         return self._counters
+
+    def tallies(self) -> dict[str, LineTally]:
+        """What is to be known of its lines, by name."""
+        return self._switch.tallies(self._counters, self._indexes)
 
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         if self._indexes:

@@ -7,32 +7,27 @@ from __future__ import annotations
 
 import asyncio
 import time
-from bisect import bisect_left
 from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.errors import InternalError
 from pnfarm.links.base import LinkCounters, Port
+from pnfarm.links.line import ReplyTimes
 
 if TYPE_CHECKING:
     from collections import Counter
     from collections.abc import Callable, Collection, Sequence
 
     from pnfarm.links.base import PortSpec, Receiver
-    from pnfarm.links.line import Line
+    from pnfarm.links.line import Line, LineCounters
     from pnfarm.wire.direction import Direction
 
     #: ``watcher(port_index, telegram, now_ns, direction)``.
     Watcher = Callable[[int, bytes, int, Direction], None]
 
-__all__ = ["FIRST_PORT", "REPLY_EDGES_NS", "SerialLink", "Splitter"]
+__all__ = ["FIRST_PORT", "SerialLink", "Splitter"]
 
 #: Ports of lines have numbers that no interface of the kernel has.
 FIRST_PORT = 0x0100_0000
-#: Upper bounds of the histogram of reply times; max T_SDR is 0.067 ms at 12 Mbit/s, and 6.25 ms at 9.6 kbit/s.
-REPLY_EDGES_NS = (
-    50_000, 75_000, 100_000, 150_000, 200_000, 300_000, 500_000, 750_000, 1_000_000, 2_000_000, 5_000_000, 10_000_000,
-    20_000_000, 50_000_000,
-)  # fmt: skip
 
 
 class Splitter(Protocol):
@@ -58,9 +53,8 @@ class SerialLink:
         self.baud = baud
         self.splitter = splitter
         self._counters = LinkCounters()
-        #: From octets that came to the telegram that was sent next, by :data:`REPLY_EDGES_NS`; and their sum.
-        self.reply_times = [0] * (len(REPLY_EDGES_NS) + 1)
-        self.reply_sum_ns = 0
+        #: From octets that came to the telegram that was sent next.
+        self.replies = ReplyTimes()
         self._heard_ns = 0
         self._receiver: Receiver | None = None
         self._audience: Callable[[bytes], Collection[int] | None] | None = None
@@ -73,6 +67,34 @@ class SerialLink:
     @property
     def counters(self) -> LinkCounters:
         return self._counters
+
+    # -- see :class:`pnfarm.links.line.LineTally`
+
+    @property
+    def way(self) -> str:
+        return self.line.kind
+
+    @property
+    def where(self) -> str:
+        return self.line.where
+
+    @property
+    def is_up(self) -> bool:
+        return self.line.is_up
+
+    @property
+    def octets(self) -> LineCounters:
+        return self.line.counters
+
+    @property
+    def telegrams(self) -> tuple[int, int]:
+        return self._counters.received, self._counters.sent
+
+    @property
+    def dropped(self) -> Counter[str]:
+        return self.splitter.dropped
+
+    # -- the link
 
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         if self._ports:
@@ -101,8 +123,7 @@ class SerialLink:
             self.line.send(frame)
             if self._heard_ns:
                 took, self._heard_ns = max(0, time.monotonic_ns() - self._heard_ns), 0
-                self.reply_sum_ns += took
-                self.reply_times[bisect_left(REPLY_EDGES_NS, took)] += 1
+                self.replies.add(took)
             if self._watcher is not None:
                 self._watcher(port_index, frame, time.monotonic_ns(), "out")
 

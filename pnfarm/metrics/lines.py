@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pnfarm.links.serial_link import REPLY_EDGES_NS
+from pnfarm.links.line import REPLY_EDGES_NS
 from pnfarm.metrics.families import Family, Histogram, Values
 
 if TYPE_CHECKING:
@@ -56,16 +56,17 @@ class LineFamilies:
         if not self._lines:
             return []
         lines = self._lines.items()
-        octets = [count for _, one in lines for count in (one.line.counters.received, one.line.counters.sent)]
-        telegrams = [count for _, one in lines for count in (one.counters.received, one.counters.sent)]
-        dropped = {(name, reason): n for name, one in lines for reason, n in one.splitter.dropped.items()}
-        lost = {(name, reason): n for name, one in lines for reason, n in one.line.counters.lost.items()}
-        broken = {(name, reason): n for name, one in lines for reason, n in one.line.counters.interruptions.items()}
+        counted = {name: one.octets for name, one in lines}
+        octets = [count for one in counted.values() for count in (one.received, one.sent)]
+        telegrams = [count for _, one in lines for count in one.telegrams]
+        dropped = {(name, reason): n for name, one in lines for reason, n in one.dropped.items()}
+        lost = {(name, reason): n for name, one in counted.items() for reason, n in one.lost.items()}
+        broken = {(name, reason): n for name, one in counted.items() for reason, n in one.interruptions.items()}
         kinds = {(name, kind): n for name in self._lines for kind, n in self._core.line_counts(name).items()}
-        buckets = np.array([one.reply_times for one in self._lines.values()])
-        sums = np.array([one.reply_sum_ns for one in self._lines.values()])
+        buckets = np.array([one.replies.buckets for _, one in lines])
+        sums = np.array([one.replies.sum_ns for _, one in lines])
         return [
-            (self._up, [int(one.line.is_up) for one in self._lines.values()]),
+            (self._up, [int(one.is_up) for one in self._lines.values()]),
             (self._telegrams, telegrams),
             (self._octets, octets),
             (self._dropped, _in_order(self._dropped, dropped)),
