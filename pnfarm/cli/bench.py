@@ -151,6 +151,13 @@ def enip_64(seconds: float) -> list[Result]:
     return enip_64(seconds)
 
 
+def profibus_32(seconds: float) -> list[Result]:
+    """32 drives on one PROFIBUS line over a pty, polled at the cycle of 1.5 Mbit/s, beside an echo."""
+    from pnfarm.cli.bench_profibus import profibus_32
+
+    return profibus_32(seconds)
+
+
 def _in_memory(drives: int, cycle: str, watchdog: int) -> VirtualLine:
     """The benchmarks' farm and controller in virtual time."""
     import anyio
@@ -296,6 +303,14 @@ BENCHMARKS: dict[str, Benchmark] = {
         enip_64,
         20.0,
         _figures("enip-64", *("cpu", "floor", "ratio", "interval", "drift", "skipped", "expirations", "memory")),
+    ),
+    "profibus-32": Benchmark(
+        profibus_32,
+        10.0,
+        _figures(
+            "profibus-32",
+            *("cpu", "reply-p50", "reply-p99", "cycle", "missed", "floor-p50", "floor-p99", "floor-cpu"),
+        ),
     ),
     "fault-latency": Benchmark(fault_latency, 30.0, _figures("fault-latency", "p50", "p99", "floor-p50", "floor-p99")),
     "virtual": Benchmark(virtual_time, 0.0, ("virtual-64", "virtual-64-floor", "virtual-hour")),
