@@ -34,6 +34,7 @@ from pnfarm.station.events import TelegramChanged as TelegramTaken
 from pnfarm.station.fault_memory import active_of, history_of, restore_history
 from pnfarm.table.axis_codes import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
 from pnfarm.table.image import LOST_NEVER
+from pnfarm.table.record_fields import field_views
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -96,6 +97,7 @@ class Station:
         #: Its imperfections, and its latency for parameter requests.
         self.flaws = flaws
         self.latency = flaws.latency()
+        (self._powered,) = field_views(handle.axis, "powered")
         self.fault_counts: dict[int, int] = {}
         #: When the drive last ignored a request to acknowledge, because of an injection, ns; 0: never.
         self.refused_ns = 0
@@ -146,7 +148,7 @@ class Station:
     @property
     def powered(self) -> bool:
         """Whether the control supply is on."""
-        return bool(self.handle.axis.powered)
+        return bool(self._powered[0])
 
     @property
     def on_the_wire(self) -> bool:

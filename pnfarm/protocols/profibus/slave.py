@@ -235,6 +235,11 @@ class Slave:
         events, self._events = self._events, []
         return events
 
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing has happened since then."""
+        return not self._events
+
     def note(self, event: SlaveEvent) -> None:
         """Something happened."""
         self._events.append(event)

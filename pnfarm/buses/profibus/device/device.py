@@ -21,7 +21,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profibus import slave_user as dp
 from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave, SlaveOptions
 from pnfarm.protocols.profibus.wire.dp import DpState
-from pnfarm.protocols.profibus.wire.telegram import emit_telegram, parse_telegram
+from pnfarm.protocols.profibus.wire.telegram import Telegram, emit_telegram, parse_telegram
 from pnfarm.station.events import ControllerModeChanged, WatchdogExpired
 from pnfarm.station.lateness import budget_ns
 from pnfarm.station.parameter_words import StationParameterWords
@@ -80,6 +80,8 @@ class ProfibusDevice:
         self.number = 0
         #: Set by an injection: the line has another rate for this slave, which hears nothing but garbage.
         self.deaf = False
+        self._due: int | None = None
+        self._only_polled = False
         self.slave: Slave
         self.user: DriveUser
         self._built = False
@@ -122,8 +124,14 @@ class ProfibusDevice:
                 silence_ns=product.silence_ns,
             ),
         )
+        self._due, self._only_polled = None, False
         self.slave.address_locked = bool(kept.get("address_locked", False))
         self.connected_ns = 0
+        self._line_changed()
+
+    def _line_changed(self) -> None:
+        if self.line is not None:
+            self.line.changed()
 
     def _address(self) -> int:
         """By the coding switches, else by the parameter (Moog MSD manual 4.2.2); both count at power-on."""
@@ -165,9 +173,15 @@ class ProfibusDevice:
         except DecodeError as exc:
             self.drop(exc.reason)
             return
-        answer = self.slave.receive(telegram, now)
+        slave = self.slave
+        answer = slave.receive(telegram, now)
         if answer is not None:
             self._answers.append(emit_telegram(answer))
+        # a poll of a slave that exchanges data moves its deadlines to later times, and nothing else
+        self._only_polled = (
+            self._due is not None and slave.state is DpState.DATA_EXCH and slave.quiet and type(telegram) is Telegram
+            and telegram.dsap is None
+        )  # fmt: skip
 
     def put_on_line(self, octets: bytes) -> None:
         """Octets that are no answer, for an injection."""
@@ -176,18 +190,26 @@ class ProfibusDevice:
     def pump(self, now: int) -> list[bytes]:
         """See :class:`pnfarm.station.device.Device`."""
         while self.station.pump_drive(now):
-            pass
+            self._only_polled = False
         self._settle(now)
         answers, self._answers = self._answers, []
         return answers
 
     def next_deadline(self) -> int | None:
         """See :class:`pnfarm.station.device.Device`."""
-        due = (self.slave.next_deadline(), self.user.channel.next_deadline(), self.parameter_words.next_deadline())
-        return min((time for time in due if time is not None), default=None)
+        if self._only_polled:
+            self._only_polled = False
+            return self._due
+        times = (self.slave.next_deadline(), self.user.channel.next_deadline(), self.parameter_words.next_deadline())
+        due = min((time for time in times if time is not None), default=None)
+        if due is None or self._due is None or due < self._due:
+            self._due = due
+        # a deadline that moved to a later time is looked at when the earlier one comes
+        return self._due
 
     def handle_timeout(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
+        self._due, self._only_polled = None, False
         if self.line is not None:
             # telegrams for others are not given to it, and keep the rate as well
             self.slave.heard(self.line.heard_ns)
@@ -208,9 +230,11 @@ class ProfibusDevice:
     def _take(self, event: SlaveEvent, now: int) -> None:
         match event:
             case dp.BaudFound():
+                self._line_changed()
                 self._show_rate()
                 self.note(now, happened.BaudRateFound(self.baud))
             case dp.BaudLost():
+                self._line_changed()
                 self._show_rate()
                 self.note(now, happened.BaudRateLost())
             case dp.ParametersTaken(master, parameters):
@@ -228,6 +252,7 @@ class ProfibusDevice:
             case dp.ClearChanged(clear):
                 self.note(now, ControllerModeChanged(run=not clear))
             case dp.AddressSet(address, locks):
+                self._line_changed()
                 self._readdressed(address, now, locks=locks)
             case dp.AcyclicOpened(master, sap):
                 self.note(now, happened.AcyclicConnectionOpened(master, sap))

@@ -6,14 +6,14 @@ asked for.  What the engine's rows count for other buses is counted here.
 
 from __future__ import annotations
 
+import struct
 from bisect import bisect_left
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from pnfarm.engine.closed_channels import ClosedChannels
 from pnfarm.table.channel import INTERVAL_EDGES_NS
 from pnfarm.table.image import LOST_NOT, LOST_STOP
+from pnfarm.table.record_fields import field_views
 from pnfarm.table.signals import PART_HIGH, PART_LOW, STW1, WORD_NONE
 
 if TYPE_CHECKING:
@@ -21,38 +21,44 @@ if TYPE_CHECKING:
 
 __all__ = ["CyclicImage"]
 
-_WORD = np.dtype(">u2")
 
+class _Words:
+    """The words of one direction: their places in the telegram, and the slots of the image that they fill or show."""
 
-class _Part:
-    """Words of one kind in a telegram: their places, and the slots that they fill or show."""
+    __slots__ = ("coding", "doubles", "octets", "whole")
 
-    __slots__ = ("places", "slots")
-
-    def __init__(self, pairs: Sequence[tuple[int, int]]) -> None:
-        self.places = np.array([place for place, _ in pairs], np.intp)
-        self.slots = np.array([slot for _, slot in pairs], np.intp)
-
-
-def _parts(codes: Sequence[int]) -> tuple[_Part, _Part, _Part]:
-    """Whole words, high halves and low halves; STW1 last, so that its edges come with what belongs to them."""
-    found: tuple[list[tuple[int, int]], ...] = ([], [], [])
-    for place, code in enumerate(codes):
-        if code != WORD_NONE:
-            part = {PART_HIGH: 1, PART_LOW: 2}.get(code & 3, 0)
-            found[part].append((place, code >> 2))
-    found[0].sort(key=lambda pair: pair[1] == STW1)
-    whole, high, low = (_Part(pairs) for pairs in found)
-    return whole, high, low
+    def __init__(self, codes: Sequence[int]) -> None:
+        self.octets = 2 * len(codes)
+        self.coding = struct.Struct(f">{len(codes)}H")
+        #: (place, slot) of single words; STW1 last, so that its edges come with what belongs to them.
+        self.whole: list[tuple[int, int]] = []
+        high: dict[int, int] = {}
+        low: dict[int, int] = {}
+        for place, code in enumerate(codes):
+            if code == WORD_NONE:
+                continue
+            slot, part = code >> 2, code & 3
+            if part == PART_HIGH:
+                high[slot] = place
+            elif part == PART_LOW:
+                low[slot] = place
+            else:
+                self.whole.append((place, slot))
+        self.whole.sort(key=lambda pair: pair[1] == STW1)
+        #: (place of the high half, of the low half or -1, slot) of double words.
+        self.doubles = [(place, low.get(slot, -1), slot) for slot, place in high.items()]
 
 
 class CyclicImage:
     """``image``: the drive's record of the process image.  The counters survive connections and power cycles."""
 
     def __init__(self, image: Any) -> None:
-        self._image = image
-        self._received = image.received
-        self._sent = image.sent
+        (
+            self._received, self._sent, self._frames, self._filled, self._frame_ns, self._interval_ns, self._valid,
+            self._lost,
+        ) = field_views(
+            image, "received", "sent", "frames", "filled", "frame_ns", "interval_ns", "valid", "lost"
+        )  # fmt: skip
         #: Counters, as of the engine's channels; there is no agreed cycle, so jitter stays empty.
         self.counts = ClosedChannels()
         self._last_ns = 0
@@ -62,8 +68,8 @@ class CyclicImage:
 
     def layout(self, output_codes: Sequence[int], input_codes: Sequence[int]) -> None:
         """Another telegram is in force: codes of its words (:mod:`pnfarm.table.signals`)."""
-        self.output_octets, self.input_octets = 2 * len(output_codes), 2 * len(input_codes)
-        self._outputs, self._inputs = _parts(output_codes), _parts(input_codes)
+        self._outputs, self._inputs = _Words(output_codes), _Words(input_codes)
+        self.output_octets, self.input_octets = self._outputs.octets, self._inputs.octets
 
     def begin(self) -> None:
         """A connection begins: the first interval counts from its first data."""
@@ -71,57 +77,59 @@ class CyclicImage:
 
     def take(self, data: bytes, now: int) -> None:
         """Outputs of the length of the telegram."""
-        words = np.frombuffer(data, _WORD).astype(np.int32)
-        whole, high, low = self._outputs
-        received = self._received
-        if high.slots.size:
+        outputs, received = self._outputs, self._received
+        words = outputs.coding.unpack(data)
+        for high, low, slot in outputs.doubles:
             # a double word at once: the engine never sees half of a new one
-            double = np.zeros(len(received), np.int32)
-            double[high.slots] = words[high.places] << 16
-            double[low.slots] |= words[low.places]
-            received[high.slots] = double[high.slots]
-        received[whole.slots] = words[whole.places]
-        image = self._image
-        image.interval_ns = now - self._last_ns if self._last_ns else 0
-        image.frame_ns = now
-        image.frames = (int(image.frames) + 1) & 0xFFFFFFFF
-        image.valid = 1
-        image.lost = LOST_NOT
+            value = words[high] << 16 | (words[low] if low >= 0 else 0)
+            received[slot] = value - (value >> 31 << 32)
+        for place, slot in outputs.whole:
+            received[slot] = words[place]
+        self._interval_ns[0] = now - self._last_ns if self._last_ns else 0
+        self._passed(now)
+        self._valid[0] = 1
+        self._lost[0] = LOST_NOT
         self._count(now)
 
     def clear(self, now: int) -> None:
         """The master is in Clear: set points are zero, and none of them is valid (EN 50170 part 2, Clear_Data)."""
-        self._received[:] = 0
-        image = self._image
-        image.frame_ns = now
-        image.frames = (int(image.frames) + 1) & 0xFFFFFFFF
-        image.valid = 0
-        image.lost = LOST_STOP
+        self._zero()
+        self._passed(now)
+        self._valid[0] = 0
+        self._lost[0] = LOST_STOP
         self._count(now)
 
     def stop(self, why: int) -> None:
         """No set points come any more; ``why`` is one of ``LOST_*`` (:mod:`pnfarm.table.image`)."""
-        image = self._image
-        image.valid = 0
-        self._received[:] = 0
-        image.lost = why
+        self._valid[0] = 0
+        self._zero()
+        self._lost[0] = why
         self._last_ns = 0
 
     def fill(self) -> bytes:
         """Inputs as they are now."""
-        words = np.zeros(self.input_octets // 2, _WORD)
-        whole, high, low = self._inputs
-        sent = self._sent
-        words[whole.places] = sent[whole.slots] & 0xFFFF
-        if high.slots.size or low.slots.size:
-            now = sent.copy()
-            words[high.places] = now[high.slots] >> 16 & 0xFFFF
-            words[low.places] = now[low.slots] & 0xFFFF
-        image = self._image
-        image.filled = (int(image.filled) + 1) & 0xFFFFFFFF
+        inputs, sent = self._inputs, self._sent
+        words = [0] * (inputs.octets // 2)
+        for place, slot in inputs.whole:
+            words[place] = sent[slot] & 0xFFFF
+        for high, low, slot in inputs.doubles:
+            value = sent[slot]
+            words[high] = value >> 16 & 0xFFFF
+            if low >= 0:
+                words[low] = value & 0xFFFF
+        self._filled[0] = (self._filled[0] + 1) & 0xFFFFFFFF
         self.counts.sent += 1
-        self.sent_ns = int(image.frame_ns)
-        return words.tobytes()
+        self.sent_ns = self._frame_ns[0]
+        return inputs.coding.pack(*words)
+
+    def _passed(self, now: int) -> None:
+        """A telegram with outputs came."""
+        self._frame_ns[0] = now
+        self._frames[0] = (self._frames[0] + 1) & 0xFFFFFFFF
+
+    def _zero(self) -> None:
+        for slot in range(len(self._received)):
+            self._received[slot] = 0
 
     def _count(self, now: int) -> None:
         counts = self.counts

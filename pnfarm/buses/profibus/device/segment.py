@@ -29,6 +29,8 @@ class ProfibusSegment:
 
     def __init__(self, devices: Sequence[ProfibusDevice]) -> None:
         self._devices = {device.port.index: device for device in devices}
+        #: Ports that a telegram to an address concerns.
+        self._by_address: dict[int | None, list[int]] = {}
         #: When a telegram came last.
         self.heard_ns = 0
         for device in devices:
@@ -44,11 +46,18 @@ class ProfibusSegment:
         destination = frame[place] & 0x7F if place is not None and len(frame) > place else None
         if destination == BROADCAST:
             return None
-        return [
-            port
-            for port, device in self._devices.items()
-            if device.slave.address == destination or not device.slave.found
-        ]
+        found = self._by_address.get(destination)
+        if found is None:
+            found = self._by_address[destination] = [
+                port
+                for port, device in self._devices.items()
+                if device.slave.address == destination or not device.slave.found
+            ]
+        return found
+
+    def changed(self) -> None:
+        """A slave has another address, or found or lost the baud rate."""
+        self._by_address.clear()
 
     def counts(self) -> Mapping[str, int]:
         """See :class:`pnfarm.buses.bus.CountingSegment`."""

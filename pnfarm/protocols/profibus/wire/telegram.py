@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 from typing import Final
 
 from pnfarm.errors import DecodeError
@@ -179,8 +180,12 @@ def telegram_length(begin: bytes | bytearray | memoryview) -> int | None:
             raise DecodeError("no-delimiter", f"0x{other:02x} begins no telegram")
 
 
+@lru_cache(maxsize=1024)
 def parse_telegram(octets: bytes) -> Line:
-    """One whole telegram.  Raises :class:`DecodeError`."""
+    """One whole telegram.  Raises :class:`DecodeError`.
+
+    A telegram is parsed where octets are split, and again by whom it is for; polls are mostly like the ones before.
+    """
     length = telegram_length(octets)
     if length is None or len(octets) < length:
         raise DecodeError("short", f"{len(octets)} octets")
