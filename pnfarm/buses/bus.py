@@ -261,6 +261,11 @@ class LineBus(Protocol):
         """LINKTYPE of its telegrams in a capture (tcpdump.org)."""
         ...
 
+    @property
+    def baud_rates(self) -> Sequence[int]:
+        """Rates that its lines may have, bit/s."""
+        ...
+
     def splitter(self, baud: int) -> LineSplitter:
         """For one end of a line of this rate, bit/s."""
         ...

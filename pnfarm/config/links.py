@@ -28,7 +28,14 @@ def _host_and_port(value: str) -> str:
     return value
 
 
+def _reachable(value: str) -> str:
+    if value.rpartition(":")[2].strip("0") == "":
+        raise Problem(f"is {shown(value)}, and port 0 is nobody's", "a port from 1 to 65535")
+    return value
+
+
 HostPort = Annotated[str, AfterValidator(_host_and_port)]
+FarHostPort = Annotated[str, AfterValidator(_host_and_port), AfterValidator(_reachable)]
 
 
 class LineWay(Section):
@@ -42,7 +49,7 @@ class LineWay(Section):
     port: Annotated[str, Field(min_length=1)] | None = Field(
         default=None, description="A serial port, such as the /dev/ttyUSB0 of an RS-485 adapter, or a pty's far end."
     )
-    connect: HostPort | None = Field(default=None, description="TCP, octets as they are, to this HOST:PORT.")
+    connect: FarHostPort | None = Field(default=None, description="TCP, octets as they are, to this HOST:PORT.")
     listen: HostPort | None = Field(default=None, description="TCP from a client, at this HOST:PORT.")
     baud: Annotated[int, Field(ge=9_600, le=12_000_000)] = Field(
         default=USUAL_BAUD, description="Bits per second; a pty and TCP have none of their own, and count by it."

@@ -328,8 +328,11 @@ class FarmCore:
         self.traces.handle_timeout(now)
 
     def next_deadline(self) -> int | None:
-        deadlines = (self._deadlines.first(), self.injections.next_deadline(), self.traces.next_deadline())
-        return min((due for due in deadlines if due is not None), default=None)
+        first = self._deadlines.first()
+        for due in (self.injections.next_deadline(), self.traces.next_deadline()):
+            if due is not None and (first is None or due < first):
+                first = due
+        return first
 
     # -- the engine's events -----------------------------------------------------------------------------------------
 

@@ -27,6 +27,7 @@ from pnfarm.links.linux import PacketLink
 from pnfarm.links.serial_link import SerialLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.links.tap import TapLink
+from pnfarm.table.record_fields import field_views
 
 if TYPE_CHECKING:
     import socket
@@ -144,7 +145,10 @@ class RealTimeDriver:
             self.fail(exc)
 
     def _received(self, port: int, frame: bytes, now: int) -> None:
-        self._guard(lambda: self.node.receive(port, frame, now))
+        try:
+            self.node.receive(port, frame, now)
+        except Exception as exc:  # noqa: BLE001 - as in _guard, without its call: a telegram or frame comes this way
+            self.fail(exc)
         self._arm()
 
     def _socket_event(self, event: SocketEvent, now: int) -> None:
@@ -240,6 +244,8 @@ class _LoopEngine:
         self._link = link
         self._guard = guard
         self._waiting = 0
+        self._event_head, self._tick_ns = field_views(node.columns.engine[0], "event_head", "tick_ns")
+        self._paced = not isinstance(link, TapLink)
         self._head = 0
         self._handle: asyncio.TimerHandle | None = None
         self._due = 0
@@ -247,7 +253,7 @@ class _LoopEngine:
     def start(self) -> None:
         if isinstance(self._link, TapLink):
             self._link.set_cyclic_receiver(self._received)
-        self._head = int(self._node.columns.engine[0].event_head)
+        self._head = self._event_head[0]
         self._handle = asyncio.get_running_loop().call_soon(lambda: self._guard(self._tick))  # type: ignore[assignment]  # a Handle is cancelled in the same way
 
     def stop(self) -> None:
@@ -276,13 +282,16 @@ class _LoopEngine:
 
     def _tick(self) -> None:
         now = time.monotonic_ns()
-        engine = self._node.columns.engine[0]
         if self._due and now - self._due > LOOP_LATE_NS:
-            note_late(engine, self._node.columns.late, self._due, now, 0)
+            note_late(self._node.columns.engine[0], self._node.columns.late, self._due, now, 0)
         self._advance(now)
-        if int(engine.event_head) != self._head:
-            self._head = int(engine.event_head)
+        if self._event_head[0] != self._head:
+            self._head = self._event_head[0]
             self._node.service(now)
-        self._due = int(next_due(self._node.columns, now))
+        if self._paced:
+            # nothing is sent by the engine: the steps of the drives are on the grid of its ticks
+            self._due = now - now % self._tick_ns[0] + self._tick_ns[0]
+        else:
+            self._due = int(next_due(self._node.columns, now))
         delay = max(0.0, (self._due - time.monotonic_ns()) / 1e9)
         self._handle = asyncio.get_running_loop().call_later(delay, lambda: self._guard(self._tick))

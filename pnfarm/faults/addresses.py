@@ -148,6 +148,8 @@ class Addresses:
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is due."""
+        if not self._ports:
+            return None
         return min((known.due for known in self._ports.values() if known.under_way), default=None)
 
     def handle_timeout(self, now: int) -> None:

@@ -325,6 +325,8 @@ class GatedLink:
 
     def next_deadline(self) -> int | None:
         """When the next frame is to leave."""
+        if not self._held:
+            return self._waiting[0][0] if self._waiting else None
         waiting = [self._waiting[0][0]] if self._waiting else []
         return min([*waiting, *(queue[0].due_ns for queue in self._held.values())], default=None)
 

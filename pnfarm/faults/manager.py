@@ -229,8 +229,10 @@ class InjectionManager:
 
     def poke(self, name: str, now: int) -> None:
         """Something happened on this drive and is settled: check its injections."""
-        self.refresh(name, now)
-        for injection, run in list(self._by_drive.get(name, {}).values()):
+        if name not in self._by_drive:
+            return
+        self._drives[name].refresh(now)
+        for injection, run in list(self._by_drive[name].values()):
             self._look(injection, run, now)
 
     def touch(self, name: str) -> None:
@@ -240,8 +242,12 @@ class InjectionManager:
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is due."""
-        deadlines = (self._first_due(), *(timed.next_deadline() for timed in self._timed))
-        return min((due for due in deadlines if due is not None), default=None)
+        first = self._first_due()
+        for timed in self._timed:
+            due = timed.next_deadline()
+            if due is not None and (first is None or due < first):
+                first = due
+        return first
 
     def _first_due(self) -> int | None:
         """When the next injection is to be checked."""

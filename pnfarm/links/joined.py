@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import AsyncExitStack
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
@@ -51,11 +52,11 @@ class JoinedLink:
         return [next(found[spec.line]) for spec in wanted]
 
     async def close(self) -> None:
-        try:
+        # each is closed, whatever the others raise
+        async with AsyncExitStack() as stack:
+            stack.push_async_callback(self.inner.close)
             for link in self.lines.values():
-                await link.close()
-        finally:
-            await self.inner.close()
+                stack.push_async_callback(link.close)
 
     def send(self, port_index: int, frame: bytes) -> None:
         self._on_line.get(port_index, self.inner).send(port_index, frame)

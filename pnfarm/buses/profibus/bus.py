@@ -71,6 +71,12 @@ class Profibus:
 
         return ProfibusSegment(devices)
 
+    @property
+    def baud_rates(self) -> Sequence[int]:
+        from pnfarm.protocols.profibus.wire.timing import BAUD_RATES
+
+        return BAUD_RATES
+
     def splitter(self, baud: int) -> LineSplitter:
         from pnfarm.buses.profibus.device.line import TelegramSplitter
 

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.bus import line_of
+from pnfarm.buses.bus import LineBus, line_of
 from pnfarm.buses.farm_file import CONTROLLER, Claims, PlacedGroup
 from pnfarm.buses.registry import BUSES
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
-from pnfarm.config.links import MacvlanLink, MemoryLink
+from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink
 from pnfarm.config.values import expand_name, numbered
 from pnfarm.farm.file.choice import bus_of, bus_of_controller, titles
 from pnfarm.farm.file.expand import controller_mac, expand_sections
@@ -22,6 +22,7 @@ from pnfarm.wire.mac import format_mac
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pnfarm.buses.bus import Bus
     from pnfarm.config.controller import ControllerSection
     from pnfarm.config.drive import DriveGroup
     from pnfarm.config.known import Known, ModelFacts
@@ -206,7 +207,13 @@ def _check_links(link: Link, groups: Sequence[PlacedGroup[DriveGroup]], report: 
         if name not in BUSES or not line_of(BUSES[name]):
             known = [each for each, one in BUSES.items() if line_of(one)]
             report(("link", "lines", name), f"{shown(name)} is no bus with a serial line", ", ".join(known))
+            continue
+        _check_baud(("link", "lines", name), lines[name].baud, BUSES[name], report)
     kind = link.kind
+    if isinstance(link, MemoryLink | SerialLink):
+        on_line = next((bus for placed in groups if line_of(bus := bus_of(placed.group))), None)
+        if on_line is not None:
+            _check_baud(("link",), link.baud, on_line, report)
     for placed in groups:
         bus = bus_of(placed.group)
         if line_of(bus) and bus.name in lines:
@@ -217,6 +224,11 @@ def _check_links(link: Link, groups: Sequence[PlacedGroup[DriveGroup]], report: 
         elif kind not in bus.link_kinds:
             what = f"{shown(placed.group.model)} is on {bus.title}, which a link of the kind {kind} does not carry"
             report((*placed.at, "model"), what, "link: {kind: ...}, " + ", ".join(sorted(bus.link_kinds)))
+
+
+def _check_baud(at: Location, baud: int, bus: Bus, report: Report) -> None:
+    if isinstance(bus, LineBus) and baud not in bus.baud_rates:
+        report((*at, "baud"), f"{baud} bit/s is no rate of {bus.title}", ", ".join(map(str, bus.baud_rates)))
 
 
 def _check_names(groups: Sequence[PlacedGroup[DriveGroup]], report: Report) -> None:

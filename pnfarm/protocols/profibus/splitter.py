@@ -22,6 +22,14 @@ _BEGINS: Final = re.compile(b"[" + re.escape(bytes((SD1, SD2, SD3, SD4, SC))) + 
 Split = tuple[Line, bytes]
 
 
+def _whole(octets: bytes) -> Line | None:
+    """The telegram that these octets are, no more and no less: most pieces are one."""
+    try:
+        return parse_telegram(octets)
+    except DecodeError:
+        return None
+
+
 class Splitter:
     """Octets in any pieces in, whole telegrams out.
 
@@ -39,6 +47,9 @@ class Splitter:
 
     def feed(self, octets: bytes, now: int) -> list[Split]:
         """The telegrams that are whole now, in order."""
+        if not self._waiting and (whole := _whole(octets)) is not None:
+            self._last_ns = now
+            return [(whole, octets)]
         found: list[Split] = []
         if self._waiting and self.pause_ns and now - self._last_ns >= self.pause_ns:
             found = self._cut()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pnfarm.drives.catalogue import model
+from pnfarm.farm.file.reading import FarmFileError, parse_farm
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.protocols.profibus.wire.dp import Control, Parameters, PrmStatus, SetAddress, StationStatus, emit_parameters
 from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram
@@ -262,6 +263,24 @@ def test_a_slow_line_takes_its_time(farm):
     line.run(2.0)
     # 77 octets there and 74 back for each drive at 19.2 kbit/s: 0.35 s for four
     assert master(line).master.cycle_ns > 300_000_000
+
+
+@pytest.mark.parametrize(
+    ("link", "place"),
+    [("{kind: memory, baud: 10000}", "link.baud"), ("{kind: serial, pty: auto, baud: 10000}", "link.baud"),
+     ("{kind: veth, lines: {profibus: {pty: auto, baud: 10000}}}", "link.lines.profibus.baud")],
+)  # fmt: skip
+def test_a_rate_that_profibus_lacks_is_refused_with_those_that_it_has(link, place):
+    text = f"farm: dp\nlink: {link}\ndrives:\n  - {{name: a, model: moog-msd-dp, address: 5}}\n"
+    with pytest.raises(FarmFileError) as caught:
+        parse_farm(text)
+    assert f"{place}: 10000 bit/s is no rate of PROFIBUS; allowed: 9600, 19200, 31250, 45450," in str(caught.value)
+
+
+def test_a_line_cannot_connect_to_port_0():
+    text = "farm: dp\nlink: {kind: serial, connect: 'plc:0'}\ndrives:\n  - {name: a, model: moog-msd-dp, address: 5}\n"
+    with pytest.raises(FarmFileError, match=r"link\.connect: is 'plc:0', and port 0 is nobody's"):
+        parse_farm(text)
 
 
 def test_what_the_master_says_of_its_slaves(farm):
