@@ -11,12 +11,13 @@ from pnfarm.vocabulary.quoting import shown
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.buses.farm_file import Claims
     from pnfarm.buses.profibus.config.controller import ProfibusController
     from pnfarm.buses.profibus.config.drive import ProfibusDrives
     from pnfarm.config.known import ModelFacts
     from pnfarm.vocabulary.issues import Location, Report
 
-__all__ = ["ADDRESS_PARAMETER", "address_in", "check_controller", "check_group", "check_name"]
+__all__ = ["ADDRESS_PARAMETER", "address_in", "check_controller", "check_devices", "check_group", "check_name"]
 
 #: COM_DP_Address (Moog MSD manual 4.2.2).
 ADDRESS_PARAMETER = 918
@@ -56,6 +57,18 @@ def check_group(at: Location, group: ProfibusDrives, report: Report) -> None:
         if last > HIGHEST_ADDRESS:
             what = f"counts {group.count} drives up to {last}"
             report((*at, key), what, f"station addresses from 0 to {HIGHEST_ADDRESS}")
+
+
+def check_devices(controller: ProfibusController, claims: Claims, report: Report) -> None:
+    """The slaves that are described by files: each name and address once."""
+    for number, device in enumerate(controller.devices):
+        at: Location = ("controller", "devices", number)
+        for key, field, value, text in (
+            ("name", "name", device.name, shown(device.name)),
+            ("address", "address", ("profibus", device.address), f"station address {device.address}"),
+        ):
+            if (by := claims.claim(field, value, f"controller.devices[{number}]", device.name)) is not None:
+                report((*at, key), f"{text} belongs to {by} already", "each once on the line")
 
 
 def check_controller(controller: ProfibusController, report: Report) -> None:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
+from pnfarm.buses.profibus.config.device import GsdDevice
 from pnfarm.buses.profibus.config.drive import Address
 from pnfarm.config.controller import ControllerSection
 from pnfarm.config.values import Duration
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.problem import Problem
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
 __all__ = ["ProfibusController"]
+
+#: Station addresses of slaves.
+MOST_SLAVES = 125
 
 #: The watchdog's factors: 1 to 255 times 1 to 255 times 10 ms (EN 50170 part 2, 8.3.3).
 LONGEST_WATCHDOG_NS = 255 * 255 * 10_000_000
@@ -36,7 +43,7 @@ Latency = Annotated[Duration, _between(0, LONGEST_LATENCY_NS, "0ms to 1s")]
 class ProfibusController(ControllerSection):
     """The built-in PROFIBUS master, of class 1 and 2."""
 
-    last_keys: ClassVar[tuple[str, ...]] = ("program", "reconnect")
+    last_keys: ClassVar[tuple[str, ...]] = ("program", "devices", "reconnect")
 
     address: Address = Field(default=1, description="Its station address.")
     cycle_ns: Cycle = Field(
@@ -69,3 +76,10 @@ class ProfibusController(ControllerSection):
     highest_address: Annotated[int, Field(ge=1, le=126)] = Field(
         default=126, description="Highest address that it looks for other stations at (HSA)."
     )
+    devices: list[GsdDevice] = Field(
+        default_factory=list, max_length=MOST_SLAVES, description="Further slaves, each by its GSD file."
+    )
+
+    @property
+    def device_names(self) -> Sequence[str]:
+        return [device.name for device in self.devices]

@@ -53,6 +53,7 @@ class ProfibusPart:
         if (by := claims.claim("address", own, CONTROLLER, controller.name)) is not None:
             what = f"station address {controller.address} belongs to {by} already"
             report(("controller", "address"), what, "each once on the line")
+        checks.check_devices(controller, claims, report)
 
     def check_controller(
         self,

@@ -59,7 +59,10 @@ class MasterCore:
             image.layout(device.input_words, device.output_words)
             self._images.append(image)
             station = self.master.stations[index]
-            station.source = image.fill
+            if device.described is None:
+                station.outputs = device.outputs
+            else:
+                station.source = image.fill
             configure(self.columns.program[index], device.program, asdict(device.steps) | {"life": device.life})
         self._jobs: list[tuple[str, ParameterJob]] = []
         self._began_ns: dict[str, int] = {}
@@ -103,7 +106,11 @@ class MasterCore:
             master.sent(now)
             master.handle_timeout(now)
         for station in master.take_fresh():
-            self._images[self._places[station.plan.name]].take(station.inputs, now)
+            place = self._places[station.plan.name]
+            if self.plan.devices[place].described is None:
+                self._images[place].note(now)
+            else:
+                self._images[place].take(station.inputs, now)
         for event in master.take_events():
             self._take(event, now)
         for job in list(self._jobs):
@@ -178,6 +185,10 @@ class MasterCore:
         """The words of a slave, by its place in the plan."""
         return self._images[place]
 
+    def inputs_of(self, name: str) -> bytes:
+        """The inputs that came last; empty before, and where a slave is lost."""
+        return self._named(name)[1].inputs
+
     def exchanging(self, name: str) -> bool:
         """Whether a slave's data is valid; false for one that is not the master's."""
         place = self._places.get(name)
@@ -232,10 +243,13 @@ class MasterCore:
 
     def _begin_job(self, name: str, parameter: str | int, value: int | None, now: int) -> ParameterJob:
         device, _ = self._named(name)
+        described = device.described
+        if described is None:
+            raise ConfigError(f"{name} is described by a GSD file, which has no parameters")
         try:
-            found, subindex = device.described.resolve(parameter)
+            found, subindex = described.resolve(parameter)
         except ParameterError:
-            raise ConfigError(f"{device.described.name} has no parameter {parameter!r}") from None
+            raise ConfigError(f"{described.name} has no parameter {parameter!r}") from None
         self._reference = self._reference % 0xFF + 1
         due = now + self.master.settings.request_timeout_ns
         job = ParameterJob(found, subindex, value, due, self._reference)

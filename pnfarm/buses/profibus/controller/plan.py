@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.axis_program import axis_program
+from pnfarm.buses.axis_program import IDLE, axis_program
 from pnfarm.buses.signal_steps import SignalSteps, signal_steps
 from pnfarm.drives.signal_view import axis_signals
-from pnfarm.errors import ConfigError
+from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.protocols.profibus.gsd_file import LONGEST
+from pnfarm.protocols.profibus.gsd_slave import parse_gsd_slave
 from pnfarm.protocols.profibus.master import MasterSettings, SlavePlan
-from pnfarm.protocols.profibus.wire.dp import V1Status1, watchdog_factors
+from pnfarm.protocols.profibus.wire.dp import V1Status1, parse_identifiers, watchdog_factors
 from pnfarm.table.axis_codes import TASKS_NONE
+from pnfarm.vocabulary.regular_file import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from ipaddress import IPv4Interface
-    from pathlib import Path
 
     from pnfarm.buses.axis_program import AxisProgram
     from pnfarm.buses.profibus.config.controller import ProfibusController
+    from pnfarm.buses.profibus.config.device import GsdDevice
     from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
     from pnfarm.drives.model import Model
     from pnfarm.drives.signal_view import AxisSignals
@@ -27,6 +31,8 @@ if TYPE_CHECKING:
 __all__ = ["DevicePlan", "ProfibusPlan", "plan_controller"]
 
 _MS = 1_000_000
+#: Octets of a Data_Exchange each way.
+MOST_DATA = 244
 #: The longest watchdog that the base of 1 ms can say.
 _SHORT_NS = 255 * 255 * _MS
 
@@ -43,9 +49,11 @@ class DevicePlan:
     output_words: tuple[int, ...]
     input_words: tuple[int, ...]
     steps: SignalSteps
-    described: Model
+    #: None for a slave by its GSD file, whose outputs are ``outputs``.
+    described: Model | None
     signals: AxisSignals | None
     life: bool = False
+    outputs: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +119,55 @@ def _plan_drive(section: ProfibusController, drive: ProfibusDriveConfig, model: 
     )
 
 
+def _plan_foreign(section: ProfibusController, device: GsdDevice, folder: Path) -> DevicePlan:
+    """A slave by its GSD file."""
+    path = folder / device.gsd
+    try:
+        slave = parse_gsd_slave(read_regular(path, LONGEST + 1))
+        identifiers, user = slave.chosen(device.modules)
+        parts = parse_identifiers(identifiers)
+    except OSError as exc:
+        raise ConfigError(
+            f"device {device.name}, {path}: cannot be read: {(exc.strerror or str(exc)).lower()}"
+        ) from exc
+    except DecodeError as exc:
+        raise ConfigError(f"device {device.name}, {path}: {exc.detail or exc.reason}") from exc
+    outputs, inputs = sum(part.outputs for part in parts), sum(part.inputs for part in parts)
+    if outputs > MOST_DATA or inputs > MOST_DATA:
+        raise ConfigError(
+            f"device {device.name}: {outputs} octets of outputs and {inputs} of inputs, at most {MOST_DATA}"
+        )
+    given = device.outputs or b""
+    if len(given) > outputs:
+        raise ConfigError(f"device {device.name}: {len(given)} octets of `outputs`, its modules have {outputs}")
+    user = device.user if device.user is not None else user
+    factors, _ = _watchdog(section, v1=False)
+    return DevicePlan(
+        name=device.name,
+        model=slave.name or path.name,
+        slave=SlavePlan(
+            name=device.name,
+            address=device.address,
+            ident=slave.ident,
+            identifiers=identifiers,
+            output_octets=outputs,
+            input_octets=inputs,
+            user=user,
+            watchdog_factors=factors,
+            reconnect_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+            access=section.access,
+        ),
+        cycle_ns=section.cycle_ns,
+        program=IDLE,
+        output_words=(),
+        input_words=(),
+        steps=SignalSteps(),
+        described=None,
+        signals=None,
+        outputs=given.ljust(outputs, b"\0"),
+    )
+
+
 def plan_controller(
     section: ProfibusController,
     drives: Sequence[ProfibusDriveConfig],
@@ -118,8 +175,8 @@ def plan_controller(
     folder: Path | None,
 ) -> ProfibusPlan:
     """The master and what it expects, drive by drive.  Raises :class:`ConfigError`."""
-    del folder
     devices = [_plan_drive(section, drive, model) for drive, model in zip(drives, models, strict=True)]
+    devices += [_plan_foreign(section, device, folder or Path()) for device in section.devices]
     settings = MasterSettings(
         address=section.address,
         latency_ns=section.latency_ns,

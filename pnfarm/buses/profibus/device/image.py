@@ -85,6 +85,10 @@ class CyclicImage:
             received[slot] = value - (value >> 31 << 32)
         for place, slot in outputs.whole:
             received[slot] = words[place]
+        self.note(now)
+
+    def note(self, now: int) -> None:
+        """Valid data came, whatever they are."""
         self._interval_ns[0] = now - self._last_ns if self._last_ns else 0
         self._passed(now)
         self._valid[0] = 1
