@@ -266,6 +266,10 @@ class LineBus(Protocol):
         """Rates that its lines may have, bit/s."""
         ...
 
+    def longest_reply_ns(self, baud: int) -> int:
+        """How late an answer may begin behind the last bit of its request."""
+        ...
+
     def splitter(self, baud: int) -> LineSplitter:
         """For one end of a line of this rate, bit/s."""
         ...

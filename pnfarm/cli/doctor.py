@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -13,13 +15,29 @@ __all__ = ["doctor"]
 _LABELS = {True: "ok", None: "note", False: "MISSING"}
 
 
-def doctor(output: FormatOption = Format.TABLE) -> None:
+def doctor(
+    file: Annotated[
+        Path | None,
+        typer.Argument(
+            help="Farm file whose serial lines are measured, too; their ports must not be in use.",
+            metavar="[FILE]",
+            show_default=False,
+        ),
+    ] = None,
+    output: FormatOption = Format.TABLE,
+) -> None:
     """Check whether this machine can run a farm, and show how to fix what is missing."""
+    from pnfarm.cli.files import read
     from pnfarm.errors import EnvironmentError_
     from pnfarm.farm.doctor import examine
     from pnfarm.terminal.output import print_json, print_line, print_table
 
+    config = None if file is None else read(file)
     findings = examine()
+    if config is not None:
+        from pnfarm.farm.line_doctor import examine_lines
+
+        findings += examine_lines(config)
     missing = [finding for finding in findings if finding.ok is False]
     if output is Format.JSON:
         print_json({"ok": not missing, "findings": [asdict(finding) for finding in findings]})

@@ -39,7 +39,7 @@ FarHostPort = Annotated[str, AfterValidator(_host_and_port), AfterValidator(_rea
 
 
 class LineWay(Section):
-    """The way to a serial line: one of `pty`, `port`, `connect` and `listen`; left out, a pty."""
+    """The way to a serial line: one of `pty`, `port`, `connect`, `listen` and `rfc2217`; left out, a pty."""
 
     pty: Annotated[str, Field(min_length=1)] | None = Field(
         default=None,
@@ -51,15 +51,18 @@ class LineWay(Section):
     )
     connect: FarHostPort | None = Field(default=None, description="TCP, octets as they are, to this HOST:PORT.")
     listen: HostPort | None = Field(default=None, description="TCP from a client, at this HOST:PORT.")
+    rfc2217: FarHostPort | None = Field(
+        default=None, description="A serial port behind a terminal server that speaks RFC 2217, at this HOST:PORT."
+    )
     baud: Annotated[int, Field(ge=9_600, le=12_000_000)] = Field(
         default=USUAL_BAUD, description="Bits per second; a pty and TCP have none of their own, and count by it."
     )
 
     @model_validator(mode="after")
     def _one_way(self) -> LineWay:
-        given = [key for key in ("pty", "port", "connect", "listen") if getattr(self, key) is not None]
+        given = [key for key in ("pty", "port", "connect", "listen", "rfc2217") if getattr(self, key) is not None]
         if len(given) > 1:
-            raise Problem(f"has {' and '.join(given)}", "one of pty, port, connect, listen")
+            raise Problem(f"has {' and '.join(given)}", "one of pty, port, connect, listen, rfc2217")
         return self
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.bus import LineBus
 from pnfarm.buses.registry import BUSES
+from pnfarm.config.links import SerialLink as SerialSection
 from pnfarm.errors import ConfigError
 from pnfarm.links.line import LineFormat
 from pnfarm.links.serial import ConnectLine, ListenLine, PortLine, PtyLine
@@ -16,9 +17,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.config.links import LineWay
+    from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.links.line import Line
 
-__all__ = ["line_bus", "make_line", "make_lines"]
+__all__ = ["line_bus", "line_ways", "make_line", "make_lines"]
 
 #: A pseudo terminal has neither rate nor parity; drivers want one that they know.
 _PTY_BAUD = 38_400
@@ -30,6 +32,16 @@ def line_bus(name: str) -> LineBus:
     if name not in known:
         raise ConfigError(f"no bus {name!r} has a serial line; those with one: {', '.join(known)}")
     return known[name]
+
+
+def line_ways(config: FarmConfig) -> dict[str, LineWay]:
+    """The lines of a file on this machine, by the names of their buses; none in memory."""
+    link = config.link
+    if isinstance(link, SerialSection):
+        known = (config.known.model(group.model) for group in config.drives)
+        buses = (model.bus for model in known if model is not None)
+        return {next(buses): link} if config.drives else {}
+    return dict(getattr(link, "lines", {}))
 
 
 def make_line(way: LineWay, bus: LineBus) -> SerialLink:
@@ -49,6 +61,11 @@ def _way(way: LineWay) -> Line:
         return PortLine(way.port, way.baud, LineFormat((way.baud,), "even"))
     if way.connect is not None:
         return ConnectLine(*_place(way.connect), baud=way.baud)
+    if way.rfc2217 is not None:
+        # its threads are loaded by those who have one
+        from pnfarm.links.serial_rfc2217 import Rfc2217Line  # noqa: PLC0415
+
+        return Rfc2217Line(*_place(way.rfc2217), way.baud, LineFormat((way.baud,), "even"))
     if way.listen is not None:
         return ListenLine(*_place(way.listen), baud=way.baud)
     return PtyLine(None if way.pty in {None, "auto"} else Path(str(way.pty)), baud=way.baud)

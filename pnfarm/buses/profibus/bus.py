@@ -77,6 +77,11 @@ class Profibus:
 
         return BAUD_RATES
 
+    def longest_reply_ns(self, baud: int) -> int:
+        from pnfarm.protocols.profibus.wire.timing import bits_ns, longest_tsdr_bits
+
+        return bits_ns(longest_tsdr_bits(baud), baud)
+
     def splitter(self, baud: int) -> LineSplitter:
         from pnfarm.buses.profibus.device.line import TelegramSplitter
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from dp_line import IDENT, MS, Drive
+from dp_line import IDENT, MS, DpLine, Drive
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
@@ -31,6 +31,7 @@ from pnfarm.protocols.profibus.wire.telegram import (
     Telegram,
     Token,
     emit_telegram,
+    parse_telegram,
 )
 
 SRD, SDN, SDA, STATUS = 0x6D, 0x46, 0x45, 0x49
@@ -111,6 +112,29 @@ def test_what_a_chip_would_not_answer_is_not_answered(bench):
     assert slave.receive(Telegram(3, 2, STATUS), bench.now) == Telegram(2, 3, Answer.OK)
     assert slave.receive(Telegram(3, 2, SDA, 5, 6), bench.now).code == Answer.RS
     assert slave.state is DpState.DATA_EXCH
+
+
+def test_an_adapter_that_hears_itself_does_no_harm(bench):
+    own = bench.exchange()
+    before = (bench.slave.state, len(bench.drive.outputs))
+    assert bench.slave.receive(own, bench.now) is None
+    assert bench.slave.receive(ShortAck(), bench.now) is None
+    assert (bench.slave.state, len(bench.drive.outputs)) == before
+    line = DpLine(1)
+    line.run(0.5, until=lambda: line.exchanging)
+    polls = line.master.stations[0].answers
+    # the master hears each of its own requests before the answer
+    deliver = line._deliver
+
+    def echoed(octets):
+        line.master.receive(parse_telegram(octets), line.now)
+        deliver(octets)
+
+    line._deliver = echoed
+    line.run(0.1)
+    assert line.exchanging
+    assert line.master.stations[0].answers > polls + 20
+    assert line.master.stations[0].retries == 0
 
 
 def test_a_repeated_request_is_answered_as_before_and_does_nothing(bench):
