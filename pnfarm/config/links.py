@@ -54,15 +54,24 @@ class LineWay(Section):
     rfc2217: FarHostPort | None = Field(
         default=None, description="A serial port behind a terminal server that speaks RFC 2217, at this HOST:PORT."
     )
-    baud: Annotated[int, Field(ge=9_600, le=12_000_000)] = Field(
-        default=USUAL_BAUD, description="Bits per second; a pty and TCP have none of their own, and count by it."
+    baud: Annotated[int, Field(ge=9_600, le=12_000_000)] | Literal["auto"] = Field(
+        default=USUAL_BAUD,
+        description="Bits per second; a pty and TCP have none of their own, and count by it.  `auto`: what the master "
+        "has, found by trying; of a port.",
     )
+
+    @property
+    def rate(self) -> int:
+        """The rate to begin with."""
+        return USUAL_BAUD if self.baud == "auto" else self.baud
 
     @model_validator(mode="after")
     def _one_way(self) -> LineWay:
         given = [key for key in ("pty", "port", "connect", "listen", "rfc2217") if getattr(self, key) is not None]
         if len(given) > 1:
             raise Problem(f"has {' and '.join(given)}", "one of pty, port, connect, listen, rfc2217")
+        if self.baud == "auto" and self.port is None and self.rfc2217 is None:
+            raise Problem("has `baud: auto`, and no port whose rate could be tried", "port or rfc2217, or a rate")
         return self
 
 

@@ -95,6 +95,8 @@ def _link(config: FarmConfig, section: ControllerSection, interface: str | None,
 def _line(config: FarmConfig, section: ControllerSection, name: str) -> LineWay:
     """The way to a line: the section's own, or the far end of the farm's."""
     if isinstance(section.link, SerialSection):
+        if section.link.baud == "auto":
+            raise ConfigError("a master has a rate of its own: give `controller: {link: {kind: serial, baud: ...}}`")
         return section.link
     way = config.link if isinstance(config.link, SerialSection) else getattr(config.link, "lines", {}).get(name)
     if way is not None and way.pty not in {None, "auto"}:

@@ -40,7 +40,7 @@ def examine_lines(config: FarmConfig) -> list[Finding]:
 
 
 def _line(name: str, way: LineWay, bus: LineBus, measured: ReplyTime, folder: Path) -> list[Finding]:
-    baud = way.baud
+    baud = way.rate
     label = f"line of {name}"
     where = "this machine"
     if way.port is not None:

@@ -46,7 +46,10 @@ def line_ways(config: FarmConfig) -> dict[str, LineWay]:
 
 def make_line(way: LineWay, bus: LineBus) -> SerialLink:
     """The line that a file asks for, not open yet."""
-    return SerialLink(_way(way), bus.splitter(way.baud), way.baud)
+    search = () if way.baud != "auto" else (way.rate, *(rate for rate in bus.baud_rates if rate != way.rate))
+    # pieces of a telegram are apart by most at the lowest rate
+    slowest = min(search, default=way.rate)
+    return SerialLink(_way(way), bus.splitter(slowest), way.rate, search)
 
 
 def make_lines(ways: Mapping[str, LineWay]) -> dict[str, SerialLink]:
@@ -58,17 +61,17 @@ def _way(way: LineWay) -> Line:
     if way.port is not None:
         if Path(way.port).resolve().parts[:3] == ("/", "dev", "pts"):
             return PortLine(way.port, _PTY_BAUD, LineFormat((_PTY_BAUD,)))
-        return PortLine(way.port, way.baud, LineFormat((way.baud,), "even"))
+        return PortLine(way.port, way.rate, LineFormat((way.rate,), "even"))
     if way.connect is not None:
-        return ConnectLine(*_place(way.connect), baud=way.baud)
+        return ConnectLine(*_place(way.connect), baud=way.rate)
     if way.rfc2217 is not None:
         # its threads are loaded by those who have one
         from pnfarm.links.serial_rfc2217 import Rfc2217Line  # noqa: PLC0415
 
-        return Rfc2217Line(*_place(way.rfc2217), way.baud, LineFormat((way.baud,), "even"))
+        return Rfc2217Line(*_place(way.rfc2217), way.rate, LineFormat((way.rate,), "even"))
     if way.listen is not None:
-        return ListenLine(*_place(way.listen), baud=way.baud)
-    return PtyLine(None if way.pty in {None, "auto"} else Path(str(way.pty)), baud=way.baud)
+        return ListenLine(*_place(way.listen), baud=way.rate)
+    return PtyLine(None if way.pty in {None, "auto"} else Path(str(way.pty)), baud=way.rate)
 
 
 def _place(text: str) -> tuple[str, int]:

@@ -69,7 +69,8 @@ class PortSpec:
 class Port:
     """One attachment of a station.  ``index`` is the kernel's interface index, or the port number in memory.
 
-    ``baud``: the rate of its serial line, 0 for a network.  ``link_type``: as in its specification.
+    ``baud``: the rate of its serial line, 0 for a network.  ``rate``: the present one, where it may change.
+    ``link_type``: as in its specification.
     """
 
     name: str
@@ -77,6 +78,7 @@ class Port:
     mac: bytes
     baud: int = 0
     link_type: int = ETHERNET
+    rate: Callable[[], int] | None = None
 
 
 @dataclass(slots=True)

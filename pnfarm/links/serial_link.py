@@ -30,6 +30,10 @@ __all__ = ["FIRST_PORT", "SerialLink", "Splitter"]
 FIRST_PORT = 0x0100_0000
 
 
+#: How long each rate is tried.
+SEARCH_SECONDS = 0.5
+
+
 class Splitter(Protocol):
     """See :class:`pnfarm.buses.bus.LineSplitter`."""
 
@@ -44,12 +48,19 @@ class Splitter(Protocol):
 
 
 class SerialLink:
-    """A :class:`~pnfarm.links.base.Link` over ``line``; ``baud`` is told to its stations."""
+    """A :class:`~pnfarm.links.base.Link` over ``line``; ``baud`` is told to its stations.
+
+    ``search``: rates that are tried in turn while octets come and no telegram is among them.
+    """
 
     kind = "serial"
 
-    def __init__(self, line: Line, splitter: Splitter, baud: int) -> None:
+    def __init__(self, line: Line, splitter: Splitter, baud: int, search: Sequence[int] = ()) -> None:
         self.line = line
+        self._search = list(search)
+        self._look: asyncio.TimerHandle | None = None
+        #: Octets and telegrams at the last look.
+        self._seen = (0, 0)
         self.baud = baud
         self.splitter = splitter
         self._counters = LinkCounters()
@@ -101,12 +112,35 @@ class SerialLink:
             raise InternalError("this serial link is already open")
         await self.line.open()
         ports = [
-            Port(spec.station, FIRST_PORT + index, b"", self.baud, spec.link_type) for index, spec in enumerate(wanted)
+            Port(spec.station, FIRST_PORT + index, b"", self.baud, spec.link_type, self._rate)
+            for index, spec in enumerate(wanted)
         ]
+        self._look_later()
         self._ports = {port.index: port for port in ports}
         return ports
 
+    def _rate(self) -> int:
+        return self.baud
+
+    def _look_later(self) -> None:
+        if self._search:
+            self._look = asyncio.get_running_loop().call_later(SEARCH_SECONDS, self._looked)
+
+    def _looked(self) -> None:
+        """Another rate, where octets came since the last look and none of them made a telegram."""
+        seen = self.line.counters.received, self._counters.received
+        octets, telegrams = (now - before for now, before in zip(seen, self._seen, strict=True))
+        self._seen = seen
+        if octets and not telegrams:
+            tried = self._search.index(self.baud) if self.baud in self._search else -1
+            self.baud = self._search[(tried + 1) % len(self._search)]
+            self.line.set_baud(self.baud)
+        self._look_later()
+
     async def close(self) -> None:
+        if self._look is not None:
+            self._look.cancel()
+            self._look = None
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None

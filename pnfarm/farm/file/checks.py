@@ -208,12 +208,12 @@ def _check_links(link: Link, groups: Sequence[PlacedGroup[DriveGroup]], report: 
             known = [each for each, one in BUSES.items() if line_of(one)]
             report(("link", "lines", name), f"{shown(name)} is no bus with a serial line", ", ".join(known))
             continue
-        _check_baud(("link", "lines", name), lines[name].baud, BUSES[name], report)
+        _check_baud(("link", "lines", name), lines[name].rate, BUSES[name], report)
     kind = link.kind
     if isinstance(link, MemoryLink | SerialLink):
         on_line = next((bus for placed in groups if line_of(bus := bus_of(placed.group))), None)
         if on_line is not None:
-            _check_baud(("link",), link.baud, on_line, report)
+            _check_baud(("link",), link.rate if isinstance(link, SerialLink) else link.baud, on_line, report)
     for placed in groups:
         bus = bus_of(placed.group)
         if line_of(bus) and bus.name in lines:

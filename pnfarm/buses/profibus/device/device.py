@@ -71,8 +71,8 @@ class ProfibusDevice:
         self.boots = 0
         self.connected_ns = 0
         self.address_from = ""
-        #: The rate of its line, as the link has it.
-        self.baud = getattr(station.port, "baud", 0)
+        self._rate = getattr(station.port, "rate", None)
+        self._baud = getattr(station.port, "baud", 0)
         #: What the slaves of the line share; set by the segment.
         self.line: ProfibusSegment | None = None
         self._answers: list[bytes] = []
@@ -339,6 +339,11 @@ class ProfibusDevice:
         self.parameter_words.take(value, now)
 
     # -- state for observers -----------------------------------------------------------------------------------------
+
+    @property
+    def baud(self) -> int:
+        """The rate of its line, as the link has it, bit/s."""
+        return self._baud if self._rate is None else self._rate()
 
     @property
     def config(self) -> ProfibusDriveConfig:
