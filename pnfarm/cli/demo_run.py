@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import io
 import re
 import sys
@@ -83,6 +84,8 @@ class Demo:
         self._console = Console(emoji=False, width=None if sys.stdout.isatty() else 132)
         self._live: Live | None = None
         self._line: VirtualLine | None = None
+        #: End, with its exception, when the farm or the controller has failed.
+        self._watched: list[asyncio.Future[None]] = []
         self._farm: FarmCore
         self._plc: Controllers
         self._injections: InjectionManager
@@ -128,6 +131,10 @@ class Demo:
         plc = await stack.enter_async_context(Plc(self._config, log=EventLog(quiet=True)))
         self._farm, self._plc, self._injections = farm.core, plc.controllers, farm.injections
         self._poke = farm.driver.poke
+        for waiting in (farm.wait(), plc.wait()):
+            watched = asyncio.ensure_future(waiting)
+            self._watched.append(watched)
+            stack.callback(watched.cancel)
 
         async def release() -> None:
             await plc.release()
@@ -166,6 +173,7 @@ class Demo:
             # a machine that stalled may have cost a connection meanwhile
             if not await self._until(lambda: self._plc.all_running):
                 self._log("not every axis is in operation")
+                self._tell_missing()
                 return False
             verdict = await self._scenario_once()
             if verdict != "inconclusive":
@@ -173,6 +181,20 @@ class Demo:
             if left:
                 self._log("this machine stalled meanwhile: the scenario once more")
         return verdict in {"passed", "inconclusive"} and await self._until(lambda: self._plc.all_running)
+
+    def _tell_missing(self) -> None:
+        """Which axes do not run, as the controller and the drive see it."""
+        for row in self._plc.snapshot():
+            if row["phase"] == "running":
+                continue
+            station = self._farm.station(row["name"])
+            seen = drive_snapshot(self._farm, station, self._now(), injected={})
+            why = f", {row['last_reason']}" if row["last_reason"] else ""
+            fault = f", F{seen['fault']['number']}" if seen["fault"] else ""
+            self._log(
+                f"{row['name']}: the controller is {row['state']}, {row['phase']}{why}; the drive {seen['ar_state']}, "
+                f"{seen['state']}{fault}"
+            )
 
     async def _scenario_once(self) -> str:
         """Its verdict."""
@@ -278,6 +300,9 @@ class Demo:
     async def _pass(self, seconds: float) -> None:
         """Let time pass and refresh the display; in memory, virtual time advances with the wall clock."""
         self._refresh()
+        for watched in self._watched:
+            if watched.done():
+                watched.result()
         if self._line is None:
             await anyio.sleep(seconds)
         else:
