@@ -49,6 +49,8 @@ _LAST_PAUSE_SECONDS = 1.0
 _LAST_PTY_PAUSE_SECONDS = 0.02
 _CONNECT_SECONDS = 5.0
 
+#: Place of the control characters in what termios.tcgetattr returns.
+_CONTROL_CHARACTERS = 6
 _PARITIES = {"none": "N", "even": "E", "odd": "O"}
 
 
@@ -352,12 +354,25 @@ def open_port(port: str, baud: int, form: LineFormat) -> Any:
             write_timeout=0,
             exclusive=True,
         )
-    except (OSError, ValueError) as exc:
+    except (OSError, ValueError, termios.error) as exc:
+        # pyserial lets some errors of termios through, which are no OSError
         raise EnvironmentError_(_why_not(port, baud, exc)) from exc
+    _mark_empty_reads(opened)
     # the driver of an adapter may not have it: it answers later then, and `pnfarm doctor` measures how late
     with contextlib.suppress(OSError, ValueError, NotImplementedError, AttributeError):
         opened.set_low_latency_mode(True)
     return opened
+
+
+def _mark_empty_reads(opened: Any) -> None:
+    """A read without octets is an error from now on.
+
+    pyserial asks for one that returns nothing, which is how a closed far end looks.
+    """
+    with contextlib.suppress(OSError, termios.error, AttributeError):
+        attributes = termios.tcgetattr(opened.fileno())
+        attributes[_CONTROL_CHARACTERS][termios.VMIN] = 1
+        termios.tcsetattr(opened.fileno(), termios.TCSANOW, attributes)
 
 
 def import_serial(what: str) -> Any:
@@ -415,7 +430,8 @@ class PortLine(FdLine):
             return
         try:
             self._serial.baudrate = baud
-        except (OSError, ValueError) as exc:
+            _mark_empty_reads(self._serial)
+        except (OSError, ValueError, termios.error) as exc:
             self._broken("refused", _why_not(self._port, baud, exc))
 
     async def _begin(self) -> None:
