@@ -41,9 +41,9 @@ controller:
 SCANNER = """
   ethernetip: {{ip: {ip}, {where}, timeout_multiplier: 16}}"""
 SCANNER_IP = IPv4Interface("10.77.255.2/16")
-#: And for those on PROFIBUS; the line has its watchdog, a slave's own time without a poll.
+#: And for those on PROFIBUS.  Both ends are in this event loop: an answer may take as long as the machine stalls.
 MASTER = """
-  profibus: {cycle: 10ms, watchdog: 500ms}"""
+  profibus: {cycle: 10ms, watchdog: 2s, latency: 150ms, retries: 3}"""
 GROUP = """
   - name: axis-{{n:02}}
     start: {first}
