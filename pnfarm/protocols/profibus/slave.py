@@ -322,8 +322,11 @@ class Slave:
             self._alive(telegram.source, now)
             return known.answer
         answer = self._answer(telegram, now)
-        # addresses have seven bits, so that there are no more masters than these
-        self._remembered[telegram.source] = _Remembered(fcb, answer)
+        if known is None:
+            # addresses have seven bits, so that there are no more masters than these
+            self._remembered[telegram.source] = _Remembered(fcb, answer)
+        else:
+            known.fcb, known.answer = fcb, answer
         if self._new_address is not None:
             self.address, self._new_address = self._new_address, None
         return answer
@@ -392,10 +395,10 @@ class Slave:
         wanted = self.user.output_octets
         parameters = cyclic.parameters
         fail_safe = (
-            self.options.supports_fail_safe
+            not data
+            and self.options.supports_fail_safe
             and parameters is not None
             and bool(parameters.v1[0] & V1Status1.FAIL_SAFE)
-            and not data
         )
         if len(data) != wanted and not fail_safe:
             self._leave(BAD_LENGTH, now)

@@ -45,6 +45,13 @@ class Splitter:
         self._waiting = bytearray()
         self._last_ns = 0
 
+    def takes_whole(self, octets: bytes, now: int) -> bool:
+        """Whether nothing waits and these octets are one telegram, which is taken then.  Else they are to be fed."""
+        if self._waiting or _whole(octets) is None:
+            return False
+        self._last_ns = now
+        return True
+
     def feed(self, octets: bytes, now: int) -> list[Split]:
         """The telegrams that are whole now, in order."""
         if not self._waiting and (whole := _whole(octets)) is not None:

@@ -28,6 +28,8 @@ class TelegramSplitter:
 
     def split(self, octets: bytes, now: int) -> list[bytes]:
         """The telegrams that are whole now."""
+        if self._splitter.takes_whole(octets, now):
+            return [octets]
         return [whole for _, whole in self._splitter.feed(octets, now)]
 
     def next_deadline(self) -> int | None:

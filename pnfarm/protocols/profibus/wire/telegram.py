@@ -19,7 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 from pnfarm.errors import DecodeError
 
@@ -43,6 +43,9 @@ LONGEST_DATA: Final = 246
 LONGEST_TELEGRAM: Final = 255
 _EXTENDED: Final = 0x80
 _FIXED: Final = 8
+_SD1: Final = bytes((SD1,))
+_SD3: Final = bytes((SD3,))
+_SHORT: Final = bytes((SC,))
 
 # Bits of FC of a request.
 REQUEST: Final = 0x40
@@ -109,9 +112,11 @@ class Sap(IntEnum):
     MASTER_2 = 50
 
 
-@dataclass(frozen=True, slots=True)
-class Telegram:
-    """SD1, SD2 or SD3; ``function`` is FC, ``data`` is without access points."""
+class Telegram(NamedTuple):
+    """SD1, SD2 or SD3; ``function`` is FC, ``data`` is without access points.
+
+    A tuple, as one is made for each answer.
+    """
 
     destination: int
     source: int
@@ -218,28 +223,23 @@ def _access_point(data: bytes) -> tuple[int, bytes]:
 
 def emit_telegram(telegram: Line) -> bytes:
     """As SD1 without data, SD3 with eight octets of it, else SD2.  Raises :class:`ValueError` for too much data."""
-    match telegram:
-        case ShortAck():
-            return bytes((SC,))
-        case Token(destination, source):
-            return bytes((SD4, destination, source))
-    points = bytes(sap for sap in (telegram.dsap, telegram.ssap) if sap is not None)
-    data = points + telegram.data
-    body = (
-        bytes(
-            (
-                telegram.destination | (_EXTENDED if telegram.dsap is not None else 0),
-                telegram.source | (_EXTENDED if telegram.ssap is not None else 0),
-                telegram.function,
-            )
-        )
-        + data
-    )
+    if isinstance(telegram, ShortAck):
+        return _SHORT
+    if isinstance(telegram, Token):
+        return bytes((SD4, telegram.destination, telegram.source))
+    destination, source, function, dsap, ssap, data = telegram
+    if dsap is not None:
+        destination |= _EXTENDED
+    if ssap is not None:
+        source |= _EXTENDED
+    if dsap is not None or ssap is not None:
+        data = bytes(sap for sap in (dsap, ssap) if sap is not None) + data
     if len(data) > LONGEST_DATA:
         raise ValueError(f"{len(data)} octets of data; a telegram has at most {LONGEST_DATA}")
+    body = bytes((destination, source, function)) + data
     end = bytes((checksum(body), ED))
     if not data:
-        return bytes((SD1,)) + body + end
+        return _SD1 + body + end
     if len(data) == _FIXED:
-        return bytes((SD3,)) + body + end
+        return _SD3 + body + end
     return bytes((SD2, len(body), len(body), SD2)) + body + end
