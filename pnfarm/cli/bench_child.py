@@ -19,6 +19,7 @@ from typing import Any
 import anyio
 import anyio.to_thread
 
+from pnfarm.cli.running import keep_what_is_loaded
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
 PR_SET_TIMERSLACK = 29
@@ -104,6 +105,7 @@ async def _farm(settings: dict[str, Any]) -> None:
             from pnfarm.api import serve_farm
 
             await tasks.start(serve_farm, farm)
+        keep_what_is_loaded()
         _answer({"up": True})
 
         async def connected(seconds: float) -> bool:
@@ -127,6 +129,7 @@ async def _plc(settings: dict[str, Any]) -> None:
     plc = Plc(parse_farm(settings["file"]), log=EventLog(quiet=True))
     if not settings.get("hold"):
         async with plc:
+            keep_what_is_loaded()
             _answer({"up": True})
             await _commands(plc.core, plc.wait_connected)
         return

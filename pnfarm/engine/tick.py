@@ -50,7 +50,10 @@ from pnfarm.table.engine_row import (
 from pnfarm.table.held import INWARD, OUTWARD
 from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_STOP
 
-__all__ = ["next_due", "receive", "run_firmware", "tick", "transmit"]
+__all__ = ["next_due", "next_step", "receive", "run_firmware", "tick", "transmit"]
+
+#: Between two ticks of a table whose rows send nothing and whose drives are not due earlier.
+LONGEST_STEP_NS = 4_000_000
 
 #: Its machine code is one for all loops that tick.
 _step = by_address(step, AXIS, IMAGE)
@@ -453,6 +456,28 @@ def _first_due(engine: Any, providers: Any, held: Any, held_order: Any, now: int
     if engine.held_in > 0:
         due = min(due, max(now, held[held_order[INWARD, 0]].due_ns))
     return due
+
+
+@compiled
+def _first_step(engine: Any, axes: Any, now: int) -> int:
+    first = now + engine.tick_ns
+    if engine.trace_rows == 0 and engine.condition_rows == 0 and engine.program_rows == 0:
+        first = now + LONGEST_STEP_NS
+        for number in range(engine.axis_rows):
+            axis = axes[number]
+            if axis.front != 0 and axis.last_ns + axis.step_ns < first:
+                first = axis.last_ns + axis.step_ns
+    grid = engine.tick_ns
+    return max((first + grid - 1) // grid, now // grid + 1) * grid
+
+
+@compiled
+def next_step(columns: Columns, now: int) -> int:
+    """When the next tick is due where nothing is sent by rows: as a drive steps, a trace or a condition is looked at.
+
+    On the grid of ``tick_ns``, by the farm's clock: one that drifts steps a tick later at the most.
+    """
+    return int(_first_step(columns.engine[0], columns.axis, now))
 
 
 @compiled

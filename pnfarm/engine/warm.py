@@ -25,7 +25,7 @@ from numba.core import event
 from pnfarm.engine.columns import allocate, lookup_rebuild
 from pnfarm.engine.realtime import run_loop
 from pnfarm.engine.rings import make_ring
-from pnfarm.engine.tick import next_due, tick
+from pnfarm.engine.tick import next_due, next_step, tick
 from pnfarm.engine.virtual import run_alone, run_virtual
 from pnfarm.table.compiled import IS_COMPILED, cache_directory, function_count, kept_functions, mark_cached
 
@@ -87,6 +87,7 @@ def _call_everything() -> None:
     for columns in (farm, controller):
         lookup_rebuild(columns)
         next_due(columns, 0)
+        next_step(columns, 0)
         tick(columns, 0, 0)
         run_alone(columns, 1, 0)
     run_virtual(farm, controller, addresses, ports, addresses, ports, 1, 0)

@@ -234,6 +234,10 @@ class FarmCore:
             raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
         if not self._segment_of[port].admits(port, frame, now):
             return
+        if not self.injections.concern(station.configured_name):
+            station.receive(frame, now)
+            self.settle(station, now)
+            return
         self.injections.refresh(station.configured_name, now)
         station.receive(frame, now)
         self.settle(station, now)
@@ -310,7 +314,8 @@ class FarmCore:
         self._segment_of[station.port.index].settled(station.port.index)
         for frame in frames:
             self.link.send(station.port.index, frame)
-        self._carry(station, now)
+        if station.has_sockets:
+            self._carry(station, now)
         self._deadlines.set(station.index, station.next_deadline())
         # a connection, a parameter: an injection may wait for it
         self.injections.touch(station.configured_name)

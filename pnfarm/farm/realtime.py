@@ -18,7 +18,7 @@ from pnfarm.engine.columns import RX_BATCH
 from pnfarm.engine.held import sent_length, sent_port
 from pnfarm.engine.lateness import note_late
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
-from pnfarm.engine.tick import next_due, tick
+from pnfarm.engine.tick import next_due, next_step, tick
 from pnfarm.errors import InternalError
 from pnfarm.farm.core import SocketNode
 from pnfarm.farm.lateness import StolenTime
@@ -244,7 +244,7 @@ class _LoopEngine:
         self._link = link
         self._guard = guard
         self._waiting = 0
-        self._event_head, self._tick_ns = field_views(node.columns.engine[0], "event_head", "tick_ns")
+        (self._event_head,) = field_views(node.columns.engine[0], "event_head")
         self._paced = not isinstance(link, TapLink)
         self._head = 0
         self._handle: asyncio.TimerHandle | None = None
@@ -289,8 +289,8 @@ class _LoopEngine:
             self._head = self._event_head[0]
             self._node.service(now)
         if self._paced:
-            # nothing is sent by the engine: the steps of the drives are on the grid of its ticks
-            self._due = now - now % self._tick_ns[0] + self._tick_ns[0]
+            # nothing is sent by the engine
+            self._due = int(next_step(self._node.columns, now))
         else:
             self._due = int(next_due(self._node.columns, now))
         delay = max(0.0, (self._due - time.monotonic_ns()) / 1e9)

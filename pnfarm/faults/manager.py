@@ -222,6 +222,10 @@ class InjectionManager:
         if drive is not None:
             self._dirty[drive] = None
 
+    def concern(self, name: str) -> bool:
+        """Whether an injection on this drive waits or is in force: else the calls below do nothing."""
+        return name in self._by_drive
+
     def refresh(self, name: str, now: int) -> None:
         """A frame is about to be passed to this drive, which may have rebooted."""
         if name in self._by_drive:

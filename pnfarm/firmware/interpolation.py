@@ -21,6 +21,7 @@ from pnfarm.table.axis_codes import RAMP_GENERATED, RAMP_PASSED_BY
 from pnfarm.table.compiled import compiled
 
 __all__ = [
+    "POSITION_MODE",
     "begin_interpolation",
     "follows",
     "generator_in_force",

@@ -194,7 +194,7 @@ class SerialLink:
         for telegram in telegrams:
             self._counters.received += 1
             wanted = None if self._audience is None else self._audience(telegram)
-            for index in list(self._ports) if wanted is None else wanted:
+            for index in tuple(self._ports) if wanted is None else wanted:
                 if index in self._pulled:
                     self._counters.dropped["cable-pulled"] += 1
                 elif index in self._ports:

@@ -210,6 +210,11 @@ class Station:
         """Finish what inputs began; the frames to send."""
         return self.device.pump(now) if self.on_the_wire else []
 
+    @property
+    def has_sockets(self) -> bool:
+        """Whether its bus uses sockets."""
+        return self._sockets is not None
+
     def services(self) -> Services | None:
         """The address and the ports that it has now, on a bus that uses sockets."""
         return None if self._sockets is None or not self.on_the_wire else self._sockets.services()

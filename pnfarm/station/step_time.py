@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["SLOWEST_STEP_NS", "longest_step_ns"]
+__all__ = ["FASTEST_STEP_NS", "SLOWEST_STEP_NS", "longest_step_ns"]
 
 #: Channels step four times a cycle, but not faster than the engine's usual tick of 1 ms.  After a late tick the next
 #: may come slightly early and still counts, hence a quarter less.

@@ -248,6 +248,8 @@ class TraceManager:
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is due."""
+        if not self._traces and not self._closing:
+            return None
         due = [
             trace.touched_ns + trace.request.keep_ns
             for trace in self._traces.values()

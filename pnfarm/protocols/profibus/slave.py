@@ -45,6 +45,7 @@ from pnfarm.protocols.profibus.wire.telegram import (
     BROADCAST,
     FCB,
     FCV,
+    REQUEST,
     Answer,
     Request,
     Sap,
@@ -76,8 +77,10 @@ LEFT: Final = "left"
 
 #: An unprocessed telegram's reason, for counters.
 _NOT_HERE: Final = "no-service"
-_SRD: Final = frozenset({Request.SRD_LOW, Request.SRD_HIGH})
 _SDN: Final = frozenset({Request.SDN_LOW, Request.SDN_HIGH})
+#: FC of requests that want data: those of its bits that tell so.
+_ASKS: Final = frozenset({REQUEST | Request.SRD_LOW, REQUEST | Request.SRD_HIGH})
+_ASKS_BITS: Final = REQUEST | 0x0F
 _SDA: Final = frozenset({Request.SDA_LOW, Request.SDA_HIGH})
 #: Longest that an answer of DP may make the others wait is told in Set_Prm; longer ones are not believed.
 _NO_WATCHDOG: Final = 0
@@ -291,6 +294,13 @@ class Slave:
         if not self.found:
             self.found = self.was_found = True
             self._events.append(BaudFound())
+        # what nearly all telegrams are comes first
+        if (
+            type(telegram) is Telegram
+            and telegram.function & _ASKS_BITS in _ASKS
+            and telegram.destination == self.address
+        ):
+            return self._once(telegram, now)
         if isinstance(telegram, (ShortAck, Token)) or not telegram.is_request:
             return None
         if telegram.destination == BROADCAST:
@@ -304,8 +314,6 @@ class Slave:
             return None
         if telegram.code == Request.FDL_STATUS:
             return self._short(telegram, Answer.OK)
-        if telegram.code in _SRD:
-            return self._once(telegram, now)
         if telegram.code in _SDA:
             self.dropped[_NOT_HERE] += 1
             return self._short(telegram, Answer.RS)
@@ -415,14 +423,11 @@ class Slave:
         else:
             # they wait for the next Sync
             cyclic.held = data
-        answer = Answer.DL
-        if self._pending_diagnosis:
-            answer = Answer.DH
-        inputs = self._inputs()
-        if not inputs and answer is Answer.DH:
-            # one octet that means nothing carries the priority (8.3.6)
-            inputs = b"\0"
-        return self._data(telegram, inputs, answer)
+        inputs = self.user.inputs() if cyclic.frozen is None else cyclic.frozen
+        if not self._pending_diagnosis:
+            return self._data(telegram, inputs)
+        # one octet that means nothing carries the priority where there are no inputs (8.3.6)
+        return self._data(telegram, inputs or b"\0", Answer.DH)
 
     def _inputs(self) -> bytes:
         return self._cyclic.frozen if self._cyclic.frozen is not None else self.user.inputs()

@@ -18,6 +18,7 @@ from pnfarm.buses.profibus.device.user import DriveUser
 from pnfarm.buses.profibus.device.view import connection_of, losses_in_words, view_of
 from pnfarm.drives.network import NoNetwork
 from pnfarm.errors import DecodeError
+from pnfarm.firmware.interpolation import POSITION_MODE
 from pnfarm.protocols.profibus import slave_user as dp
 from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave, SlaveOptions
 from pnfarm.protocols.profibus.wire.dp import DpState
@@ -25,7 +26,7 @@ from pnfarm.protocols.profibus.wire.telegram import Telegram, emit_telegram, par
 from pnfarm.station.events import ControllerModeChanged, WatchdogExpired
 from pnfarm.station.lateness import budget_ns
 from pnfarm.station.parameter_words import StationParameterWords
-from pnfarm.station.step_time import FASTEST_STEP_NS, SLOWEST_STEP_NS
+from pnfarm.station.step_time import FASTEST_STEP_NS, SLOWEST_STEP_NS, longest_step_ns
 from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED
 
@@ -56,7 +57,7 @@ class ProfibusDevice:
         self.handle = station.handle
         self.product = Product.of(station.model)
         self._lateness = services.lateness
-        self.image = CyclicImage(station.handle.image)
+        self.image = CyclicImage(station.handle.image, self._cycle_known)
         self.connects = 0
         #: Those before the last power-on.
         self.connects_before = 0
@@ -268,6 +269,16 @@ class ProfibusDevice:
         self.handle.axis.step_ns = FASTEST_STEP_NS
         self.handle.image.good = 1
         self.note(now, happened.DataExchangeBegan(master, self.store.telegram_number, connection=self.number))
+
+    def _cycle_known(self, mean_ns: int) -> None:
+        """The bus has no agreed cycle: the master's own is measured.
+
+        A drive that makes a curve of positions reads the cycle from its own steps, and keeps the shortest.
+        """
+        axis = self.handle.axis
+        if self.connected_ns:
+            curve = axis.drive.settings.opmode == POSITION_MODE
+            axis.step_ns = FASTEST_STEP_NS if curve else longest_step_ns(mean_ns)
 
     def _left(self, event: dp.Left, now: int) -> None:
         silent = self.store.watchdog_ns
