@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import hashlib
 import os
 import socket
 import termios
@@ -252,10 +253,25 @@ def _reason(exc: OSError, where: str) -> tuple[str, str]:
     return "refused", f"{where}: {exc.strerror or exc}"
 
 
+def _claimed(link: Path) -> socket.socket:
+    """A name in the abstract namespace of Unix sockets, which only one holds.  Raises where another farm has it."""
+    place = link.parent.resolve() / link.name
+    found = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
+    try:
+        found.bind(b"\0pnfarm-line-" + hashlib.sha256(os.fsencode(place)).digest())
+    except OSError as exc:
+        found.close()
+        if exc.errno == errno.EADDRINUSE:
+            raise EnvironmentError_(f"another farm's line is at {link}: give this one another path") from exc
+        raise EnvironmentError_(f"the link {link} cannot be claimed: {exc.strerror}") from exc
+    return found
+
+
 class PtyLine(FdLine):
     """A pair of pseudo terminals: whoever opens ``path`` is at the far end.  ``link``: a symbolic link to it.
 
-    A link that is there is replaced, anything else is not.  A pseudo terminal has neither a rate nor a parity; the C
+    A link that is there is replaced unless another farm of this network namespace has it now; anything else is not.  A
+    pseudo terminal has neither a rate nor a parity; the C
     library refuses to set even parity on one, so that the far end opens it without.
     """
 
@@ -266,6 +282,8 @@ class PtyLine(FdLine):
         super().__init__(baud=baud, clock=clock)
         self._link = link
         self._master: int | None = None
+        #: Held while the link is this line's; the kernel gives it back whatever ends the process.
+        self._claim: socket.socket | None = None
         #: The far end's path, empty until the line is open.
         self.path = ""
 
@@ -293,6 +311,7 @@ class PtyLine(FdLine):
             self._tell(False, f"{self.where}: waits for somebody to open it")
 
     def _make_link(self, link: Path) -> None:
+        self._claim = _claimed(link)
         try:
             if link.is_symlink():
                 link.unlink()
@@ -310,6 +329,9 @@ class PtyLine(FdLine):
                 # another farm may have taken it
                 if str(link.readlink()) == self.path:
                     link.unlink()
+        if self._claim is not None:
+            self._claim.close()
+            self._claim = None
 
     def _release(self) -> None:
         """The pair stays; what the last one at the far end has not read is not for the next one."""

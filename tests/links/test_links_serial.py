@@ -157,6 +157,16 @@ async def test_a_link_does_not_replace_a_file(tmp_path):
     assert link.read_text() == "precious"
 
 
+async def test_a_link_of_another_farm_that_runs_is_not_taken(tmp_path):
+    link = tmp_path / "line"
+    async with opened(PtyLine(link)) as first:
+        with pytest.raises(EnvironmentError_, match=r"another farm's line is at .*: give this one another path"):
+            await PtyLine(tmp_path / "." / "line").open()
+        assert str(link.readlink()) == first.path
+    async with opened(PtyLine(link)) as again:
+        assert str(link.readlink()) == again.path
+
+
 async def test_the_round_trip_over_a_pty_is_short():
     line = PtyLine()
     Ear(line, answer=bytes.upper)

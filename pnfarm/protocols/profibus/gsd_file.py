@@ -257,8 +257,8 @@ def _parts(lines: Iterator[tuple[int, str]], warnings: _Warnings) -> tuple[GsdEn
                 close()
             close()
         elif key in BLOCKS and (text.partition(entry.key)[2].lstrip()[:1] == "=" or not entry.value):
-            if key == inside or len(heads) >= _DEEPEST:
-                # a block cannot lie in one of its kind: the end was forgotten
+            # a block cannot lie in one of its kind, however deep: the ends were forgotten
+            while key in {head.key.casefold() for head in heads} or len(heads) >= _DEEPEST:
                 warnings.add(heads[-1].line, f"{heads[-1].key} has no end")
                 close()
             heads.append(entry)

@@ -289,3 +289,21 @@ def test_what_the_master_says_of_its_slaves(farm):
     assert (row["state"], row["ip"]) == ("data-exchange", "11")
     assert row["frames_received"] > 10
     assert any(entry.event == "connected" for entry in line.controller_events())
+
+
+@pytest.mark.parametrize(("cycle", "step_ms"), [("2ms", 0.75), ("8ms", 2.0), ("40ms", 4.0)])
+def test_a_drive_that_runs_by_speed_steps_four_times_in_the_master_s_cycle(farm, cycle, step_ms):
+    line = farm(1, cycle=cycle, watchdog="1s")
+    axis = line.core.station("msd-01").handle.axis
+    line.run(3.0)
+    assert axis.step_ns == pytest.approx(step_ms * 1e6, rel=0.02)
+    line.core.station("msd-01").power_cycle(line.now_ns)
+    assert axis.step_ns == 4_000_000
+
+
+def test_a_drive_that_makes_a_curve_of_positions_keeps_the_shortest_step(farm):
+    line = farm(1, cycle="8ms")
+    station = line.core.station("msd-01")
+    station.handle.axis.drive.settings.opmode = 2
+    line.run(1.0)
+    assert station.handle.axis.step_ns == 750_000
