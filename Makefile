@@ -14,7 +14,8 @@ LOCK := $(BIN)/python -m pip install --quiet --require-hashes -r locks
 # contains PI's schema of GSDML files, without its program, which needs an older pydantic and is not used.
 # pyprofibus, a PROFIBUS master, has no need of what else its package asks for.
 # cpppo, an EtherNet/IP client, wants a licence's checker that it does not need, and the greenery of its time.
-PEERS := "cpppo>=5.2.5,<6" "greenery>=2.1,<3" "industriagents-profinet-mcp" "pyprofibus>=1.13,<2" "uphy-upgen>=1.1,<2"
+# axe-playwright-python holds the rules of accessibility as one file, which a browser runs.
+PEERS := "axe-playwright-python>=0.1.8,<1" "cpppo>=5.2.5,<6" "greenery>=2.1,<3" "industriagents-profinet-mcp" "pyprofibus>=1.13,<2" "uphy-upgen>=1.1,<2"
 # An EtherNet/IP scanner whose package has the name of another one's.
 APART := "cm-ethernetip<0.2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import platform
-import re
 import time
-from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import anyio.to_thread
-from fastapi import FastAPI, Header, Query
-from starlette.responses import HTMLResponse, PlainTextResponse, Response, StreamingResponse
+from fastapi import FastAPI, Header, Query, Request
+from starlette.responses import PlainTextResponse, Response, StreamingResponse
 
 from pnfarm import __version__
 from pnfarm.api.answers import Alive
@@ -23,6 +18,9 @@ from pnfarm.api.drives import add_drives
 from pnfarm.api.events import event_stream, start_of
 from pnfarm.api.faults import add_faults
 from pnfarm.api.guard import Guard
+from pnfarm.api.health import add_health
+from pnfarm.api.live import LiveViews
+from pnfarm.api.page import add_page
 from pnfarm.api.problems import install_handlers
 from pnfarm.api.scenarios import add_scenarios
 from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version, problems_of
@@ -46,6 +44,11 @@ EVENT_STREAM = {
     "type": "string",
     "description": "Each message: `id` is the entry's sequence number, `data` a LogEntry of the components as JSON. A "
     "message of type `gap` has in `data` how many entries were `lost`.",
+}
+LIVE_STREAM = {
+    "type": "string",
+    "description": "Messages of types farm, overview, log, drive and signals, each with one JSON object; see the "
+    "documentation of the web page.",
 }
 #: A farm whose engine has not ticked for this time is not ready; normally it ticks every millisecond.
 STALLED_NS = 1_000_000_000
@@ -93,7 +96,9 @@ def make_app(
     add_faults(app, context)
     add_scenarios(app, context)
     add_traces(app, context)
+    add_health(app, context)
     _add_farm(app, context)
+    add_page(app)
     _add_outside(app, context)
     _describe_problems(app)
     app.add_middleware(Changes, record=lambda event: core.log.record(context.now(), "", event))
@@ -146,6 +151,24 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
         stream = event_stream(context, start_of(context, begin), drive, follow=follow)
         return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
+    views = LiveViews(context)
+
+    @app.get(
+        f"{PREFIX}/live",
+        tags=tags,
+        summary="What the farm's page shows, as server-sent events: all drives, and one in detail",
+        response_class=StreamingResponse,
+        responses={200: {"content": {"text/event-stream": {"schema": LIVE_STREAM}}}},
+    )
+    async def live(
+        request: Request,
+        drive: Annotated[str | None, Query(description="The drive in detail.")] = None,
+        follow: Annotated[bool, Query(description="Keep sending; false: end after the first of each.")] = True,
+    ) -> Response:
+        station = None if drive is None else context.station(drive)
+        stream = views.stream(request.scope, station, follow=follow)
+        return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+
 
 def _add_outside(app: FastAPI, context: ApiContext) -> None:
     """Routes outside of ``/api``."""
@@ -164,28 +187,6 @@ def _add_outside(app: FastAPI, context: ApiContext) -> None:
             text = await anyio.to_thread.run_sync(scrape.text)
             process = context.collector.process_text()
         return Response(text + process, media_type=CONTENT_TYPE)
-
-    @app.get("/", include_in_schema=False)
-    async def page() -> Response:
-        text, policy = _page()
-        return HTMLResponse(text, headers={"Content-Security-Policy": policy, "X-Content-Type-Options": "nosniff"})
-
-
-@cache
-def _page() -> tuple[str, str]:
-    """The web page, and the content security policy that permits its own script and style only."""
-    text = (Path(__file__).resolve().parent / "page.html").read_text("utf-8")
-
-    def digest(tag: str) -> str:
-        found = re.search(f"<{tag}>(.*?)</{tag}>", text, re.DOTALL)
-        assert found is not None, f"page.html has no {tag}"
-        return base64.b64encode(hashlib.sha256(found[1].encode()).digest()).decode()
-
-    policy = (
-        f"default-src 'none'; script-src 'sha256-{digest('script')}'; style-src 'sha256-{digest('style')}'; "
-        "connect-src 'self'; img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-    )
-    return text, policy
 
 
 def _describe_problems(app: FastAPI) -> None:

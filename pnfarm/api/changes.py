@@ -21,6 +21,8 @@ __all__ = [
     "FaultRequested",
     "ParameterWritten",
     "PowerCycleRequested",
+    "PowerOffRequested",
+    "PowerOnRequested",
     "changes_nothing",
     "shortened",
     "who",
@@ -77,6 +79,20 @@ class PowerCycleRequested(_Change):
     """A client switched the drive off and on."""
 
     TEXT = "power cycle requested"
+
+
+@dataclass(frozen=True, slots=True)
+class PowerOffRequested(_Change):
+    """A client switched the drive off."""
+
+    TEXT = "power off requested"
+
+
+@dataclass(frozen=True, slots=True)
+class PowerOnRequested(_Change):
+    """A client switched the drive on."""
+
+    TEXT = "power on requested"
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import anyio.lowlevel
-from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
+from fastapi import Query, Request
 
-from pnfarm.api.changes import ParameterWritten, PowerCycleRequested, who
-from pnfarm.api.schemas import ControllerView, Drive, FarmView, ParameterValue, ParameterWrite
+from pnfarm.api.changes import ParameterWritten, PowerCycleRequested, PowerOffRequested, PowerOnRequested, who
+from pnfarm.api.schemas import ControllerView, Drive, FarmView, ParameterList, ParameterValue, ParameterWrite
+from pnfarm.drives.model_parts import fault_label
 from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.profiles.profidrive.fault_buffer import fault_situations
 from pnfarm.farm.controller_view import controller_view
 from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot, injected_faults, line_snapshot
+from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.web.bodies import PREFIX, Json, body_of, checked, read_object
 
 if TYPE_CHECKING:
@@ -20,12 +23,15 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from pnfarm.api.context import ApiContext
+    from pnfarm.drives.parameter import Parameter
     from pnfarm.station.station import Station
 
 __all__ = ["add_drives"]
 
 #: Drives described before the event loop runs again: takes some milliseconds.
 DRIVES_AT_ONCE = 64
+#: Parameters in one answer.
+MOST_PARAMETERS = 500
 
 
 def add_drives(app: FastAPI, context: ApiContext) -> None:
@@ -59,7 +65,13 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
     async def get_drive(name: str) -> Json:
         station = context.station(name)
         log = context.core.log.entries(station.configured_name)
-        return Json({**context.view(station), "events": [entry.as_dict() for entry in log]})
+        return Json(
+            {
+                **context.view(station),
+                "fault_memory": _fault_memory(station),
+                "events": [entry.as_dict() for entry in log],
+            }
+        )
 
     @app.get(
         f"{PREFIX}/drives/{{name}}/controller",
@@ -69,6 +81,34 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
     )
     async def get_controller(name: str) -> Json:
         return Json(controller_view(context.core, context.station(name), context.now()))
+
+    @app.post(
+        f"{PREFIX}/drives/{{name}}/power-off",
+        tags=tags,
+        summary="Switch off; nothing happens to a drive that is off",
+        responses={200: {"model": Drive}},
+    )
+    async def power_off(name: str, request: Request) -> Json:
+        station = context.station(name)
+        context.core.log.record(context.now(), station.configured_name, PowerOffRequested(*who(request)))
+        if station.powered:
+            station.power_off(context.now())
+            context.changed(station)
+        return Json(context.view(station))
+
+    @app.post(
+        f"{PREFIX}/drives/{{name}}/power-on",
+        tags=tags,
+        summary="Switch on; nothing happens to a drive that is on",
+        responses={200: {"model": Drive}},
+    )
+    async def power_on(name: str, request: Request) -> Json:
+        station = context.station(name)
+        context.core.log.record(context.now(), station.configured_name, PowerOnRequested(*who(request)))
+        if not station.powered:
+            station.power_on(context.now())
+            context.changed(station)
+        return Json(context.view(station))
 
     @app.post(
         f"{PREFIX}/drives/{{name}}/power-cycle",
@@ -82,6 +122,28 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
         station.power_cycle(context.now())
         context.changed(station)
         return Json(context.view(station))
+
+    @app.get(
+        f"{PREFIX}/drives/{{name}}/params",
+        tags=tags,
+        summary="A drive's parameters: all, or those with a text in their number, name or unit",
+        responses={200: {"model": ParameterList}},
+    )
+    async def get_parameters(
+        name: str,
+        text: Annotated[str, Query(max_length=100, description="What the number, the name or the unit has.")] = "",
+        begin: Annotated[int, Query(alias="from", ge=0, description="Leave out so many of the first.")] = 0,
+        most: Annotated[int, Query(ge=1, le=MOST_PARAMETERS)] = 100,
+    ) -> Json:
+        station = context.station(name)
+        found = _matching(station, text)
+        return Json(
+            {
+                "drive": station.configured_name,
+                "count": len(found),
+                "parameters": [_described(station, parameter) for parameter in found[begin : begin + most]],
+            }
+        )
 
     @app.get(
         f"{PREFIX}/drives/{{name}}/params/{{pnu:path}}",
@@ -108,6 +170,59 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
         context.core.log.record(context.now(), station.configured_name, what)
         context.changed(station)
         return Json(_parameter(station, pnu))
+
+
+def _fault_memory(station: Station) -> list[list[dict[str, Any]]]:
+    """The buffer by situation, the newest first."""
+    known = station.model.faults
+    found = []
+    for situation in fault_situations(station.handle.axis):
+        numbers = [code & NUMBER_MASK for code in situation]
+        found.append(
+            [
+                {"number": number, "label": fault_label(number), "name": known[number].name if number in known else ""}
+                for number in numbers
+            ]
+        )
+    return found
+
+
+def _matching(station: Station, text: str) -> list[Parameter]:
+    wanted = text.casefold().strip()
+    numbering = station.model.numbering
+    return [
+        parameter
+        for parameter in station.model.parameters.values()
+        if any(
+            wanted in one.casefold()
+            for one in (*numbering.names(parameter.pnu), str(parameter.pnu), parameter.name, parameter.unit)
+        )
+    ]
+
+
+def _described(station: Station, parameter: Parameter) -> dict[str, Any]:
+    """For a list: with its value where the drive has its supply and shows one."""
+    try:
+        value = station.store.read(parameter.pnu, 0)[0] if station.powered else None
+    except ParameterError:
+        value = None
+    return {
+        "pnu": parameter.pnu,
+        "number": station.model.numbering.name(parameter.pnu) or str(parameter.pnu),
+        "name": parameter.name,
+        "value": value,
+        "elements": parameter.elements,
+        "unit": parameter.unit,
+        "factor": parameter.standardisation,
+        "minimum": parameter.minimum,
+        "maximum": parameter.maximum,
+        "default": parameter.default,
+        "writable": parameter.writable,
+        "after_power_on": parameter.after_power_on,
+        "source": parameter.source,
+        "note": parameter.note,
+        "changed": station.store.changed(parameter),
+    }
 
 
 def _powered(station: Station) -> Station:

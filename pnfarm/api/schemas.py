@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import BaseModel, Field
 
@@ -20,11 +20,15 @@ __all__ = [
     "Engine",
     "FarmView",
     "FieldError",
+    "Findings",
+    "Health",
     "LineView",
+    "ParameterList",
     "ParameterValue",
     "ParameterWrite",
     "Problem",
     "Reach",
+    "Reactions",
     "Ready",
     "Reset",
     "Version",
@@ -55,6 +59,12 @@ class Problem(BaseModel):
 
 class DriveFault(Schema):
     number: int = Field(description="The manual's number: 702 is F702.")
+    name: str
+
+
+class KeptFault(Schema):
+    number: int
+    label: str = Field(description="The number as the manual writes it.")
     name: str
 
 
@@ -139,6 +149,10 @@ class Drive(Schema):
         description="Realism settings with units in the names: noise, latency, boot time, drift."
     )
     faults_injected: list[str] = Field(description="Ids of the active injected faults.")
+    fault_memory: list[list[KeptFault]] = Field(
+        default_factory=list,
+        description="The fault buffer by situation, newest first; only for a single drive.",
+    )
     events: list[LogEntry] = Field(
         default_factory=list,
         description="Last events, oldest first; only for a single drive, not in a list of drives.",
@@ -278,6 +292,86 @@ class ParameterValue(Schema):
     unit: str
     writable: bool
     changed: bool = Field(description="Whether the value differs from the model's default.")
+
+
+class ListedParameter(Schema):
+    """A parameter in a list; numbers are raw, as on the wire."""
+
+    pnu: int
+    number: str = Field(description="As the maker writes it.")
+    name: str
+    value: int | None = Field(description="Of an array, the first element; null where none can be read.")
+    elements: int = Field(description="0 unless it is an array.")
+    unit: str
+    factor: float = Field(description="Times the raw number is the value in the unit.")
+    minimum: int
+    maximum: int
+    default: int
+    writable: bool
+    after_power_on: bool = Field(description="A write takes effect with the next power cycle.")
+    source: str = Field(description="Where the manual has it, or why it is assumed.")
+    note: str
+    changed: bool = Field(description="Whether the value differs from the model's default.")
+
+
+class ParameterList(Schema):
+    drive: str
+    count: int = Field(description="How many there are in all that match.")
+    parameters: list[ListedParameter]
+
+
+class LatenessBucket(Schema):
+    up_to_seconds: float | None = Field(description="Null: beyond all of them.")
+    count: int = Field(description="Ticks.")
+
+
+class Health(Schema):
+    """How late the farm itself is."""
+
+    engine: Engine
+    lateness: list[LatenessBucket] = Field(description="Of the engine's ticks, since the start.")
+    lateness_mean_seconds: float
+    last_seconds: float = Field(description="How far back the following look.")
+    engine_late_seconds: float = Field(description="Sum over late ticks.")
+    loop_late_seconds: float = Field(description="Longest delay of the event loop.")
+    stolen_seconds: float = Field(description="Time in which the engine's thread was ready and got no CPU.")
+
+
+class Finding(Schema):
+    """As `pnfarm doctor` has it."""
+
+    name: str
+    ok: bool | None = Field(description="Null: works, but not at its best, or unknown.")
+    detail: str
+    remedy: str
+
+
+class Findings(Schema):
+    findings: list[Finding]
+
+
+class ReactionStep(Schema):
+    what: Literal["injected", "fault", "control", "acknowledged", "lost", "start-up"]
+    text: str
+    seconds: float = Field(description="After the fault, or after the loss of the connection.")
+
+
+class Timeline(Schema):
+    """What a controller did about a fault, or about a lost connection."""
+
+    drive: str
+    what: Literal["fault", "connection"]
+    kind: str = Field(description="What was injected; none where nothing was.")
+    code: str = Field(description="The fault's number as the manual writes it; empty for a connection.")
+    name: str = Field(description="Of the fault, or of the controller.")
+    seconds_ago: float
+    reaction_seconds: float | None = Field(description="Until the enable was withdrawn, or a start-up began.")
+    recovered_seconds: float | None = Field(description="Until it was acknowledged, or data flowed again.")
+    steps: list[ReactionStep]
+
+
+class Reactions(Schema):
+    reactions: list[Timeline]
 
 
 class ClearedFault(Schema):

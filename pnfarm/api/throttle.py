@@ -25,7 +25,8 @@ MOST_STREAMS = 64
 PIECE = 65_536
 #: Time after which a refused client may retry.
 AGAIN_SECONDS = 1
-EVENTS = "/api/v1/events"
+#: Paths that stay open; their load is their own matter.
+STREAMS = frozenset({"/api/v1/events", "/api/v1/live"})
 
 
 class Throttle:
@@ -39,7 +40,7 @@ class Throttle:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
-        elif scope["path"] == EVENTS:
+        elif scope["path"] in STREAMS:
             if self._streams >= MOST_STREAMS:
                 await _refuse(scope, receive, send, f"{MOST_STREAMS} event streams are open, the most that a farm has")
                 return

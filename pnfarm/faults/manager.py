@@ -23,7 +23,7 @@ from pnfarm.faults.start import again, cycles_of, first_random, pause_of, seeded
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from pnfarm.faults.catalogue import Catalogue
     from pnfarm.faults.parts import InjectedDrive
@@ -476,6 +476,12 @@ class InjectionManager:
         return None if run.watch is not None else wait_until(spec, run, now)
 
     # last, because the name hides the type in the annotations after it
+    def of_kind(self, kind: str) -> Iterator[Injection]:
+        """Injections of one kind, also those that ended not long ago."""
+        for injection in (*self._ended, *self._injections.values()):
+            if injection.spec.kind.name == kind:
+                yield injection
+
     def list(self) -> list[Injection]:
         """Injections that wait or are in force, oldest first."""
         return list(self._injections.values())

@@ -126,15 +126,10 @@ class Trace:
         if triggered:
             samples = samples[since >= -self.request.pre_ns]
             since = since[since >= -self.request.pre_ns]
-        columns: list[Column] = []
-        for chosen in self.columns:
-            values = samples[:, 1 + chosen.probe]
-            if not chosen.signal.is_real:
-                values = values.astype(np.int64)
-                if chosen.signal.bit is not None:
-                    values = values >> chosen.signal.bit & 1
-            name, unit, form = chosen.signal.name, chosen.signal.unit, chosen.signal.form
-            columns.append(Column(chosen.drive, name, unit, form, values))
+        columns = [
+            Column(chosen.drive, chosen.signal.name, chosen.signal.unit, chosen.signal.form, _values(chosen, samples))
+            for chosen in self.columns
+        ]
         return Recording(
             id=self.id,
             state=_STATES[state],
@@ -147,18 +142,36 @@ class Trace:
             columns=tuple(columns),
         )
 
-    def _samples(self) -> Any:
-        """A copy of the samples in the ring, oldest first.  The engine may write meanwhile."""
+    def since(self, count: int) -> tuple[int, Any, dict[str, Any]]:
+        """For a viewer that has seen the first ``count`` samples: how many there are, and the times and values of more.
+
+        Times are ns after the trace began, values by signal of its first drive.  What the ring has lost is left out.
+        """
+        head = int(self._table.head)
+        samples = self._samples(count)
+        return head, samples[:, 0], {chosen.signal.name: _values(chosen, samples) for chosen in self.columns}
+
+    def _samples(self, first: int = 0) -> Any:
+        """A copy of the samples in the ring from the ``first`` on, oldest first.  The engine may write meanwhile."""
         row = self._table
         width, capacity = int(row.probes) + 1, int(row.capacity)
         ring = self.manager.columns.trace_ring
         part = ring[self.ring_start : self.ring_start + capacity * width].reshape(capacity, width)
         head = int(row.head)
-        places = np.arange(max(0, head - capacity), head)
+        places = np.arange(max(0, first, head - capacity), head)
         copied = part[places % capacity]
         # the engine has begun to overwrite the oldest ones if it went on
         overwritten = max(0, int(row.head) + 1 - capacity) if int(row.state) != codes.ENDED else 0
         return copied[places >= overwritten]
+
+
+def _values(chosen: _Chosen, samples: Any) -> Any:
+    """A column of the samples."""
+    values = samples[:, 1 + chosen.probe]
+    if chosen.signal.is_real:
+        return values
+    values = values.astype(np.int64)
+    return values if chosen.signal.bit is None else values >> chosen.signal.bit & 1
 
 
 class TraceManager:

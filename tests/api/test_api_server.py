@@ -164,7 +164,7 @@ def test_page_streams_and_faults_work_on_a_guarded_farm():
         async with served(world) as base, httpx.AsyncClient(base_url=base, follow_redirects=True) as client:
             assert (await client.get("/api/v1/drives")).status_code == 401
             page = await client.get("/", params={"token": TOKEN})
-            assert "<script>" in page.text
+            assert '<div id="app">' in page.text
             # the cookie goes with everything that the page asks for
             fault = await client.post("/api/v1/faults", json={"kind": "f702", "on": "axis-01"})
             assert fault.status_code == 201

@@ -28,6 +28,8 @@ class Browser:
         self._number = 0
         self._rest = b""
         self._session = ""
+        #: What went wrong in the page: errors of its code and console, and what its policy or the network refused.
+        self.problems: list[str] = []
 
     def __enter__(self) -> Self:
         read_there, self._out = os.pipe()
@@ -43,7 +45,7 @@ class Browser:
         os.close(write_there)
         target = self._call("Target.createTarget", url="about:blank")["targetId"]
         self._session = self._call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-        for domain in ("Page", "Runtime"):
+        for domain in ("Page", "Runtime", "Log"):
             self._call(f"{domain}.enable")
         width, height = self._size
         self._call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
@@ -75,9 +77,34 @@ class Browser:
                 self._rest += chunk
             text, _, self._rest = self._rest.partition(b"\0")
             answer = json.loads(text)
+            self._note(answer)
             if answer.get("id") == self._number:
                 assert "error" not in answer, answer
                 return answer["result"]
+
+    def _note(self, message: dict) -> None:
+        found = message.get("params", {})
+        match message.get("method"):
+            case "Runtime.exceptionThrown":
+                details = found["exceptionDetails"]
+                self.problems.append(details.get("exception", {}).get("description") or details["text"])
+            case "Runtime.consoleAPICalled" if found["type"] in {"error", "warning", "assert"}:
+                self.problems.append(" ".join(str(one.get("value", one.get("description"))) for one in found["args"]))
+            case "Log.entryAdded" if found["entry"]["level"] in {"error", "warning"}:
+                self.problems.append(f"{found['entry']['text']} {found['entry'].get('url', '')}")
+
+    def resize(self, width: int, height: int) -> None:
+        self._call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+
+    def scheme(self, wanted: str) -> None:
+        """``light`` or ``dark``, as a person's desktop asks for it."""
+        features = [{"name": "prefers-color-scheme", "value": wanted}]
+        self._call("Emulation.setEmulatedMedia", features=features)
+
+    def key(self, text: str) -> None:
+        """A key is pressed and released."""
+        for kind in ("keyDown", "keyUp"):
+            self._call("Input.dispatchKeyEvent", type=kind, key=text, **({"text": text} if kind == "keyDown" else {}))
 
     def open(self, url: str) -> None:
         self._call("Page.navigate", url=url)

@@ -1,0 +1,126 @@
+// The farm as the live stream tells it: one stream for the page, of all drives and of the one that is looked at.
+
+export const HISTORY = 60;
+const MOST_LOG = 500;
+const listeners = new Set();
+let source = null;
+let chosen = null;
+let pending = false;
+
+export const farm = {
+  connected: false, error: "", name: "pnfarm", link: "", writes: true, lines: {}, faults: {}, seconds: 0,
+  drives: [], byName: new Map(), engine: null, log: [], lost: 0, drive: null, signals: null, signalsFull: false,
+};
+
+function blank(place) {
+  return {
+    place, name: "", model: "", bus: "", state: 0, velocity: 0, setpoint: 0, current: 0, zsw1: 0, stw1: 0, fault: 0, warning: 0,
+    injected: [], neighbours: [], history: new Float32Array(HISTORY).fill(NaN), head: 0, known: false,
+  };
+}
+
+function tell() {
+  if (pending) return;
+  pending = true;
+  requestAnimationFrame(() => {
+    pending = false;
+    for (const listener of listeners) listener();
+  });
+}
+
+/** Call `listener` when something changed, at most once for each frame of the screen; returns how to end it. */
+export function subscribe(listener) {
+  listeners.add(listener);
+  return () => listeners.delete(listener);
+}
+
+const SCALES = {velocity: 0.1, setpoint: 0.1, current: 0.01};
+
+function takeOverview(message) {
+  farm.seconds = message.seconds;
+  for (const [place, row] of Object.entries(message.rows || {})) {
+    const drive = farm.drives[place];
+    Object.assign(drive, row, {known: true});
+    farm.byName.set(row.name, drive);
+  }
+  for (const [name, [places, values]] of Object.entries(message.values || {})) {
+    const scale = SCALES[name] || 1;
+    places.forEach((place, i) => { farm.drives[place][name] = values[i] * scale; });
+  }
+  for (const drive of farm.drives) {
+    drive.history[drive.head] = drive.velocity;
+    drive.head = (drive.head + 1) % HISTORY;
+  }
+  if (message.engine) farm.engine = message.engine;
+}
+
+function takeFarm(message) {
+  Object.assign(farm, {
+    connected: true, error: "", name: message.farm, link: message.link, writes: message.writes, lines: message.lines, faults: message.faults,
+    drives: Array.from({length: message.drives}, (_, place) => blank(place)), byName: new Map(),
+  });
+  document.title = `${message.farm} · pnfarm`;
+}
+
+function takeLog(message) {
+  farm.lost += message.lost || 0;
+  farm.log = [...farm.log, ...message.entries].slice(-MOST_LOG);
+}
+
+const KEPT_SECONDS = 30;
+
+/** Samples of the drive that is looked at: joined with those before, the last seconds are kept. */
+function takeSignals(message) {
+  farm.signalsFull = message === null;
+  if (message === null) return;
+  let known = farm.signals;
+  if (!known || known.id !== message.id) known = {id: message.id, seconds: [], values: {}};
+  const seconds = known.seconds.concat(message.seconds);
+  const first = Math.max(0, seconds.findIndex(one => one >= seconds[seconds.length - 1] - KEPT_SECONDS));
+  const values = {};
+  for (const [name, more] of Object.entries(message.signals)) {
+    values[name] = (known.values[name] || []).concat(more).slice(first);
+  }
+  farm.signals = {id: known.id, seconds: seconds.slice(first), values};
+}
+
+function open() {
+  if (source) source.close();
+  farm.drive = null;
+  farm.signals = null;
+  const query = chosen === null ? "" : `?drive=${encodeURIComponent(chosen)}`;
+  const stream = source = new EventSource(`/api/v1/live${query}`);
+  const on = (event, take) => stream.addEventListener(event, message => {
+    if (stream !== source) return;
+    take(JSON.parse(message.data));
+    tell();
+  });
+  on("farm", takeFarm);
+  on("overview", takeOverview);
+  on("log", takeLog);
+  on("drive", drive => { farm.drive = drive; });
+  on("signals", takeSignals);
+  stream.onerror = () => {
+    if (stream !== source) return;
+    farm.connected = false;
+    farm.error = "no connection to the farm; trying again";
+    // a refused stream is not tried again by the browser
+    if (stream.readyState === EventSource.CLOSED) setTimeout(() => { if (stream === source) open(); }, 2000);
+    tell();
+  };
+}
+
+/** Look at a drive in detail, or at none. */
+export function look(name) {
+  if (source && name === chosen) return;
+  chosen = name;
+  open();
+}
+
+/** The names of a drive's fault: [number as the manual writes it, name]. */
+export function faultOf(drive) {
+  const number = drive.fault || drive.warning;
+  if (!number) return null;
+  const [label, name] = (farm.faults[drive.model] || {})[number] || [String(number), ""];
+  return {label, name, warning: !drive.fault};
+}

@@ -1,0 +1,64 @@
+// The page: views by their address behind #, one live stream.
+import {html, render, useEffect, useState} from "./lib/html.js";
+import {look} from "./lib/live.js";
+import {Toasts, useFarm} from "./lib/ui.js";
+import {plural} from "./lib/words.js";
+import {Drive} from "./views/drive.js";
+import {Faults} from "./views/faults.js";
+import {Health} from "./views/health.js";
+import {Overview} from "./views/overview.js";
+import {Reactions} from "./views/reactions.js";
+import {Scenarios} from "./views/scenarios.js";
+import {Topology} from "./views/topology.js";
+
+const VIEWS = [["", "Overview"], ["faults", "Faults"], ["reactions", "PLC reaction"], ["topology", "Topology"], ["scenarios", "Scenarios"], ["health", "Health"]];
+
+function readPlace() {
+  const [where, query] = location.hash.replace(/^#\/?/, "").split("?");
+  const parts = where.split("/").map(part => { try { return decodeURIComponent(part); } catch { return part; } });
+  return {parts, query: new URLSearchParams(query || "")};
+}
+
+function View({parts, query}) {
+  switch (parts[0]) {
+    case "drive": return html`<${Drive} name=${parts[1]} tab=${parts[2] || "live"}/>`;
+    case "faults": return html`<${Faults} on=${query.get("on") || ""}/>`;
+    case "reactions": return html`<${Reactions}/>`;
+    case "topology": return html`<${Topology}/>`;
+    case "scenarios": return html`<${Scenarios} id=${parts[1] || ""}/>`;
+    case "health": return html`<${Health}/>`;
+    default: return html`<${Overview}/>`;
+  }
+}
+
+function App() {
+  const [place, setPlace] = useState(readPlace());
+  const farm = useFarm();
+  useEffect(() => {
+    const moved = () => { setPlace(readPlace()); window.scrollTo(0, 0); };
+    const key = event => {
+      if (event.target.closest("input, select, textarea") || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.key === "/") { const field = document.querySelector("input[type=search]"); if (field) { event.preventDefault(); field.focus(); } }
+      const number = Number(event.key);
+      if (number >= 1 && number <= VIEWS.length) location.hash = "#/" + VIEWS[number - 1][0];
+    };
+    addEventListener("hashchange", moved);
+    addEventListener("keydown", key);
+    return () => { removeEventListener("hashchange", moved); removeEventListener("keydown", key); };
+  }, []);
+  const drive = place.parts[0] === "drive" ? place.parts[1] : null;
+  useEffect(() => look(drive), [drive]);
+  const chosen = place.parts[0] === "drive" ? "" : place.parts[0];
+  return html`
+    <header><a class="skip" href="#main" onClick=${event => { event.preventDefault(); document.getElementById("main").focus(); }}>Skip to the content</a>
+      <h1>${farm.name}</h1>
+      <nav aria-label="Views">${VIEWS.map(([id, text], i) => html`<a key=${id} href=${"#/" + id} aria-current=${id === chosen ? "page" : null} title=${`key ${i + 1}`}>${text}</a>`)}</nav>
+      <span class="gap"></span>
+      ${farm.writes ? null : html`<span class="warn">read only</span>`}
+      ${farm.engine ? html`<span class=${farm.engine.overruns ? "warn" : "dim"}>${plural(farm.engine.overruns, "overrun")}</span>` : null}
+      <span class=${farm.connected ? "good" : "bad"} role="status">${farm.connected ? "live" : farm.error || "connecting"}</span></header>
+    <main id="main" tabindex="-1" data-place=${place.parts.join("/")}><${View} ...${place}/></main>
+    <${Toasts}/>`;
+}
+
+render(html`<${App}/>`, document.getElementById("app"));

@@ -1,0 +1,227 @@
+// One drive: its motor live, its words as a logic analyser, trace, parameters, faults, connection, modules.
+import {call, get, path} from "../lib/api.js";
+import {Histogram, LogicRows, Plot} from "../lib/charts.js";
+import {html, useEffect, useMemo, useState} from "../lib/html.js";
+import {Act, FaultText, Problem, State, Tabs, act, inject, say, useFarm, useLoaded} from "../lib/ui.js";
+import {clock, number, plural, time} from "../lib/words.js";
+import {Trace} from "./trace.js";
+
+const TABS = [["live", "Live"], ["trace", "Trace"], ["parameters", "Parameters"], ["events", "Faults and events"], ["connection", "Connection"], ["modules", "Modules"]];
+const PLOTS = [
+  [["setpoint", "rpm"], ["velocity", "rpm"]],
+  [["position", "rev"]],
+  [["following_error", "rev"]],
+  [["current", "A"], ["torque", "Nm"]],
+];
+const WORDS = {stw1: "STW1, control word 1", zsw1: "ZSW1, status word 1", control: "Control byte", status_1: "Status byte 1", status_2: "Status byte 2"};
+const SECONDS = [5, 10, 30];
+
+/** Names of the bits of each word, from the drive's list of signals. */
+function bitsOf(signals) {
+  const found = {};
+  for (const {signal} of signals) {
+    const [word, bit] = signal.split(".");
+    if (bit !== undefined && word in WORDS) (found[word] ||= []).push({bit: found[word] ? found[word].length : 0, name: bit});
+  }
+  return found;
+}
+
+function Live({farm, name}) {
+  const [seconds, setSeconds] = useState(10);
+  const [paused, setPaused] = useState(null);
+  const [list, error] = useLoaded(() => get("traces/signals/" + path(name)), [name]);
+  const bits = useMemo(() => list ? bitsOf(list.signals) : {}, [list]);
+  const signals = paused || farm.signals;
+  if (error) return html`<${Problem} text=${error}/>`;
+  if (farm.signalsFull) return html`<p class="warn">The farm has no room for a live picture of one more drive: others are looked at, or traces fill its memory.</p>`;
+  if (!signals || !signals.seconds.length) return html`<p class="dim">Waiting for the first samples…</p>`;
+  // times are before now
+  const last = signals.seconds[signals.seconds.length - 1], range = [-seconds, 0];
+  const times = signals.seconds.map(at => at - last);
+  return html`<div>
+    <div class="bar">
+      <div role="group" aria-label="Time shown">${SECONDS.map(one => html`<button key=${one} type="button" aria-pressed=${one === seconds} onClick=${() => setSeconds(one)}>${one} s</button>`)}</div>
+      <button type="button" aria-pressed=${paused !== null} onClick=${() => setPaused(paused ? null : {...farm.signals})}>${paused ? "Go on" : "Pause"}</button>
+      <span class="dim">100 samples a second, each of the engine's own step. Drag to zoom, double-click to go back.</span>
+    </div>
+    ${PLOTS.map(plot => {
+      const present = plot.filter(([signal]) => signal in signals.values);
+      if (!present.length) return null;
+      return html`<${Plot} key=${present.map(([signal]) => signal).join()} height=${130} cursor="live" range=${range}
+        label=${`${present.map(([signal]) => signal).join(" and ")} of the last ${seconds} s`}
+        series=${present.map(([signal, unit]) => ({label: signal, unit}))} data=${[times, ...present.map(([signal]) => signals.values[signal])]}/>`;
+    })}
+    ${Object.keys(WORDS).filter(word => word in signals.values && bits[word]).map(word => html`<div key=${word}>
+      <h3>${WORDS[word]}</h3>
+      <${LogicRows} times=${times} values=${signals.values[word]} bits=${bits[word]} range=${range} label=${`bits of ${word} over the last ${seconds} s`}/></div>`)}
+  </div>`;
+}
+
+function Parameters({name, farm}) {
+  const [text, setText] = useState("");
+  const [asked, setAsked] = useState("");
+  const [begin, setBegin] = useState(0);
+  const [edited, setEdited] = useState(null);
+  const most = 100;
+  useEffect(() => {
+    const timer = setTimeout(() => { setAsked(text); setBegin(0); }, 250);
+    return () => clearTimeout(timer);
+  }, [text]);
+  const [list, error, again] = useLoaded(() => get(`${path("drives", name, "params")}?text=${encodeURIComponent(asked)}&from=${begin}&most=${most}`), [name, asked, begin], 2);
+  const write = async event => {
+    event.preventDefault();
+    const {pnu} = edited, {value} = event.target.elements[0];
+    const wanted = Number(value);
+    if (!/^\s*[+-]?(0x[0-9a-f]+|\d+)\s*$/i.test(value) || !Number.isSafeInteger(wanted)) return say(`${value || "an empty field"} is not a whole number, decimal or 0x`, "bad");
+    if (await act(() => call("PUT", path("drives", name, "params", String(pnu)), {value: wanted}), found => `${found.name || found.pnu} = ${found.value}`)) {
+      setEdited(null);
+      again();
+    }
+  };
+  return html`<div>
+    <div class="bar"><input type="search" placeholder="number, name or unit" aria-label="Find a parameter by number, name or unit" value=${text} onInput=${event => setText(event.target.value)}/>
+      ${list ? html`<span class="dim" role="status">${plural(list.count, "parameter")}</span>` : null}
+      <span class="gap"></span>
+      ${list && list.count > most ? html`<button type="button" disabled=${!begin} onClick=${() => setBegin(Math.max(0, begin - most))}>Back</button>
+        <span>${begin + 1} to ${Math.min(list.count, begin + most)}</span>
+        <button type="button" disabled=${begin + most >= list.count} onClick=${() => setBegin(begin + most)}>On</button>` : null}</div>
+    <${Problem} text=${error}/>
+    <div class="scroll" tabindex="0" role="region" aria-label="Parameters"><table><thead><tr><th scope="col">Number</th><th scope="col">Name</th><th scope="col" class="number">Raw value</th><th scope="col">Physical</th><th scope="col" class="number">Least</th><th scope="col" class="number">Most</th><th scope="col" class="number">Default</th><th scope="col">Source and note</th></tr></thead>
+      <tbody>${list ? list.parameters.map(one => html`<tr key=${one.pnu}>
+        <th scope="row">${one.number}${one.number === String(one.pnu) ? "" : html` <span class="dim">${one.pnu}</span>`}</th><td>${one.name}${one.elements ? html` <span class="dim">[${one.elements}]</span>` : null}</td>
+        <td class="number">${edited && edited.pnu === one.pnu
+          ? html`<form onSubmit=${write} class="edit"><input aria-label=${"new value of " + one.name} value=${edited.value} ref=${element => element && !edited.focused && (edited.focused = true, element.focus(), element.select())}
+              onInput=${event => setEdited({...edited, value: event.target.value})} onKeyDown=${event => event.key === "Escape" && setEdited(null)}/>
+              <button type="submit">Write</button> <button type="button" onClick=${() => setEdited(null)}>Leave</button></form>`
+          : one.writable && !one.elements
+            ? html`<button type="button" class="value" disabled=${!farm.writes} aria-label=${`change ${one.name}, now ${one.value ?? "not readable"}`} onClick=${() => setEdited({pnu: one.pnu, value: String(one.value ?? "")})}>${one.value ?? "write…"}</button>`
+            : one.value ?? "–"}</td>
+        <td class=${one.changed ? "warn" : ""} title=${one.changed ? "differs from the default" : ""}>${one.value === null || !one.unit ? "" : `${+(one.value * one.factor).toPrecision(7)} ${one.unit}`}</td>
+        <td class="number dim">${one.minimum}</td><td class="number dim">${one.maximum}</td><td class="number dim">${one.default}</td>
+        <td class="text small dim">${[one.source, one.note, one.after_power_on ? "takes effect at the next power-on" : ""].filter(Boolean).join("; ")}</td></tr>`) : null}</tbody></table></div>
+  </div>`;
+}
+
+const HIDDEN = new Set(["sequence", "time", "farm_seconds", "drive", "event"]);
+
+export function Entry({entry, drive = true}) {
+  const details = Object.entries(entry).filter(([key, value]) => !HIDDEN.has(key) && value !== null && value !== "");
+  return html`<tr><td class="dim">${clock(entry.time)}</td><td class="number dim">${entry.farm_seconds.toFixed(3)}</td>
+    ${drive ? html`<td>${entry.drive ? html`<a href=${"#/drive/" + encodeURIComponent(entry.drive)}>${entry.drive}</a>` : ""}</td>` : null}
+    <td>${entry.event}</td><td class="text small dim">${details.map(([key, value]) => `${key} ${typeof value === "object" ? JSON.stringify(value) : value}`).join(", ")}</td></tr>`;
+}
+
+function Events({name, farm}) {
+  const newest = farm.log.length ? farm.log[farm.log.length - 1].sequence : 0;
+  const [found, error] = useLoaded(() => get(path("drives", name)), [name, Math.floor(newest / 4)], 3);
+  if (!found) return html`<${Problem} text=${error}/>`;
+  const counts = Object.entries(found.fault_counts);
+  return html`<div>
+    <h3>Fault buffer</h3>
+    ${found.fault_memory.some(one => one.length) ? html`<table><thead><tr><th scope="col">Situation</th><th scope="col">Faults</th></tr></thead><tbody>${found.fault_memory.map((situation, place) => situation.length ? html`<tr key=${place}>
+      <td>${place === 0 ? "active" : place}</td><td>${situation.map(fault => html`<span class=${found.faults.some(one => one.number === fault.number) && place === 0 ? "bad" : ""}>${fault.label} ${fault.name} </span>`)}</td></tr>` : null)}</tbody></table>` : html`<p class="dim">The fault buffer is empty.</p>`}
+    ${counts.length ? html`<p>Since the farm started: ${counts.map(([code, count]) => `${code} ${count === 1 ? "once" : count + " times"}`).join(", ")}.</p>` : null}
+    <h3>Events</h3>
+    <div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th><th scope="col">Event</th><th scope="col">Details</th></tr></thead>
+      <tbody>${[...found.events].reverse().map(entry => html`<${Entry} key=${entry.sequence} entry=${entry} drive=${false}/>`)}</tbody></table></div>
+  </div>`;
+}
+
+function Facts({pairs}) {
+  return html`<dl class="facts">${pairs.filter(([, value]) => value !== undefined && value !== null && value !== "").map(([key, value]) => html`<div key=${key}><dt>${key}</dt><dd>${value}</dd></div>`)}</dl>`;
+}
+
+const joined = counts => Object.entries(counts).filter(([, count]) => count).map(([key, count]) => `${key} ${count}`).join(", ") || "none";
+
+function Connection({name, drive}) {
+  const [seen, error] = useLoaded(() => get(path("drives", name, "controller")), [name], 1);
+  return html`<div>
+    <${Problem} text=${error}/>
+    ${drive ? html`<${Facts} pairs=${[
+      ["State", drive.ar_state], ["Controller", drive.controller ? [drive.controller.name, drive.controller.ip, drive.controller.mac].filter(Boolean).join(", ") : "none"],
+      ["Cycle", time(drive.cycle_seconds)], ["Watchdog", time(drive.watchdog_seconds)], ["Connected for", time(drive.connected_seconds)], ["Telegram", drive.telegram || null],
+      ["Station name", drive.station_name], ["IP address", drive.ip], ["Gateway", drive.gateway], ["Station address", drive.station_address], ["MAC address", drive.mac],
+      ["Address conflict", drive.ip_conflict && html`<span class="bad">${drive.ip_conflict}</span>`],
+      ["Frames sent", drive.frames_sent], ["Frames received", drive.frames_received], ["Suppressed by faults", drive.frames_suppressed || null], ["Discarded", joined(drive.frames_discarded)],
+      ["Connects", drive.connects], ["Lost connections", joined(drive.aborts)], ["of them by the farm's lateness", drive.aborts_by_farm || null],
+      ["Watchdog expirations", drive.watchdog_expirations],
+      ["Neighbours", drive.neighbours.map(one => `${one.station} ${one.port_id}`).join(", ") || "none heard"],
+      ...Object.entries(drive.details).map(([key, value]) => [key.replaceAll("_", " "), typeof value === "object" && value !== null ? JSON.stringify(value) : String(value ?? "")]),
+    ]}/>` : null}
+    ${seen ? html`<${Facts} pairs=${[["Late frames, the controller's", seen.late_frames.controller], ["Late frames, the farm's", seen.late_frames.farm], ["Missed updates", seen.missed_updates],
+        ["Attempts", seen.attempts], ["Refused", seen.refused], ["Sign-of-life errors", seen.sign_of_life ? seen.sign_of_life.errors : null]]}/>
+      <div class="columns">
+        <div><h3>Interval between the controller's frames</h3>${seen.intervals.buckets.length ? html`<p>mean ${time(seen.intervals.mean_seconds)}</p><${Histogram} buckets=${seen.intervals.buckets} text=${time} label="Intervals"/>` : html`<p class="dim">no frame yet</p>`}</div>
+        <div><h3>Deviation from the cycle</h3>${seen.jitter.buckets.length ? html`<p>mean ${time(seen.jitter.mean_seconds)}</p><${Histogram} buckets=${seen.jitter.buckets} text=${time} label="Deviations"/>` : html`<p class="dim">this bus has no agreed cycle, or no frame came yet</p>`}</div>
+      </div>
+      <h3>Start-ups</h3>
+      <table><thead><tr><th scope="col">Controller</th><th scope="col" class="number">Attempts</th><th scope="col">Complete</th><th scope="col" class="number">After the loss</th><th scope="col">Phases</th></tr></thead>
+        <tbody>${[...seen.start_ups].reverse().map((one, place) => html`<tr key=${place}><td>${one.controller || "–"}</td><td class="number">${one.attempts}</td><td>${one.complete ? "yes" : "no"}</td>
+          <td class="number">${time(one.after_loss_seconds)}</td><td class="text">${Object.entries(one.phases).map(([phase, took]) => `${phase} ${time(took)}`).join(", ")}</td></tr>`)}</tbody></table>` : null}
+  </div>`;
+}
+
+function Modules({name, bus}) {
+  const [list, error, again] = useLoaded(() => bus === "profinet" ? get(path("drives", name, "modules")) : Promise.resolve(null), [name, bus], 2);
+  const [telegram, setTelegram] = useState({});
+  if (bus && bus !== "profinet") return html`<p class="dim">A drive on ${bus} has no modules that could be pulled.</p>`;
+  const where = slot => path("drives", name, "modules", String(slot));
+  return html`<div><${Problem} text=${error}/>
+    ${list ? html`<table><thead><tr><th scope="col">Slot</th><th scope="col">Module</th><th scope="col">Telegram</th><th scope="col">Submodules: subslot, ident, octets in and out, owner</th><td></td></tr></thead>
+      <tbody>${list.modules.map(one => html`<tr key=${one.slot}><th scope="row">${one.slot}</th><td>${one.module_ident || html`<span class="warn">empty</span>`}${one.substitute ? html` <span class="warn">substitute</span>` : null}</td><td>${one.telegram ?? ""}</td>
+        <td class="text small">${one.submodules.map(sub => html`<div>${sub.subslot} ${sub.submodule_ident} ${sub.input_bytes}/${sub.output_bytes} ${sub.owner || ""}${sub.awaits_parameters ? " awaits parameters" : ""}</div>`)}</td>
+        <td>${one.slot === 0 ? null : one.module_ident
+          ? html`<${Act} title="pull this module" label=${`Pull the module in slot ${one.slot}`} onClick=${async () => { await act(() => call("DELETE", where(one.slot)), `slot ${one.slot} pulled`); again(); }}>Pull<//>`
+          : html`<span class="nowrap"><${Act} title="plug what was pulled" label=${`Plug the module of slot ${one.slot}`} onClick=${async () => { await act(() => call("PUT", where(one.slot), {}), `slot ${one.slot} plugged`); again(); }}>Plug<//>
+            <input size="5" placeholder="telegram" aria-label=${`telegram for slot ${one.slot}`} value=${telegram[one.slot] || ""} onInput=${event => setTelegram({...telegram, [one.slot]: event.target.value})}/>
+            <${Act} title="plug the module of this telegram" label=${`Plug the telegram's module in slot ${one.slot}`} disabled=${!/^\d+$/.test(telegram[one.slot] || "")} onClick=${async () => { await act(() => call("PUT", where(one.slot), {telegram: Number(telegram[one.slot])}), `slot ${one.slot} plugged`); again(); }}>Plug telegram<//></span>`}</td></tr>`)}</tbody></table>` : null}
+  </div>`;
+}
+
+function Lamps({lamps}) {
+  return Object.entries(lamps || {}).map(([lamp, shows]) => {
+    const [colour] = /green|red|yellow|orange/.exec(`${shows} ${lamp}`) || [""];
+    return html`<span key=${lamp} class=${`lamp ${/^off|^dark/.test(shows) ? "" : colour}`} title=${`lamp ${lamp}: ${shows}`}><i aria-hidden="true"></i>${lamp} ${shows}</span>`;
+  });
+}
+
+export function Drive({name, tab}) {
+  const farm = useFarm();
+  const row = farm.byName.get(name), drive = farm.drive && farm.drive.name === name ? farm.drive : null;
+  if (!row) return html`<p class="dim">${farm.drives.some(one => !one.known) || !farm.drives.length ? "Loading…" : `There is no drive ${name}.`}</p>`;
+  const on = {on: name};
+  const power = action => act(() => call("POST", path("drives", name, action)), `${name}: ${action}`);
+  const others = farm.drives.filter(one => one.known);
+  const place = others.indexOf(row);
+  const link = (to, which = tab) => `#/drive/${encodeURIComponent(to)}/${which}`;
+  return html`<section aria-label=${"Drive " + name}>
+    <div class="bar">
+      <h2>${name}</h2><${State} drive=${row}/><span class="dim">${row.model}</span><${FaultText} drive=${row}/>
+      <${Lamps} lamps=${drive && drive.lamps}/>
+      <span class="gap"></span>
+      ${place > 0 ? html`<a class="button" href=${link(others[place - 1].name)} title=${others[place - 1].name}>‹ previous</a>` : null}
+      ${place < others.length - 1 ? html`<a class="button" href=${link(others[place + 1].name)} title=${others[place + 1].name}>next ›</a>` : null}
+    </div>
+    <div class="bar">
+      <span>${number(row.velocity)} rpm of ${number(row.setpoint)}</span>
+      <span class=${row.connected ? "good" : "dim"}>${row.ar_state}${row.controller ? ` with ${row.controller}, ${time(row.cycle_seconds)}` : ""}</span>
+      ${drive ? html`<span class="dim">${drive.status.join(", ").replaceAll("_", " ")}</span>` : null}
+      ${row.injected.map(id => html`<span key=${id} class="warn">${id} <${Act} title="end this fault" label=${"Clear " + id} onClick=${() => act(() => call("DELETE", path("faults", id)), `${id} cleared`)}>clear<//></span>`)}
+      <span class="gap"></span>
+      <${Act} kind="hot" title="fall silent until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
+      <${Act} kind="hot" title="raise fault 702" onClick=${() => inject({kind: "f702", ...on})}>f702<//>
+      <${Act} kind="hot" title="the sign of life stands still for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
+      <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => inject({kind: "link-down", for: "2s", ...on})}>cable 2 s<//>
+      <a class="button" href=${"#/faults?on=" + encodeURIComponent(name)}>other fault…</a>
+      <${Act} title="cut the supply" onClick=${() => power("power-off")} disabled=${row.state === -1}>Power off<//>
+      <${Act} title="switch the supply on" onClick=${() => power("power-on")} disabled=${row.state !== -1}>Power on<//>
+    </div>
+    <${Tabs} label="Views of the drive" tabs=${TABS.filter(([id]) => id !== "modules" || row.bus === "profinet")} chosen=${tab} link=${which => link(name, which)}/>
+    ${tab === "live" ? html`<${Live} farm=${farm} name=${name} key=${name}/>`
+      : tab === "trace" ? html`<${Trace} name=${name} key=${name}/>`
+      : tab === "parameters" ? html`<${Parameters} name=${name} key=${name} farm=${farm}/>`
+      : tab === "events" ? html`<${Events} name=${name} key=${name} farm=${farm}/>`
+      : tab === "connection" ? html`<${Connection} name=${name} key=${name} drive=${drive}/>`
+      : html`<${Modules} name=${name} key=${name} bus=${row.bus}/>`}
+  </section>`;
+}

@@ -1,0 +1,34 @@
+// How the farm itself does: the engine's lateness, the event loop, the machine; and the newest events.
+import {get} from "../lib/api.js";
+import {Histogram} from "../lib/charts.js";
+import {html} from "../lib/html.js";
+import {Problem, useFarm, useLoaded} from "../lib/ui.js";
+import {time} from "../lib/words.js";
+import {Entry} from "./drive.js";
+
+const MARKS = new Map([[true, ["good", "ok"]], [false, ["bad", "missing"]], [null, ["warn", "note"]]]);
+
+export function Health() {
+  const farm = useFarm();
+  const [health, error] = useLoaded(() => get("health"), [], 2);
+  const [doctor, problem] = useLoaded(() => get("doctor"), []);
+  const engine = health && health.engine;
+  return html`<section aria-label="Health">
+    <${Problem} text=${error}/>
+    ${health ? html`<dl class="facts">
+      <div><dt>Engine late, last ${health.last_seconds} s</dt><dd>${time(health.engine_late_seconds)}</dd></div>
+      <div><dt>Event loop late, last ${health.last_seconds} s</dt><dd>${time(health.loop_late_seconds)}</dd></div>
+      <div><dt>Stolen, last ${health.last_seconds} s</dt><dd>${time(health.stolen_seconds)}</dd></div>
+      <div><dt>Ticks</dt><dd>${engine.cycles}</dd></div><div><dt>Overruns</dt><dd class=${engine.overruns ? "warn" : ""}>${engine.overruns}</dd></div>
+      <div><dt>Latest tick ever</dt><dd>${time(engine.lateness_max_seconds)}</dd></div>
+      <div><dt>Frames sent</dt><dd>${engine.frames_sent}</dd></div><div><dt>Frames received</dt><dd>${engine.frames_received}</dd></div>
+      <div><dt>Unknown, malformed</dt><dd>${engine.frames_unknown}, ${engine.frames_malformed}</dd></div><div><dt>Send errors</dt><dd class=${engine.send_errors ? "bad" : ""}>${engine.send_errors}</dd></div>
+      <div><dt>Events lost</dt><dd class=${engine.events_lost ? "bad" : ""}>${engine.events_lost}</dd></div></dl>
+      <div class="columns"><div><h2>How late ticks began</h2><p>mean ${time(health.lateness_mean_seconds)}</p><${Histogram} buckets=${health.lateness} text=${time} label="Lateness of the engine's ticks"/></div>
+      <div><h2>This machine</h2><${Problem} text=${problem}/>${doctor ? html`<table><tbody>${doctor.findings.map(one => html`<tr key=${one.name}><th scope="row">${one.name}</th><td class=${MARKS.get(one.ok)[0]}>${MARKS.get(one.ok)[1]}</td><td class="text">${one.detail}${one.remedy ? html`<div class="dim small">${one.remedy}</div>` : null}</td></tr>`)}</tbody></table>` : html`<p class="dim">Being examined…</p>`}</div></div>` : null}
+    <h2>Events of this page's time</h2>
+    ${farm.lost ? html`<p class="warn">${farm.lost} were too many to follow.</p>` : null}
+    <div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th><th scope="col">Drive</th><th scope="col">Event</th><th scope="col">Details</th></tr></thead>
+      <tbody>${farm.log.slice(-200).reverse().map(entry => html`<${Entry} key=${entry.sequence} entry=${entry}/>`)}</tbody></table></div>
+  </section>`;
+}

@@ -1,0 +1,52 @@
+// Who is connected with whom: controllers, the farm's link, drives, neighbours heard by LLDP; cables to pull.
+import {html} from "../lib/html.js";
+import {Act, State, act, inject, useFarm} from "../lib/ui.js";
+import {call, get, path} from "../lib/api.js";
+import {useLoaded} from "../lib/ui.js";
+import {plural, time} from "../lib/words.js";
+
+const MOST = 400;
+
+/** Ids of injections that hold a cable down, by drive. */
+function pulled(faults) {
+  const found = new Map();
+  for (const fault of faults) {
+    if (fault.kind !== "link-down") continue;
+    for (const [drive, run] of Object.entries(fault.drives)) if (run.state === "active") found.set(drive, fault.id);
+  }
+  return found;
+}
+
+function groupsOf(drives) {
+  const found = new Map();
+  for (const drive of drives) {
+    const key = drive.controller || "";
+    if (!found.has(key)) found.set(key, []);
+    found.get(key).push(drive);
+  }
+  return [...found].sort(([a], [b]) => (a === "") - (b === "") || a.localeCompare(b));
+}
+
+export function Topology() {
+  const farm = useFarm();
+  const [active, , again] = useLoaded(() => get("faults"), [], 1);
+  const down = pulled(active ? active.faults : []);
+  const drives = farm.drives.filter(drive => drive.known);
+  const pull = async drive => {
+    const id = down.get(drive.name);
+    if (id) await act(() => call("DELETE", path("faults", id)), `${drive.name}: the cable is back`);
+    else await inject({kind: "link-down", on: drive.name});
+    again();
+  };
+  return html`<section aria-label="Topology">
+    <p>${plural(drives.length, "drive")} on a ${farm.link} link${Object.entries(farm.lines).map(([name, line]) => `; ${name}: ${line.way} at ${line.where}`).join("")}. Press a cable to pull it, and again to plug it.</p>
+    ${groupsOf(drives).map(([controller, members]) => html`<div key=${controller} class="net">
+      <div class=${"controller " + (controller ? "" : "none")}><strong>${controller || "no controller"}</strong><div class="dim">${plural(members.length, "drive")}</div></div>
+      <ul class="ports">${members.slice(0, MOST).map(drive => html`<li key=${drive.name} class=${down.has(drive.name) ? "cut" : ""}>
+        <${Act} kind=${"cable " + (down.has(drive.name) ? "open" : drive.connected ? "live" : "idle")} title=${down.has(drive.name) ? "plug the cable" : "pull the cable"} label=${`${down.has(drive.name) ? "Plug" : "Pull"} the cable of ${drive.name}`} onClick=${() => pull(drive)}>${down.has(drive.name) ? "✕ pulled" : drive.connected ? "━ " + time(drive.cycle_seconds) : "┄ no data"}<//>
+        <a href=${"#/drive/" + encodeURIComponent(drive.name)}>${drive.name}</a> <${State} drive=${drive}/>
+        <span class="dim">${drive.ip || (drive.address ?? "")} ${drive.mac.startsWith("00:00:00") ? "" : drive.mac}</span>
+        <span class="dim">${drive.neighbours.length ? "LLDP: " + drive.neighbours.join(", ") : ""}</span></li>`)}</ul>
+      ${members.length > MOST ? html`<p class="dim">and ${members.length - MOST} more, see the overview</p>` : null}</div>`)}
+  </section>`;
+}
