@@ -151,7 +151,7 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
         stream = event_stream(context, start_of(context, begin), drive, follow=follow)
         return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
-    views = LiveViews(context)
+    views = app.state.views = LiveViews(context)
 
     @app.get(
         f"{PREFIX}/live",

@@ -31,6 +31,8 @@ SHARED_NS = 50_000_000
 ROUNDS = 20
 #: Rows made anew in one sample.
 MOST_ROWS = 64
+#: Largest whole number that a script of a page has exactly.
+LARGEST = 2**53 - 1
 #: A second, for what is told with each of them.
 _SECOND_NS = 1_000_000_000
 
@@ -120,8 +122,8 @@ class Overview:
         axis = self._core.columns.axis[: len(self._rows)].view(np.ndarray)
         for name, read in VALUES.items():
             known = self._values[name]
-            # a motor that something drove out of all bounds has no number
-            fresh = np.nan_to_num(read(axis)).astype(np.int64)
+            # a motor that something drove out of all bounds has no number that a page could have
+            fresh = np.clip(np.nan_to_num(read(axis)), -LARGEST, LARGEST).astype(np.int64)
             differs = fresh != known
             if differs.any():
                 self._values[name] = fresh

@@ -121,6 +121,7 @@ class Browser:
             assert time.monotonic() < end, f"never true: {expression}"
             time.sleep(0.05)
 
-    def picture(self, file: Path) -> None:
-        data = self._call("Page.captureScreenshot", format="png", captureBeyondViewport=True)["data"]
+    def picture(self, file: Path, *, whole: bool = True) -> None:
+        """Of the whole page, or of the window."""
+        data = self._call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)["data"]
         file.write_bytes(base64.b64decode(data))

@@ -44,7 +44,7 @@ function specOf(kind, form) {
 
 function Parameter({name, parameter, value, onInput}) {
   const id = "param-" + name;
-  const hint = [parameter.doc, parameter.allowed && `allowed: ${parameter.allowed}`].filter(Boolean).join("; ");
+  const hint = [parameter.doc, parameter.allowed && `Allowed: ${parameter.allowed}.`].filter(Boolean).join(" ");
   const words = parameter.type === "yes or no" ? ["yes", "no"] : parameter.words;
   const shown = parameter.default === null || parameter.default === "" ? "" : typeof parameter.default === "boolean" ? (parameter.default ? "yes" : "no") : String(parameter.default);
   return html`<div class="field"><label for=${id}>${name.replaceAll("_", " ")}${parameter.required ? html` <span class="bad" title="required">*</span>` : null}</label>
@@ -113,7 +113,7 @@ function Form({kinds, on, again, names}) {
       <${Reach} spec=${spec}/>
       <div class="bar"><${SubmitButton} kind=${kind}/></div>
       <dl class="facts"><div><dt>On the wire</dt><dd>${kind.wire}</dd></div><div><dt>Controllers report</dt><dd>${kind.reports}</dd></div>
-        ${Object.entries(kind.buses).map(([bus, one]) => html`<div key=${bus}><dt>${bus}</dt><dd>${one.refused || [one.wire, one.reports].filter(Boolean).join("; ") || "as above"}</dd></div>`)}</dl>
+        ${Object.entries(kind.buses).map(([bus, one]) => html`<div key=${bus}><dt>${bus}</dt><dd>${one.refused || [one.wire, one.reports].filter(Boolean).join(" ") || "as above"}</dd></div>`)}</dl>
     </form>` : html`<p class="dim">Choose a kind of fault: it tells what a capture shows and what controllers report.</p>`}</div></div>`;
 }
 
