@@ -151,6 +151,13 @@ def enip_64(seconds: float) -> list[Result]:
     return enip_64(seconds)
 
 
+def page_1000(seconds: float) -> list[Result]:
+    """What viewers of the web page cost, see :mod:`pnfarm.cli.bench_page`."""
+    from pnfarm.cli.bench_page import page_1000
+
+    return page_1000(seconds)
+
+
 def profibus_32(seconds: float) -> list[Result]:
     """32 drives on one PROFIBUS line over a pty, polled at the cycle of 1.5 Mbit/s, beside an echo."""
     from pnfarm.cli.bench_profibus import profibus_32
@@ -311,6 +318,11 @@ BENCHMARKS: dict[str, Benchmark] = {
             "profibus-32",
             *("cpu", "reply-p50", "reply-p99", "cycle", "missed", "floor-p50", "floor-p99", "floor-cpu"),
         ),
+    ),
+    "page-1000": Benchmark(
+        page_1000,
+        10.0,
+        _figures("page-1000", *("cpu", "cpu-8", "memory", "stalled", "lateness", "rate", "flow")),
     ),
     "fault-latency": Benchmark(fault_latency, 30.0, _figures("fault-latency", "p50", "p99", "floor-p50", "floor-p99")),
     "virtual": Benchmark(virtual_time, 0.0, ("virtual-64", "virtual-64-floor", "virtual-hour")),

@@ -124,6 +124,8 @@ def validate(file: FarmFile) -> None:
     check_impairments(config)
     check_program(config)
     print_line(f"{file}: OK, {summary(config)}")
+    for note in config.notes:
+        print_line(f"note: {note}")
 
 
 def _scenario_summary(file: Path) -> str:

@@ -26,7 +26,14 @@ __all__ = ["MAX_DRIVES", "Claim", "DriveConfig", "DriveGroup"]
 #: Most drives of one farm.
 MAX_DRIVES = 4094
 
-Identity = Annotated[dict[str, Any], Field(description="Identity of the drive where it differs from the model's.")]
+Identity = Annotated[
+    dict[str, Any],
+    Field(
+        description="Identity of the drive where it differs from the model's. `gsdml: FILE` takes vendor, device, "
+        "access point, modules, submodules and order number from the maker's own file (PROFINET); other keys count "
+        "before it."
+    ),
+]
 
 
 class DriveGroup(Section):

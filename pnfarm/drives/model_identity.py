@@ -31,7 +31,7 @@ OVERRIDES: Mapping[str, str] = {
     "dap": "module ident of the device access point",
     "dap_submodules": "mapping: subslot -> submodule ident",
     "access_point": "submodule ident of the parameter access point",
-    "telegrams": "mapping: telegram -> module ident, or {module: ident, submodule: ident}",
+    "telegrams": "mapping: telegram -> module ident, or {module: ident, submodule: ident, others: its other modules}",
 }
 #: Those of them that only PROFINET has.
 _OF_MODULES = frozenset({"dap", "dap_submodules", "access_point", "telegrams"})
@@ -108,6 +108,30 @@ def _with_ident(module: Module, subslot: int, ident: int, where: str) -> Module:
         raise ConfigError(f"identity.{where}: there is no subslot 0x{subslot:X}; there are {known}")
     submodules = tuple(_from_farm_file(s, ident) if s.subslot == subslot else s for s in module.submodules)
     return dataclasses.replace(module, submodules=submodules)
+
+
+def _with_idents(module: Module, parts: Mapping[str, Any], where: str) -> Module:
+    """A telegram's module with the idents of ``module`` and ``submodule``."""
+    if "module" in parts:
+        module = _from_farm_file(module, _number(parts["module"], f"{where}.module", _IDENT))
+    if "submodule" in parts:
+        ident = _number(parts["submodule"], f"{where}.submodule", _IDENT)
+        module = _with_ident(module, _telegram_subslot(module), ident, where)
+    return module
+
+
+def _others(others: tuple[Module, ...], value: Any, where: str) -> tuple[Module, ...]:
+    """The other modules of a telegram with the idents of ``value``: a mapping by place, 0 the first; the rest go."""
+    found = []
+    for key, parts in _mapping(value, where).items():
+        place = _number(key, where, 0xFFFF)
+        if place >= len(others):
+            raise ConfigError(f"identity.{where}: {key!r} is not the place of one of {len(others)} other modules")
+        own = parts if isinstance(parts, Mapping) else {"module": parts}
+        if not own.keys() <= {"module", "submodule"}:
+            raise ConfigError(f"identity.{where}.{key}: {dict(own)!r} may hold module and submodule only")
+        found.append((place, _with_idents(others[place], own, f"{where}.{key}")))
+    return tuple(module for _, module in sorted(found, key=lambda pair: pair[0]))
 
 
 def _telegram_subslot(module: Module) -> int:
@@ -192,16 +216,13 @@ def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
                 f"identity.{where}: {model.name} has no telegram {number}; it has {', '.join(map(str, telegrams))}"
             )
         parts = wanted if isinstance(wanted, Mapping) else {"module": wanted}
-        if not parts.keys() <= {"module", "submodule"}:
-            raise ConfigError(f"identity.{where}: {dict(parts)!r} may hold module and submodule only")
-        module = telegrams[number].module
-        if "module" in parts:
-            module = _from_farm_file(module, _number(parts["module"], f"{where}.module", _IDENT))
-        if "submodule" in parts:
-            module = _with_ident(
-                module, _telegram_subslot(module), _number(parts["submodule"], f"{where}.submodule", _IDENT), where
-            )
-        telegrams[number] = dataclasses.replace(telegrams[number], module=module)
+        if not parts.keys() <= {"module", "submodule", "others"}:
+            raise ConfigError(f"identity.{where}: {dict(parts)!r} may hold module, submodule and others only")
+        module = _with_idents(telegrams[number].module, parts, where)
+        others = telegrams[number].others
+        if "others" in parts:
+            others = _others(others, parts["others"], f"{where}.others")
+        telegrams[number] = dataclasses.replace(telegrams[number], module=module, others=others)
     idents = [module.ident for telegram in telegrams.values() for module in telegram.modules]
     if model.dap.submodules and len(set(idents)) != len(idents):
         raise ConfigError(

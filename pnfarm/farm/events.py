@@ -16,6 +16,7 @@ __all__ = [
     "CaptureStarted",
     "CarrierNotChanged",
     "EngineEventsLost",
+    "FarmFileNote",
     "FarmStarted",
     "FarmStopped",
     "LineInterrupted",
@@ -36,6 +37,14 @@ class FarmStarted(Event):
 
     def details(self) -> dict[str, Any]:
         return {"drives": self.drives, "link": self.link, "granted": list(self.granted)}
+
+
+@dataclass(frozen=True, slots=True)
+class FarmFileNote(Event):
+    """What a user should know of the farm file though nothing is wrong in it."""
+
+    TEXT = "note on the farm file"
+    note: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,6 +28,7 @@ from pnfarm.farm.capture import CaptureSettings, FarmCapture
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.events import (
     CaptureStarted,
+    FarmFileNote,
     FarmStarted,
     FarmStopped,
     LineInterrupted,
@@ -293,6 +294,8 @@ class Farm:
         granted = engine.report.granted if engine else []
         refused = engine.report.refused if engine else {}
         self.log.record(now, "", FarmStarted(len(self.drives), self.link.kind, tuple(granted)))
+        for note in self.config.notes:
+            self.log.record(now, "", FarmFileNote(note))
         for link in lines_of(self.link).values():
             self.log.record(now, "", LineReady(link.line.kind, link.line.where, link.baud))
             link.line.set_news(self._line_news)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices, InjectionHost, RouteHost
     from pnfarm.buses.controller import ControllerHost
+    from pnfarm.buses.described import DescribedIdentity
     from pnfarm.buses.profinet.config.controller import ProfinetController
     from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
     from pnfarm.buses.profinet.config.part import ProfinetPart
@@ -43,6 +44,17 @@ class Profinet:
         from pnfarm.buses.profinet.config.part import PROFINET_PART
 
         return PROFINET_PART
+
+    @property
+    def description_key(self) -> str:
+        return "gsdml"
+
+    def described_identity(self, path: Path, model: Model, own: Mapping[str, Any]) -> DescribedIdentity:
+        from pnfarm.buses.profinet.controller.gsdml import load_gsdml
+        from pnfarm.buses.profinet.maker_identity import identity_of
+
+        dap = own.get("dap")
+        return identity_of(load_gsdml(path), model, dap if isinstance(dap, int) else None)
 
     @property
     def connection_states(self) -> Sequence[str]:

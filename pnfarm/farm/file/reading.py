@@ -27,6 +27,7 @@ from pnfarm.farm.file.checks import check
 from pnfarm.farm.file.choice import Choice
 from pnfarm.farm.file.errors import Explainer
 from pnfarm.farm.file.expand import controller_mac, expand_sections
+from pnfarm.farm.file.identities import with_identities
 from pnfarm.farm.file.lists import with_lists
 from pnfarm.farm.file.sections import CHOICE, AnyGroup, FarmSections
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path
@@ -35,7 +36,7 @@ from pnfarm.vocabulary.regular_file import read_regular
 from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from pnfarm.buses.farm_file import FarmFilePart
 
@@ -59,11 +60,25 @@ class FarmConfig(FarmSections):
     _values: dict[str, Any] = PrivateAttr(default_factory=dict)
     _document: Document | None = PrivateAttr(default=None)
     _known: Known | None = PrivateAttr(default=None)
+    _notes: tuple[str, ...] = PrivateAttr(default=())
 
-    def adopted(self, path: Path | None, values: dict[str, Any], document: Document | None, known: Known) -> FarmConfig:
+    def adopted(
+        self,
+        path: Path | None,
+        values: dict[str, Any],
+        document: Document | None,
+        known: Known,
+        notes: Sequence[str] = (),
+    ) -> FarmConfig:
         """Remember where the sections come from; the last stage of reading."""
         self._path, self._values, self._document, self._known = path, values, document, known
+        self._notes = tuple(notes)
         return self
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a user should know though nothing is wrong."""
+        return self._notes
 
     @property
     def path(self) -> Path | None:
@@ -206,6 +221,7 @@ def _build(
     context = {FAULT_KINDS: known.fault_kinds, CHOICE: choice}
     folder = path.parent if path is not None else Path()
     in_lists: list[FileIssue] = []
+    notes: list[str] = []
     try:
         config = FarmConfig.model_validate(values, context=context)
     except ValidationError as error:
@@ -217,20 +233,27 @@ def _build(
         rest, moved = _set_aside(values, wrong, next(iter(known.models)), choice)
         partial = _Partial.model_validate(rest, context=context)
         known, in_lists = with_lists(partial.parameter_lists, folder, known, report)
+
+        def report_moved(location: Location, what: str, allowed: str) -> None:
+            report(_moved(location, moved), what, allowed)
+
+        groups, _ = with_identities(partial.drives, folder, known, report_moved)
         check(
-            partial,
+            partial.model_copy(update={"drives": groups}),
             known,
-            lambda location, what, allowed: report(_moved(location, moved), what, allowed),
+            report_moved,
             is_complete=not _says_nothing_of_links(wrong),
             places=moved,
         )
     else:
         known, in_lists = with_lists(config.parameter_lists, folder, known, report)
+        groups, notes = with_identities(config.drives, folder, known, report)
+        config = config.model_copy(update={"drives": groups})
         check(config, known, report)
     issues += in_lists
     if issues or config is None:
         raise FarmFileError(issues)
-    return config.adopted(path, values, document, known)
+    return config.adopted(path, values, document, known, notes)
 
 
 def _names_devices(values: dict[str, Any]) -> bool:

@@ -1,0 +1,108 @@
+"""The benchmark ``page-1000``: what viewers of the web page cost a farm of 1,000 drives that turn.
+
+A viewer here reads the page's stream and draws nothing: a browser's own work is the viewer's machine's.
+"""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from typing import Any
+
+from pnfarm.cli.bench_line import Child, Result, farm_and_plc, measure, percentile
+from pnfarm.errors import InternalError
+
+__all__ = ["page_1000"]
+
+DRIVES, CYCLE, WATCHDOG = 1000, "64ms", 64
+VIEWERS = 8
+API = ("127.0.0.1", 8719)
+REQUEST = b"GET /api/v1/live HTTP/1.1\r\nHost: 127.0.0.1\r\nAccept: text/event-stream\r\n\r\n"
+#: A page gets every drive first; a second each.
+SETTLE_SECONDS = 4.0
+#: A viewer that does not read fills the buffers of its connection in this time; it is closed some time later.
+STALLED_SECONDS = 8.0
+CONNECT_SECONDS = 10.0
+
+
+class _Viewer:
+    """One page: reads in a thread of its own, or does not read at all."""
+
+    def __init__(self, *, reads: bool = True) -> None:
+        self._socket = socket.create_connection(API, CONNECT_SECONDS)
+        self._socket.settimeout(CONNECT_SECONDS)
+        self._socket.sendall(REQUEST)
+        self.octets = self.messages = 0
+        self._closing = False
+        self._thread: threading.Thread | None = None
+        if reads:
+            self._thread = threading.Thread(target=self._read, daemon=True)
+            self._thread.start()
+
+    def _read(self) -> None:
+        try:
+            while data := self._socket.recv(1 << 18):
+                self.octets += len(data)
+                self.messages += data.count(b"event: overview")
+        except OSError:
+            if not self._closing:
+                raise
+
+    def close(self) -> None:
+        self._closing = True
+        if self._thread is not None:
+            self._socket.shutdown(socket.SHUT_RDWR)
+            self._thread.join(CONNECT_SECONDS)
+        self._socket.close()
+
+
+def _memory(farm: Child) -> int:
+    farm.ask("rss")
+    return int(farm.answer()["rss"])
+
+
+def _cores(figures: dict[str, Any]) -> float:
+    return float(figures["cpu"]) / float(figures["wall"])
+
+
+def page_1000(seconds: float) -> list[Result]:
+    """CPU and memory of one viewer and of several, and the engine's lateness beside them."""
+    viewers: list[_Viewer] = []
+    with farm_and_plc(DRIVES, CYCLE, WATCHDOG, api=f"{API[0]}:{API[1]}") as (farm, plc):
+        try:
+            quiet, _ = measure(farm, plc, seconds)
+            viewers.append(_Viewer())
+            time.sleep(SETTLE_SECONDS)
+            seen = viewers[0].messages, viewers[0].octets
+            one, _ = measure(farm, plc, seconds)
+            rate = (viewers[0].messages - seen[0]) / seconds
+            flow = (viewers[0].octets - seen[1]) / seconds
+            if not rate:
+                raise InternalError("the farm sent nothing to a page")
+            # with one viewer the farm has what all of them share
+            alone = _memory(farm)
+            viewers += [_Viewer() for _ in range(VIEWERS - 1)]
+            time.sleep(SETTLE_SECONDS)
+            many, _ = measure(farm, plc, seconds)
+            each = (_memory(farm) - alone) / (VIEWERS - 1)
+            stalled = [_Viewer(reads=False) for _ in range(VIEWERS)]
+            viewers += stalled
+            before = _memory(farm)
+            time.sleep(STALLED_SECONDS)
+            held = (_memory(farm) - before) / VIEWERS
+        finally:
+            for viewer in viewers:
+                viewer.close()
+    cost, all_cost = _cores(one) - _cores(quiet), _cores(many) - _cores(quiet)
+    late = [percentile(figures["lateness"], 0.99) for figures in (quiet, many)]
+    ratio = late[1] / late[0]
+    return [
+        Result("page-1000-cpu", cost, "cores for one viewer", None, "<= 0.05", cost <= 0.05),
+        Result(f"page-1000-cpu-{VIEWERS}", all_cost, f"cores for {VIEWERS} viewers", None, "none", True),
+        Result("page-1000-memory", each / 1e3, "kB for each viewer", None, "<= 1000", each <= 1e6),
+        Result("page-1000-stalled", held / 1e3, "kB for each that does not read", None, "<= 1000", held <= 1e6),
+        Result("page-1000-lateness", late[1], f"us, p99, with {VIEWERS} viewers", ratio, "ratio <= 1.2", ratio <= 1.2),
+        Result("page-1000-rate", rate, "messages each second", None, ">= 8", rate >= 8),
+        Result("page-1000-flow", flow / 1e3, "kB each second to one viewer", None, "none", True),
+    ]

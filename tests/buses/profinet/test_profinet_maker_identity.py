@@ -1,0 +1,152 @@
+"""``identity: {gsdml: FILE}``: a drive under the idents of its maker's own file."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from pnfarm.buses.profinet.maker_identity import identity_of
+from pnfarm.drives.catalogue import model, models
+from pnfarm.drives.model_identity import with_identity
+from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.reading import FarmFileError, expand, parse_farm
+from pnfarm.protocols.profinet.gsdml.describe import describe_model
+from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
+from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+from pnfarm.testing import Line
+
+NAMES = sorted(name for name, entry in models().items() if entry.bus == "profinet")
+MOVED = 0x0070_0000
+
+
+def maker_s_file(name, keep=None, rename=str):
+    """A file as the drive's maker could have it: other idents everywhere, the same data."""
+    document = describe_model(model(name))
+
+    def other(part):
+        named = {"info": dataclasses.replace(part.info, name=rename(part.info.name))} if hasattr(part, "info") else {}
+        return dataclasses.replace(part, ident=part.ident + MOVED, **named)
+
+    def others(parts):
+        return tuple(map(other, parts))
+
+    modules = [
+        other(dataclasses.replace(module, submodules=others(module.submodules)))
+        for module in document.modules
+        if keep is None or keep(module)
+    ]
+    (dap,) = document.daps
+    known = {module.id for module in modules}
+    dap = dataclasses.replace(
+        other(dap),
+        submodules=others(dap.submodules),
+        interfaces=others(dap.interfaces),
+        ports=others(dap.ports),
+        info=dataclasses.replace(dap.info, order_number="MAKER-0815"),
+        modules=tuple(ref for ref in dap.modules if ref.target in known),
+    )
+    changes = {"vendor_id": 0x0123, "device_id": 0x4567, "modules": tuple(modules), "daps": (dap,)}
+    return emit_gsdml(dataclasses.replace(document, **changes))
+
+
+def idents(drive_model):
+    return {
+        number: [(module.ident, [submodule.ident for submodule in module.submodules]) for module in telegram.modules]
+        for number, telegram in drive_model.profidrive.telegrams.items()
+    }
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_telegram_of_a_model_is_found_in_a_file_with_other_idents(name):
+    own = model(name)
+    found = identity_of(parse_gsdml(maker_s_file(name).encode()), own)
+    assert found.notes == ()
+    drive = with_identity(own, found.overrides)
+    assert (drive.profidrive.identity.vendor_id, drive.profidrive.identity.device_id) == (0x0123, 0x4567)
+    assert drive.profidrive.identity.order_id == "MAKER-0815"
+    assert drive.dap.ident == own.dap.ident + MOVED
+    assert [one.ident for one in drive.dap.submodules] == [one.ident + MOVED for one in own.dap.submodules]
+    for number, found in idents(own).items():
+        assert idents(drive)[number] == [(ident + MOVED, [one + MOVED for one in below]) for ident, below in found]
+
+
+FARM = """
+farm: x
+link: {{kind: memory}}
+drives:
+  - {{name: a, model: {model}, {address}, identity: {{gsdml: {file}{more}}}}}
+controller: {{name: plc, ip: 10.77.0.100/24}}
+"""
+
+
+def farm(folder, name="hiwin-e1", file="maker.xml", more="", address="ip: 10.77.0.1/24"):
+    return parse_farm(FARM.format(model=name, file=file, more=more, address=address), folder / "x.pnfarm.yml")
+
+
+def test_a_controller_that_has_the_maker_s_file_alone_connects(tmp_path):
+    (tmp_path / "maker.xml").write_text(maker_s_file("hiwin-e1"))
+    own = model_of(expand(farm(tmp_path))[0])
+    file = tmp_path / "x.pnfarm.yml"
+    file.write_text(FARM.format(model="hiwin-e1", file="maker.xml", more="", address="ip: 10.77.0.1/24"))
+    with Line.from_file(file) as line:
+        line.wait_connected(5)
+        seen = line.core.station("a")
+        assert seen.model.dap.ident == own.dap.ident > MOVED
+        assert seen.device.connection().exchanging
+
+
+def test_keys_of_the_farm_file_count_before_those_of_the_file(tmp_path):
+    (tmp_path / "maker.xml").write_text(maker_s_file("hiwin-e1"))
+    more = ", vendor: 0x777, telegrams: {9: {module: 0x99}}"
+    drive = model_of(expand(farm(tmp_path, more=more))[0])
+    assert drive.profidrive.identity.vendor_id == 0x777
+    assert drive.profidrive.identity.device_id == 0x4567
+    telegrams = drive.profidrive.telegrams
+    assert telegrams[9].module.ident == 0x99
+    assert (
+        telegrams[9].module.submodules[1].ident
+        == model("hiwin-e1").profidrive.telegrams[9].module.submodules[1].ident + MOVED
+    )
+    assert telegrams[3].module.ident == model("hiwin-e1").profidrive.telegrams[3].module.ident + MOVED
+
+
+def test_what_the_file_lacks_is_told(tmp_path):
+    (tmp_path / "maker.xml").write_text(maker_s_file("akd-profinet", keep=lambda module: "7" not in module.info.name))
+    config = farm(tmp_path, "akd-profinet")
+    assert config.notes == ("a: maker.xml: no module of it fits telegram 7 by length and name",)
+    assert model_of(expand(config)[0]).profidrive.telegrams[1].module.ident > MOVED
+
+
+def test_a_telegram_without_a_number_in_its_name_is_found_if_no_other_has_its_lengths():
+    text = maker_s_file("hiwin-e1", rename=lambda name: name.replace("elegram", "ata").rstrip("0123456789 "))
+    assert identity_of(parse_gsdml(text.encode()), model("hiwin-e1")).notes == ()
+
+
+def test_two_modules_that_fit_alike_are_not_guessed():
+    text = maker_s_file("moog-msd", rename=lambda name: "A module")
+    found = identity_of(parse_gsdml(text.encode()), model("moog-msd"))
+    assert any(note.startswith("no module of it fits telegrams") for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"file": "nothing.xml"}, "cannot be read"), ({"file": "x.txt"}, "x.txt"), ({"file": "[1]"}, "is a list"),
+     ({"more": ", vendor: no"}, "identity.vendor"),
+     ({"name": "moog-msd-dp", "address": "address: 4"}, "is no key of a drive on PROFIBUS")],
+)  # fmt: skip
+def test_a_file_that_is_none_is_told_with_its_place(tmp_path, options, words):
+    (tmp_path / "maker.xml").write_text(maker_s_file("hiwin-e1"))
+    (tmp_path / "x.txt").write_text("no xml")
+    with pytest.raises(FarmFileError) as caught:
+        farm(tmp_path, **options)
+    (issue,) = [issue for issue in caught.value.issues if "identity" in issue.field]
+    assert words in f"{issue.field} {issue.what}"
+    assert issue.line == 5
+
+
+def test_an_access_point_is_chosen_by_its_ident():
+    text = maker_s_file("hiwin-e1").encode()
+    found = identity_of(parse_gsdml(text), model("hiwin-e1"), 0x77)
+    assert "dap" not in found.overrides
+    assert found.notes[0].startswith("no access point of it has the ident 0x77; it has 0x")
