@@ -29,6 +29,7 @@ from pnfarm.cli.bench_line import (
     settled_floor,
     wire,
 )
+from pnfarm.cli.completion import complete_benchmark
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.address_space import ENGINE, require_address_space
 from pnfarm.vocabulary.quoting import did_you_mean
@@ -152,7 +153,7 @@ def enip_64(seconds: float) -> list[Result]:
 
 
 def page_1000(seconds: float) -> list[Result]:
-    """What viewers of the web page cost, see :mod:`pnfarm.cli.bench_page`."""
+    """What viewers of the web page cost a farm of 1,000 drives that turn."""
     from pnfarm.cli.bench_page import page_1000
 
     return page_1000(seconds)
@@ -423,7 +424,11 @@ def _reading(results: list[Result]) -> list[str]:
 def command(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="Benchmarks, or single figures of them; default: all."),
+        typer.Argument(
+            metavar="[NAME]...",
+            help="Benchmarks, or single figures of them; default: all.",
+            autocompletion=complete_benchmark,
+        ),
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Write the figures to this file as JSON.")] = None,
     markdown_file: Annotated[

@@ -15,7 +15,7 @@ from pnfarm.errors import InternalError
 
 __all__ = ["page_1000"]
 
-DRIVES, CYCLE, WATCHDOG = 1000, "64ms", 64
+DRIVES, CYCLE, WATCHDOG = 1000, "64ms", 30
 VIEWERS = 8
 API = ("127.0.0.1", 8719)
 REQUEST = b"GET /api/v1/live HTTP/1.1\r\nHost: 127.0.0.1\r\nAccept: text/event-stream\r\n\r\n"
@@ -69,40 +69,58 @@ def _cores(figures: dict[str, Any]) -> float:
 def page_1000(seconds: float) -> list[Result]:
     """CPU and memory of one viewer and of several, and the engine's lateness beside them."""
     viewers: list[_Viewer] = []
+
+    def close() -> None:
+        while viewers:
+            viewers.pop().close()
+
     with farm_and_plc(DRIVES, CYCLE, WATCHDOG, api=f"{API[0]}:{API[1]}") as (farm, plc):
-        try:
-            quiet, _ = measure(farm, plc, seconds)
-            viewers.append(_Viewer())
+
+        def watched(count: int) -> dict[str, Any]:
+            """With so many viewers, once they have all drives."""
+            viewers.extend(_Viewer() for _ in range(count))
             time.sleep(SETTLE_SECONDS)
-            seen = viewers[0].messages, viewers[0].octets
-            one, _ = measure(farm, plc, seconds)
-            rate = (viewers[0].messages - seen[0]) / seconds
-            flow = (viewers[0].octets - seen[1]) / seconds
+            figures, _ = measure(farm, plc, seconds)
+            return figures
+
+        try:
+            # each beside a time without viewers before it and after it: what else a farm does changes as well
+            quiet = [watched(0)]
+            viewer = _Viewer()
+            viewers.append(viewer)
+            time.sleep(SETTLE_SECONDS)
+            begin = time.monotonic(), viewer.messages, viewer.octets
+            one = watched(0)
+            took = time.monotonic() - begin[0]
+            rate, flow = (viewer.messages - begin[1]) / took, (viewer.octets - begin[2]) / took
             if not rate:
                 raise InternalError("the farm sent nothing to a page")
             # with one viewer the farm has what all of them share
             alone = _memory(farm)
-            viewers += [_Viewer() for _ in range(VIEWERS - 1)]
+            viewers.extend(_Viewer() for _ in range(VIEWERS - 1))
             time.sleep(SETTLE_SECONDS)
-            many, _ = measure(farm, plc, seconds)
             each = (_memory(farm) - alone) / (VIEWERS - 1)
-            stalled = [_Viewer(reads=False) for _ in range(VIEWERS)]
-            viewers += stalled
+            close()
+            quiet.append(watched(0))
+            many = watched(VIEWERS)
+            close()
+            quiet.append(watched(0))
             before = _memory(farm)
+            viewers.extend(_Viewer(reads=False) for _ in range(VIEWERS))
             time.sleep(STALLED_SECONDS)
             held = (_memory(farm) - before) / VIEWERS
         finally:
-            for viewer in viewers:
-                viewer.close()
-    cost, all_cost = _cores(one) - _cores(quiet), _cores(many) - _cores(quiet)
-    late = [percentile(figures["lateness"], 0.99) for figures in (quiet, many)]
-    ratio = late[1] / late[0]
+            close()
+    usual = [_cores(figures) for figures in quiet]
+    cost, all_cost = _cores(one) - sum(usual[:2]) / 2, _cores(many) - sum(usual[1:]) / 2
+    late = percentile(many["lateness"], 0.99)
+    ratio = late / (sum(percentile(figures["lateness"], 0.99) for figures in quiet[1:]) / 2)
     return [
         Result("page-1000-cpu", cost, "cores for one viewer", None, "<= 0.05", cost <= 0.05),
         Result(f"page-1000-cpu-{VIEWERS}", all_cost, f"cores for {VIEWERS} viewers", None, "none", True),
         Result("page-1000-memory", each / 1e3, "kB for each viewer", None, "<= 1000", each <= 1e6),
         Result("page-1000-stalled", held / 1e3, "kB for each that does not read", None, "<= 1000", held <= 1e6),
-        Result("page-1000-lateness", late[1], f"us, p99, with {VIEWERS} viewers", ratio, "ratio <= 1.2", ratio <= 1.2),
+        Result("page-1000-lateness", late, f"us, p99, with {VIEWERS} viewers", ratio, "ratio <= 1.2", ratio <= 1.2),
         Result("page-1000-rate", rate, "messages each second", None, ">= 8", rate >= 8),
         Result("page-1000-flow", flow / 1e3, "kB each second to one viewer", None, "none", True),
     ]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pnfarm.cli.completion import complete_drive, complete_fault, complete_kind
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 if TYPE_CHECKING:
@@ -20,30 +21,101 @@ app.callback(invoke_without_command=True)(help_without_command)
 
 
 @app.command("kinds")
-def kinds(output: FormatOption = Format.TABLE) -> None:
-    """List all kinds of fault with their parameters."""
+def kinds(
+    kind: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="KIND",
+            help="Show one kind in full; default: a list of all.",
+            show_default=False,
+            autocompletion=complete_kind,
+        ),
+    ] = None,
+    output: FormatOption = Format.TABLE,
+) -> None:
+    """List all kinds of fault with their parameters, or show one: what it does, on the wire and to a controller."""
     from pnfarm.buses.registry import fault_kinds
+    from pnfarm.errors import ConfigError
     from pnfarm.terminal.output import print_json, print_table
+    from pnfarm.vocabulary.quoting import did_you_mean
 
+    if kind is not None:
+        known = fault_kinds()
+        if kind not in known:
+            raise ConfigError(
+                f"there is no kind of fault {kind!r}{did_you_mean(kind, known)}; `pnfarm fault kinds` lists them"
+            )
+        _print_kind(known[kind].as_dict(), output)
+        return
     catalogue = [kind.as_dict() for kind in fault_kinds().values()]
     if output is Format.JSON:
         print_json({"kinds": catalogue})
         return
     rows: list[tuple[str, ...]] = []
-    for kind in catalogue:
-        rows.append((kind["kind"], kind["family"], " ".join(kind["directions"]), kind["doc"]))
-        for name, spec in kind["params"].items():
+    for one in catalogue:
+        rows.append((one["kind"], one["family"], " ".join(one["directions"]), one["doc"]))
+        for name, spec in one["params"].items():
             default = "" if spec["default"] is None else f"; default {spec['default']}"
             rows.append((f"  {name}=", "", "", f"{spec['doc']}  {spec['allowed']}{default}"))
     print_table(("KIND", "FAMILY", "DIRECTION", "~WHAT IT DOES"), rows)
 
 
+def _print_kind(kind: dict[str, Any], output: Format) -> None:
+    from pnfarm.terminal.output import print_json, print_line, print_table
+
+    if output is Format.JSON:
+        print_json(kind)
+        return
+    rows = [
+        ("what it does", kind["doc"]),
+        ("family", kind["family"]),
+        ("an occurrence", kind["occurrence"]),
+        ("direction", ", ".join(kind["directions"]) or "none"),
+        ("on the wire", kind["wire"]),
+        ("controllers", kind["reports"]),
+    ]
+    for bus, one in kind["buses"].items():
+        if one["refused"]:
+            rows.append((f"on {bus}", f"refused: {one['refused']}"))
+            continue
+        rows += [
+            (f"on {bus}: {what}", one[key]) for what, key in (("wire", "wire"), ("controllers", "reports")) if one[key]
+        ]
+    rows.append(("common fields", ", ".join(dict.fromkeys(["after", "after_cycles", *kind["takes"]]))))
+    print_table(("KIND", f"~{kind['kind']}"), rows)
+    if kind["params"]:
+        params = [
+            (name, "required" if spec["required"] else "" if spec["default"] is None else str(spec["default"]),
+             f"{spec['doc']} {spec['allowed']}" + (f" [{spec['unit']}]" if spec["unit"] else ""))
+            for name, spec in kind["params"].items()
+        ]  # fmt: skip
+        print_line()
+        print_table(("PARAMETER", "DEFAULT", "~MEANING"), params)
+    needed = [name for name, spec in kind["params"].items() if spec["required"]]
+    given = "".join(f" -p {name}=..." for name in needed)
+    print_line()
+    print_line(f"next: pnfarm fault add {kind['kind']} --on DRIVE{given} --dry-run")
+
+
 @app.command("add")
 def add(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="One of `pnfarm fault kinds`.", show_default=False)],
+    kind: Annotated[
+        str,
+        typer.Argument(
+            metavar="KIND",
+            help="One of `pnfarm fault kinds`.",
+            show_default=False,
+            autocompletion=complete_kind,
+        ),
+    ],
     on: Annotated[
         list[str],
-        typer.Option("--on", metavar="GLOB", help="Drives: a name or glob, model:NAME, or all.  Repeatable."),
+        typer.Option(
+            "--on",
+            metavar="GLOB",
+            help="Drives: a name or glob, model:NAME, or all.  Repeatable.",
+            autocompletion=complete_drive,
+        ),
     ],
     param: Annotated[
         list[str] | None, typer.Option("--param", "-p", metavar="K=V", help="A parameter of the kind.  Repeatable.")
@@ -131,7 +203,12 @@ def add(
 def show(
     fault_id: Annotated[
         str | None,
-        typer.Argument(metavar="ID", help="One fault; also one that has ended recently.", show_default=False),
+        typer.Argument(
+            metavar="ID",
+            help="One fault; also one that has ended recently.",
+            show_default=False,
+            autocompletion=complete_fault,
+        ),
     ] = None,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
@@ -168,7 +245,10 @@ def show(
 @app.command("clear")
 def clear(
     fault_id: Annotated[
-        str | None, typer.Argument(metavar="ID", help="One fault; default: all.", show_default=False)
+        str | None,
+        typer.Argument(
+            metavar="ID", help="One fault; default: all.", show_default=False, autocompletion=complete_fault
+        ),
     ] = None,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pnfarm.cli.completion import complete_drive
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
 
 if TYPE_CHECKING:
@@ -22,7 +23,12 @@ LAST_EVENTS = 8
 def inspect(
     name: Annotated[
         str | None,
-        typer.Argument(metavar="NAME", help="Show one drive in full; default: a table of all.", show_default=False),
+        typer.Argument(
+            metavar="NAME",
+            help="Show one drive in full; default: a table of all.",
+            show_default=False,
+            autocompletion=complete_drive,
+        ),
     ] = None,
     events: Annotated[bool, typer.Option("--events", help="Show the event log and follow it until Ctrl-C.")] = False,
     follow: Annotated[

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pnfarm.cli.completion import complete_model
 from pnfarm.terminal.settings import Format, FormatOption
 
 if TYPE_CHECKING:
@@ -29,7 +30,12 @@ _FACTS = (
 def models(
     model: Annotated[
         str | None,
-        typer.Argument(metavar="MODEL", help="Show one model in full; default: a list of all.", show_default=False),
+        typer.Argument(
+            metavar="MODEL",
+            help="Show one model in full; default: a list of all.",
+            show_default=False,
+            autocompletion=complete_model,
+        ),
     ] = None,
     output: FormatOption = Format.TABLE,
     parameters: Annotated[

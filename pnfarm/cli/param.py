@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from pnfarm.cli.completion import complete_drive
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 __all__ = ["app"]
@@ -13,7 +14,12 @@ __all__ = ["app"]
 app = typer.Typer(help="Read and write a drive's parameters.")
 app.callback(invoke_without_command=True)(help_without_command)
 
-Drive = Annotated[str, typer.Argument(metavar="NAME", help="Drive of the running farm.", show_default=False)]
+Drive = Annotated[
+    str,
+    typer.Argument(
+        metavar="NAME", help="Drive of the running farm.", show_default=False, autocompletion=complete_drive
+    ),
+]
 Pnu = Annotated[
     str,
     typer.Argument(

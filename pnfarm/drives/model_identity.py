@@ -204,10 +204,10 @@ def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
     if "access_point" in overrides:
         ident = _number(overrides["access_point"], "access_point", _IDENT)
         for number, telegram in telegrams.items():
-            module, *others = (
+            module, *more = (
                 _with_ident(m, min(s.subslot for s in m.submodules), ident, "access_point") for m in telegram.modules
             )
-            telegrams[number] = dataclasses.replace(telegram, module=module, others=tuple(others))
+            telegrams[number] = dataclasses.replace(telegram, module=module, others=tuple(more))
     for key, wanted in _mapping(overrides.get("telegrams", {}), "telegrams").items():
         where = f"telegrams.{key}"
         number = _number(key, where, 0xFFFF)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from pnfarm.buses.registry import fault_kinds
 from pnfarm.cli import up
 from pnfarm.errors import ConfigError
 from pnfarm.farm.doctor import Finding
@@ -252,6 +253,21 @@ def test_fault_kinds_prints_every_kind_with_its_parameters(pnfarm):
     assert "  fault=" in text
     kinds = {kind["kind"]: kind for kind in json.loads(pnfarm("fault", "kinds", "--format", "json").out)["kinds"]}
     assert kinds["drive-fault"]["params"]["fault"]["required"]
+
+
+@pytest.mark.parametrize("kind", sorted(fault_kinds()))
+def test_one_kind_of_fault_is_shown_as_a_page(pnfarm, kind):
+    text = " ".join(pnfarm("fault", "kinds", kind).out.split())
+    described = fault_kinds()[kind].as_dict()
+    for part in (described["doc"], described["wire"], described["reports"], *described["params"]):
+        assert " ".join(part.split())[:60] in text
+    assert f"next: pnfarm fault add {kind} --on DRIVE" in text
+    assert json.loads(pnfarm("fault", "kinds", kind, "--format", "json").out)["kind"] == kind
+
+
+def test_an_unknown_kind_says_which_is_meant(pnfarm):
+    found = pnfarm("fault", "kinds", "timeot")
+    assert (found.code, "did you mean timeout?" in found.err) == (2, True)
 
 
 # -- doctor

@@ -167,7 +167,8 @@ def _is_alone(model: Model, lengths: tuple[int, int]) -> bool:
 def _dap_submodules(dap: Dap, model: Model, notes: list[str]) -> dict[int, int]:
     """Idents by subslot, of those that the drive has."""
     described = {subslot: one.ident for one in dap.submodules for subslot in one.fixed}
-    described |= {one.subslot: one.ident for one in (*dap.interfaces, *dap.ports)}
+    described |= {interface.subslot: interface.ident for interface in dap.interfaces}
+    described |= {port.subslot: port.ident for port in dap.ports}
     own = {submodule.subslot for submodule in model.dap.submodules}
     if missing := sorted(own - described.keys()):
         told = ", ".join(f"0x{subslot:04X}" for subslot in missing)

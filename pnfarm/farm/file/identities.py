@@ -60,11 +60,12 @@ def _resolved(
     if not isinstance(file, str) or not file:
         report(f"is {shown(file)}", _ALLOWED)
         return own
-    if model is None:
+    described = None if model is None else model.described
+    if described is None:
         return own
     path = folder / Path(file).expanduser()
     try:
-        found = bus.described_identity(path, model.described, own)
+        found = bus.described_identity(path, described, own)
     except ConfigError as exc:
         report(str(exc), _ALLOWED)
         return own

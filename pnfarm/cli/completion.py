@@ -1,0 +1,88 @@
+"""Words that a shell completes: what is installed, and what a running farm has.
+
+``pnfarm --install-completion`` installs it.  A farm that does not run, or that does not know this user, offers nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer  # noqa: TC002 - typer reads the annotations
+
+from pnfarm.errors import PnfarmError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from pnfarm.terminal.client import FarmClient
+
+__all__ = ["complete_benchmark", "complete_drive", "complete_fault", "complete_kind", "complete_model"]
+
+#: Of the help beside a word, characters.
+_LONGEST = 70
+
+
+def _fitting(words: Iterable[tuple[str, str]], incomplete: str) -> list[tuple[str, str]]:
+    return [(word, _shortened(text)) for word, text in words if word.startswith(incomplete)]
+
+
+def _shortened(text: str) -> str:
+    line = " ".join(text.split())
+    return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 1]}…"
+
+
+def complete_model(incomplete: str) -> list[tuple[str, str]]:
+    """Drive models."""
+    from pnfarm.drives.catalogue import models
+
+    return _fitting(((name, entry.title) for name, entry in models().items()), incomplete)
+
+
+def complete_kind(incomplete: str) -> list[tuple[str, str]]:
+    """Kinds of faults."""
+    from pnfarm.buses.registry import fault_kinds
+
+    return _fitting(((kind.name, kind.doc) for kind in fault_kinds().values()), incomplete)
+
+
+def complete_benchmark(incomplete: str) -> list[tuple[str, str]]:
+    """Benchmarks and their figures."""
+    from pnfarm.cli.bench import BENCHMARKS
+
+    names = dict.fromkeys(BENCHMARKS, "benchmark")
+    for name, one in BENCHMARKS.items():
+        for figure in one.figures:
+            names.setdefault(figure, f"figure of {name}")
+    return _fitting(names.items(), incomplete)
+
+
+def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """Drives of the running farm."""
+
+    def words(farm: FarmClient) -> Iterable[tuple[str, str]]:
+        return ((one["name"], f"{one['model']}, {one['state']}") for one in farm.get("drives")["drives"])
+
+    return _of_farm(ctx, incomplete, words)
+
+
+def complete_fault(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """Faults of the running farm."""
+
+    def words(farm: FarmClient) -> Iterable[tuple[str, str]]:
+        return ((one["id"], f"{one['kind']}, {one['state']}") for one in farm.get("faults")["faults"])
+
+    return _of_farm(ctx, incomplete, words)
+
+
+def _of_farm(
+    ctx: typer.Context, incomplete: str, words: Callable[[FarmClient], Iterable[tuple[str, str]]]
+) -> list[tuple[str, str]]:
+    from pnfarm.terminal.client import FarmClient
+    from pnfarm.terminal.settings import DEFAULT_URL
+
+    try:
+        with FarmClient(ctx.params.get("api") or DEFAULT_URL, ctx.params.get("token")) as farm:
+            return _fitting(words(farm), incomplete)
+    except PnfarmError:
+        # a shell that completes has no place for a message
+        return []
