@@ -13,7 +13,22 @@ import typer
 
 from pnfarm import __version__
 from pnfarm.buses import registry
-from pnfarm.cli import bench, decode, demo, doctor, fault, files, inspect, models, param, plc, scan, trace, up
+from pnfarm.cli import (
+    bench,
+    decode,
+    demo,
+    doctor,
+    fault,
+    files,
+    importing,
+    inspect,
+    models,
+    param,
+    plc,
+    scan,
+    trace,
+    up,
+)
 from pnfarm.cli import run as scenario
 from pnfarm.cli.errors import report, silence_stdout
 from pnfarm.farm.address_space import COMMAND, few_threads, require_address_space
@@ -30,6 +45,7 @@ COMMANDS = (
     Command("demo", Panel.START, demo.command),
     Command("up", Panel.FARM, up.up),
     Command("down", Panel.FARM, up.down),
+    Command("import", Panel.FARM, importing.importing),
     Command("validate", Panel.FARM, files.validate),
     Command("run", Panel.FARM, scenario.run),
     Command("inspect", Panel.RUNNING, inspect.inspect),

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.bus import DeviceServices, InjectionHost, RouteHost
     from pnfarm.buses.controller import ControllerHost
     from pnfarm.buses.described import DescribedIdentity
+    from pnfarm.buses.imports import FoundDrive, FoundStation
     from pnfarm.buses.profinet.config.controller import ProfinetController
     from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
     from pnfarm.buses.profinet.config.part import ProfinetPart
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.device.segment import ProfinetSegment
     from pnfarm.buses.search import Question, SearchAnswer
+    from pnfarm.captures.decoder import FrameDecoder
     from pnfarm.captures.packet import Capture
     from pnfarm.drives.model import Model
     from pnfarm.faults.kind import InjectionKind, KindOnBus
@@ -44,6 +46,20 @@ class Profinet:
         from pnfarm.buses.profinet.config.part import PROFINET_PART
 
         return PROFINET_PART
+
+    def observe(self, decoder: FrameDecoder) -> None:
+        from pnfarm.buses.profinet.decode.decoder import ProfinetDecoder
+        from pnfarm.buses.profinet.decode.observed import Observed
+
+        if isinstance(decoder, ProfinetDecoder):
+            decoder.shared.observed = Observed()
+
+    def found(self, decoder: FrameDecoder) -> Iterable[FoundDrive | FoundStation]:
+        from pnfarm.buses.profinet.decode.decoder import ProfinetDecoder
+        from pnfarm.buses.profinet.found import found
+
+        observed = decoder.shared.observed if isinstance(decoder, ProfinetDecoder) else None
+        return () if observed is None else found(observed)
 
     @property
     def description_key(self) -> str:

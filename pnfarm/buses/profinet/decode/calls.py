@@ -172,6 +172,8 @@ def _request(stub: bytes, pdu: RpcPdu, call: Call, packet: Packet, shared: Share
     match pdu.opnum:
         case Opnum.WRITE:
             call.write = parse_write_request(payload)
+            if shared.observed is not None:
+                shared.observed.wrote(packet.source, packet.destination, call.write)
             yield Description(what, _write(call.write, packet.destination, shared), {}, {"writes": ""})
         case Opnum.READ | Opnum.READ_IMPLICIT:
             header = parse_read_request(payload)
@@ -245,6 +247,8 @@ def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[
     if not args.status.ok:
         if call.opnum == Opnum.CONNECT:
             forget_asked(call.blocks, call.client, call.server, shared)
+            if shared.observed is not None:
+                shared.observed.answered(call.client, call.server, None)
         yield _refused(what, args.status, call)
         return
     match call.opnum:

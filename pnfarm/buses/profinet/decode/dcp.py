@@ -80,6 +80,8 @@ def _learn(packet: Packet, pdu: DcpPdu, shared: Shared) -> None:
         return
     else:
         found = list(pdu.blocks)
+    if shared.observed is not None:
+        shared.observed.said(packet.source, found)
     for block in found:
         match block:
             case blocks.NameBlock(name):

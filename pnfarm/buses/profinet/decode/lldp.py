@@ -21,6 +21,8 @@ def lldp(packet: Packet, shared: Shared) -> Iterator[Description]:
     pdu = parse_lldp(packet.payload)
     port, station = peer_names(pdu.chassis, pdu.port)
     shared.stations.guess(packet.source, station)
+    if shared.observed is not None and pdu.time_to_live:
+        shared.observed.announced(packet.source, station, port)
     if not pdu.time_to_live:
         yield Description("LLDP", f"{port} of {station} shuts down")
         return

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from uuid import UUID
 
     from pnfarm.buses.profinet.decode.channels import Channel, Template
+    from pnfarm.buses.profinet.decode.observed import Observed
     from pnfarm.captures.packet import Capture
     from pnfarm.protocols.profinet.rpc_fragments import Reassembly
     from pnfarm.protocols.profinet.wire.blocks_any import Block
@@ -39,6 +40,8 @@ class Shared:
     def __init__(self, capture: Capture) -> None:
         self.capture = capture
         self.stations = capture.stations
+        #: Who is told what the capture says of the plant.
+        self.observed: Observed | None = None
         self.gap_cycles = capture.gap_cycles
         self.every_frame = capture.every_frame
         #: Cyclic channels by destination, source and frame id.

@@ -1,0 +1,47 @@
+"""What a bus finds of a plant in a capture or a project, for ``pnfarm import``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from pnfarm.captures.decoder import FrameDecoder
+
+__all__ = ["FoundDrive", "FoundStation", "ImportingBus"]
+
+
+@dataclass(frozen=True, slots=True)
+class FoundDrive:
+    """A station that a model stands for: keys of its group in a farm file, and what a user should know of each."""
+
+    name: str
+    model: str
+    keys: Mapping[str, Any]
+    #: What was seen, and what is not sure; comments of the farm file.
+    notes: tuple[str, ...] = ()
+    #: Of its controller, for the built-in one: its name, cycle and watchdog.
+    controller: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class FoundStation:
+    """A station that no model stands for: its name or address, and what was seen of it."""
+
+    name: str
+    facts: tuple[str, ...]
+
+
+@runtime_checkable
+class ImportingBus(Protocol):
+    """What a bus says besides if it finds its stations in captures."""
+
+    def observe(self, decoder: FrameDecoder) -> None:
+        """Note the plant in the frames that this decoder of the bus's gets from now on."""
+        ...
+
+    def found(self, decoder: FrameDecoder) -> Iterable[FoundDrive | FoundStation]:
+        """What was noted, devices first."""
+        ...

@@ -1,0 +1,213 @@
+"""Stations of a capture as drives of a farm file: which model stands for each, and under which identity.
+
+A model is chosen by vendor and device number, else by its vendor and the lengths of a telegram; what is not sure has a
+note.  Everything that is no drive of a known kind is listed with what was seen of it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.imports import FoundDrive, FoundStation
+from pnfarm.drives.catalogue import model, models
+from pnfarm.wire.mac import format_mac
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from pnfarm.buses.profinet.decode.observed import Observed, SeenConnection, SeenStation
+    from pnfarm.drives.model import Model
+    from pnfarm.drives.telegram import Telegram
+    from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedApi, ExpectedSubmodule
+
+__all__ = ["found"]
+
+_INPUT, _OUTPUT = 1, 2
+_MS = 1e6
+
+
+def found(observed: Observed) -> Iterator[FoundDrive | FoundStation]:
+    """Devices that were connected, then other stations; controllers are named by their devices."""
+    connected: dict[bytes, SeenConnection] = {}
+    for connection in observed.connections.values():
+        # one that a device accepted says more than one that it refused
+        if connection.device not in connected or connection.accepted:
+            connected[connection.device] = connection
+    controllers = {connection.controller for connection in connected.values()}
+    others: list[FoundStation] = []
+    for mac, connection in connected.items():
+        seen = observed.station(mac)
+        drive = _drive(seen, connection)
+        if isinstance(drive, FoundDrive):
+            yield drive
+        else:
+            others.append(drive)
+    for mac, seen in observed.stations.items():
+        if mac in connected or mac in controllers or (seen.vendor is None and seen.ip is None):
+            continue
+        drive = _drive(seen, None)
+        if isinstance(drive, FoundDrive):
+            yield drive
+        else:
+            others.append(drive)
+    yield from others
+
+
+def _drive(seen: SeenStation, connection: SeenConnection | None) -> FoundDrive | FoundStation:
+    chosen = _model(seen, connection)
+    if chosen is None:
+        return FoundStation(seen.name or format_mac(seen.mac), tuple(_facts(seen, connection)))
+    drive_model, notes = chosen
+    keys: dict[str, Any] = {"mac": format_mac(seen.mac)}
+    if seen.ip is not None and int(seen.ip) and seen.mask is not None:
+        keys["ip"] = f"{seen.ip}/{int(seen.mask).bit_count()}"
+        if seen.gateway is not None and int(seen.gateway) and seen.gateway != seen.ip:
+            keys["gateway"] = str(seen.gateway)
+    identity = _identity(drive_model, seen, connection, notes)
+    if identity:
+        keys["identity"] = identity
+    controller: dict[str, Any] = {}
+    if connection is not None:
+        controller = {
+            "name": connection.controller_name,
+            "cycle_ns": connection.cycle_ns,
+            "watchdog_factor": connection.watchdog_factor,
+        }
+        least, most = drive_model.limits.min_cycle_ns, drive_model.limits.max_cycle_ns
+        if connection.cycle_ns < least or 0 < most < connection.cycle_ns:
+            keys["limits"] = "lax"
+            allowed = f"{least / _MS:g} ms and more" if connection.cycle_ns < least else f"{most / _MS:g} ms and less"
+            notes.append(f"its cycle of {connection.cycle_ns / _MS:g} ms is not the manual's {allowed}: limits are lax")
+        if connection.accepted is False:
+            notes.append("its connection was refused in the capture")
+        elif connection.differs:
+            notes.append("it answered that modules differ from the project's")
+    notes += _facts(seen, connection)
+    return FoundDrive(seen.name or f"drive-{seen.mac.hex()[-6:]}", drive_model.name, keys, tuple(notes), controller)
+
+
+def _model(seen: SeenStation, connection: SeenConnection | None) -> tuple[Model, list[str]] | None:
+    known = [model(entry.name) for entry in models().values() if entry.bus == "profinet"]
+    same = [
+        one
+        for one in known
+        if (one.profidrive.identity.vendor_id, one.profidrive.identity.device_id) == (seen.vendor, seen.device)
+    ]
+    if same:
+        names = ", ".join(one.name for one in same[1:])
+        return same[0], [f"{names} has the same vendor and device number"] if names else []
+    of_vendor = [one for one in known if one.profidrive.identity.vendor_id == seen.vendor]
+    if not of_vendor:
+        return None
+    lengths = {_lengths(submodule) for _, submodule in _with_data(connection)}
+    fitting = [one for one in of_vendor if lengths & {_words(t) for t in one.profidrive.telegrams.values()}]
+    if connection is not None and not fitting:
+        return None
+    chosen = (fitting or of_vendor)[0]
+    number = seen.device if seen.device is not None else 0
+    return chosen, [f"chosen by its vendor: device number 0x{number:04X} is none of a model"]
+
+
+def _with_data(connection: SeenConnection | None) -> list[tuple[ExpectedApi, ExpectedSubmodule]]:
+    if connection is None:
+        return []
+    return [(api, one) for api in connection.apis for one in api.submodules if api.slot and any(_lengths(one))]
+
+
+def _lengths(submodule: ExpectedSubmodule) -> tuple[int, int]:
+    """Octets to the controller, and from it."""
+    sums = {_INPUT: 0, _OUTPUT: 0}
+    for one in submodule.data:
+        sums[one.direction] = sums.get(one.direction, 0) + one.data_length
+    return sums[_INPUT], sums[_OUTPUT]
+
+
+def _words(telegram: Telegram) -> tuple[int, int]:
+    return 2 * len(telegram.input), 2 * len(telegram.output)
+
+
+def _identity(
+    drive_model: Model, seen: SeenStation, connection: SeenConnection | None, notes: list[str]
+) -> dict[str, Any]:
+    """What differs from the model's own."""
+    own = drive_model.profidrive.identity
+    different: dict[str, Any] = {}
+    if seen.vendor is not None and seen.vendor != own.vendor_id:
+        different["vendor"] = seen.vendor
+    if seen.device is not None and seen.device != own.device_id:
+        different["device"] = seen.device
+    if seen.station_type and seen.station_type != own.station_type:
+        different["station_type"] = seen.station_type
+    if connection is None:
+        return different
+    for api in connection.apis:
+        if api.slot == 0:
+            if api.module_ident != drive_model.dap.ident:
+                different["dap"] = api.module_ident
+            known = {one.subslot: one.ident for one in drive_model.dap.submodules}
+            for one in api.submodules:
+                if one.subslot not in known:
+                    notes.append(f"subslot 0x{one.subslot:04X} of its access point is not the model's")
+                elif one.submodule_ident != known[one.subslot]:
+                    different.setdefault("dap_submodules", {})[one.subslot] = one.submodule_ident
+    for api, data in _with_data(connection):
+        telegram = _telegram(drive_model, api, data)
+        if telegram is None:
+            told = f"slot {api.slot}, module 0x{api.module_ident:08X}: {'/'.join(map(str, _lengths(data)))} octets"
+            notes.append(f"{told} in and out are no telegram that could be told")
+            continue
+        notes.append(f"telegram {telegram.number} in slot {api.slot}")
+        if all(module.ident != api.module_ident for module in telegram.modules):
+            different.setdefault("telegrams", {})[telegram.number] = {
+                "module": api.module_ident,
+                "submodule": data.submodule_ident,
+            }
+            points = [one for one in api.submodules if one is not data and not any(_lengths(one))]
+            usual = min(telegram.module.submodules, key=lambda one: one.subslot).ident
+            if points and points[0].submodule_ident != usual:
+                different["access_point"] = points[0].submodule_ident
+    return different
+
+
+def _telegram(drive_model: Model, api: ExpectedApi, data: ExpectedSubmodule) -> Telegram | None:
+    """By the module's ident, else by the lengths; of several, the one whose number an ident ends in."""
+    telegrams = list(drive_model.profidrive.telegrams.values())
+    for telegram in telegrams:
+        if any(module.ident == api.module_ident for module in telegram.modules):
+            return telegram
+    fitting = [telegram for telegram in telegrams if _words(telegram) == _lengths(data)]
+    if len(fitting) > 1:
+        fitting = [t for t in fitting if t.number in {data.submodule_ident & 0xFFFF, api.module_ident & 0xFFF}]
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def _facts(seen: SeenStation, connection: SeenConnection | None) -> list[str]:
+    facts = []
+    if seen.vendor is not None:
+        facts.append(f"vendor 0x{seen.vendor:04X}, device 0x{seen.device or 0:04X}")
+    if seen.station_type:
+        facts.append(f"type {seen.station_type}")
+    facts.append(f"MAC {format_mac(seen.mac)}" + (f", IP {seen.ip}" if seen.ip is not None else ""))
+    if connection is not None:
+        start = "advanced" if connection.advanced else "legacy"
+        facts.append(
+            f"connected by {connection.controller_name or format_mac(connection.controller)}: cycle "
+            f"{connection.cycle_ns / _MS:g} ms, watchdog {connection.watchdog_factor} cycles, {start} start-up"
+        )
+        facts += _modules(connection.apis)
+        if connection.records:
+            indexes = sorted({index for _, _, index, _ in connection.records})
+            told = ", ".join(f"0x{index:04X}" for index in indexes[:8]) + (" ..." if len(indexes) > 8 else "")
+            facts.append(f"{len(connection.records)} start-up records: {told}")
+    return facts
+
+
+def _modules(apis: Sequence[ExpectedApi]) -> list[str]:
+    told = []
+    for api in apis:
+        data = ", ".join(
+            f"0x{one.subslot:04X}: 0x{one.submodule_ident:08X} {'/'.join(map(str, _lengths(one)))}"
+            for one in api.submodules
+        )
+        told.append(f"slot {api.slot}: module 0x{api.module_ident:08X} ({data})")
+    return told
