@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
 
+    from pnfarm.buses.caex import CaexElement
     from pnfarm.captures.decoder import FrameDecoder
 
-__all__ = ["FoundDrive", "FoundStation", "ImportingBus"]
+__all__ = ["FoundDrive", "FoundStation", "ImportingBus", "ProjectBus"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +34,19 @@ class FoundStation:
 
     name: str
     facts: tuple[str, ...]
+
+
+@runtime_checkable
+class ProjectBus(Protocol):
+    """What a bus says besides if it finds its stations in engineering projects."""
+
+    def of_project(self, root: CaexElement, folders: Sequence[Path], base: Path) -> Iterable[FoundDrive | FoundStation]:
+        """The project's stations, drives first.
+
+        Description files are looked for in ``folders``; ``base`` is the folder of the farm file to be.  Raises
+        :class:`~pnfarm.errors.ConfigError` for a folder that cannot be read.
+        """
+        ...
 
 
 @runtime_checkable

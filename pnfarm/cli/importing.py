@@ -1,4 +1,4 @@
-"""``pnfarm import``: a farm file out of what is there already, a capture of the plant."""
+"""``pnfarm import``: a farm file out of what is there already, a capture of the plant or its engineering project."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ _NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]*[a-z0-9])?(?:\.[a-z0-9](?:[a-z0-9-]*[a
 
 def importing(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Capture of the plant, pcap or pcapng.", show_default=False)
+        Path,
+        typer.Argument(metavar="FILE", help="Capture (pcap, pcapng), or CAx data (aml, amlx).", show_default=False),
     ],
     output: Annotated[
         Path | None,
@@ -38,17 +39,30 @@ def importing(
     parent: Annotated[
         str, typer.Option("--parent", metavar="IF", help="Network interface of the farm's macvlan link.")
     ] = "eth1",
+    gsdml: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--gsdml",
+            metavar="DIR",
+            help="Folder with a project's GSDML files, beside the project's own.  Repeatable.",
+            show_default=False,
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace FARM if it is there.")] = False,
 ) -> None:
-    """Make a farm file of a capture: drives of known kind become models, everything else is listed in comments."""
+    """Make a farm file of a capture or a TIA project's CAx data: what no model stands for is listed in comments."""
     from pnfarm.errors import ConfigError
     from pnfarm.terminal.output import print_line
 
-    drives, others = _of_capture(file)
+    if _is_project(file):
+        # names of files in a farm file are relative to its folder
+        base = Path.cwd() if output is None else output.resolve().parent
+        drives, others = _of_project(file, [*(gsdml or []), file.parent], base)
+    else:
+        drives, others = _of_capture(file)
     if not drives and not others:
-        raise ConfigError(
-            f"{file} shows no device: it needs the start of a connection (Connect) or an Identify response"
-        )
+        needed = "a capture needs the start of a connection (Connect) or an Identify response"
+        raise ConfigError(f"{file} shows no device" + ("" if _is_project(file) else f": {needed}"))
     text = farm_text(drives, others, name or _farm_name(file.stem), parent, str(file.name))
     if output is None:
         typer.echo(text, nl=False)
@@ -64,9 +78,50 @@ def importing(
     print_line(f"next: pnfarm validate {output}")
 
 
+def _is_project(file: Path) -> bool:
+    from pnfarm.buses.caex import is_project
+    from pnfarm.errors import ConfigError
+
+    try:
+        with file.open("rb") as begin:
+            return is_project(begin.read(16))
+    except OSError as exc:
+        raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
+
+
+def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
+    from pnfarm.buses import registry
+    from pnfarm.buses.caex import MAX_OCTETS, parse_caex
+    from pnfarm.buses.imports import ProjectBus
+    from pnfarm.errors import ConfigError, DecodeError
+    from pnfarm.vocabulary.regular_file import read_regular
+
+    try:
+        root = parse_caex(read_regular(file, MAX_OCTETS + 1))
+    except OSError as exc:
+        raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
+    except DecodeError as exc:
+        raise ConfigError(f"{file} is no CAx data: {exc.detail or exc.reason}") from exc
+    found = [
+        one
+        for bus in registry.BUSES.values()
+        if isinstance(bus, ProjectBus)
+        for one in bus.of_project(root, folders, base)
+    ]
+    return _parted(found)
+
+
+def _parted(found: Sequence[FoundDrive | FoundStation]) -> tuple[list[FoundDrive], list[FoundStation]]:
+    from pnfarm.buses.imports import FoundDrive, FoundStation
+
+    return [one for one in found if isinstance(one, FoundDrive)], [
+        one for one in found if isinstance(one, FoundStation)
+    ]
+
+
 def _of_capture(file: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
     from pnfarm.buses import registry
-    from pnfarm.buses.imports import FoundDrive, FoundStation, ImportingBus
+    from pnfarm.buses.imports import ImportingBus
     from pnfarm.captures.reading import FrameReader
 
     decoder = registry.decoder()
@@ -78,9 +133,7 @@ def _of_capture(file: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
         decoder.feed(frame)
     if reader.complaint is not None:
         typer.echo(f"{file}: the file cannot be read to its end: {reader.complaint}", err=True)
-    everything = [one for key, bus in importing_buses.items() for one in bus.found(decoder.buses[key])]
-    drives = [one for one in everything if isinstance(one, FoundDrive)]
-    return drives, [one for one in everything if isinstance(one, FoundStation)]
+    return _parted([one for key, bus in importing_buses.items() for one in bus.found(decoder.buses[key])])
 
 
 def _farm_name(stem: str) -> str:

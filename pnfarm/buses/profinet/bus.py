@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from pnfarm.buses.bus import DeviceServices, InjectionHost, RouteHost
+    from pnfarm.buses.caex import CaexElement
     from pnfarm.buses.controller import ControllerHost
     from pnfarm.buses.described import DescribedIdentity
     from pnfarm.buses.imports import FoundDrive, FoundStation
@@ -60,6 +61,11 @@ class Profinet:
 
         observed = decoder.shared.observed if isinstance(decoder, ProfinetDecoder) else None
         return () if observed is None else found(observed)
+
+    def of_project(self, root: CaexElement, folders: Sequence[Path], base: Path) -> Iterable[FoundDrive | FoundStation]:
+        from pnfarm.buses.profinet.project import of_project
+
+        return of_project(root, folders, base)
 
     @property
     def description_key(self) -> str:

@@ -1,0 +1,157 @@
+"""Engineering projects in AutomationML (``.aml``, ``.amlx``), as TIA Portal writes them: CAEX 2.15 and 3.0 (IEC 62424).
+
+The file is a tree of elements with attributes by name; both editions of CAEX have it in the same form.  It is not
+trusted: document types are refused, so that nothing expands and nothing is fetched, and octets, elements and depth are
+bounded.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+import zlib
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+from xml.parsers import expat
+
+from pnfarm.errors import DecodeError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["MAX_OCTETS", "CaexElement", "is_project", "parse_caex"]
+
+#: Largest file, packed or not; projects of many stations have some 50 MB.
+MAX_OCTETS = 128 << 20
+MAX_ELEMENTS = 2_000_000
+MAX_DEPTH = 200
+#: Longest value of an attribute that is kept, characters.
+MAX_VALUE = 4096
+_ZIP, _XML = b"PK\x03\x04", (b"<", b"\xef\xbb\xbf<")
+
+
+@dataclass(slots=True)
+class CaexElement:
+    """An InternalElement: its name, its attributes' values, its roles, and the elements in it."""
+
+    name: str
+    attributes: dict[str, str] = field(default_factory=dict)
+    roles: list[str] = field(default_factory=list)
+    children: list[CaexElement] = field(default_factory=list)
+
+    def walk(self) -> Iterator[CaexElement]:
+        """This element and all in it, in the file's order."""
+        waiting = [self]
+        while waiting:
+            one = waiting.pop()
+            yield one
+            waiting += reversed(one.children)
+
+    def has_role(self, name: str) -> bool:
+        """Whether the last part of one of its roles' paths is this."""
+        return any(role.rpartition("/")[2] == name for role in self.roles)
+
+
+def is_project(begin: bytes) -> bool:
+    """Whether a file's first octets are those of such a file."""
+    return begin.startswith((_ZIP, *_XML))
+
+
+def parse_caex(data: bytes) -> CaexElement:
+    """The root of all InternalElements.  Raises :class:`DecodeError` for what is none, or too large."""
+    if data.startswith(_ZIP):
+        data = _unpacked(data)
+    if len(data) > MAX_OCTETS:
+        raise DecodeError("long", f"the file is longer than {MAX_OCTETS} octets")
+    return _Reader().read(data)
+
+
+def _unpacked(data: bytes) -> bytes:
+    """The one ``.aml`` file of a container."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = [info for info in archive.infolist() if info.filename.lower().endswith(".aml")]
+            if len(names) != 1:
+                raise DecodeError("no-caex", f"the container has {len(names)} .aml files, and one is needed")
+            with archive.open(names[0]) as part:
+                return part.read(MAX_OCTETS + 1)
+    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError) as exc:
+        raise DecodeError("no-caex", f"the container cannot be read: {exc}") from exc
+
+
+class _Reader:
+    """Makes the tree while expat reads."""
+
+    def __init__(self) -> None:
+        self.root = CaexElement("")
+        self._stack: list[CaexElement] = [self.root]
+        #: Names of the open XML elements; attributes of attributes have their parents' names in front.
+        self._path: list[str] = []
+        self._attribute: list[str] = []
+        self._text: list[str] | None = None
+        self._elements = 0
+        self._seen = False
+
+    def read(self, data: bytes) -> CaexElement:
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self._characters
+        parser.StartDoctypeDeclHandler = self._doctype
+        try:
+            parser.Parse(data, True)
+        except expat.ExpatError as exc:
+            raise DecodeError("bad-xml", f"line {exc.lineno}: {expat.ErrorString(exc.code)}") from exc
+        except ValueError as exc:
+            raise DecodeError("bad-xml", str(exc)) from exc
+        if not self._seen:
+            raise DecodeError("no-caex", "there is no CAEXFile in it")
+        return self.root
+
+    @staticmethod
+    def _doctype(*_: object) -> None:
+        raise DecodeError("doctype", "a document type is not allowed")
+
+    def _start(self, qualified: str, attributes: dict[str, str]) -> None:
+        name = qualified.rpartition(":")[2]
+        self._elements += 1
+        if self._elements > MAX_ELEMENTS or len(self._path) >= MAX_DEPTH:
+            raise DecodeError("large", f"more than {MAX_ELEMENTS} elements, or deeper than {MAX_DEPTH}")
+        self._path.append(name)
+        match name:
+            case "CAEXFile":
+                self._seen = True
+            case "InternalElement":
+                element = CaexElement(attributes.get("Name", "")[:MAX_VALUE])
+                self._stack[-1].children.append(element)
+                self._stack.append(element)
+            case "Attribute":
+                self._attribute.append(attributes.get("Name", ""))
+            case "SupportedRoleClass":
+                self._stack[-1].roles.append(attributes.get("RefRoleClassPath", "")[:MAX_VALUE])
+            case "RoleRequirements":
+                self._stack[-1].roles.append(attributes.get("RefBaseRoleClassPath", "")[:MAX_VALUE])
+            case "Value":
+                self._text = []
+            case _:
+                pass
+
+    def _characters(self, text: str) -> None:
+        if self._text is not None and sum(map(len, self._text)) < MAX_VALUE:
+            self._text.append(text)
+
+    def _end(self, qualified: str) -> None:
+        name = qualified.rpartition(":")[2]
+        self._path.pop()
+        match name:
+            case "InternalElement":
+                self._stack.pop()
+            case "Attribute":
+                self._attribute.pop()
+            case "Value" if self._text is not None:
+                if self._attribute and len(self._stack) > 1:
+                    key = "/".join(self._attribute)
+                    self._stack[-1].attributes.setdefault(key, "".join(self._text).strip()[:MAX_VALUE])
+                self._text = None
+            case _:
+                pass

@@ -1,0 +1,163 @@
+"""``pnfarm import`` of a project's CAx data: the drives that TIA Portal was told of."""
+
+from __future__ import annotations
+
+import zipfile
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pnfarm.buses.caex import MAX_DEPTH, parse_caex
+from pnfarm.drives.catalogue import model
+from pnfarm.errors import DecodeError
+from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.reading import expand, load_farm, parse_farm
+from pnfarm.protocols.profinet.gsdml.describe import describe_model
+from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+
+HIWIN = "GSDML-V2.35-HIWIN-E1-20240101.XML"
+ROLES = "AutomationProjectConfigurationRoleClassLib"
+
+
+def attribute(name, value):
+    return f'<Attribute Name="{name}" AttributeDataType="xs:string"><Value>{value}</Value></Attribute>'
+
+
+def element(name, inside="", role="", **attributes):
+    facts = "".join(attribute(key, value) for key, value in attributes.items())
+    kind = f'<SupportedRoleClass RefRoleClassPath="{ROLES}/{role}"/>' if role else ""
+    return f'<InternalElement ID="{name}-id" Name="{name}">{facts}{inside}{kind}</InternalElement>'
+
+
+def node(ip, name="", router=""):
+    more = {"ProfinetDeviceName": name} if name else {}
+    more |= {"RouterAddress": router} if router else {}
+    inside = element("IE1", role="Node", Type="Ethernet", NetworkAddress=ip, SubnetMask="255.255.255.0", **more)
+    return element("PROFINET interface", inside, role="CommunicationInterface", Label="X1")
+
+
+def drive(name, ip, file=HIWIN, dap="DAP 1", router=""):
+    head = element(
+        name, node(ip, name, router), role="DeviceItem", TypeIdentifier=f"GSD:{file}/DAP/{dap}", PositionNumber=0
+    )
+    module = element("Telegram 111", role="DeviceItem", TypeIdentifier=f"GSD:{file}/M/ID_T111", PositionNumber=1)
+    return element(f"GSD device {name}", head + module, role="Device", TypeIdentifier=f"GSD:{file}/D")
+
+
+def plc():
+    head = element(
+        "PLC_1", node("10.7.0.1", "plc-1"), role="DeviceItem", TypeIdentifier="OrderNumber:6ES7 513-1AL02-0AB0/V2.8"
+    )
+    rack = element("Rack_0", head, TypeIdentifier="System:Rack.S71500", PositionNumber=0)
+    return element("S7-1500 station_1", rack, role="Device", TypeIdentifier="System:Device.S71500")
+
+
+def project(*devices, schema="2.15"):
+    names = ' xmlns="http://www.dke.de/CAEX"' if schema == "3.0" else ""
+    whole = element("Project", element("PN/IE_1", role="Subnet", Type="Ethernet") + "".join(devices))
+    return (
+        f'<?xml version="1.0" encoding="utf-8"?><CAEXFile{names} FileName="p.aml" SchemaVersion="{schema}">'
+        f'<InstanceHierarchy Name="Project hierarchy">{whole}</InstanceHierarchy></CAEXFile>'
+    )
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / HIWIN.lower()).write_text(emit_gsdml(describe_model(model("hiwin-e1"))))
+    return tmp_path
+
+
+@pytest.mark.parametrize("schema", ["2.15", "3.0"])
+def test_drives_of_a_project_have_its_names_addresses_and_files(pnfarm, folder, schema):
+    file = folder / "line.aml"
+    file.write_text(
+        project(plc(), drive("axis-1", "10.7.0.11"), drive("axis-2", "10.7.0.12", router="10.7.0.254"), schema=schema)
+    )
+    out = folder / "line.pnfarm.yml"
+    found = pnfarm("import", file, "-o", out)
+    assert (found.code, found.err) == (0, "")
+    assert "2 drives, 1 other stations" in found.out
+    first, second = expand(load_farm(out))
+    assert (first.name, str(first.ip), first.model) == ("axis-1", "10.7.0.11/24", "hiwin-e1")
+    assert (second.name, str(second.gateway)) == ("axis-2", "10.7.0.254")
+    assert model_of(first).profidrive.identity.device_id == model("hiwin-e1").profidrive.identity.device_id
+    text = out.read_text()
+    assert f"identity: {{gsdml: {HIWIN.lower()}}}" in text
+    assert "# slot 1: Telegram 111" in text
+    assert "plc-1: IP 10.7.0.1" in text
+
+
+def test_a_packed_project_is_read(pnfarm, folder):
+    file = folder / "line.amlx"
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("[Content_Types].xml", "<x/>")
+        archive.writestr("line.aml", project(drive("axis-1", "10.7.0.11")))
+    found = pnfarm("import", file)
+    assert (found.code, "- name: axis-1" in found.out) == (0, True)
+
+
+def test_files_of_another_folder_are_found(pnfarm, folder, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "line.aml"
+    elsewhere.write_text(project(drive("axis-1", "10.7.0.11")))
+    text = pnfarm("import", elsewhere, "--gsdml", folder).out
+    assert "gsdml:" in text
+    assert expand(parse_farm(text))[0].model == "hiwin-e1"
+    missing = pnfarm("import", elsewhere, "--gsdml", folder / "nothing")
+    assert (missing.code, "cannot be read" in missing.err) == (2, True)
+
+
+def test_a_drive_whose_file_is_not_at_hand_is_told_by_its_maker_s_name(pnfarm, tmp_path):
+    file = tmp_path / "line.aml"
+    file.write_text(
+        project(drive("axis-1", "10.7.0.11"), drive("valve", "10.7.0.12", file="GSDML-V2.3-FESTO-CPX-20200101.XML"))
+    )
+    text = pnfarm("import", file).out
+    (made,) = expand(parse_farm(text))
+    assert (made.name, made.model, dict(made.identity)) == ("axis-1", "hiwin-e1", {})
+    assert "not at hand" in text.replace("\n  #  ", "")
+    assert "#   valve: IP 10.7.0.12" in text
+
+
+def test_names_that_a_farm_file_cannot_have_are_changed_and_told(pnfarm, tmp_path):
+    file = tmp_path / "line.aml"
+    file.write_text(project(drive("Axis 1", "10.7.0.11"), drive("axis-1", "10.7.0.12")))
+    text = pnfarm("import", file).out
+    assert [one.name for one in expand(parse_farm(text))] == ["axis-1", "axis-1-again"]
+    assert "# its name was 'Axis 1'" in text
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [(b"<html/>", "there is no CAEXFile"),
+     (b"<CAEXFile><InstanceHierarchy>", "line 1"),
+     (b'<!DOCTYPE x [<!ENTITY a "b">]><CAEXFile/>', "document type"),
+     (b"<CAEXFile>" + b"<InternalElement>" * (MAX_DEPTH + 1), "deeper than"),
+     (b"PK\x03\x04 but no archive", "container cannot be read")],
+)  # fmt: skip
+def test_a_file_that_is_no_project_is_refused(pnfarm, tmp_path, data, words):
+    file = tmp_path / "line.aml"
+    file.write_bytes(data)
+    found = pnfarm("import", file)
+    assert (found.code, words in found.err) == (2, True)
+    assert "\n" not in found.err.strip()
+
+
+def test_a_project_without_devices_is_refused(pnfarm, tmp_path):
+    file = tmp_path / "line.aml"
+    file.write_text(project())
+    assert pnfarm("import", file).code == 2
+
+
+@settings(max_examples=200)
+@given(data=st.data())
+def test_no_damage_of_a_project_has_another_outcome_than_a_decode_error(data):
+    octets = bytearray(project(plc(), drive("axis-1", "10.7.0.11")).encode())
+    for _ in range(data.draw(st.integers(1, 5))):
+        place = data.draw(st.integers(0, len(octets) - 1))
+        octets[place : place + data.draw(st.integers(0, 8))] = data.draw(st.binary(max_size=8))
+    try:
+        root = parse_caex(bytes(octets))
+    except DecodeError:
+        return
+    assert sum(1 for _ in root.walk()) >= 1
