@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.manager import InjectionManager
     from pnfarm.scenario.record import Case
     from pnfarm.scenario.steps import Step
+    from pnfarm.station.event_log import LogEntry
 
 __all__ = ["Demo"]
 
@@ -53,6 +54,8 @@ LOG_LINES = 8
 SCENARIO_TRIES = 3
 #: In memory, the stretches of time in which the scenario runs and the display stands.
 STRETCH_NS = 50_000_000
+#: The controllers' event, on every bus.
+CONNECTION_LOST = "connection lost"
 
 
 class Demo:
@@ -110,9 +113,10 @@ class Demo:
         return summary
 
     async def _open(self, stack: AsyncExitStack) -> Callable[[], Awaitable[None]]:
-        quiet = EventLog(quiet=True)
+        quiet, plc_log = EventLog(quiet=True), EventLog(quiet=True)
+        stack.callback(plc_log.subscribe(self._happened))
         if self._in_memory:
-            line = await VirtualLine.create(self._config, log=quiet, plc_log=EventLog(quiet=True), pcap=self._pcap)
+            line = await VirtualLine.create(self._config, log=quiet, plc_log=plc_log, pcap=self._pcap)
             stack.push_async_callback(line.close)
             self._line, self._farm, self._plc = line, line.farm, line.controllers
             self._injections = line.farm.injections
@@ -128,7 +132,7 @@ class Demo:
             capture = CaptureSettings(self._pcap)
             prepare()
         farm = await stack.enter_async_context(Farm(self._config, log=quiet, capture=capture))
-        plc = await stack.enter_async_context(Plc(self._config, log=EventLog(quiet=True)))
+        plc = await stack.enter_async_context(Plc(self._config, log=plc_log))
         self._farm, self._plc, self._injections = farm.core, plc.controllers, farm.injections
         self._poke = farm.driver.poke
         for waiting in (farm.wait(), plc.wait()):
@@ -234,6 +238,11 @@ class Demo:
     def _told(self, step: Step, case: Case | None) -> None:
         if case is not None:
             self._log(f"{case.verdict.value}: {step.title}" + (f", {case.measured}" if case.measured else ""))
+
+    def _happened(self, entry: LogEntry) -> None:
+        """A connection that the controller lost, with its reason: what was injected, or this machine's own doing."""
+        if entry.event == CONNECTION_LOST:
+            self._log(f"the controller lost {entry.drive}: {entry.data['reason']}")
 
     def _refresh(self) -> None:
         if self._live is not None:
