@@ -14,12 +14,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 from xml.parsers import expat
 
-from pnfarm.errors import DecodeError
+from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["MAX_OCTETS", "CaexElement", "is_project", "parse_caex"]
+__all__ = ["MAX_OCTETS", "CaexElement", "NotCaexError", "is_project", "parse_caex"]
 
 #: Largest file, packed or not; projects of many stations have some 50 MB.
 MAX_OCTETS = 128 << 20
@@ -28,6 +28,10 @@ MAX_DEPTH = 200
 #: Longest value of an attribute that is kept, characters.
 MAX_VALUE = 4096
 _ZIP, _XML = b"PK\x03\x04", (b"<", b"\xef\xbb\xbf<")
+
+
+class NotCaexError(ConfigError):
+    """What should be CAx data is something else, or too large."""
 
 
 @dataclass(slots=True)
@@ -58,11 +62,11 @@ def is_project(begin: bytes) -> bool:
 
 
 def parse_caex(data: bytes) -> CaexElement:
-    """The root of all InternalElements.  Raises :class:`DecodeError` for what is none, or too large."""
+    """The root of all InternalElements.  Raises :class:`NotCaexError` for what is none, or too large."""
     if data.startswith(_ZIP):
         data = _unpacked(data)
     if len(data) > MAX_OCTETS:
-        raise DecodeError("long", f"the file is longer than {MAX_OCTETS} octets")
+        raise NotCaexError(f"the file is longer than {MAX_OCTETS} octets")
     return _Reader().read(data)
 
 
@@ -72,11 +76,11 @@ def _unpacked(data: bytes) -> bytes:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = [info for info in archive.infolist() if info.filename.lower().endswith(".aml")]
             if len(names) != 1:
-                raise DecodeError("no-caex", f"the container has {len(names)} .aml files, and one is needed")
+                raise NotCaexError(f"the container has {len(names)} .aml files, and one is needed")
             with archive.open(names[0]) as part:
                 return part.read(MAX_OCTETS + 1)
     except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError) as exc:
-        raise DecodeError("no-caex", f"the container cannot be read: {exc}") from exc
+        raise NotCaexError(f"the container cannot be read: {exc}") from exc
 
 
 class _Reader:
@@ -101,22 +105,22 @@ class _Reader:
         try:
             parser.Parse(data, True)
         except expat.ExpatError as exc:
-            raise DecodeError("bad-xml", f"line {exc.lineno}: {expat.ErrorString(exc.code)}") from exc
+            raise NotCaexError(f"line {exc.lineno}: {expat.ErrorString(exc.code)}") from exc
         except ValueError as exc:
-            raise DecodeError("bad-xml", str(exc)) from exc
+            raise NotCaexError(str(exc)) from exc
         if not self._seen:
-            raise DecodeError("no-caex", "there is no CAEXFile in it")
+            raise NotCaexError("there is no CAEXFile in it")
         return self.root
 
     @staticmethod
     def _doctype(*_: object) -> None:
-        raise DecodeError("doctype", "a document type is not allowed")
+        raise NotCaexError("a document type is not allowed")
 
     def _start(self, qualified: str, attributes: dict[str, str]) -> None:
         name = qualified.rpartition(":")[2]
         self._elements += 1
         if self._elements > MAX_ELEMENTS or len(self._path) >= MAX_DEPTH:
-            raise DecodeError("large", f"more than {MAX_ELEMENTS} elements, or deeper than {MAX_DEPTH}")
+            raise NotCaexError(f"more than {MAX_ELEMENTS} elements, or deeper than {MAX_DEPTH}")
         self._path.append(name)
         match name:
             case "CAEXFile":

@@ -91,17 +91,17 @@ def _is_project(file: Path) -> bool:
 
 def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
     from pnfarm.buses import registry
-    from pnfarm.buses.caex import MAX_OCTETS, parse_caex
+    from pnfarm.buses.caex import MAX_OCTETS, NotCaexError, parse_caex
     from pnfarm.buses.imports import ProjectBus
-    from pnfarm.errors import ConfigError, DecodeError
+    from pnfarm.errors import ConfigError
     from pnfarm.vocabulary.regular_file import read_regular
 
     try:
         root = parse_caex(read_regular(file, MAX_OCTETS + 1))
     except OSError as exc:
         raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
-    except DecodeError as exc:
-        raise ConfigError(f"{file} is no CAx data: {exc.detail or exc.reason}") from exc
+    except NotCaexError as exc:
+        raise ConfigError(f"{file} is no CAx data: {exc}") from exc
     found = [
         one
         for bus in registry.BUSES.values()

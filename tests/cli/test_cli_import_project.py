@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pnfarm.buses.caex import MAX_DEPTH, parse_caex
+from pnfarm.buses.caex import MAX_DEPTH, NotCaexError, parse_caex
 from pnfarm.drives.catalogue import model
-from pnfarm.errors import DecodeError
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, load_farm, parse_farm
 from pnfarm.protocols.profinet.gsdml.describe import describe_model
@@ -158,6 +157,6 @@ def test_no_damage_of_a_project_has_another_outcome_than_a_decode_error(data):
         octets[place : place + data.draw(st.integers(0, 8))] = data.draw(st.binary(max_size=8))
     try:
         root = parse_caex(bytes(octets))
-    except DecodeError:
+    except NotCaexError:
         return
     assert sum(1 for _ in root.walk()) >= 1
