@@ -6,6 +6,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 TEST_STAMP := $(VENV)/.installed-test
 LINT_STAMP := $(VENV)/.installed-lint
+DOCS_STAMP := $(VENV)/.installed-docs
 ARGS ?=
 # `make LOCKED=1 test`: the packages of locks/, checked by hash, as in CI and the image; otherwise any that fit pyproject.toml
 LOCKED ?=
@@ -21,7 +22,7 @@ APART := "cm-ethernetip<0.2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-annotate --custom-compile-command "make lock"
 
-.PHONY: demo test lint install fuzz soak bench lock clean
+.PHONY: demo test lint docs install fuzz soak bench lock clean
 
 demo: $(STAMP)
 	@$(BIN)/pnfarm demo $(ARGS)
@@ -35,6 +36,10 @@ lint: $(LINT_STAMP)
 	$(BIN)/mypy
 	$(BIN)/mypy configs/pytest/test_async.py
 	$(BIN)/lint-imports
+
+# as a site in build/site; a link or an anchor that leads nowhere is an error
+docs: $(DOCS_STAMP)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --clean
 
 fuzz: $(TEST_STAMP)
 	$(BIN)/python -m tests.fuzz $(ARGS)
@@ -62,7 +67,7 @@ $(TEST_STAMP): $(STAMP) locks/peers.txt locks/apart.txt
 	$(LOCK)/apart.txt --no-deps --upgrade --target $(VENV)/apart
 	@touch $@
 
-$(LINT_STAMP): $(STAMP)
+$(LINT_STAMP) $(DOCS_STAMP): $(STAMP)
 	@touch $@
 else
 $(VENV)/bin/python:
@@ -83,12 +88,16 @@ $(TEST_STAMP): $(STAMP)
 $(LINT_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --group lint --group test
 	@touch $@
+
+$(DOCS_STAMP): $(STAMP)
+	$(BIN)/python -m pip install --quiet --group docs
+	@touch $@
 endif
 
 # Versions and hashes of everything that the image and CI install, for every supported Python, from a plain index.
 lock: | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --group lock
-	$(UV) pyproject.toml --group build --group lint --group test -o locks/ci.txt
+	$(UV) pyproject.toml --group build --group docs --group lint --group test -o locks/ci.txt
 	$(UV) pyproject.toml -c locks/ci.txt -o locks/runtime.txt
 	$(UV) --group build -c locks/ci.txt -o locks/build.txt
 	printf '%s\n' $(PEERS) | $(UV) --no-deps - -o locks/peers.txt

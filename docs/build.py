@@ -3,8 +3,9 @@
 ``table.md`` is every column of the table with its unit and its writer; ``states.md`` every state machine as a diagram.
 Both come from the code's own tables, so they cannot say anything else; a test compares them.  ``coverage.md`` is what
 of each manual the drives do (`manual_coverage`), ``behaviour.md`` what the manuals leave open, ``bus.md`` what a bus
-offers (`bus_page`), ``faults.md`` what can be injected
-(`fault_page`), and ``parameters/MODEL.md`` every parameter with what it does (`model_pages`).
+offers (`bus_page`), ``faults.md`` what can be injected (`fault_page`), ``metrics.md``, ``api.md`` and ``commands.md``
+what a farm serves and the program takes, ``drives/MODEL.md`` what an engineer needs to know of a drive (`drive_pages`),
+and ``parameters/MODEL.md`` every parameter with what it does (`model_pages`).
 """
 
 from __future__ import annotations
@@ -14,13 +15,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import api_page
 import bus_page
+import command_page
+import drive_pages
 import fault_page
 import manual_coverage
+import metric_page
 import model_pages
 
 from pnfarm.buses.ethernetip.controller import session as scanner_session
 from pnfarm.buses.profinet.controller import session
+from pnfarm.drives.catalogue import models
 from pnfarm.drives.parameter_list import COLUMNS, MAX_PARAMETERS
 from pnfarm.farm.file.lists import MAX_OCTETS
 from pnfarm.farm.file.schema import farm_schema
@@ -258,6 +264,11 @@ PAGES = {
     "behaviour.md": model_pages.behaviour,
     "bus.md": bus_page.page,
     "faults.md": fault_page.page,
+    "metrics.md": metric_page.page,
+    "api.md": api_page.page,
+    "commands.md": command_page.page,
+    "drives/index.md": drive_pages.index,
+    **{f"drives/{name}.md": partial(drive_pages.page, name) for name in sorted(models())},
     **{f"parameters/{name}.md": partial(model_pages.parameters, name) for name in manual_coverage.MANUALS},
 }
 

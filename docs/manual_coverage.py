@@ -102,7 +102,7 @@ def page() -> str:
         lines.append(f"| {name} | " + " | ".join(map(str, counts)) + " |")
     lines += [
         "",
-        "What their parameters do, all of them in [parameters/](parameters/):",
+        "What their parameters do, each in a page of its own:",
         "",
         "| model | " + " | ".join(EFFECTS) + " |",
         "|---|" + "---:|" * len(EFFECTS),

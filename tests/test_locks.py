@@ -18,7 +18,13 @@ GROUPS = PROJECT["dependency-groups"]
 LOCKS = {
     "runtime.txt": PROJECT["project"]["dependencies"],
     "build.txt": GROUPS["build"],
-    "ci.txt": [*PROJECT["project"]["dependencies"], *GROUPS["build"], *GROUPS["test"], *GROUPS["lint"]],
+    "ci.txt": [
+        *PROJECT["project"]["dependencies"],
+        *GROUPS["build"],
+        *GROUPS["docs"],
+        *GROUPS["test"],
+        *GROUPS["lint"],
+    ],
     "peers.txt": [
         "cpppo>=5.2.5,<6",
         "greenery>=2.1,<3",

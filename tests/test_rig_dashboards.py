@@ -19,6 +19,7 @@ import time
 import urllib.parse
 import urllib.request
 
+import metric_page
 import pytest
 import yaml
 from prometheus_client.openmetrics.exposition import generate_latest
@@ -238,6 +239,12 @@ def test_every_query_of_a_dashboard_finds_data_of_a_drive_on_each_bus(prometheus
     asked = queries(path, drive=drive)
     assert len(asked) > 20
     assert [title for title, query in asked.items() if not prometheus(query)] == []
+
+
+@needs_prometheus
+@pytest.mark.parametrize("title", metric_page.QUERIES)
+def test_every_query_of_the_documentation_finds_data(prometheus, title):
+    assert prometheus(metric_page.QUERIES[title][0])
 
 
 @needs_prometheus

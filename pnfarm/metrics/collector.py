@@ -63,6 +63,10 @@ class Scrape:
         self._parts = parts
         self._lock = lock
 
+    def families(self) -> list[Family]:
+        """What it has values of."""
+        return [family for family, _ in self._parts]
+
     def text(self) -> bytes:
         """In exposition format; may be called in any thread."""
         with self._lock:
