@@ -1,6 +1,7 @@
 # The farm, its controller and its command line in one image.  `docker build -t pnfarm .`
 #
-# `--build-arg BASE=debian:bookworm-slim@sha256:<digest>` builds on exactly that base image.
+# `--build-arg BASE=debian:bookworm-slim@sha256:<digest>` builds on exactly that base image; `--build-arg VERSION=...` and
+# `--build-arg REVISION=...` become its labels.
 # Builds with BuildKit and with the classic builder alike.  Behind a proxy with a certificate authority of its own:
 # `--build-arg PIP_CERT=<path in the base image>`, `--build-arg PIP_INDEX_URL=...`; neither stays in the image.
 
@@ -70,5 +71,9 @@ HEALTHCHECK --interval=5s --timeout=3s --start-period=30s --retries=3 \
 # The image's user is not root.  A farm needs NET_ADMIN and NET_RAW nevertheless: started as root, the entry point
 # becomes `pnfarm` and keeps these two (see compose.yaml).
 USER pnfarm
+# last, because it differs in each build
+ARG VERSION=local
+ARG REVISION=
+LABEL org.opencontainers.image.version="${VERSION}" org.opencontainers.image.revision="${REVISION}"
 ENTRYPOINT ["pnfarm-entry", "pnfarm"]
 CMD ["--help"]

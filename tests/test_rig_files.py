@@ -18,6 +18,7 @@ import yaml
 
 from pnfarm.cli.files import read
 from pnfarm.farm.file.reading import expand
+from pnfarm.vocabulary.durations import parse_duration
 
 ROOT = Path(__file__).resolve().parents[1]
 COMPOSE = yaml.safe_load((ROOT / "compose.yaml").read_text("utf-8"))
@@ -56,11 +57,29 @@ def test_the_image_has_a_user_that_is_not_root():
     assert 'ENTRYPOINT ["pnfarm-entry", "pnfarm"]' in lines
 
 
+def test_the_image_is_tagged_and_labelled_by_the_version_that_is_asked_for():
+    pnfarm = COMPOSE["x-pnfarm"]
+    assert pnfarm["image"] == "pnfarm:${PNFARM_VERSION:-local}"
+    arguments = pnfarm["build"]["args"]
+    assert arguments["VERSION"] == "${PNFARM_VERSION:-local}"
+    assert arguments["REVISION"] == "${PNFARM_REVISION:-}"
+    text = (ROOT / "Dockerfile").read_text("utf-8")
+    for label, argument in (("version", "VERSION"), ("revision", "REVISION")):
+        assert f'org.opencontainers.image.{label}="${{{argument}}}"' in text
+
+
+def test_the_rigs_sine_is_slow_enough_for_its_prometheus():
+    scraped = yaml.safe_load((ROOT / "configs" / "prometheus" / "prometheus.yml").read_text("utf-8"))
+    every = parse_duration(scraped["global"]["scrape_interval"])
+    controller = read(ROOT / "configs" / "compose.pnfarm.yml").controller
+    assert controller.program.period_ns >= 20 * every
+
+
 def test_every_stage_stands_on_a_base_image_that_may_be_named_by_its_digest():
     text = (ROOT / "Dockerfile").read_text("utf-8")
     assert re.findall(r"^FROM (\S+)", text, re.MULTILINE) == ["${BASE}", "${BASE}"]
     assert "ARG BASE=debian:bookworm-slim\n" in text
-    assert SERVICES["farm"]["build"]["args"] == {"BASE": "${PNFARM_BASE:-debian:bookworm-slim}"}
+    assert SERVICES["farm"]["build"]["args"]["BASE"] == "${PNFARM_BASE:-debian:bookworm-slim}"
 
 
 def test_the_image_installs_nothing_that_no_hash_names():

@@ -19,7 +19,8 @@ def doctor(
     file: Annotated[
         Path | None,
         typer.Argument(
-            help="Farm file whose serial lines are measured, too; their ports must not be in use.",
+            help="Farm file to judge on this machine: its interface, address and folder, the processor time of its "
+            "drives, its serial lines, whose ports must not be in use.",
             metavar="[FILE]",
             show_default=False,
         ),
@@ -30,14 +31,15 @@ def doctor(
     from pnfarm.cli.files import read
     from pnfarm.errors import EnvironmentError_
     from pnfarm.farm.doctor import examine
-    from pnfarm.terminal.output import print_json, print_line, print_table
+    from pnfarm.terminal.output import print_json, print_line, print_next, print_table
 
     config = None if file is None else read(file)
     findings = examine()
     if config is not None:
+        from pnfarm.cli.file_doctor import examine_file
         from pnfarm.farm.line_doctor import examine_lines
 
-        findings += examine_lines(config)
+        findings += [*examine_file(config), *examine_lines(config)]
     missing = [finding for finding in findings if finding.ok is False]
     if output is Format.JSON:
         print_json({"ok": not missing, "findings": [asdict(finding) for finding in findings]})
@@ -49,12 +51,15 @@ def doctor(
             print_line()
             print_table(("WHAT", "~HOW TO FIX IT"), [(finding.name, finding.remedy) for finding in remedies])
         print_line()
-        print_line(_verdict(len(missing)))
+        print_line(_verdict(len(missing), file))
+        if not missing:
+            print_next("pnfarm up FILE" if file is None else f"pnfarm up {file}")
     if missing:
         raise typer.Exit(EnvironmentError_.exit_code)
 
 
-def _verdict(missing: int) -> str:
+def _verdict(missing: int, file: Path | None) -> str:
+    farm = "a farm" if file is None else str(file)
     if not missing:
-        return "This machine can run a farm."
-    return f"This machine lacks {missing} thing{'' if missing == 1 else 's'} that a farm needs."
+        return f"This machine can run {farm}."
+    return f"This machine lacks {missing} thing{'' if missing == 1 else 's'} that {farm} needs."

@@ -163,7 +163,7 @@ def add(
     """Inject a fault."""
     from pnfarm.errors import ConfigError
     from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json, print_line
+    from pnfarm.terminal.output import print_json, print_line, print_next
 
     body: dict[str, Any] = {"kind": kind, "on": on, "params": dict(map(_parameter, param or []))}
     wanted = {
@@ -195,6 +195,10 @@ def add(
             print_json(fault)
         else:
             print_line(f"{fault['id']}: {fault['kind']} {fault['state']} on {_shortened(list(fault['drives']))}")
+            if not hold:
+                print_next(
+                    f"pnfarm fault list {fault['id']} shows its evidence, pnfarm fault clear {fault['id']} ends it"
+                )
         if hold:
             _keep(farm, fault)
 

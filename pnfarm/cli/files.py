@@ -115,10 +115,11 @@ def check_program(config: FarmConfig) -> None:
 def validate(file: FarmFile) -> None:
     """Check a farm file, or a scenario with its farm: report every error with its line, key and allowed values."""
     from pnfarm.cli.run import is_scenario
-    from pnfarm.terminal.output import print_line
+    from pnfarm.terminal.output import print_line, print_next
 
     if is_scenario(file):
         print_line(f"{file}: OK, {_scenario_summary(file)}")
+        print_next(f"pnfarm run {file} --virtual, or without --virtual on the farm's own link")
         return
     config = read(file)
     check_impairments(config)
@@ -126,6 +127,8 @@ def validate(file: FarmFile) -> None:
     print_line(f"{file}: OK, {summary(config)}")
     for note in config.notes:
         print_line(f"note: {note}")
+    in_memory = config.link is not None and config.link.kind == "memory"
+    print_next(f"pnfarm up {file}" if in_memory else f"pnfarm doctor {file}, then pnfarm up {file}")
 
 
 def _scenario_summary(file: Path) -> str:

@@ -79,6 +79,7 @@ def run(
     from pnfarm.errors import ConfigError
     from pnfarm.scenario.file import load_scenario
     from pnfarm.scenario.record import EXIT_CODES, Verdict
+    from pnfarm.terminal.output import print_next
 
     variables = _variables(values or [])
     scenario = load_scenario(file, variables)
@@ -113,6 +114,10 @@ def run(
             record, failure = _every(scenario, checked, progress, signals, virtual=virtual, pcap=pcap, traced=traced)
     _write(record, junit, html, as_json)
     print_summary(record)
+    if html is not None:
+        print_next(f"open {html} in a browser: expectations, faults and the PLC's words on a timeline")
+    elif record["verdict"] == Verdict.FAILED.value:
+        print_next("the same command with --html report.html shows the PLC's words on a timeline")
     return EXIT_CODES[Verdict(record["verdict"])] if failure is None else report(failure)
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-__all__ = ["console", "make_table", "number", "print_json", "print_line", "print_table", "seconds"]
+__all__ = ["console", "make_table", "number", "print_json", "print_line", "print_next", "print_table", "seconds"]
 
 #: Width where standard output is not a terminal: nothing is truncated.
 _UNBOUNDED = 10_000
@@ -22,6 +22,12 @@ def print_line(text: str = "") -> None:
     """Print one line and flush it: another program may wait for it on a pipe."""
     sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
+
+
+def print_next(step: str) -> None:
+    """What to do next, for somebody at a terminal; programs that read the output do not see it."""
+    if sys.stdout.isatty():
+        print_line(f"next: {step}")
 
 
 def print_json(value: Any) -> None:

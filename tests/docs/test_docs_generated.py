@@ -14,11 +14,15 @@ NAMES = (
 )  # fmt: skip
 
 
-def _pages():
+def _build():
     spec = importlib.util.spec_from_file_location("docs_build", ROOT / "docs" / "build.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.PAGES
+    return module
+
+
+def _pages():
+    return _build().PAGES
 
 
 def test_every_generated_page_is_looked_at():
@@ -28,6 +32,12 @@ def test_every_generated_page_is_looked_at():
 @pytest.mark.parametrize("name", NAMES)
 def test_generated_pages_are_up_to_date(name):
     assert (ROOT / "docs" / name).read_text(encoding="utf-8") == _pages()[name](), "run `python docs/build.py`"
+
+
+@pytest.mark.parametrize("name", ["farm.schema.json", "scenario.schema.json"])
+def test_schemas_for_editors_are_up_to_date(name):
+    written = (ROOT / "configs" / "schema" / name).read_text(encoding="utf-8")
+    assert written == _build().SCHEMAS[name](), "run `python docs/build.py`"
 
 
 def test_every_field_of_the_table_says_what_it_means_and_who_writes_it():

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
+
+import jsonschema
+import pytest
 
 from pnfarm.config.known import catalogue
 from pnfarm.farm.file.schema import farm_schema
 from pnfarm.farm.file.sections import FarmSections
+from pnfarm.vocabulary.yaml_lines import parse_yaml
 
 
 def references(value):
@@ -67,3 +72,50 @@ def test_the_example_in_the_schema_is_a_valid_file():
 def test_the_api_may_be_off_an_address_or_a_section():
     words, address, section = farm_schema()["properties"]["api"]["anyOf"]
     assert (words["enum"], address["type"], section["$ref"]) == (["off", False], "string", "#/$defs/Api")
+
+
+# -- for editors -----------------------------------------------------------------------------------------------------
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+LINE = "# yaml-language-server: $schema="
+
+
+def checker(kind):
+    schema = json.loads((CONFIGS / "schema" / f"{kind}.schema.json").read_text("utf-8"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+    return jsonschema.Draft202012Validator(schema)
+
+
+@pytest.mark.parametrize(
+    "file",
+    [path for path in sorted(CONFIGS.rglob("*.yml")) if path.name.endswith((".pnfarm.yml", ".scenario.yml"))],
+    ids=lambda path: path.relative_to(CONFIGS).as_posix(),
+)
+def test_an_example_names_its_schema_and_is_right_by_it(file):
+    text = file.read_text("utf-8")
+    first = text.partition("\n")[0]
+    assert first.startswith(LINE)
+    schema = (file.parent / first.removeprefix(LINE)).resolve()
+    kind = "farm" if file.name.endswith(".pnfarm.yml") else "scenario"
+    assert schema == CONFIGS / "schema" / f"{kind}.schema.json"
+    assert [error.message for error in checker(kind).iter_errors(parse_yaml(text).root.plain())] == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "text"),
+    [
+        ("farm", "farm: a\nlink: {kind: memory}\ndrives: [{name: b, model: akd-profinett}]"),
+        ("farm", "farm: a\nlink: {kind: memory}\ndrives: [{name: b, model: akd-profinet, cycel: 16ms}]"),
+        ("farm", "farm: a\nlink: {kind: memory}\ndrives: [{name: b, model: akd, impair: [{kind: timeouts}]}]"),
+        ("farm", "farm: a\nlink: {kind: memory}\ndrives: [{name: b, model: akd, behaviour: {mode-change: maybe}}]"),
+        ("scenario", "scenario: a\nsteps: [{fault: {kind: f703, on: all}}]"),
+        ("scenario", "scenario: a\nsteps: [{except: {drive: all, that: connected}}]"),
+    ],
+)
+def test_an_editor_marks_what_is_no_model_key_kind_or_step(kind, text):
+    assert not checker(kind).is_valid(parse_yaml(text).root.plain())
+
+
+def test_a_model_may_be_named_by_any_of_its_names():
+    names = farm_schema()["$defs"]["DriveGroup"]["properties"]["model"]["enum"]
+    assert {"akd-profinet", "akd", "moog-msd-dp", "msd-profibus"} <= set(names)

@@ -161,9 +161,13 @@ def farm_schema(known: Known | None = None) -> dict[str, Any]:
         field = sections[section]["properties"][key]
         kinds = [SWITCH, {"$ref": field.pop("$ref")}]
         field["anyOf"] = kinds if key != "boot_time" else [*kinds, {"type": "string", "examples": ["8s"]}]
-    sections["DriveGroup"]["properties"]["model"]["examples"] = list(known.models)
+    models = [model for name in known.models if (model := known.model(name)) is not None]
+    sections["DriveGroup"]["properties"]["model"] |= {
+        "enum": [name for model in models for name in (model.name, *model.aliases)],
+        "examples": list(known.models),
+    }
     sections["DriveGroup"]["allOf"] = [
-        *(_behaviour_of(model) for name in known.models if (model := known.model(name))),
+        *(_behaviour_of(model) for model in models),
         *_only_of_its_bus(known),
     ]
     if known.fault_kinds is not None:

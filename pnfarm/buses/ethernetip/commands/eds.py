@@ -24,7 +24,7 @@ def eds(
     from pnfarm.drives import catalogue
     from pnfarm.errors import ConfigError, EnvironmentError_
     from pnfarm.protocols.enip.eds import emit_eds
-    from pnfarm.terminal.output import print_line
+    from pnfarm.terminal.output import print_line, print_next
 
     described = catalogue.model(model)
     octets = emit_eds(describe_model(described), comments(described))
@@ -41,3 +41,4 @@ def eds(
     except OSError as exc:
         raise EnvironmentError_(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
     print_line(str(path))
+    print_next("install it in the engineering tool (docs/drives/index.md says where)")

@@ -24,7 +24,7 @@ def gsdml(
     from pnfarm.errors import ConfigError, EnvironmentError_
     from pnfarm.protocols.profinet.gsdml.describe import describe_model, file_name
     from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
-    from pnfarm.terminal.output import print_line
+    from pnfarm.terminal.output import print_line, print_next
 
     described = catalogue.model(model)
     text = emit_gsdml(describe_model(described))
@@ -41,3 +41,4 @@ def gsdml(
     except OSError as exc:
         raise EnvironmentError_(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
     print_line(str(path))
+    print_next("install it in the engineering tool (docs/drives/index.md says where)")

@@ -1,0 +1,180 @@
+"""Can this machine run this farm file?  Interface, address, folder, and the processor time of its drives."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.bus import line_of
+from pnfarm.buses.registry import BUSES
+from pnfarm.cli.files import counted
+from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink, TapLink, VethLink
+from pnfarm.farm.doctor import Finding
+from pnfarm.farm.file.choice import bus_of_controller
+from pnfarm.farm.file.reading import expand
+from pnfarm.station.step_time import longest_step_ns
+
+if TYPE_CHECKING:
+    from pnfarm.farm.file.reading import FarmConfig
+
+__all__ = ["Load", "examine_file", "judge", "load_of"]
+
+#: Share of one processor up to which the engine keeps its time with room for storms, and at which there is none left.
+ROOMY, FULL = 0.6, 0.9
+_MEASURE_SECONDS = 180.0
+#: Cycle of drives whose file says none: the controller's, by its default.
+_USUAL_CYCLE_NS = 16_000_000
+_INTERFACES = Path("/sys/class/net")
+
+
+def examine_file(config: FarmConfig) -> list[Finding]:
+    """A finding for each thing that the file needs of this machine.  Measures for some seconds."""
+    found = _link(config)
+    found += _api(config)
+    found += _state(config)
+    load = load_of(config)
+    if load.frames and isinstance(config.link, MacvlanLink | VethLink):
+        found.append(judge(load, *_measured()))
+    return found
+
+
+# -- what it needs
+
+
+def _interface(name: str, what: str, *, parent: bool) -> Finding:
+    place = _INTERFACES / name
+    if not place.is_dir():
+        others = sorted(one.name for one in _INTERFACES.iterdir() if one.name != "lo") if _INTERFACES.is_dir() else []
+        listed = f"; there are {', '.join(others)}" if others else ""
+        return Finding(what, False, f"{name} does not exist{listed}", "ip -br link; then name one of them in the file")
+    if not int(_read(place / "flags") or "0x1", 16) & 0x1:
+        return Finding(what, False, f"{name} is down", f"sudo ip link set {name} up")
+    if parent and ((place / "wireless").is_dir() or (place / "phy80211").exists()):
+        why = f"{name} is a WLAN: an access point takes frames of one MAC address for each client"
+        return Finding(what, False, why, "a wired network card")
+    if _read(place / "carrier") != "1":
+        return Finding(what, None, f"{name} is up and has no carrier", "plug the cable, or switch the other end on")
+    return Finding(what, True, f"{name} is up")
+
+
+def _link(config: FarmConfig) -> list[Finding]:
+    match config.link:
+        case MacvlanLink(parent=parent):
+            return [_interface(parent, "parent interface", parent=True)]
+        case VethLink(bridge=str() as bridge) | TapLink(bridge=str() as bridge):
+            return [_interface(bridge, "bridge", parent=False)]
+        case MemoryLink():
+            return [Finding("link", True, "in memory: no interface, no rights")]
+        case SerialLink():
+            return [Finding("link", True, "a serial line: no interface, no rights for one")]
+        case _:
+            return []
+
+
+def _api(config: FarmConfig) -> list[Finding]:
+    if config.api is None:
+        return []
+    host, port = config.api.listen
+    shown = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except OSError as exc:
+        why = f"{shown}: {(exc.strerror or str(exc)).lower()}"
+        return [Finding("API", False, why, "another port (`api: 127.0.0.1:8703`), or stop the farm that has this one")]
+    return [Finding("API", True, f"{shown} is free")]
+
+
+def _state(config: FarmConfig) -> list[Finding]:
+    if config.state is None:
+        return []
+    base = config.path.parent if config.path is not None else Path()
+    folder = base / config.state
+    # the farm makes what is missing of it
+    existing = next((one for one in (folder, *folder.absolute().parents) if one.exists()), Path("/"))
+    if existing.is_dir() and os.access(existing, os.W_OK | os.X_OK):
+        return [Finding("state", True, f"{folder} can be written")]
+    return [Finding("state", False, f"{folder} cannot be written", f"sudo chown $USER {existing}")]
+
+
+# -- processor time
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What the engine does a second: cyclic frames in both directions, steps of the drives' firmware."""
+
+    drives: int
+    frames: float
+    steps: float
+
+
+def _cycle_of(one: object) -> int | None:
+    """The cycle of a drive or a controller, by its bus's name for it."""
+    return getattr(one, "cycle_ns", None) or getattr(one, "rpi_ns", None)
+
+
+def load_of(config: FarmConfig) -> Load:
+    """The load of a farm file's drives, at the cycles that it names."""
+    shared = {bus_of_controller(one).name: _cycle_of(one) for one in config.controllers}
+    frames = steps = 0.0
+    cyclic = 0
+    for drive in expand(config):
+        model = config.known.model(drive.model)
+        bus = "" if model is None else model.bus
+        if bus not in BUSES or line_of(BUSES[bus]):
+            # a line has no cyclic frames
+            continue
+        cycle = _cycle_of(drive) or shared.get(bus) or _USUAL_CYCLE_NS
+        cyclic += 1
+        frames += 2e9 / cycle
+        steps += 1e9 / longest_step_ns(cycle)
+    return Load(cyclic, frames, steps)
+
+
+def _measured() -> tuple[float | None, float | None, str]:
+    """ns of a frame and of a step on this machine, and why there is none."""
+    try:
+        run = subprocess.run(
+            [sys.executable, "-m", "pnfarm.cli.budget_child"], capture_output=True, timeout=_MEASURE_SECONDS, check=True
+        )
+        answer = json.loads(run.stdout)
+    except subprocess.TimeoutExpired:
+        return None, None, f"the measurement did not end within {_MEASURE_SECONDS:.0f} s"
+    except (OSError, subprocess.CalledProcessError, ValueError) as exc:
+        return None, None, f"the measurement failed ({exc})"
+    return answer["frame_ns"], answer["step_ns"], answer["why"]
+
+
+def judge(load: Load, frame_ns: float | None, step_ns: float | None, why: str) -> Finding:
+    """Whether one processor is enough for the engine, by what a frame and a step cost on it."""
+    what = f"{counted(load.drives, 'drive')}, {load.frames:,.0f} frames a second"
+    if frame_ns is None or step_ns is None:
+        return Finding("processor time", None, f"{what}: not measured ({why})", "pnfarm bench")
+    share = (load.frames * frame_ns + load.steps * step_ns) / 1e9
+    detail = (
+        f"{what}: about {max(share, 0.01):.2f} of the one processor that the engine has "
+        f"({frame_ns / 1e3:.2f} us a frame on a veth, {step_ns / 1e3:.2f} us a step, measured)"
+    )
+    remedy = "fewer drives, longer cycles, or a part of the farm on another machine"
+    if share <= ROOMY:
+        return Finding("processor time", True, detail)
+    if share <= FULL:
+        return Finding("processor time", None, f"{detail}: little room for storms", remedy)
+    return Finding("processor time", False, f"{detail}: too much", remedy)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text("ascii").strip()
+    except OSError:
+        # the carrier of an interface that is down cannot be read
+        return ""
