@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.word_bits import STW1_BITS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from pnfarm.farm.controller_record import Situation, StartUp
     from pnfarm.farm.core import FarmCore
+    from pnfarm.faults.injection import Injection
     from pnfarm.station.station import Station
 
 __all__ = ["MOST_REACTIONS", "reactions"]
@@ -34,15 +36,14 @@ def _of(core: FarmCore, station: Station, now: int) -> Iterator[dict[str, Any]]:
         yield _of_fault(core, station, situation, now)
     for start in record.start_ups:
         if start.lost_ns is not None:
-            yield _of_loss(station, start, now)
+            yield _of_loss(core, station, start, now)
 
 
 def _of_fault(core: FarmCore, station: Station, one: Situation, now: int) -> dict[str, Any]:
     names = station.model.profidrive.bit_names("STW1", station.store.telegram_number) or STW1_BITS
     steps = [_step("fault", f"fault {one.code}", 0)]
-    injected = _injected(core, station, one)
-    if injected is not None:
-        steps.append(_step("injected", f"{one.kind} injected", injected - one.begin_ns))
+    cause = _cause(core.injections.of_kind(one.kind), station.configured_name, one.begin_ns)
+    steps += _of_cause(cause, one.begin_ns)
     for bit, (value, after) in one.bits.items():
         name = names[bit] if bit < len(names) and names[bit] else f"bit_{bit}"
         steps.append(_step("control", f"stw1.{name} = {value}", after))
@@ -62,15 +63,16 @@ def _of_fault(core: FarmCore, station: Station, one: Situation, now: int) -> dic
     }
 
 
-def _of_loss(station: Station, one: StartUp, now: int) -> dict[str, Any]:
+def _of_loss(core: FarmCore, station: Station, one: StartUp, now: int) -> dict[str, Any]:
     begin = one.lost_ns or 0
-    steps = [_step("lost", "connection lost", 0)]
+    cause = _cause(core.injections.that_hit(station.configured_name), station.configured_name, begin, acted=True)
+    steps = [*_of_cause(cause, begin), _step("lost", "connection lost", 0)]
     steps += [_step("start-up", name, when - begin) for name, when in one.phases.items()]
     end = one.phases.get("data")
     return {
         "drive": station.configured_name,
         "what": "connection",
-        "kind": "",
+        "kind": cause.kind if cause is not None else "",
         "code": "",
         "name": one.controller,
         "seconds_ago": (now - begin) / 1e9,
@@ -84,13 +86,32 @@ def _step(what: str, text: str, after_ns: int) -> dict[str, Any]:
     return {"what": what, "text": text, "seconds": after_ns / 1e9}
 
 
-def _injected(core: FarmCore, station: Station, one: Situation) -> int | None:
-    """When what was injected began on this drive, if it is known still."""
-    starts = [
-        run.started_ns
-        for injection in core.injections.of_kind(one.kind)
-        if (run := injection.runs.get(station.configured_name)) is not None
-        and run.started_ns is not None
-        and 0 <= one.begin_ns - run.started_ns < CAUSE_NS
-    ]
-    return max(starts, default=None)
+@dataclass(frozen=True, slots=True)
+class _Cause:
+    """What was injected, when it began on the drive, and when it first acted there (None: it did not yet)."""
+
+    kind: str
+    started_ns: int
+    acted_ns: int | None
+
+
+def _cause(injections: Iterable[Injection], drive: str, begin_ns: int, *, acted: bool = False) -> _Cause | None:
+    """The newest injection that may be the cause of what began then; ``acted``: one that had acted by then."""
+    found = []
+    for injection in injections:
+        run = injection.runs.get(drive)
+        if run is None or run.started_ns is None or not 0 <= begin_ns - run.started_ns < CAUSE_NS:
+            continue
+        first = run.evidence().first_ns
+        if not acted or (first is not None and first <= begin_ns):
+            found.append(_Cause(injection.spec.kind.name, run.started_ns, first))
+    return max(found, key=lambda one: one.started_ns, default=None)
+
+
+def _of_cause(cause: _Cause | None, begin_ns: int) -> list[dict[str, Any]]:
+    if cause is None:
+        return []
+    steps = [_step("injected", f"{cause.kind} injected", cause.started_ns - begin_ns)]
+    if cause.acted_ns is not None:
+        steps.append(_step("wire", f"{cause.kind} acts on the drive or its frames", cause.acted_ns - begin_ns))
+    return steps

@@ -482,6 +482,10 @@ class InjectionManager:
             if injection.spec.kind.name == kind:
                 yield injection
 
+    def that_hit(self, drive: str) -> Iterator[Injection]:
+        """Injections that hit a drive, also those that ended not long ago."""
+        return (one for one in (*self._ended, *self._injections.values()) if drive in one.runs)
+
     def list(self) -> list[Injection]:
         """Injections that wait or are in force, oldest first."""
         return list(self._injections.values())

@@ -150,12 +150,27 @@ def test_reactions_tell_the_steps_of_the_controller(world):
     acknowledged = next(step["seconds"] for step in found["steps"] if step["what"] == "acknowledged")
     assert found["recovered_seconds"] == acknowledged
     assert any(step["text"] == "stw1.fault_acknowledge = 1" for step in found["steps"])
-    assert [step["what"] for step in found["steps"]][:2] in (["injected", "fault"], ["fault", "injected"])
+    assert {"injected", "wire", "fault"} == {step["what"] for step in found["steps"][:3]}
     world.post("/api/v1/faults", {"kind": "timeout", "on": "axis-03"})
     world.line.run(3)
     (lost,) = [one for one in world.get("/api/v1/reactions").json()["reactions"] if one["what"] == "connection"]
-    assert lost["drive"] == "axis-03"
-    assert lost["steps"][0] == {"what": "lost", "text": "connection lost", "seconds": 0.0}
+    assert (lost["drive"], lost["kind"]) == ("axis-03", "timeout")
+    steps = [step["what"] for step in lost["steps"]]
+    assert steps[:3] == ["injected", "wire", "lost"]
+    injected, wire, gone = (step["seconds"] for step in lost["steps"][:3])
+    # silent from its next frame on, until the controller's watchdog expires
+    assert injected <= wire < gone == 0.0
+
+
+def test_a_connection_that_was_lost_without_an_injection_has_no_cause_in_its_timeline(world):
+    world.post("/api/v1/faults", {"kind": "f702", "on": "axis-03"})
+    world.line.run(70)
+    world.post("/api/v1/drives/axis-03/power-off")
+    world.line.run(1)
+    world.post("/api/v1/drives/axis-03/power-on")
+    world.line.run(5)
+    lost = [one for one in world.get("/api/v1/reactions").json()["reactions"] if one["what"] == "connection"]
+    assert all(one["kind"] == "" and one["steps"][0]["what"] == "lost" for one in lost)
 
 
 def test_health_has_the_engine_and_its_lateness(world):
