@@ -453,8 +453,9 @@ def command(
     # compile beforehand, in a process of its own: otherwise the first benchmark would measure the compiler
     anyio.run(compile_ahead)
     results: list[Result] = []
-    for name, figures in wanted.items():
-        typer.echo(f"{name}: {(BENCHMARKS[name].run.__doc__ or '').splitlines()[0]}", err=True)
+    for place, (name, figures) in enumerate(wanted.items(), 1):
+        counted = f" ({place} of {len(wanted)})" if len(wanted) > 1 else ""
+        typer.echo(f"{name}{counted}: {(BENCHMARKS[name].run.__doc__ or '').splitlines()[0]}", err=True)
         results += measured(name, figures, seconds)
     _table(results)
     if json_file is not None:

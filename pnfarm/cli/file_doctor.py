@@ -19,6 +19,7 @@ from pnfarm.farm.doctor import Finding
 from pnfarm.farm.file.choice import bus_of_controller
 from pnfarm.farm.file.reading import expand
 from pnfarm.station.step_time import longest_step_ns
+from pnfarm.terminal.working import working
 
 if TYPE_CHECKING:
     from pnfarm.farm.file.reading import FarmConfig
@@ -142,10 +143,10 @@ def load_of(config: FarmConfig) -> Load:
 
 def _measured() -> tuple[float | None, float | None, str]:
     """ns of a frame and of a step on this machine, and why there is none."""
+    program = [sys.executable, "-m", "pnfarm.cli.budget_child"]
     try:
-        run = subprocess.run(
-            [sys.executable, "-m", "pnfarm.cli.budget_child"], capture_output=True, timeout=_MEASURE_SECONDS, check=True
-        )
+        with working("measuring what a frame and a step cost here"):
+            run = subprocess.run(program, capture_output=True, timeout=_MEASURE_SECONDS, check=True)
         answer = json.loads(run.stdout)
     except subprocess.TimeoutExpired:
         return None, None, f"the measurement did not end within {_MEASURE_SECONDS:.0f} s"

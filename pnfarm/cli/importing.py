@@ -17,6 +17,8 @@ __all__ = ["farm_text", "importing"]
 
 #: Characters of a comment's line.
 _WIDTH = 116
+#: Frames between two looks at how far the reading is.
+SHOWN_FRAMES = 5000
 #: A name that a farm file may have.
 _NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]*[a-z0-9])?(?:\.[a-z0-9](?:[a-z0-9-]*[a-z0-9])?)*")
 
@@ -123,14 +125,18 @@ def _of_capture(file: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
     from pnfarm.buses import registry
     from pnfarm.buses.imports import ImportingBus
     from pnfarm.captures.reading import FrameReader
+    from pnfarm.terminal.working import working
 
     decoder = registry.decoder()
     importing_buses = {key: bus for key, bus in registry.BUSES.items() if isinstance(bus, ImportingBus)}
     for key, bus in importing_buses.items():
         bus.observe(decoder.buses[key])
     reader = FrameReader(file, decoder.link_types)
-    for frame in reader:
-        decoder.feed(frame)
+    with working(f"reading {file}") as show:
+        for frame in reader:
+            decoder.feed(frame)
+            if frame.number % SHOWN_FRAMES == 0:
+                show(0, f"{frame.number:,} frames")
     if reader.complaint is not None:
         typer.echo(f"{file}: the file cannot be read to its end: {reader.complaint}", err=True)
     return _parted([one for key, bus in importing_buses.items() for one in bus.found(decoder.buses[key])])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,7 +13,7 @@ from pnfarm.farm.address_space import ENGINE, require_address_space
 from pnfarm.terminal.settings import FarmFile, settings
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from pnfarm.farm.capture import CaptureSettings
     from pnfarm.farm.farm import Farm
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 __all__ = ["down", "up"]
 
+#: From so many drives on, the start is announced.
+MANY_DRIVES = 100
 #: Rows of the table of drives printed at the start; `pnfarm inspect` shows all.
 MAX_ROWS = 16
 
@@ -275,6 +278,7 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
     from pnfarm.controller.beside import ControllerBeside
     from pnfarm.farm.capture import prepare
     from pnfarm.farm.farm import Farm
+    from pnfarm.farm.file.reading import expand
     from pnfarm.station.event_log import EventLog
 
     token_of(config)  # report a capture file that cannot be created before any interface is made
@@ -290,7 +294,8 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
                 await compile_ahead()
                 if capture is not None:
                     prepare()
-                await farm.open()
+                with _starting(len(expand(config))):
+                    await farm.open()
                 async with anyio.create_task_group() as tasks:
                     host, port = await tasks.start(serve_farm, farm)
                     keep_what_is_loaded()
@@ -299,6 +304,18 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
         finally:
             with anyio.CancelScope(shield=True):
                 await farm.close()
+
+
+@contextlib.contextmanager
+def _starting(drives: int) -> Iterator[None]:
+    """Say that many drives take a while."""
+    from pnfarm.terminal.working import working
+
+    if drives < MANY_DRIVES:
+        yield
+        return
+    with working(f"starting {drives} drives"):
+        yield
 
 
 def _say_up(farm: Farm, url: str | None) -> None:
