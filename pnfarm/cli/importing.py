@@ -63,7 +63,7 @@ def importing(
     else:
         drives, others = _of_capture(file)
     if not drives and not others:
-        needed = "a capture needs the start of a connection (Connect) or an Identify response"
+        needed = "a capture needs the start of a connection (Connect, Forward_Open), or an answer to a search"
         raise ConfigError(f"{file} shows no device" + ("" if _is_project(file) else f": {needed}"))
     text = farm_text(drives, others, name or _farm_name(file.stem), parent, str(file.name))
     if output is None:
@@ -195,7 +195,9 @@ def _value(value: Any) -> str:
     if isinstance(value, int):
         return f"0x{value:X}"
     text = str(value)
-    return text if re.fullmatch(r"[A-Za-z0-9./-]+", text) else "'" + text.replace("'", "''") + "'"
+    # 2.1 would be a number
+    plain = re.fullmatch(r"[A-Za-z0-9./-]+", text) and not re.fullmatch(r"[0-9.]+", text)
+    return text if plain else "'" + text.replace("'", "''") + "'"
 
 
 def _key(key: Any) -> str:

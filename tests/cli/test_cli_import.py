@@ -3,16 +3,37 @@
 from __future__ import annotations
 
 import asyncio
+import random
+from ipaddress import IPv4Address
 from pathlib import Path
 
 import pytest
 import yaml
+from cip_tape import MACS, MANAGER, Tape, connect, everything, forward_open
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from pnfarm.buses import registry
+from pnfarm.buses.ethernetip.bus import ETHERNETIP
+from pnfarm.buses.imports import FoundDrive, FoundStation
+from pnfarm.captures.reading import CapturedFrame
+from pnfarm.cli.importing import farm_text
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, parse_farm
+from pnfarm.links.pcap import PcapngWriter
+from pnfarm.protocols.enip.status import Service
+from pnfarm.protocols.enip.wire import forward_open as fo
+from pnfarm.protocols.enip.wire.cpf import emit_items
+from pnfarm.protocols.enip.wire.encapsulation import Command, EncapsulationPdu, emit_encapsulation
+from pnfarm.protocols.enip.wire.epath import LogicalSegment, emit_epath
+from pnfarm.protocols.enip.wire.identity import IdentityItem
+from pnfarm.protocols.enip.wire.message import message_request
 from pnfarm.testing import Line
+from tests.fuzz.mutate import mutated
 
+#: A connection's path without an electronic key.
+ANY = emit_epath(tuple(LogicalSegment(kind, value) for kind, value in ((0, 4), (1, 100), (3, 101), (3, 102))))
 CAPTURES = Path(__file__).resolve().parents[3] / "shared" / "captures"
 PLANT = """
 farm: plant
@@ -128,3 +149,106 @@ def test_a_drive_under_other_idents_keeps_them_and_connects(pnfarm, tmp_path):
     here = text.replace("{kind: macvlan, parent: eth1}", "{kind: memory}").replace("api: 127.0.0.1:8702\n", "")
     with Line.from_text(here + "controller: {name: plc, ip: 10.77.0.1/24, cycle: 16ms}\n") as line:
         line.wait_connected(5)
+
+
+# -- EtherNet/IP -----------------------------------------------------------------------------------------------------
+
+
+def taped(folder, item=None, asked=None, refusal=None):
+    """A capture of one originator and one adapter, which says who it is and is connected."""
+    tape = Tape()
+    if item is not None:
+        answer = EncapsulationPdu(Command.LIST_IDENTITY, emit_items((item,)))
+        tape.udp(1, emit_encapsulation(answer), (44818, 50_000))
+    if refusal is not None:
+        tape.ask(message_request(Service.FORWARD_OPEN, MANAGER, fo.emit_forward_open(asked)))
+        tape.answer(Service.FORWARD_OPEN, fo.emit_forward_refusal(fo.ForwardRefusal(asked.triad)), 1, refusal)
+    elif asked is not None:
+        connect(tape, asked)
+    file = folder / "cell.pcapng"
+    writer = PcapngWriter(file)
+    interface = writer.add_interface("eth1")
+    for frame, time_ns in zip(tape.frames, tape.times, strict=True):
+        writer.write(interface, frame, time_ns, "in")
+    writer.close()
+    return file
+
+
+def adapter(vendor=452, product=1, name=b"AKD", revision=(1, 13)):
+    return IdentityItem(IPv4Address("10.77.0.11"), vendor, 16, product, revision, 0x30, 0x1234, name, 3)
+
+
+def plain(text):
+    return " ".join(text.replace("#", " ").split())
+
+
+def test_an_adapter_of_a_capture_becomes_a_drive_that_the_same_scanner_connects(pnfarm, tmp_path):
+    rpi = {"o_to_t_rpi_us": 20_000, "t_to_o_rpi_us": 20_000}
+    text = imported(pnfarm, taped(tmp_path, adapter(), forward_open(**rpi)))
+    (drive,) = expand(parse_farm(text))
+    assert (drive.model, drive.name, str(drive.ip)) == ("akd-ethernetip", "drive-0-11", "10.77.0.11/24")
+    assert (drive.mac, drive.rpi_ns, drive.strict) == (MACS[1], 20_000_000, True)
+    assert drive.identity == {}
+    assert "/24 is assumed" in plain(text)
+    assert "connected by 10.77.0.1: 70 octets to it every 20 ms, 66 from it every 20 ms" in plain(text)
+    assert "assemblies 101 and 102" in plain(text)
+    here = text.replace("{kind: macvlan, parent: eth1}", "{kind: memory}").replace("api: 127.0.0.1:8702\n", "")
+    with Line.from_text(here + "controller: {name: plc, ip: 10.77.0.1/24}\n") as line:
+        line.wait_connected(5)
+
+
+def test_an_adapter_under_another_product_code_keeps_its_identity(pnfarm, tmp_path):
+    fast = {"o_to_t_rpi_us": 2_000, "t_to_o_rpi_us": 2_000}
+    text = imported(pnfarm, taped(tmp_path, adapter(product=44, name=b"AKD 2G", revision=(2, 1)), forward_open(**fast)))
+    (drive,) = expand(parse_farm(text))
+    assert drive.model == "akd-ethernetip"
+    facts = model_of(drive).bus_facts
+    assert (facts["product_code"].value, facts["product_name"].value) == (44, "AKD 2G")
+    assert tuple(facts["revision"].value) == (2, 1)
+    assert drive.strict is False
+    assert "chosen by its vendor: product code 44 is none of a model" in plain(text)
+    assert "shorter than the manual's" in plain(text)
+
+
+def test_an_adapter_is_told_by_the_key_of_its_connection_alone(pnfarm, tmp_path):
+    (drive,) = expand(parse_farm(imported(pnfarm, taped(tmp_path, None, forward_open()))))
+    assert (drive.model, drive.rpi_ns) == ("akd-ethernetip", 10_000_000)
+
+
+def test_a_refused_connection_and_why_are_told(pnfarm, tmp_path):
+    text = imported(pnfarm, taped(tmp_path, adapter(), forward_open(), refusal=(0x0114,)))
+    assert "its connection was refused in the capture" in plain(text)
+    assert "0x0114" in text or "product code" in text
+
+
+def test_an_adapter_of_another_vendor_is_listed(pnfarm, tmp_path):
+    text = imported(pnfarm, taped(tmp_path, adapter(vendor=7, name=b"Gripper"), forward_open(path=ANY)))
+    assert yaml.safe_load(text).get("drives") is None
+    assert "Gripper" in plain(text)
+    assert "vendor 7" in plain(text)
+
+
+def test_an_adapter_of_the_vendor_with_other_sizes_is_no_drive(pnfarm, tmp_path):
+    asked = forward_open(t_to_o=fo.NetworkParameters(10), path=ANY)
+    text = imported(pnfarm, taped(tmp_path, adapter(product=9, name=b"Gateway"), asked))
+    assert yaml.safe_load(text).get("drives") is None
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(st.integers(0, 2**32), min_size=20, max_size=60))
+def test_whatever_is_in_a_capture_the_farm_file_can_be_read(seeds):
+    decoder = registry.decoder()
+    ETHERNETIP.observe(decoder.buses["ethernetip"])
+    frames = everything()
+    pool = [one[34:] for one in frames]
+    for number, seed in enumerate(seeds):
+        frame = frames[number % len(frames)]
+        if seed % 2:
+            # behind the addresses, so that it reaches the decoder
+            frame = frame[:34] + mutated(random.Random(seed), frame[34:], pool)
+        decoder.feed(CapturedFrame(number + 1, 10**18 + number, frame))
+    seen = list(ETHERNETIP.found(decoder.buses["ethernetip"]))
+    drives = [one for one in seen if isinstance(one, FoundDrive)]
+    text = farm_text(drives, [one for one in seen if isinstance(one, FoundStation)], "any", "eth1", "any.pcapng")
+    if drives:
+        assert len(expand(parse_farm(text))) == len(drives)

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from pnfarm.buses.ethernetip.decode.decoder import EthernetIpDecoder
     from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
     from pnfarm.buses.ethernetip.device.segment import EthernetIpSegment
+    from pnfarm.buses.imports import FoundDrive, FoundStation
     from pnfarm.buses.search import Question, SearchAnswer
+    from pnfarm.captures.decoder import FrameDecoder
     from pnfarm.captures.packet import Capture
     from pnfarm.drives.model import Model
     from pnfarm.faults.kind import InjectionKind, KindOnBus
@@ -122,6 +124,20 @@ class EthernetIp:
         from pnfarm.buses.ethernetip.decode.decoder import EthernetIpDecoder
 
         return EthernetIpDecoder(capture)
+
+    def observe(self, decoder: FrameDecoder) -> None:
+        from pnfarm.buses.ethernetip.decode.decoder import EthernetIpDecoder
+        from pnfarm.buses.ethernetip.decode.observed import Observed
+
+        if isinstance(decoder, EthernetIpDecoder):
+            decoder.shared.observed = Observed()
+
+    def found(self, decoder: FrameDecoder) -> Iterable[FoundDrive | FoundStation]:
+        from pnfarm.buses.ethernetip.decode.decoder import EthernetIpDecoder
+        from pnfarm.buses.ethernetip.found import found
+
+        observed = decoder.shared.observed if isinstance(decoder, EthernetIpDecoder) else None
+        return () if observed is None else found(observed)
 
     def injected_drive(self, device: EthernetIpDevice, host: InjectionHost) -> InjectedDrive:
         from pnfarm.buses.ethernetip.faults.drive import injected_drive

@@ -163,6 +163,8 @@ def _listed(what: str, pdu: EncapsulationPdu, route: Route, shared: Shared) -> I
     services = [item for item in items if isinstance(item, ServiceItem)]
     for one in identities[:_MOST]:
         learn_identity(shared.stations, route.source_mac, one.vendor_id, one.device_type, one.product_code)
+        if shared.observed is not None and not route.to_device:
+            shared.observed.identified(route.device, route.source_mac, one)
         name = one.name.decode("latin-1")
         text = (
             f"{name!r} at {one.address}, vendor {one.vendor_id} type {one.device_type} product {one.product_code} "

@@ -81,6 +81,11 @@ def open_asked(what: str, request: MessageRequest, route: Route, shared: Shared)
     """Raises :class:`DecodeError`."""
     asked = parse_forward_open(request.data, large=request.service == Service.LARGE_FORWARD_OPEN)
     transport = asked.transport
+    if shared.observed is not None and transport.transport == 1:
+        key, points = _points(asked.path)
+        shared.observed.asked(
+            route.originator, route.device, route.device_mac, asked, key, tuple(points), _multiplier(asked)
+        )
     trigger = _TRIGGERS[transport.trigger] if transport.trigger < len(_TRIGGERS) else f"trigger {transport.trigger}"
     server = " server" if transport.server else ""
     model = shared.stations.model(route.device_mac)
@@ -124,7 +129,11 @@ def open_answered(
     shared: Shared,
 ) -> Description:
     """Raises :class:`DecodeError`."""
-    if reply.status != GeneralStatus.SUCCESS:
+    refused = reply.status != GeneralStatus.SUCCESS
+    if shared.observed is not None and (request is None or _is_cyclic(request)):
+        told = status_text(reply.status, reply.extended) if refused else ""
+        shared.observed.answered(route.originator, route.device, told)
+    if refused:
         return _refused(what, reply)
     found = parse_forward_open_reply(reply.data)
     text = (
@@ -154,6 +163,11 @@ def _parsed(request: MessageRequest) -> ForwardOpen | None:
         return parse_forward_open(request.data, large=request.service == Service.LARGE_FORWARD_OPEN)
     except DecodeError:
         return None
+
+
+def _is_cyclic(request: MessageRequest) -> bool:
+    asked = _parsed(request)
+    return asked is not None and asked.transport.transport == 1
 
 
 def _refused(what: str, reply: MessageReply) -> Description:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from pnfarm.buses.ethernetip.decode.channels import Channel, Template
+    from pnfarm.buses.ethernetip.decode.observed import Observed
     from pnfarm.captures.packet import Capture
     from pnfarm.protocols.enip.wire.forward_open import ForwardOpen, Triad
     from pnfarm.protocols.enip.wire.message import MessageRequest
@@ -99,6 +100,8 @@ class Shared:
         self.channels: Bounded[tuple[IPv4Address, IPv4Address | None, int], Channel] = Bounded()
         #: Layouts of a farm file, by the drive's MAC address and whether the drive sends.
         self.templates: dict[tuple[bytes, bool], Template] = {}
+        #: Who is there and how it is connected, where somebody wants to know.
+        self.observed: Observed | None = None
 
     def ask(self, key: AskedKey, asked: Asked) -> None:
         waiting = self.asked.get(key)

@@ -1,0 +1,137 @@
+"""Adapters of a capture as drives of a farm file: which model stands for each, and under which identity.
+
+A model is chosen by vendor, device type and product code, else by its vendor and the sizes of its connection; what is
+not sure has a note.  Everything that is no drive of a known kind is listed with what was seen of it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.ethernetip.decode.channels import octets_behind
+from pnfarm.buses.ethernetip.device.product import Product
+from pnfarm.buses.imports import FoundDrive, FoundStation
+from pnfarm.drives.catalogue import model, models
+from pnfarm.vocabulary.durations import format_duration
+from pnfarm.wire.mac import format_mac
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pnfarm.buses.ethernetip.decode.observed import Observed, SeenAdapter, SeenOpening
+    from pnfarm.drives.model import Model
+
+__all__ = ["found"]
+
+#: Intervals of the built-in scanner.
+SHORTEST_NS, LONGEST_NS = 1_000_000, 10_000_000_000
+_LONGEST_NAME = 32
+#: No frame says how long an address's prefix is.
+PREFIX = 24
+
+
+def found(observed: Observed) -> Iterator[FoundDrive | FoundStation]:
+    """Drives first, then other adapters; originators are named by their adapters."""
+    openings: dict[Any, SeenOpening] = {}
+    for (_, device), opening in observed.openings.items():
+        # an owner's says more than a listener's, and one that was accepted more than one that was refused
+        known = openings.get(device)
+        if known is None or _weight(opening) >= _weight(known):
+            openings[device] = opening
+    others: list[FoundStation] = []
+    for seen in observed.adapters.values():
+        one = _station(seen, openings.get(seen.ip))
+        if isinstance(one, FoundDrive):
+            yield one
+        else:
+            others.append(one)
+    yield from others
+
+
+def _weight(opening: SeenOpening) -> tuple[bool, int]:
+    return opening.refused == "", opening.request.o_to_t.size
+
+
+def _station(seen: SeenAdapter, opening: SeenOpening | None) -> FoundDrive | FoundStation:
+    facts = tuple(_facts(seen, opening))
+    chosen = _model(seen, opening)
+    if chosen is None:
+        return FoundStation(seen.product_name or str(seen.ip), facts)
+    drive_model, notes = chosen
+    keys: dict[str, Any] = {"mac": format_mac(seen.mac), "ip": f"{seen.ip}/{PREFIX}"}
+    notes.append(f"the length of its address's prefix is in no frame: /{PREFIX} is assumed")
+    product = Product.of(drive_model)
+    identity: dict[str, Any] = {}
+    for key, field, value in (
+        ("vendor", "vendor_id", seen.vendor),
+        ("device_type", "device_type", seen.device_type),
+        ("product_code", "product_code", seen.product_code),
+        ("product_name", "product_name", seen.product_name),
+        ("revision", "revision", seen.revision if any(seen.revision) else None),
+    ):
+        if not value or value == getattr(product, field):
+            continue
+        if _can_be(value):
+            identity[key] = ".".join(map(str, value)) if isinstance(value, tuple) else value
+        else:
+            notes.append(f"its {key.replace('_', ' ')} {value!r} cannot be a drive's")
+    if identity:
+        keys["identity"] = identity
+    if opening is not None:
+        rpi_ns = opening.request.t_to_o_rpi_us * 1000
+        if not SHORTEST_NS <= rpi_ns <= LONGEST_NS:
+            notes.append(f"its interval of {rpi_ns / 1e6:g} ms is none that the built-in scanner has")
+        else:
+            keys["rpi"] = format_duration(rpi_ns)
+        if rpi_ns < product.min_rpi_ns:
+            keys["limits"] = "lax"
+            notes.append(f"its interval of {format_duration(rpi_ns)} is shorter than the manual's: limits are lax")
+        if opening.refused:
+            notes.append(f"its connection was refused in the capture: {opening.refused}")
+    octets = seen.ip.packed
+    return FoundDrive(f"drive-{octets[2]}-{octets[3]}", drive_model.name, keys, (*notes, *facts))
+
+
+def _can_be(value: object) -> bool:
+    """Whether a farm file's ``identity`` takes it."""
+    match value:
+        case str():
+            return len(value) <= _LONGEST_NAME and value.isascii() and value.isprintable()
+        case (int(), int()):
+            return all(value)
+        case _:
+            return True
+
+
+def _model(seen: SeenAdapter, opening: SeenOpening | None) -> tuple[Model, list[str]] | None:
+    known = [model(entry.name) for entry in models().values() if entry.bus == "ethernetip"]
+    products = [(one, Product.of(one)) for one in known]
+    asked = (seen.vendor, seen.device_type, seen.product_code)
+    for one, product in products:
+        if (product.vendor_id, product.device_type, product.product_code) == asked:
+            return one, []
+    for one, product in products:
+        if product.vendor_id == seen.vendor and (opening is None or _fits(one, product, opening)):
+            return one, [f"chosen by its vendor: product code {seen.product_code} is none of a model"]
+    return None
+
+
+def _fits(one: Model, product: Product, opening: SeenOpening) -> bool:
+    back, _, _ = octets_behind(opening.request.t_to_o.size, one, from_device=True)
+    return back == product.input_size
+
+
+def _facts(seen: SeenAdapter, opening: SeenOpening | None) -> Iterator[str]:
+    if seen.vendor:
+        yield f"vendor {seen.vendor}, device type {seen.device_type}, product code {seen.product_code}"
+    if any(seen.revision):
+        yield f"{seen.product_name!r}, revision {seen.revision[0]}.{seen.revision[1]}"
+    yield f"MAC {format_mac(seen.mac)}, IP {seen.ip}"
+    if opening is not None:
+        request = opening.request
+        points = f", assemblies {' and '.join(map(str, opening.points))}" if opening.points else ""
+        yield (
+            f"connected by {opening.originator}: {request.o_to_t.size} octets to it every "
+            f"{request.o_to_t_rpi_us / 1000:g} ms, {request.t_to_o.size} from it every "
+            f"{request.t_to_o_rpi_us / 1000:g} ms, timeout {opening.multiplier} intervals{points}"
+        )
