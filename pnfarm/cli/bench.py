@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -379,7 +380,8 @@ def _markdown(results: list[Result]) -> str:
     lines = [
         "# Figures",
         "",
-        f"What `pnfarm bench --markdown docs/bench.md` printed on a machine with {os.cpu_count()} CPUs",
+        f"What `pnfarm bench --markdown docs/bench.md` printed on {datetime.now(UTC).date().isoformat()},",
+        f"on a machine with {os.cpu_count()} CPUs",
         f"({platform.machine()}, Linux {platform.release()}, Python {platform.python_version()}). The farm and the",
         "floor run in the same call, in turn; `to floor` is the ratio of the two. Other machines give other figures.",
         "",

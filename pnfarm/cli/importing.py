@@ -184,7 +184,8 @@ def _group(drive: FoundDrive, taken: set[str]) -> list[str]:
     for note in drive.notes:
         lines += _comment(note, "  # ")
     lines += [f"  - name: {own}", f"    model: {drive.model}"]
-    lines += [f"    {key}: {_value(value)}" for key, value in drive.keys.items()]
+    # a number that is no ident, such as a telegram's, is decimal
+    lines += [f"    {key}: {value if isinstance(value, int) else _value(value)}" for key, value in drive.keys.items()]
     return lines
 
 

@@ -36,12 +36,13 @@ def node(ip, name="", router=""):
     return element("PROFINET interface", inside, role="CommunicationInterface", Label="X1")
 
 
-def drive(name, ip, file=HIWIN, dap="DAP 1", router=""):
+def drive(name, ip, file=HIWIN, dap="DAP 1", router="", module=("Telegram 111", "ID_T111")):
     head = element(
         name, node(ip, name, router), role="DeviceItem", TypeIdentifier=f"GSD:{file}/DAP/{dap}", PositionNumber=0
     )
-    module = element("Telegram 111", role="DeviceItem", TypeIdentifier=f"GSD:{file}/M/ID_T111", PositionNumber=1)
-    return element(f"GSD device {name}", head + module, role="Device", TypeIdentifier=f"GSD:{file}/D")
+    shown, part = module
+    plugged = element(shown, role="DeviceItem", TypeIdentifier=f"GSD:{file}/M/{part}", PositionNumber=1)
+    return element(f"GSD device {name}", head + plugged, role="Device", TypeIdentifier=f"GSD:{file}/D")
 
 
 def plc():
@@ -85,6 +86,44 @@ def test_drives_of_a_project_have_its_names_addresses_and_files(pnfarm, folder, 
     assert f"identity: {{gsdml: {HIWIN.lower()}}}" in text
     assert "# slot 1: Telegram 111" in text
     assert "plc-1: IP 10.7.0.1" in text
+
+
+def module_id(number):
+    """Of a telegram, in the file that the folder has."""
+    document = describe_model(model("hiwin-e1"))
+    wanted = model("hiwin-e1").profidrive.telegrams[number].module.ident
+    return next(module.id for module in document.modules if module.ident == wanted)
+
+
+@pytest.mark.parametrize("number", [3, 9, 111])
+def test_a_drive_has_the_telegram_that_the_project_plugs(pnfarm, folder, number):
+    file = folder / "line.aml"
+    file.write_text(project(drive("axis-1", "10.7.0.11", module=("Position", module_id(number)))))
+    out = folder / "line.pnfarm.yml"
+    assert pnfarm("import", file, "-o", out).code == 0
+    (made,) = expand(load_farm(out))
+    assert made.telegram == number
+    assert f"    telegram: {number}\n" in out.read_text()
+
+
+def test_a_module_that_the_maker_s_file_has_not_is_told(pnfarm, folder):
+    file = folder / "line.aml"
+    file.write_text(project(drive("axis-1", "10.7.0.11", module=("Telegram 5", "ID_NONE"))))
+    text = pnfarm("import", file).out
+    assert "has no module 'ID_NONE', which the project plugs" in " ".join(text.replace("#", " ").split())
+    assert expand(parse_farm(text))[0].telegram is None
+
+
+def test_without_the_maker_s_file_a_module_s_name_tells_the_telegram(pnfarm, tmp_path):
+    file = tmp_path / "line.aml"
+    file.write_text(
+        project(
+            drive("axis-1", "10.7.0.11", module=("Standard Telegramm 9", "X")),
+            drive("axis-2", "10.7.0.12", module=("Safety 902", "Y")),
+        )
+    )
+    text = pnfarm("import", file).out
+    assert [one.telegram for one in expand(parse_farm(text))] == [9, None]
 
 
 def test_a_packed_project_is_read(pnfarm, folder):

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     #: A module, and its submodule with the telegram's data.
     _Pair = tuple[ModuleItem, SubmoduleItem]
 
-__all__ = ["identity_of"]
+__all__ = ["identity_of", "numbers_in"]
 
 #: Longest order number of I&M0, octets.
 ORDER_NUMBER = 20
@@ -145,11 +145,14 @@ def _words(module: ModuleItem, data: SubmoduleItem) -> str:
     return f"{module.info.name} | {data.info.name}"
 
 
-def _numbers(module: ModuleItem, data: SubmoduleItem) -> set[int]:
+def numbers_in(words: str) -> set[int]:
     """Numbers that a module's name gives its telegram: behind a word for it, else any."""
-    words = _words(module, data)
     found = _NUMBERED.findall(words) or _ANY_NUMBER.findall(words)
     return {int(number) for number in found if len(number) < 6}
+
+
+def _numbers(module: ModuleItem, data: SubmoduleItem) -> set[int]:
+    return numbers_in(_words(module, data))
 
 
 def _data_lengths(data: SubmoduleItem) -> tuple[int, int]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.imports import FoundDrive, FoundStation
 from pnfarm.buses.profinet.controller.gsdml import load_gsdml
+from pnfarm.buses.profinet.maker_identity import identity_of, numbers_in
 from pnfarm.drives.catalogue import model, models
 from pnfarm.errors import ConfigError
 
@@ -117,6 +118,11 @@ def _drive(
         own: dict[str, Any] = {"gsdml": str(file.relative_to(base) if file.is_relative_to(base) else file.resolve())}
         ident = _ident(file, typed["id"] or "")
         keys["identity"] = own if ident is None else {**own, "dap": ident}
+        number = _telegram(device, file, drive_model, ident, notes)
+    else:
+        number = _telegram_by_name(device, drive_model, notes)
+    if number is not None:
+        keys["telegram"] = number
     return FoundDrive(_name(device), drive_model.name, keys, (*notes, *_facts(device)))
 
 
@@ -126,6 +132,48 @@ def _ident(file: Path, dap_id: str) -> int | None:
     if len(document.daps) < 2:
         return None
     return next((dap.ident for dap in document.daps if dap.id.lower() == dap_id.lower()), None)
+
+
+def _modules(device: CaexElement) -> Iterator[tuple[CaexElement, str]]:
+    """The modules of a device, with their ids in its description file."""
+    for one in device.walk():
+        found = _TYPE.fullmatch(one.attributes.get("TypeIdentifier", ""))
+        if found is not None and found["part"].upper() == "M" and found["id"]:
+            yield one, found["id"]
+
+
+def _telegram(
+    device: CaexElement, file: Path, drive_model: Model, dap_ident: int | None, notes: list[str]
+) -> int | None:
+    """The first telegram among the project's modules, as the drive's identity matches them."""
+    document = load_gsdml(file)
+    idents = {module.id.lower(): module.ident for module in document.modules}
+    numbers: dict[int, int] = {}
+    for number, own in identity_of(document, drive_model, dap_ident).overrides.get("telegrams", {}).items():
+        for ident in (own, *own.get("others", {}).values()):
+            if "module" in ident:
+                numbers.setdefault(ident["module"], number)
+    first: int | None = None
+    for module, module_id in _modules(device):
+        ident = idents.get(module_id.lower())
+        if ident is None:
+            notes.append(f"{file.name} has no module {module_id!r}, which the project plugs")
+        elif ident not in numbers:
+            notes.append(f"module {module.name or module_id} (0x{ident:X}) is no telegram that could be told")
+        else:
+            notes.append(f"telegram {numbers[ident]}: {module.name or module_id}")
+            first = numbers[ident] if first is None else first
+    return first
+
+
+def _telegram_by_name(device: CaexElement, drive_model: Model, notes: list[str]) -> int | None:
+    """The same where the description file is not at hand: by a number in a module's name."""
+    for module, _ in _modules(device):
+        known = [number for number in numbers_in(module.name) if number in drive_model.profidrive.telegrams]
+        if len(known) == 1:
+            notes.append(f"telegram {known[0]} by the name of its module, {module.name}")
+            return known[0]
+    return None
 
 
 def _known() -> list[Model]:
