@@ -40,10 +40,10 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Bus",
-    "CountingSegment",
     "DeviceServices",
     "InjectionHost",
     "LineBus",
+    "LineSegment",
     "LineSplitter",
     "RouteHost",
     "Segment",
@@ -233,6 +233,11 @@ class LineSplitter(Protocol):
         """What was none, by reason."""
         ...
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing incomplete waits for its rest."""
+        ...
+
     def split(self, octets: bytes, now: int) -> list[bytes]:
         """The telegrams that are whole now."""
         ...
@@ -276,11 +281,26 @@ class LineBus(Protocol):
 
 
 @runtime_checkable
-class CountingSegment(Protocol):
-    """What a segment says besides if its drives share a line."""
+class LineSegment(Protocol):
+    """What a segment does besides if its drives share a line."""
 
     def counts(self) -> Mapping[str, int]:
         """What happened on the line since the start, by kind: the same kinds always."""
+        ...
+
+    def addressed(self, octets: bytes) -> int | None:
+        """Port of the one drive that these octets poll for its cyclic data; None for anything else."""
+        ...
+
+    def poll(self, port: int, octets: bytes, now: int) -> bytes | None:
+        """The drive's answer to a poll, where nothing but its cyclic data changes by it.
+
+        None: nothing was done, and the octets are to go the usual way.
+        """
+        ...
+
+    def least_reply_bits(self, port: int) -> int:
+        """Bit times between a request and the answer of this drive at least."""
         ...
 
 

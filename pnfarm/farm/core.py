@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-from pnfarm.buses.bus import CountingSegment, DeviceServices, line_of
+from pnfarm.buses.bus import DeviceServices, LineSegment, line_of
 from pnfarm.buses.registry import bus
 from pnfarm.config.axis import apply_axis
 from pnfarm.config.machine import apply_machine
@@ -61,7 +61,7 @@ _OF_CONSUMERS = frozenset(
     {engine_row.FIRST_FRAME, engine_row.EXPIRED, engine_row.PROVIDER_CHANGED, engine_row.IOPS_CHANGED}
 )
 
-__all__ = ["FarmCore", "Node", "SocketNode"]
+__all__ = ["FarmCore", "LineNode", "Node", "SocketNode"]
 
 #: Impairment rows for each drive: injections into its cyclic frames that can be active at once.
 IMPAIRMENTS_PER_DRIVE = 8
@@ -83,6 +83,15 @@ class Node(Protocol):
 
     def next_deadline(self) -> int | None:
         """When :meth:`service` is due at the latest."""
+        ...
+
+
+@runtime_checkable
+class LineNode(Protocol):
+    """A node with stations on serial lines."""
+
+    def poll(self, octets: bytes, now: int) -> tuple[int, bytes] | None:
+        """Port and answer of the one that these octets poll, None where more is to be done: nothing was done then."""
         ...
 
 
@@ -117,7 +126,7 @@ class FarmCore:
         lldp: bool = True,
     ) -> None:
         self.name = name
-        gate = GatedLink(link, clock)
+        gate = self._gate = GatedLink(link, clock)
         self.link: Link = gate
         self.log = log
         count = len(drives)
@@ -198,8 +207,12 @@ class FarmCore:
         if isinstance(innermost, MemoryLink):
             innermost.set_audience(self._audience)
         self._on_lines = [name for name in self._segments if line_of(bus(name))]
+        shared: object = self._segments[self._on_lines[0]] if self._on_lines else None
+        self._line_segment = shared if isinstance(shared, LineSegment) else None
         for carrier in lines_of(link).values():
             carrier.set_line_audience(self._line_audience)
+            if self._line_segment is not None:
+                carrier.set_least_reply_bits(self._line_segment.least_reply_bits)
         if isinstance(innermost, MemoryLink):
             innermost.set_line_audience(self._line_audience)
 
@@ -306,7 +319,24 @@ class FarmCore:
     def line_counts(self, name: str) -> Mapping[str, int]:
         """What happened on a line, by kind."""
         segment = self._segments.get(name)
-        return segment.counts() if isinstance(segment, CountingSegment) else {}
+        return segment.counts() if isinstance(segment, LineSegment) else {}
+
+    def poll(self, octets: bytes, now: int) -> tuple[int, bytes] | None:
+        """Port and answer of a drive whose cyclic data these octets poll, None where more is to be done.
+
+        The short way of most telegrams of a line: no injection, no deadline and no listener is concerned.
+        """
+        segment = self._line_segment
+        if segment is None:
+            return None
+        port = segment.addressed(octets)
+        if port is None:
+            return None
+        station = self._by_port[port]
+        if not station.on_the_wire or self.injections.concern(station.configured_name) or not self._gate.passes(port):
+            return None
+        answer = segment.poll(port, octets, now)
+        return None if answer is None else (port, answer)
 
     def settle(self, station: Station, now: int) -> None:
         """Let a station finish processing an input, send its frames, and note its next deadline."""

@@ -11,6 +11,7 @@ import contextlib
 import os
 import threading
 import time
+from functools import partial
 from typing import TYPE_CHECKING
 
 from pnfarm.engine.class1 import CLASS1_PORT
@@ -20,9 +21,10 @@ from pnfarm.engine.lateness import note_late
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 from pnfarm.engine.tick import next_due, next_step, tick
 from pnfarm.errors import InternalError
-from pnfarm.farm.core import SocketNode
+from pnfarm.farm.core import LineNode, SocketNode
 from pnfarm.farm.lateness import StolenTime
 from pnfarm.links.base import EngineLink, unwrap
+from pnfarm.links.joined import lines_of
 from pnfarm.links.linux import PacketLink
 from pnfarm.links.serial_link import SerialLink
 from pnfarm.links.sockets import sockets_of
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.farm.core import Node
+    from pnfarm.links.serial_link import Poll
     from pnfarm.wire.endpoint import SocketEvent
 
 __all__ = ["RealTimeDriver"]
@@ -85,6 +88,9 @@ class RealTimeDriver:
         else:
             raise InternalError(f"a {link.kind} link has no real time of its own")
         self.node.link.set_receiver(self._received)
+        if isinstance(self.node, LineNode):
+            for line in lines_of(self.node.link).values():
+                line.set_poll(partial(self._polled, self.node.poll))
         sockets = sockets_of(self.node.link)
         if sockets is not None and isinstance(self.node, SocketNode):
             sockets.set_user(self._socket_event)
@@ -150,6 +156,13 @@ class RealTimeDriver:
         except Exception as exc:  # noqa: BLE001 - as in _guard, without its call: a telegram or frame comes this way
             self.fail(exc)
         self._arm()
+
+    def _polled(self, poll: Poll, octets: bytes, now: int) -> tuple[int, bytes] | None:
+        try:
+            return poll(octets, now)
+        except Exception as exc:  # noqa: BLE001 - as in _guard
+            self.fail(exc)
+            return None
 
     def _socket_event(self, event: SocketEvent, now: int) -> None:
         if isinstance(self.node, SocketNode):

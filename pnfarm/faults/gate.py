@@ -211,6 +211,16 @@ class GatedLink:
             *waiting,
         ]
 
+    def passes(self, port: int) -> bool:
+        """Whether frames of a port pass as they are, unheard."""
+        return not (
+            self._waiting
+            or port in self._rules
+            or port in self._delays
+            or port in self._held
+            or port in self._listeners
+        )
+
     def add(self, port: int, rule: GateRule) -> None:
         self._rules[port] = [*self._rules.get(port, ()), rule]
 

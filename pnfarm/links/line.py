@@ -137,6 +137,11 @@ class Line(Protocol):
         ...
 
     @property
+    def has_rate(self) -> bool:
+        """Whether octets leave at the rate as soon as they are sent: times of the standard count from here."""
+        ...
+
+    @property
     def counters(self) -> LineCounters:
         """What went over it."""
         ...

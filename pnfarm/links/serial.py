@@ -59,6 +59,7 @@ class FdLine(ABC):
     """What all have in common: reading, writing, losing and trying again.  ``clock`` stamps what came."""
 
     kind: str
+    has_rate = False
     last_pause = _LAST_PAUSE_SECONDS
 
     def __init__(self, *, baud: int | None = None, clock: Clock = time.monotonic_ns) -> None:
@@ -434,6 +435,7 @@ class PortLine(FdLine):
     """A serial port of this machine, such as an RS-485 adapter's."""
 
     kind = "port"
+    has_rate = True
 
     def __init__(self, port: str, baud: int, form: LineFormat, *, clock: Clock = time.monotonic_ns) -> None:
         super().__init__(baud=baud, clock=clock)

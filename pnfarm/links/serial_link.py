@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from collections import deque
 from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.errors import InternalError
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
     #: ``watcher(port_index, telegram, now_ns, direction)``.
     Watcher = Callable[[int, bytes, int, Direction], None]
+    #: ``poll(octets, now_ns)``: port and answer of the station that is polled, None where nothing was done.
+    Poll = Callable[[bytes, int], tuple[int, bytes] | None]
 
 __all__ = ["FIRST_PORT", "SerialLink", "Splitter"]
 
@@ -32,6 +35,8 @@ FIRST_PORT = 0x0100_0000
 
 #: How long each rate is tried.
 SEARCH_SECONDS = 0.5
+#: Up to this an answer waits where it is; the timers of the event loop are good to a millisecond.
+_SHORT_WAIT_NS = 200_000
 
 
 class Splitter(Protocol):
@@ -39,6 +44,9 @@ class Splitter(Protocol):
 
     @property
     def dropped(self) -> Counter[str]: ...
+
+    @property
+    def is_whole(self) -> bool: ...
 
     def split(self, octets: bytes, now: int) -> list[bytes]: ...
 
@@ -70,6 +78,11 @@ class SerialLink:
         self._receiver: Receiver | None = None
         self._audience: Callable[[bytes], Collection[int] | None] | None = None
         self._watcher: Watcher | None = None
+        self._poll: Poll | None = None
+        self._least_bits: Callable[[int], int] | None = None
+        #: Answers that would begin too soon.
+        self._held: deque[tuple[int, bytes]] = deque()
+        self._hold: asyncio.TimerHandle | None = None
         self._ports: dict[int, Port] = {}
         self._pulled: set[int] = set()
         self._timer: asyncio.TimerHandle | None = None
@@ -144,6 +157,10 @@ class SerialLink:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
+        if self._hold is not None:
+            self._hold.cancel()
+            self._hold = None
+        self._held.clear()
         self._ports = {}
         await self.line.close()
 
@@ -153,16 +170,51 @@ class SerialLink:
         elif port_index in self._pulled:
             self._counters.dropped["cable-pulled"] += 1
         else:
-            self._counters.sent += 1
-            self.line.send(frame)
-            if self._heard_ns:
-                took, self._heard_ns = max(0, time.monotonic_ns() - self._heard_ns), 0
-                self.replies.add(took)
-            if self._watcher is not None:
-                self._watcher(port_index, frame, time.monotonic_ns(), "out")
+            if self._least_bits is not None and self._too_soon(port_index, frame, self._least_bits(port_index)):
+                return
+            self._send(port_index, frame)
+
+    def _send(self, port_index: int, frame: bytes) -> None:
+        self._counters.sent += 1
+        self.line.send(frame)
+        if self._heard_ns:
+            took, self._heard_ns = max(0, time.monotonic_ns() - self._heard_ns), 0
+            self.replies.add(took)
+        if self._watcher is not None:
+            self._watcher(port_index, frame, time.monotonic_ns(), "out")
+
+    def _too_soon(self, port_index: int, frame: bytes, bits: int) -> bool:
+        """Whether an answer must not begin yet: it leaves then when it may (4.7.1, min T_SDR)."""
+        if self._held:
+            # what one line sends stays in order
+            self._held.append((port_index, frame))
+            return True
+        left = self._heard_ns + bits * 1_000_000_000 // self.baud - time.monotonic_ns() if self._heard_ns else 0
+        if left <= 0:
+            return False
+        if left < _SHORT_WAIT_NS:
+            # the event loop's timers are coarser than that
+            time.sleep(left / 1e9)
+            return False
+        self._held.append((port_index, frame))
+        self._hold = asyncio.get_running_loop().call_later(left / 1e9, self._release)
+        return True
+
+    def _release(self) -> None:
+        self._hold = None
+        while self._held:
+            self._send(*self._held.popleft())
 
     def set_receiver(self, receiver: Receiver) -> None:
         self._receiver = receiver
+
+    def set_poll(self, poll: Poll) -> None:
+        """Set the short way of polls: whoever answers most telegrams at once, without splitting and handing on."""
+        self._poll = poll
+
+    def set_least_reply_bits(self, least_bits: Callable[[int], int]) -> None:
+        """Set how many bit times a port lets pass before an answer, where the line has a rate of its own."""
+        self._least_bits = least_bits if self.line.has_rate else None
 
     def set_watcher(self, watcher: Watcher | None) -> None:
         """Set who sees each telegram that a port receives or sends."""
@@ -184,6 +236,12 @@ class SerialLink:
 
     def _received(self, octets: bytes, now: int) -> None:
         self._heard_ns = now
+        if self._poll is not None and self._watcher is None and not self._pulled and self.splitter.is_whole:
+            found = self._poll(octets, now)
+            if found is not None:
+                self._counters.received += 1
+                self.send(*found)
+                return
         self._deliver(self.splitter.split(octets, now), now)
         self._arm()
 

@@ -63,6 +63,11 @@ class Rfc2217Line:
         return self._baud
 
     @property
+    def has_rate(self) -> bool:
+        """The port behind the server has one; what the network takes is more than any time of the standard."""
+        return False
+
+    @property
     def counters(self) -> LineCounters:
         return self._counters
 

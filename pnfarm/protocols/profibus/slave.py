@@ -321,6 +321,38 @@ class Slave:
         self.dropped["unknown-function"] += 1
         return None
 
+    def poll(self, source: int, function: int, data: bytes, now: int) -> bytes | None:
+        """Inputs for a Data_Exchange that is like the ones before: :meth:`receive` in its shortest form.
+
+        None, and nothing done, where it is anything else: a repetition, a request of another master, a diagnosis to
+        tell, Clear, Sync, Freeze, a change of state.
+        """
+        cyclic = self._cyclic
+        if (
+            self.state is not DpState.DATA_EXCH
+            or source != cyclic.master
+            or not cyclic.exchanged
+            or cyclic.clear
+            or cyclic.sync
+            or cyclic.frozen is not None
+            or self._pending_diagnosis
+            or self._events
+            or not self.found
+            or function & _ASKS_BITS not in _ASKS
+            or len(data) != self.user.output_octets
+        ):
+            return None
+        known, fcb = self._remembered.get(source), function & FCB
+        if known is None or (function & FCV and known.fcb == fcb):
+            return None
+        self._heard_ns = cyclic.heard_ns = now
+        cyclic.held = data
+        self.user.take_outputs(data, now)
+        inputs = self.user.inputs()
+        known.fcb = fcb
+        known.answer = Telegram(source, self.address, Answer.DL, None, None, inputs)
+        return inputs
+
     def _once(self, telegram: Telegram, now: int) -> Line | None:
         """A repeated request is answered as before (4.7.1.2: FCB, FCV)."""
         fcb = telegram.function & FCB

@@ -22,7 +22,7 @@ from pnfarm.firmware.interpolation import POSITION_MODE
 from pnfarm.protocols.profibus import slave_user as dp
 from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave, SlaveOptions
 from pnfarm.protocols.profibus.wire.dp import DpState
-from pnfarm.protocols.profibus.wire.telegram import Telegram, emit_telegram, parse_telegram
+from pnfarm.protocols.profibus.wire.telegram import SD2, Answer, Telegram, emit_data, emit_telegram, parse_telegram
 from pnfarm.station.events import ControllerModeChanged, WatchdogExpired
 from pnfarm.station.lateness import budget_ns
 from pnfarm.station.parameter_words import StationParameterWords
@@ -183,6 +183,18 @@ class ProfibusDevice:
             self._due is not None and slave.state is DpState.DATA_EXCH and slave.quiet and type(telegram) is Telegram
             and telegram.dsap is None
         )  # fmt: skip
+
+    def poll(self, octets: bytes, now: int) -> bytes | None:
+        """The answer to one whole telegram with data and without access points, where it is a plain poll.
+
+        It moves deadlines to later times and nothing else: they are looked at when the earlier ones come.
+        """
+        if self.deaf or self._answers or self._due is None or not self.image.input_octets:
+            return None
+        begin = 4 if octets[0] == SD2 else 1
+        source, function = octets[begin + 1], octets[begin + 2]
+        inputs = self.slave.poll(source, function, octets[begin + 3 : -2], now)
+        return None if inputs is None else emit_data(source, self.slave.address, Answer.DL, inputs)
 
     def put_on_line(self, octets: bytes) -> None:
         """Octets that are no answer, for an injection."""

@@ -26,6 +26,11 @@ class TelegramSplitter:
     def dropped(self) -> Counter[str]:
         return self._splitter.dropped
 
+    @property
+    def is_whole(self) -> bool:
+        """See :class:`pnfarm.buses.bus.LineSplitter`."""
+        return self._splitter.is_whole
+
     def split(self, octets: bytes, now: int) -> list[bytes]:
         """The telegrams that are whole now."""
         if self._splitter.takes_whole(octets, now):

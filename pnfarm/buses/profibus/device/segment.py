@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from pnfarm.protocols.profibus.wire.telegram import BROADCAST, SD1, SD2, SD3
+from pnfarm.protocols.profibus.wire.telegram import BROADCAST, EXTENDED, SD1, SD2, SD3, body_of_data
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -60,11 +60,30 @@ class ProfibusSegment:
         self._by_address.clear()
 
     def counts(self) -> Mapping[str, int]:
-        """See :class:`pnfarm.buses.bus.CountingSegment`."""
+        """See :class:`pnfarm.buses.bus.LineSegment`."""
         found: Counter[str] = Counter(dict.fromkeys(COUNTED, 0))
         for device in self._devices.values():
             found.update(device.counted())
         return found
+
+    def addressed(self, octets: bytes) -> int | None:
+        """See :class:`pnfarm.buses.bus.LineSegment`: one whole telegram with data and without access points."""
+        begin = body_of_data(octets)
+        if not begin or octets[begin] & EXTENDED or octets[begin + 1] & EXTENDED:
+            return None
+        found = self._by_address.get(octets[begin])
+        return found[0] if found is not None and len(found) == 1 else None
+
+    def poll(self, port: int, octets: bytes, now: int) -> bytes | None:
+        """See :class:`pnfarm.buses.bus.LineSegment`."""
+        answer = self._devices[port].poll(octets, now)
+        if answer is not None:
+            self.heard_ns = now
+        return answer
+
+    def least_reply_bits(self, port: int) -> int:
+        """See :class:`pnfarm.buses.bus.LineSegment`: min T_SDR, as the master set it."""
+        return self._devices[port].slave.min_tsdr_bits
 
     def settled(self, port: int) -> None:
         del port

@@ -24,9 +24,9 @@ from typing import Final, NamedTuple
 from pnfarm.errors import DecodeError
 
 __all__ = [
-    "BROADCAST", "ED", "FCB", "FCV", "LONGEST_DATA", "LONGEST_TELEGRAM", "REQUEST", "SC", "SD1", "SD2", "SD3", "SD4",
-    "Answer", "Line", "Request", "Sap", "ShortAck", "Station", "Telegram", "Token", "checksum", "emit_telegram",
-    "parse_telegram", "telegram_length",
+    "BROADCAST", "ED", "EXTENDED", "FCB", "FCV", "LONGEST_DATA", "LONGEST_TELEGRAM", "REQUEST", "SC", "SD1", "SD2",
+    "SD3", "SD4", "Answer", "Line", "Request", "Sap", "ShortAck", "Station", "Telegram", "Token", "body_of_data",
+    "checksum", "emit_data", "emit_telegram", "parse_telegram", "telegram_length",
 ]  # fmt: skip
 
 SD1: Final = 0x10
@@ -41,8 +41,12 @@ BROADCAST: Final = 127
 LONGEST_DATA: Final = 246
 #: SD2, LE, LEr, SD2, 249 octets, FCS, ED.
 LONGEST_TELEGRAM: Final = 255
-_EXTENDED: Final = 0x80
+#: Bit of an address: an access point follows in the data.
+EXTENDED: Final = 0x80
 _FIXED: Final = 8
+#: Of an SD2 with DA, SA and FC and nothing else; of an SD3.
+_SHORTEST_SD2: Final = 9
+_WHOLE_SD3: Final = 14
 _SD1: Final = bytes((SD1,))
 _SD3: Final = bytes((SD3,))
 _SHORT: Final = bytes((SC,))
@@ -185,6 +189,29 @@ def telegram_length(begin: bytes | bytearray | memoryview) -> int | None:
             raise DecodeError("no-delimiter", f"0x{other:02x} begins no telegram")
 
 
+def body_of_data(octets: bytes) -> int:
+    """Place of DA in a telegram with data (SD2, SD3) that is whole and right, 0 for any other octets."""
+    length = len(octets)
+    if length > _SHORTEST_SD2 and octets[0] == SD2:
+        if octets[1] != length - 6 or octets[2] != length - 6 or octets[3] != SD2:
+            return 0
+        begin = 4
+    elif length == _WHOLE_SD3 and octets[0] == SD3:
+        begin = 1
+    else:
+        return 0
+    return begin if octets[-1] == ED and sum(octets[begin:-2]) & 0xFF == octets[-2] else 0
+
+
+def emit_data(destination: int, source: int, function: int, data: bytes) -> bytes:
+    """:func:`emit_telegram` of a telegram with data and without access points, the shortest way."""
+    body = bytes((destination, source, function)) + data
+    end = bytes((sum(body) & 0xFF, ED))
+    if len(data) == _FIXED:
+        return _SD3 + body + end
+    return bytes((SD2, len(body), len(body), SD2)) + body + end
+
+
 @lru_cache(maxsize=1024)
 def parse_telegram(octets: bytes) -> Line:
     """One whole telegram.  Raises :class:`DecodeError`.
@@ -208,9 +235,9 @@ def parse_telegram(octets: bytes) -> Line:
         raise DecodeError("bad-fcs", f"0x{octets[-2]:02x} instead of 0x{checksum(body):02x}")
     destination, source, function, data = body[0], body[1], body[2], body[3:]
     dsap = ssap = None
-    if destination & _EXTENDED:
+    if destination & EXTENDED:
         dsap, data = _access_point(data)
-    if source & _EXTENDED:
+    if source & EXTENDED:
         ssap, data = _access_point(data)
     return Telegram(destination & 0x7F, source & 0x7F, function, dsap, ssap, data)
 
@@ -229,9 +256,9 @@ def emit_telegram(telegram: Line) -> bytes:
         return bytes((SD4, telegram.destination, telegram.source))
     destination, source, function, dsap, ssap, data = telegram
     if dsap is not None:
-        destination |= _EXTENDED
+        destination |= EXTENDED
     if ssap is not None:
-        source |= _EXTENDED
+        source |= EXTENDED
     if dsap is not None or ssap is not None:
         data = bytes(sap for sap in (dsap, ssap) if sap is not None) + data
     if len(data) > LONGEST_DATA:
