@@ -7,13 +7,14 @@ There is one master on the line: it keeps the token.
 from __future__ import annotations
 
 from collections import Counter, deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profibus.master_access import Connection
 from pnfarm.protocols.profibus.wire.dp import (
+    NO_MASTER,
     Control,
     Diagnosis,
     GlobalControl,
@@ -506,11 +507,16 @@ class Master:
         except DecodeError as exc:
             self._lose(station, f"a diagnosis that cannot be read: {exc}", now)
             return
+        if diagnosis.master not in {NO_MASTER, self.settings.address}:
+            # a slave leaves this bit to the master (8.3.1)
+            diagnosis = replace(diagnosis, status=diagnosis.status | StationStatus.MASTER_LOCK)
         station.diagnosis = diagnosis
         status = diagnosis.status
         if station.state is SlaveState.DATA:
             self._events.append(DiagnosisRead(station.plan.name, diagnosis))
-            if status & StationStatus.PRM_REQ:
+            if status & StationStatus.MASTER_LOCK:
+                self._lose(station, f"master {diagnosis.master} has it", now)
+            elif status & StationStatus.PRM_REQ:
                 self._lose(station, "it asks for parameters", now)
             elif status & StationStatus.STAT_DIAG:
                 station.wants_diagnosis = True

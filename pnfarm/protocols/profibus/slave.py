@@ -467,6 +467,7 @@ class Slave:
     # -- diagnosis ---------------------------------------------------------------------------------------------------
 
     def _diagnosis(self, master: int) -> bytes:
+        """Bits of a slave's own: Master_Lock and others are set by the master that reads it (8.3.1)."""
         self.diagnoses += 1
         cyclic, faults = self._cyclic, self.faults
         is_error, is_static, extended = self.user.diagnosis()
@@ -477,7 +478,6 @@ class Slave:
             StationStatus.EXT_DIAG: is_error,
             StationStatus.NOT_SUPPORTED: faults.unsupported,
             StationStatus.PRM_FAULT: faults.parameters,
-            StationStatus.MASTER_LOCK: cyclic.master not in {NO_MASTER, master},
             StationStatus.PRM_REQ: self.state is DpState.WAIT_PRM,
             StationStatus.STAT_DIAG: is_static,
             StationStatus.WD_ON: bool(cyclic.watchdog_ns),
@@ -501,7 +501,7 @@ class Slave:
             return ShortAck()
         cyclic = self._cyclic
         if cyclic.master not in {NO_MASTER, telegram.source}:
-            # it belongs to another master, which the diagnosis says (Master_Lock)
+            # it belongs to another master, whose address the diagnosis has
             self.dropped["locked"] += 1
             return ShortAck()
         if parameters.status & PrmStatus.UNLOCK_REQ:
@@ -554,12 +554,18 @@ class Slave:
         if self.state is DpState.WAIT_PRM or telegram.source != self._cyclic.master:
             self.dropped[_NOT_HERE] += 1
             return self._short(telegram, Answer.RS)
+        before = self.user.configuration()
         if self.refuse_configuration or not self.user.check_configuration(telegram.data):
             self._leave(CONFIGURED_WRONG, now, sign=_Sign.NO_CONFIGURATION)
             self.faults.configuration = True
             self.refusals += 1
             self._events.append(ConfigurationRefused(telegram.source, telegram.data))
             return ShortAck()
+        if telegram.data != before:
+            # what was held or frozen is of another length
+            cyclic = self._cyclic
+            cyclic.held = cyclic.frozen = None
+            cyclic.sync = cyclic.freeze = False
         self._go(_Sign.CONFIGURATION)
         return ShortAck()
 

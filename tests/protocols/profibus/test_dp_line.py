@@ -8,8 +8,8 @@ from dp_line import IDENT, MS, DpLine
 from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, SlaveState
 from pnfarm.protocols.profibus.record_request import RecordRequest
 from pnfarm.protocols.profibus.slave_user import ExchangeBegan, Left, ParametersTaken
-from pnfarm.protocols.profibus.wire.dp import Control, DpState, StationStatus
-from pnfarm.protocols.profibus.wire.telegram import ShortAck, parse_telegram
+from pnfarm.protocols.profibus.wire.dp import Control, DpState, Parameters, PrmStatus, StationStatus, emit_parameters
+from pnfarm.protocols.profibus.wire.telegram import Sap, ShortAck, Telegram, parse_telegram
 
 
 @pytest.mark.parametrize("count", [1, 8, 32])
@@ -121,6 +121,25 @@ def test_what_does_not_fit_is_said_by_the_diagnosis_and_tried_again():
     line.slaves[0].refuse_configuration = False
     assert line.run(1.0, until=lambda: line.exchanging)
     assert sum(isinstance(event, ConnectionMissed) for event in line.events) == 3, "each reason once"
+
+
+def test_a_slave_of_another_master_is_left_alone_and_taken_once_it_is_free():
+    line = DpLine(1)
+    slave, plan = line.slaves[0], line.plans[0]
+
+    def other(status):
+        octets = emit_parameters(Parameters(status, (0, 0), 11, IDENT))
+        slave.receive(Telegram(plan.address, 9, 0x6D, Sap.SET_PARAMETERS, Sap.MASTER, octets), line.now)
+
+    other(PrmStatus.LOCK_REQ)
+    line.run(0.5)
+    station = line.master.stations[0]
+    assert station.reason == "master 9 has it"
+    assert StationStatus.MASTER_LOCK in station.diagnosis.status, "set by the master that read it"
+    assert not any(isinstance(one, Telegram) and one.dsap == Sap.SET_PARAMETERS for one in line.seen)
+    other(PrmStatus.UNLOCK_REQ)
+    assert line.run(1.0, until=lambda: line.exchanging)
+    assert StationStatus.MASTER_LOCK not in station.diagnosis.status
 
 
 def test_a_diagnosis_in_data_exchange_is_fetched_once_and_a_static_one_again_and_again():

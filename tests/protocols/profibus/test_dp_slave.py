@@ -164,7 +164,9 @@ def test_another_master_sees_that_it_is_locked_and_changes_nothing(bench):
     octets = emit_parameters(Parameters(LOCK, (1, 1), 11, IDENT))
     assert bench.ask(Sap.SET_PARAMETERS, octets, source=5) == ShortAck()
     assert bench.ask(None, DATA, source=5).code == Answer.RS
-    assert StationStatus.MASTER_LOCK in bench.diagnosis(source=5).status
+    found = bench.diagnosis(source=5)
+    assert found.master == 2
+    assert StationStatus.MASTER_LOCK not in found.status, "8.3.1: a bit that masters set"
     assert bench.slave.master == 2
     assert bench.slave.state is DpState.DATA_EXCH
 
@@ -211,6 +213,64 @@ def test_a_configuration_that_does_not_fit_ends_it_too(bench):
     bench.ask(Sap.CHECK_CONFIGURATION, b"\x11")
     assert bench.slave.state is DpState.WAIT_PRM
     assert StationStatus.CFG_FAULT in bench.diagnosis().status
+
+
+def test_a_configuration_of_another_length_leaves_nothing_held_and_nothing_frozen(bench):
+    bench.exchange()
+    control(bench, Control.FREEZE | Control.SYNC)
+    check = bench.drive.check_configuration
+
+    def taken(identifiers):
+        bench.drive.identifiers, bench.drive.octets = b"\xf1", 4
+        return check(identifiers)
+
+    bench.drive.check_configuration = taken
+    assert bench.ask(Sap.CHECK_CONFIGURATION, b"\xf1") == ShortAck()
+    assert len(bench.ask(None, b"\x01" * 4).data) == 4
+    assert bench.ask(Sap.READ_OUTPUTS).data == b"\x01" * 4
+    assert not bench.diagnosis().status & (StationStatus.FREEZE_MODE | StationStatus.SYNC_MODE)
+
+
+def test_commands_that_set_prm_did_not_ask_for_are_ignored(bench):
+    bench.parameters(PrmStatus.LOCK_REQ)
+    bench.ask(Sap.CHECK_CONFIGURATION, bench.drive.identifiers)
+    bench.ask(None, DATA)
+    control(bench, Control.SYNC | Control.FREEZE)
+    assert not bench.diagnosis().status & (StationStatus.FREEZE_MODE | StationStatus.SYNC_MODE | StationStatus.WD_ON)
+    bench.ask(None, b"\x01" * 12)
+    assert bench.drive.outputs[-1] == b"\x01" * 12
+
+
+def test_sync_waits_for_the_end_of_clear(bench):
+    bench.exchange()
+    control(bench, Control.SYNC | Control.CLEAR_DATA)
+    bench.ask(None, b"\x01" * 12)
+    assert bench.ask(Sap.READ_OUTPUTS).data == bytes(12)
+    control(bench, Control(0))
+    bench.ask(None, b"\x02" * 12)
+    assert bench.drive.outputs == [DATA], "Sync still holds them"
+    control(bench, Control.SYNC)
+    assert bench.drive.outputs[-1] == b"\x02" * 12
+
+
+def test_inputs_and_outputs_are_read_by_any_master(bench):
+    bench.exchange()
+    assert bench.ask(Sap.READ_INPUTS, source=9).data == bytes(range(12))
+    assert bench.ask(Sap.READ_OUTPUTS, source=9).data == DATA
+    assert bench.ask(Sap.GET_CONFIGURATION, source=9).data == bench.drive.identifiers
+    assert bench.slave.master == 2
+
+
+def test_empty_outputs_are_clear_only_for_a_slave_with_fail_safe_that_was_asked_for_it():
+    bench = Bench(supports_fail_safe=True)
+    bench.parameters(user=b"\xc0\x00\x00")
+    bench.ask(Sap.CHECK_CONFIGURATION, bench.drive.identifiers)
+    assert bench.ask(None, b"").code == Answer.DL
+    assert bench.drive.cleared == 1
+    other = Bench()
+    other.exchange()
+    assert other.ask(None, b"").code == Answer.RS
+    assert other.slave.state is DpState.WAIT_PRM
 
 
 def control(bench, command, groups=0, source=2, destination=BROADCAST):
