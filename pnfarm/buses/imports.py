@@ -17,7 +17,10 @@ __all__ = ["FoundDrive", "FoundStation", "ImportingBus", "ProjectBus"]
 
 @dataclass(frozen=True, slots=True)
 class FoundDrive:
-    """A station that a model stands for: keys of its group in a farm file, and what a user should know of each."""
+    """A station that a model stands for: keys of its group in a farm file, and what a user should know of each.
+
+    ``line``: of a station on a serial line, the line's name in a farm file.
+    """
 
     name: str
     model: str
@@ -26,6 +29,7 @@ class FoundDrive:
     notes: tuple[str, ...] = ()
     #: Of its controller, for the built-in one: its name, cycle and watchdog.
     controller: Mapping[str, Any] = field(default_factory=dict)
+    line: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +38,7 @@ class FoundStation:
 
     name: str
     facts: tuple[str, ...]
+    line: str = ""
 
 
 @runtime_checkable

@@ -63,7 +63,7 @@ def importing(
     else:
         drives, others = _of_capture(file)
     if not drives and not others:
-        needed = "a capture needs the start of a connection (Connect, Forward_Open), or an answer to a search"
+        needed = "a capture needs the start of a connection (Connect, Forward_Open, Set_Prm), or an answer to a search"
         raise ConfigError(f"{file} shows no device" + ("" if _is_project(file) else f": {needed}"))
     text = farm_text(drives, others, name or _farm_name(file.stem), parent, str(file.name))
     if output is None:
@@ -152,7 +152,7 @@ def farm_text(drives: Sequence[FoundDrive], others: Sequence[FoundStation], name
     lines = [
         f"# Made by `pnfarm import {source}`. What was seen of each drive is in its comments: check them.",
         f"farm: {name}",
-        f"link: {{kind: macvlan, parent: {parent}}}   # the interface that leads to the PLC",
+        *_link(drives or others, parent),
         "api: 127.0.0.1:8702",
     ]
     if drives:
@@ -170,6 +170,17 @@ def farm_text(drives: Sequence[FoundDrive], others: Sequence[FoundStation], name
         for one in others:
             lines += _comment(f"{one.name}: {'; '.join(one.facts)}", "#   ")
     return "\n".join(lines) + "\n"
+
+
+def _link(stations: Sequence[FoundDrive | FoundStation], parent: str) -> list[str]:
+    """The network's link, a line, or both; a capture does not say how a line is reached, nor its rate."""
+    lines = sorted({one.line for one in stations if one.line})
+    if lines and all(one.line for one in stations):
+        return ["link: {kind: serial, pty: auto}   # the log has its far end; or {kind: serial, port: ..., baud: ...}"]
+    network = f"kind: macvlan, parent: {parent}"
+    if lines:
+        network += ", lines: {" + ", ".join(f"{name}: {{pty: auto}}" for name in lines) + "}"
+    return [f"link: {{{network}}}   # the interface that leads to the PLC"]
 
 
 def _group(drive: FoundDrive, taken: set[str]) -> list[str]:

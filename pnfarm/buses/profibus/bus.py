@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices, InjectionHost, LineSplitter, RouteHost
     from pnfarm.buses.controller import ControllerHost
+    from pnfarm.buses.imports import FoundDrive, FoundStation
     from pnfarm.buses.profibus.config.controller import ProfibusController
     from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
     from pnfarm.buses.profibus.config.part import ProfibusPart
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder
     from pnfarm.buses.profibus.device.device import ProfibusDevice
     from pnfarm.buses.profibus.device.segment import ProfibusSegment
+    from pnfarm.captures.decoder import FrameDecoder
     from pnfarm.captures.packet import Capture
     from pnfarm.drives.model import Model
     from pnfarm.faults.kind import InjectionKind, KindOnBus
@@ -135,6 +137,20 @@ class Profibus:
         from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder
 
         return ProfibusDecoder(capture)
+
+    def observe(self, decoder: FrameDecoder) -> None:
+        from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder
+        from pnfarm.buses.profibus.decode.observed import Observed
+
+        if isinstance(decoder, ProfibusDecoder):
+            decoder.observed = Observed()
+
+    def found(self, decoder: FrameDecoder) -> Iterable[FoundDrive | FoundStation]:
+        from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder
+        from pnfarm.buses.profibus.found import found
+
+        observed = decoder.observed if isinstance(decoder, ProfibusDecoder) else None
+        return () if observed is None else found(observed, decoder)
 
     def injected_drive(self, device: ProfibusDevice, host: InjectionHost) -> InjectedDrive:
         from pnfarm.buses.profibus.faults.drive import injected_drive

@@ -45,6 +45,7 @@ from pnfarm.protocols.profibus.wire.telegram import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    from pnfarm.buses.profibus.decode.observed import Observed
     from pnfarm.captures.conversations import CyclicChannel
     from pnfarm.captures.decoder import PlannedDrive
     from pnfarm.captures.packet import Capture
@@ -115,6 +116,8 @@ class ProfibusDecoder:
 
     def __init__(self, capture: Capture) -> None:
         self._capture = capture
+        #: Set by whoever wants to know the plant.
+        self.observed: Observed | None = None
         self._asked: _Asked | None = None
         self._slaves: Bounded[int, _Slave] = Bounded(128)
         self._class_two: Bounded[tuple[int, int, int], Records] = Bounded(256)
@@ -190,6 +193,11 @@ class ProfibusDecoder:
                 yield from self._requested(telegram, packet.time_ns)
             case Telegram():
                 yield from self._answered(telegram, packet.time_ns)
+
+    def polled_ns(self, address: int) -> int:
+        """The mean time between two polls of a slave; 0 where there were not two."""
+        slave = self._slaves.get(address)
+        return slave.cyclic.outputs.cycle_ns if slave is not None and slave.cyclic is not None else 0
 
     def cyclic_channels(self) -> Iterator[CyclicChannel]:
         for slave in self._slaves.values():
@@ -290,6 +298,8 @@ class ProfibusDecoder:
                 parameters = parse_parameters(data)
                 text = parameters_text(parameters)
                 slave.watchdog_ns = parameters.watchdog_ns()
+                if self.observed is not None and is_set_up(parameters):
+                    self.observed.parametrised(telegram.destination, telegram.source, parameters)
                 if slave.model is None:
                     slave.model = model_by_ident(parameters.ident)
                 if slave.cyclic is not None:
@@ -299,6 +309,8 @@ class ProfibusDecoder:
                 return
             case Sap.CHECK_CONFIGURATION:
                 slave.identifiers = data
+                if self.observed is not None:
+                    self.observed.configured(telegram.destination, data)
                 text = configuration_text(data, slave.model)
             case Sap.SET_SLAVE_ADDRESS:
                 text = address_text(parse_set_address(data))
@@ -311,6 +323,7 @@ class ProfibusDecoder:
         if asked is None:
             yield from limited(self._told, "acknowledgement", "without a request")
             return
+        self._note_answer(asked)
         if asked.service == _EXCHANGE:
             request = asked.telegram
             slave = self._slave(request.destination)
@@ -328,6 +341,7 @@ class ProfibusDecoder:
             return
         slave = self._slave(telegram.source)
         service, code = asked.service, telegram.code
+        self._note_answer(asked)
         if service.startswith("FDL"):
             yield from limited(slave.told, f"{service}.res", _CODES.get(code, f"code 0x{code:X}"))
         elif not telegram.data:
@@ -343,13 +357,22 @@ class ProfibusDecoder:
             yield from self._diagnosis(telegram, slave)
         elif service in _SERVICES.values():
             text = configuration_text(telegram.data, slave.model) if service == "Get_Cfg" else telegram.data.hex(" ")
+            if service == "Get_Cfg" and self.observed is not None:
+                self.observed.told(telegram.source, telegram.data)
             yield from limited(slave.told, f"{service}.res", text)
         else:
             records = self._records(telegram.destination, telegram.source, _connection(asked.telegram), slave)
             yield from records.answer(telegram.data, slave.model)
 
+    def _note_answer(self, asked: _Asked) -> None:
+        """Masters answer FDL_Status, too."""
+        if self.observed is not None and not asked.service.startswith("FDL"):
+            self.observed.answered(asked.telegram.destination)
+
     def _diagnosis(self, telegram: Telegram, slave: _Slave) -> Iterator[Description]:
         diagnosis = parse_diagnosis(telegram.data)
+        if self.observed is not None:
+            self.observed.diagnosed(telegram.source, diagnosis)
         if slave.model is None:
             slave.model = model_by_ident(diagnosis.ident)
         yield from limited(

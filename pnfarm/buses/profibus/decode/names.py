@@ -26,7 +26,10 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.model import Model
 
-__all__ = ["address_text", "configuration_text", "control_text", "diagnosis_text", "model_by_ident", "parameters_text"]
+__all__ = [
+    "address_text", "configuration_text", "control_text", "diagnosis_text", "model_by_ident", "models_with_identifiers",
+    "parameters_text",
+]  # fmt: skip
 
 
 @cache
@@ -42,6 +45,16 @@ def _known() -> dict[int, Model]:
 def model_by_ident(ident: int) -> Model | None:
     """The model with this ident number, as the catalogue has it."""
     return _known().get(ident)
+
+
+def models_with_identifiers(identifiers: bytes) -> list[tuple[str, int]]:
+    """Models and numbers of their telegrams that Chk_Cfg chooses with these."""
+    return [
+        (one.name, telegram.number)
+        for one in _known().values()
+        for telegram in one.profidrive.telegrams.values()
+        if telegram.identifiers and telegram.identifiers == identifiers
+    ]
 
 
 def _flags(value: IntFlag) -> list[str]:

@@ -1,0 +1,85 @@
+"""Slaves of a capture as drives of a farm file: the ident number says which model stands for each.
+
+Everything else is listed with what was seen of it.  A telegram is no key of a drive: its master's Chk_Cfg chooses it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.imports import FoundDrive, FoundStation
+from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
+from pnfarm.buses.profibus.decode.names import (
+    configuration_text,
+    diagnosis_text,
+    model_by_ident,
+    models_with_identifiers,
+    parameters_text,
+)
+from pnfarm.vocabulary.durations import format_duration
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder
+    from pnfarm.buses.profibus.decode.observed import Observed, SeenSlave
+    from pnfarm.drives.model import Model
+
+__all__ = ["LINE", "found"]
+
+#: Name of the line in a farm file.
+LINE = "profibus"
+_US = 1_000
+
+
+def found(observed: Observed, decoder: ProfibusDecoder) -> Iterator[FoundDrive | FoundStation]:
+    """Drives first, then other slaves."""
+    others: list[FoundStation] = []
+    for seen in observed.slaves:
+        one = _station(seen, decoder.polled_ns(seen.address))
+        if isinstance(one, FoundDrive):
+            yield one
+        else:
+            others.append(one)
+    yield from others
+
+
+def _station(seen: SeenSlave, cycle_ns: int) -> FoundDrive | FoundStation:
+    known = None if seen.ident is None else model_by_ident(seen.ident)
+    facts = tuple(_facts(seen, known, cycle_ns))
+    if known is None:
+        return FoundStation(f"station {seen.address}", (*facts, *_like(seen)), LINE)
+    keys: dict[str, Any] = {}
+    notes: list[str] = []
+    if seen.address <= HIGHEST_ADDRESS:
+        keys["address"] = seen.address
+    else:
+        notes.append(f"it had address {seen.address}, which is that of a slave that nobody gave one")
+    return FoundDrive(f"drive-{seen.address}", known.name, keys, (*notes, *facts), line=LINE)
+
+
+def _facts(seen: SeenSlave, known: Model | None, cycle_ns: int) -> Iterator[str]:
+    ident, parameters = seen.ident, seen.parameters
+    yield f"address {seen.address}, " + ("its ident number was not seen" if ident is None else f"ident 0x{ident:04X}")
+    if parameters is not None:
+        yield f"Set_Prm by master {seen.master}: {parameters_text(parameters)}"
+        if parameters.ident != ident:
+            yield f"its master takes it for one with ident 0x{parameters.ident:04X}"
+    if seen.identifiers is not None:
+        yield f"configuration: {configuration_text(seen.identifiers, known)}"
+    if cycle_ns:
+        # to the microsecond: it is a mean
+        yield f"polled every {format_duration(max(1, round(cycle_ns / _US)) * _US)}"
+    if seen.diagnosis is not None:
+        yield f"last diagnosis: {diagnosis_text(seen.diagnosis)}"
+
+
+def _like(seen: SeenSlave) -> Iterator[str]:
+    """Models with another ident number that this master could configure in the same way."""
+    if seen.identifiers is None or seen.ident is None:
+        return
+    for model, telegram in models_with_identifiers(seen.identifiers):
+        yield (
+            f"telegram {telegram} of {model} has the same identifiers: {{model: {model}, "
+            f"identity: {{device: 0x{seen.ident:04X}}}}} would stand for it if it is one"
+        )
