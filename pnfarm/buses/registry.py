@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.bus import kinds_here
 from pnfarm.buses.ethernetip.bus import ETHERNETIP
+from pnfarm.buses.line_parameters import LineParameterBus
 from pnfarm.buses.profibus.bus import PROFIBUS
 from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.buses.search import SearchBus
@@ -26,7 +27,10 @@ if TYPE_CHECKING:
     from pnfarm.faults.catalogue import Catalogue
     from pnfarm.terminal.command import Command
 
-__all__ = ["BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_filters", "registered", "searches"]
+__all__ = [
+    "BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_filters", "line_parameter_bus", "registered",
+    "searches",
+]  # fmt: skip
 
 _buses: dict[str, Bus] = {one.name: one for one in (PROFINET, ETHERNETIP, PROFIBUS)}
 #: By name.
@@ -76,6 +80,14 @@ def commands() -> list[Command]:
 def searches() -> dict[str, SearchBus]:
     """The buses whose devices can be found on a wire, by name."""
     return {name: one for name, one in BUSES.items() if isinstance(one, SearchBus)}
+
+
+def line_parameter_bus() -> LineParameterBus:
+    """The bus whose stations can be asked over a serial line.  Raises :class:`ConfigError` where there is none."""
+    for one in BUSES.values():
+        if isinstance(one, LineParameterBus):
+            return one
+    raise ConfigError("no bus has a serial line on which parameters could be asked for")
 
 
 def frame_filters() -> dict[str, frozenset[str]]:

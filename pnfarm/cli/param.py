@@ -17,7 +17,10 @@ app.callback(invoke_without_command=True)(help_without_command)
 Drive = Annotated[
     str,
     typer.Argument(
-        metavar="NAME", help="Drive of the running farm.", show_default=False, autocompletion=complete_drive
+        metavar="NAME",
+        help="Drive of the running farm; with --line a station address.",
+        show_default=False,
+        autocompletion=complete_drive,
     ),
 ]
 Pnu = Annotated[
@@ -29,18 +32,46 @@ Pnu = Annotated[
     ),
 ]
 
+LineOption = Annotated[
+    str | None,
+    typer.Option(
+        "--line",
+        metavar="WAY",
+        help="Ask a station on a serial line that no other master uses, rather than the farm: path of a pty or port, "
+        "HOST:PORT, or rfc2217://HOST:PORT.",
+        show_default=False,
+    ),
+]
+BaudOption = Annotated[int, typer.Option("--baud", metavar="RATE", help="With --line: the line's bits per second.")]
+OwnOption = Annotated[int, typer.Option("--own-address", metavar="N", help="With --line: this master's address.")]
+ModelOption = Annotated[
+    str | None,
+    typer.Option(
+        "--model", metavar="MODEL", help="With --line: whose names and types of parameters count.", show_default=False
+    ),
+]
+
 
 @app.command("get")
 def get(
     name: Drive,
     pnu: Pnu,
+    line: LineOption = None,
+    baud: BaudOption = 1_500_000,
+    own: OwnOption = 0,
+    model: ModelOption = None,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Read a parameter."""
+    """Read a parameter, of a drive of the running farm or of any station on a line."""
     from pnfarm.terminal.client import FarmClient
 
+    if line is not None:
+        from pnfarm.cli.param_line import ask
+
+        _show(ask(line, name, pnu, None, baud=baud, own=own, model=model), output)
+        return
     with FarmClient(api, token) as farm:
         _show(farm.get("drives", name, "params", pnu), output)
 
@@ -53,6 +84,10 @@ def put(
     value: Annotated[
         str, typer.Argument(metavar="VALUE", help="Value as it is sent on the wire, decimal or 0x.", show_default=False)
     ],
+    line: LineOption = None,
+    baud: BaudOption = 1_500_000,
+    own: OwnOption = 0,
+    model: ModelOption = None,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
@@ -61,6 +96,11 @@ def put(
     from pnfarm.terminal.client import FarmClient
 
     wanted = _number(value)
+    if line is not None:
+        from pnfarm.cli.param_line import ask
+
+        _show(ask(line, name, pnu, wanted, baud=baud, own=own, model=model), output)
+        return
     with FarmClient(api, token) as farm:
         _show(farm.put("drives", name, "params", pnu, body={"value": wanted}), output)
 
@@ -88,4 +128,5 @@ def _show(found: dict[str, Any], output: Format) -> None:
     values = found.get("values")
     value = " ".join(map(str, values)) if values and not found["subindex"] else str(found["value"])
     unit = f" {found['unit']}" if found.get("unit") else ""
-    print_line(f"{found['drive']} {found['pnu']}.{found['subindex']} {found['name']} = {value}{unit}")
+    named = f" {found['name']}" if found["name"] else ""
+    print_line(f"{found['drive']} {found['pnu']}.{found['subindex']}{named} = {value}{unit}")

@@ -13,10 +13,12 @@ if TYPE_CHECKING:
     from pnfarm.buses.bus import DeviceServices, InjectionHost, LineSplitter, RouteHost
     from pnfarm.buses.controller import ControllerHost
     from pnfarm.buses.imports import FoundDrive, FoundStation
+    from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.config.controller import ProfibusController
     from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
     from pnfarm.buses.profibus.config.part import ProfibusPart
     from pnfarm.buses.profibus.controller.core import MasterCore
+    from pnfarm.buses.profibus.controller.line_question import LineParameter
     from pnfarm.buses.profibus.controller.plan import ProfibusPlan
     from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder
     from pnfarm.buses.profibus.device.device import ProfibusDevice
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.model import Model
     from pnfarm.faults.kind import InjectionKind, KindOnBus
     from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.links.base import Link, Port
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 
@@ -149,8 +152,14 @@ class Profibus:
         from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder
         from pnfarm.buses.profibus.found import found
 
-        observed = decoder.observed if isinstance(decoder, ProfibusDecoder) else None
-        return () if observed is None else found(observed, decoder)
+        if not isinstance(decoder, ProfibusDecoder) or decoder.observed is None:
+            return ()
+        return found(decoder.observed, decoder)
+
+    def parameter_asker(self, link: Link, port: Port, question: LineQuestion) -> LineParameter:
+        from pnfarm.buses.profibus.controller.line_question import LineParameter
+
+        return LineParameter(link, port, question)
 
     def injected_drive(self, device: ProfibusDevice, host: InjectionHost) -> InjectedDrive:
         from pnfarm.buses.profibus.faults.drive import injected_drive

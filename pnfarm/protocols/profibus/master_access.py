@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING, Final
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profibus.wire.dpv1 import (
     NEGATIVE,
+    Abort,
+    AbortReason,
+    AbortSubnet,
     Function,
     Initiate,
     parse_initiate_answer,
@@ -69,10 +72,11 @@ class Connection:
         self._expire(now)
         if self._waiting:
             return True
-        return self._is_connected and (self._idle_asked or now - self._spoke_ns >= self._send_timeout_ns // 2)
+        return self.is_connected and (self._idle_asked or now - self._spoke_ns >= self._send_timeout_ns // 2)
 
     @property
-    def _is_connected(self) -> bool:
+    def is_connected(self) -> bool:
+        """Whether the slave holds a connection of class 2."""
         return self.state is AccessState.OPEN and not self.is_class_one
 
     def request(self, now: int) -> Access | None:
@@ -96,6 +100,13 @@ class Connection:
                 data = b"" if self._idle_asked else bytes((Function.IDLE,))
                 self._idle_asked = True
                 return self._sap, Sap.MASTER_2, data
+
+    def end(self) -> Access | None:
+        """An Abort, after which there is no connection; None where there is none."""
+        if not self.is_connected:
+            return None
+        self.state = AccessState.CLOSED
+        return self._sap, Sap.MASTER_2, Abort(AbortSubnet.NO, AbortReason.USER).octets()
 
     def _head(self) -> bytes:
         """The first request, or a poll for its answer."""

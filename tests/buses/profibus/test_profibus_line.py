@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import random
 from contextlib import asynccontextmanager
@@ -12,6 +13,7 @@ import pytest
 from pnfarm.api.schemas import LineView
 from pnfarm.buses import registry
 from pnfarm.captures.reading import FrameReader
+from pnfarm.cli.main import main
 from pnfarm.controller.runtime import Plc
 from pnfarm.farm.capture import CaptureSettings
 from pnfarm.farm.farm import Farm
@@ -103,6 +105,41 @@ async def test_a_million_octets_of_noise_change_nothing_but_counters(tmp_path):
         assert len(farm.log.entries("axis-01")) < 50
         async with master(told) as plc:
             await until(lambda: plc.controllers.all_running)
+
+
+@pytest.mark.parametrize("way", ["pty", "listen"])
+async def test_a_parameter_of_a_station_is_read_and_written_over_a_line_without_a_master(tmp_path, capsys, way):
+    line = str(tmp_path / "line")
+    path = f"pty: '{line}'" if way == "pty" else "listen: '127.0.0.1:0'"
+    async with Farm(config(path, 2), log=EventLog(quiet=True)) as farm:
+        if way == "listen":
+            line = next(iter(lines_of(farm.link).values())).where
+
+        def param(*words):
+            return main(["param", *words, "--line", line])
+
+        assert await asyncio.to_thread(param, "set", "12", "1256", "3") == 0
+        assert capsys.readouterr().out == "station 12 1256.0 = 3\n"
+        assert [station.store.get("P-1256") for station in farm.core.stations] == [0, 3]
+        assert await asyncio.to_thread(param, "get", "12", "P-1256", "--model", "moog-msd-dp", "--format", "json") == 0
+        assert json.loads(capsys.readouterr().out)["value"] == 3
+        assert await asyncio.to_thread(param, "get", "12", "9") == 2
+        assert "impermissible parameter number (0x00)" in capsys.readouterr().err
+        assert await asyncio.to_thread(param, "get", "13", "918") == 1
+        assert "station 13 does not answer" in capsys.readouterr().err
+        assert not any(station.device.slave.class_two.open for station in farm.core.stations)
+
+
+async def test_a_line_that_a_master_has_open_is_not_taken_from_it(tmp_path, capsys):
+    line = str(tmp_path / "line")
+    whole = config(f"pty: '{line}'", 1)
+    async with Farm(whole, log=EventLog(quiet=True)) as farm, master(whole) as plc:
+        await until(lambda: plc.core.all_connected)
+        assert await asyncio.to_thread(main, ["param", "get", "11", "918", "--line", line]) == 4
+        assert "is in use by another program" in capsys.readouterr().err
+        await asyncio.sleep(0.1)
+        assert plc.core.all_connected
+        assert farm.core.stations[0].device.connects == 1
 
 
 async def test_a_master_over_tcp_is_lost_and_another_one_takes_its_place(tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from pnfarm.drives.profiles.profidrive.base_mode import (
     FORMAT_BYTE,
@@ -17,6 +17,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     ParameterRequest,
     ParameterValues,
     emit_request,
+    format_octets,
     parse_response,
 )
 from pnfarm.errors import DecodeError
@@ -26,22 +27,34 @@ from pnfarm.protocols.profibus.wire.dpv1 import MOST_USER_DATA, ErrorCode1
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.drives.parameter import Parameter
-
-__all__ = ["ParameterJob"]
+__all__ = ["Addressed", "ParameterJob"]
 
 INDEX: Final = 47
 _FORMATS: Final = {1: FORMAT_BYTE, 2: FORMAT_WORD, 4: FORMAT_DWORD}
+
+
+class Addressed(Protocol):
+    """What a request needs of a parameter; ``elements`` is 0 unless it is an array."""
+
+    @property
+    def pnu(self) -> int: ...
+    @property
+    def elements(self) -> int: ...
+    @property
+    def octets(self) -> int: ...
 
 
 @dataclass(slots=True, eq=False)
 class ParameterJob:
     """One value that is read, or written where ``wanted`` is a number; ``value`` is what was read, as on the wire.
 
+    ``format``: of what was read; ``wanted_format``: of what is written, 0: by its octets; ``refused``: the number of
+    the drive's error.
+
     A request is written, then its answer is read again and again while the drive says that it is not ready.
     """
 
-    parameter: Parameter
+    parameter: Addressed
     subindex: int
     wanted: int | None
     due_ns: int
@@ -49,6 +62,9 @@ class ParameterJob:
     value: int | None = None
     done: bool = False
     error: str = ""
+    format: int = 0
+    wanted_format: int = 0
+    refused: int | None = None
     _record: RecordRequest | None = None
 
     @property
@@ -84,7 +100,9 @@ class ParameterJob:
         address = ParameterAddress(self.parameter.pnu, self.subindex, 1 if self.parameter.elements else 0)
         if self.wanted is None:
             return emit_request(ParameterRequest(self.reference, REQUEST_READ, 0, (address,)))
-        values = ParameterValues(_FORMATS[self.parameter.octets], (self.wanted & (1 << 8 * self.parameter.octets) - 1,))
+        code = self.wanted_format or _FORMATS[self.parameter.octets]
+        octets = format_octets(code) or 0
+        values = ParameterValues(code, (self.wanted & (1 << 8 * octets) - 1,))
         return emit_request(ParameterRequest(self.reference, REQUEST_CHANGE, 0, (address,), (values,)))
 
     def _take(self, data: bytes) -> None:
@@ -96,10 +114,11 @@ class ParameterJob:
         first = response.entries[0] if response.entries else None
         if response.response_id & NEGATIVE:
             number = first.values[0] if first is not None and first.format == FORMAT_ERROR and first.values else 0
+            self.refused = number
             self._end(f"error 0x{number:02X}")
             return
         if self.wanted is None and first is not None and first.values:
-            self.value = first.values[0]
+            self.value, self.format = first.values[0], first.format
         self._end("")
 
     def _end(self, error: str) -> None:

@@ -1,0 +1,89 @@
+"""``pnfarm param --line`` on PROFIBUS: a question in the user's words, and its answer in them."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, Any, Final
+
+from pnfarm.buses.profibus.controller.asker import ByNumber, ParameterAsker
+from pnfarm.drives.catalogue import model
+from pnfarm.drives.numbering import read_number
+from pnfarm.drives.parameter import Form, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.profiles.profidrive.base_mode import format_octets
+from pnfarm.errors import ConfigError, RemoteError
+from pnfarm.protocols.profibus.records_master import RecordsSettings
+
+if TYPE_CHECKING:
+    from pnfarm.buses.line_parameters import LineQuestion
+    from pnfarm.buses.profibus.controller.parameters import Addressed
+    from pnfarm.links.base import Link, Port
+
+__all__ = ["LineParameter", "shown_value"]
+
+HIGHEST_STATION: Final = 126
+HIGHEST_PNU: Final = 0xFFFF
+#: Formats of whole numbers with a sign, and that of numbers of single precision (PROFIdrive 4.1, 5.4).
+_SIGNED, _FLOAT = frozenset({0x02, 0x03, 0x04, 0x71, 0x72}), 0x08
+
+
+class LineParameter(ParameterAsker):
+    """See :class:`pnfarm.buses.line_parameters.LineAsker`."""
+
+    def __init__(self, link: Link, port: Port, question: LineQuestion) -> None:
+        for what, address in (("a station address", question.station), ("an own address", question.own)):
+            if not 0 <= address <= HIGHEST_STATION:
+                raise ConfigError(f"{address} is not {what}, which is 0 to {HIGHEST_STATION}")
+        if question.own == question.station:
+            raise ConfigError(f"the master cannot have the station's own address, {question.own}")
+        super().__init__(link, port, RecordsSettings(question.station, question.own, question.baud))
+        self._question = question
+        self._parameter, self._subindex = _addressed(question)
+
+    def start(self, now: int) -> None:
+        self.begin(self._parameter, self._subindex, self._question.value, now)
+
+    def result(self) -> dict[str, Any]:
+        station = f"station {self._question.station}"
+        asked = f"{self._parameter.pnu}.{self._subindex}"
+        if self.refused is not None:
+            raise ParameterError(self.refused, detail=f"{station}, parameter {asked}")
+        if self.error or self.answer is None:
+            raise RemoteError(f"{station}, parameter {asked}: {self.error or 'no answer'}")
+        known = self._parameter if isinstance(self._parameter, Parameter) else None
+        return {
+            "drive": station,
+            "pnu": self._parameter.pnu,
+            "subindex": self._subindex,
+            "name": known.name if known is not None else "",
+            "value": shown_value(self.answer.value, self.answer.format, known),
+            "values": None,
+            "unit": known.unit if known is not None else "",
+        }
+
+
+def shown_value(value: int | None, code: int, known: Parameter | None) -> int | float | None:
+    """A value off the wire by its format, or by the model's type, as the API shows it."""
+    if value is None:
+        return None
+    if known is None and code == _FLOAT:
+        (single,) = struct.unpack(">f", value.to_bytes(4, "big"))
+        return float(single)
+    bits = 8 * (format_octets(code) or 4)
+    signed = code in _SIGNED if known is None else known.signed and known.form is Form.INTEGER
+    return value - (1 << bits) if signed and value >> bits - 1 else value
+
+
+def _addressed(question: LineQuestion) -> tuple[Addressed, int]:
+    """Raises :class:`ParameterError` or :class:`ConfigError`."""
+    if question.model is not None:
+        described = model(question.model)
+        if described.bus != "profibus":
+            raise ConfigError(f"{described.name} is no model of this bus")
+        return described.resolve(question.parameter)
+    number, dot, index = question.parameter.partition(".")
+    pnu, subindex = read_number(number), read_number(index) if dot else 0
+    if pnu is None or subindex is None:
+        raise ConfigError(f"{question.parameter!r} is not the number of a parameter; a name needs the drive's --model")
+    if not 1 <= pnu <= HIGHEST_PNU or not 0 <= subindex <= HIGHEST_PNU:
+        raise ParameterError(ParameterErrorNumber.IMPERMISSIBLE_PNU, detail=f"{question.parameter}")
+    return ByNumber(pnu, 1 if dot else 0), subindex
