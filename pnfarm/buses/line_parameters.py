@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from pnfarm.links.base import Link, Port
 
-__all__ = ["LineAsker", "LineParameterBus", "LineQuestion"]
+__all__ = ["Asked", "AskedController", "LineAsker", "LineParameterBus", "LineQuestion"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +28,32 @@ class LineQuestion:
     baud: int = 1_500_000
 
 
-class LineAsker(Protocol):
-    """One question at work; the link hands it what comes."""
+class Asked(Protocol):
+    """One question at work."""
 
-    done: bool
+    @property
+    def done(self) -> bool: ...
+
+    def result(self) -> dict[str, Any]:
+        """As the API has a parameter: ``drive``, ``pnu``, ``subindex``, ``name``, ``value``, ``values``, ``unit``.
+
+        Raises :class:`~pnfarm.errors.RemoteError` for a station that does not answer, and
+        :class:`~pnfarm.drives.parameter.ParameterError` for what it refuses.
+        """
+        ...
+
+
+@runtime_checkable
+class AskedController(Protocol):
+    """What a bus's controller does besides if its stations are asked for parameters by their address."""
+
+    def ask_station(self, question: LineQuestion, now: int) -> Asked:
+        """Raises :class:`~pnfarm.errors.ConfigError` or ``ParameterError`` for what cannot be asked."""
+        ...
+
+
+class LineAsker(Asked, Protocol):
+    """One with a line for itself; the link hands it what comes."""
 
     def start(self, now: int) -> None: ...
 
@@ -41,14 +63,6 @@ class LineAsker(Protocol):
 
     def next_deadline(self) -> int | None:
         """When :meth:`service` is due."""
-        ...
-
-    def result(self) -> dict[str, Any]:
-        """As the API has a parameter: ``drive``, ``pnu``, ``subindex``, ``name``, ``value``, ``values``, ``unit``.
-
-        Raises :class:`~pnfarm.errors.RemoteError` for a station that does not answer, and
-        :class:`~pnfarm.drives.parameter.ParameterError` for what it refuses.
-        """
         ...
 
 

@@ -13,6 +13,7 @@ from pnfarm.buses import registry
 from pnfarm.buses.bus import port_spec
 from pnfarm.buses.line_parameters import LineQuestion
 from pnfarm.config.links import LineWay
+from pnfarm.controller.line_door import ask_controller
 from pnfarm.errors import ConfigError, EnvironmentError_, RemoteError
 from pnfarm.farm.lines import line_bus, make_line
 
@@ -43,6 +44,8 @@ def ask(
     if baud not in bus.baud_rates:
         raise ConfigError(f"--baud {baud} is none of the line's rates: {', '.join(map(str, bus.baud_rates))}")
     question = LineQuestion(int(station), parameter, value, own, model, baud)
+    if (found := ask_controller(line.removeprefix(_RFC2217), question)) is not None:
+        return found
     link = make_line(_way(line, baud), line_bus(bus.name))
     return asyncio.run(_asked(link, question))
 

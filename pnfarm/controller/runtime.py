@@ -19,6 +19,7 @@ from pnfarm.config.links import SerialLink as SerialSection
 from pnfarm.config.links import TapLink as TapSection
 from pnfarm.config.links import VethLink as VethSection
 from pnfarm.controller.group import Controllers
+from pnfarm.controller.line_door import LineDoor
 from pnfarm.controller.plan import plan_controllers
 from pnfarm.controller.program_file import program_of, program_settings
 from pnfarm.controller.program_runner import ProgramRunner
@@ -37,6 +38,7 @@ from pnfarm.links.interfaces import remove_leftovers
 from pnfarm.links.kernel_addresses import hold_ports
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.ownership import FarmLock, bridge_name
+from pnfarm.links.serial_link import SerialLink
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
 from pnfarm.station.event_log import EventLog
@@ -126,6 +128,7 @@ class _Station:
         self._is_ours = False
         self._held: list[socket.socket] = []
         self.driver: RealTimeDriver | None = None
+        self._door: LineDoor | None = None
 
     async def open(self, planned: PlannedController, log: EventLog) -> Controller:
         """Take the port; nothing is sent before :meth:`start`."""
@@ -146,6 +149,9 @@ class _Station:
         await self.driver.start()
         core.start(time.monotonic_ns())
         self.driver.poke()
+        if isinstance(self.link, SerialLink):
+            self._door = LineDoor(core, self.link.where, self.driver.poke)
+            await self._door.open()
 
     async def close(self) -> None:
         """Give back what it has of all that; nothing where another process has it."""
@@ -153,6 +159,8 @@ class _Station:
             return
         self._is_ours = False
         try:
+            if self._door is not None:
+                await self._door.close()
             if self.driver is not None:
                 await self.driver.close()
         finally:

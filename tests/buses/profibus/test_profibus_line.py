@@ -15,6 +15,7 @@ from pnfarm.buses import registry
 from pnfarm.captures.reading import FrameReader
 from pnfarm.cli.main import main
 from pnfarm.controller.runtime import Plc
+from pnfarm.drives.catalogue import model
 from pnfarm.farm.capture import CaptureSettings
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import parse_farm
@@ -40,6 +41,7 @@ controller:
   reconnect: {{after: 200ms}}
 """
 NOISE = 1_000_000
+PLC_MODE = model("moog-msd-dp").parameters[1256].name
 
 
 def config(way: str, count: int = 4):
@@ -130,12 +132,41 @@ async def test_a_parameter_of_a_station_is_read_and_written_over_a_line_without_
         assert not any(station.device.slave.class_two.open for station in farm.core.stations)
 
 
+async def test_a_running_controller_is_asked_for_the_parameters_of_its_stations(tmp_path, capsys):
+    line = str(tmp_path / "line")
+    whole = config(f"pty: '{line}'", 2)
+
+    async def param(*words):
+        code = await asyncio.to_thread(main, ["param", *words, "--line", line])
+        said = capsys.readouterr()
+        return code, said.out or said.err
+
+    async with Farm(whole, log=EventLog(quiet=True)) as farm, master(whole) as plc:
+        await until(lambda: plc.core.all_connected)
+        at_once = [param("set", "12", "P-1256", "2"), param("get", "11", "922"), param("get", "12", "918")]
+        told = await asyncio.gather(*at_once)
+        assert [code for code, _ in told] == [0, 0, 0]
+        assert [station.store.get("P-1256") for station in farm.core.stations] == [0, 2]
+        assert await param("get", "12", "1256") == (0, f"axis-02 1256.0 {PLC_MODE} = 2\n")
+        assert await param("get", "40", "918") == (
+            2, "pnfarm: controller plc has no station 40; it has 11, 12\n",
+        )  # fmt: skip
+        code, said = await param("set", "11", "P-0964", "3")
+        assert (code, "parameter value cannot be changed (0x01)" in said) == (2, True)
+        assert plc.core.all_connected
+        assert [station.device.connects for station in farm.core.stations] == [1, 1]
+    code, said = await param("get", "11", "918")
+    assert (code, "does not exist" in said) == (4, True), "neither farm nor controller is there"
+
+
 async def test_a_line_that_a_master_has_open_is_not_taken_from_it(tmp_path, capsys):
     line = str(tmp_path / "line")
     whole = config(f"pty: '{line}'", 1)
     async with Farm(whole, log=EventLog(quiet=True)) as farm, master(whole) as plc:
         await until(lambda: plc.core.all_connected)
-        assert await asyncio.to_thread(main, ["param", "get", "11", "918", "--line", line]) == 4
+        # the far end under a name that the controller does not know
+        far = await asyncio.to_thread(os.path.realpath, line)
+        assert await asyncio.to_thread(main, ["param", "get", "11", "918", "--line", far]) == 4
         assert "is in use by another program" in capsys.readouterr().err
         await asyncio.sleep(0.1)
         assert plc.core.all_connected

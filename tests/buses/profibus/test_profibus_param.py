@@ -97,7 +97,7 @@ def test_what_the_drive_refuses_has_its_error_number(parameter, value, named, nu
     asker, station, _ = ask(parameter, value, named=named)
     with pytest.raises(ParameterError, match="station 11, parameter"):
         asker.result()
-    assert asker.refused == number
+    assert asker.question.refused == number
     assert station.device.slave.class_two.open == []
 
 

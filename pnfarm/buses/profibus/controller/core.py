@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from pnfarm.buses.axis_program import PHASES, configure
 from pnfarm.buses.parameter_words import parameter_answer, put_parameter_task
 from pnfarm.buses.profibus.controller import events as happened
+from pnfarm.buses.profibus.controller.asker import ParameterQuestion
+from pnfarm.buses.profibus.controller.line_question import StationParameter, addressed
 from pnfarm.buses.profibus.controller.parameters import ParameterJob
 from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.drives.parameter import ParameterError
@@ -27,6 +29,7 @@ from pnfarm.table.signals import PKW_HEAD, WORD_NONE
 
 if TYPE_CHECKING:
     from pnfarm.buses.controller import ControllerHost
+    from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.controller.plan import DevicePlan, ProfibusPlan
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.links.base import Link, Port
@@ -64,7 +67,7 @@ class MasterCore:
             else:
                 station.source = image.fill
             configure(self.columns.program[index], device.program, asdict(device.steps) | {"life": device.life})
-        self._jobs: list[tuple[str, ParameterJob]] = []
+        self._jobs: list[tuple[str, ParameterJob | ParameterQuestion]] = []
         self._began_ns: dict[str, int] = {}
         self._reference = 0
         self._tail = 0
@@ -113,11 +116,17 @@ class MasterCore:
                 self._images[place].take(station.inputs, now)
         for event in master.take_events():
             self._take(event, now)
+        busy: set[str] = set()
         for job in list(self._jobs):
             name, work = job
+            if name in busy:
+                # a drive has one answer at a time
+                continue
             work.advance(partial(self._ask, name, now), now)
             if work.done:
                 self._jobs.remove(job)
+            else:
+                busy.add(name)
 
     def _ask(self, name: str, now: int, record: RecordRequest) -> None:
         self.master.ask(name, record, now)
@@ -256,6 +265,19 @@ class MasterCore:
         self._jobs.append((name, job))
         self._go_on(now)
         return job
+
+    def ask_station(self, question: LineQuestion, now: int) -> StationParameter:
+        """See :class:`pnfarm.buses.line_parameters.AskedController`: of the slave with this address."""
+        device = next((one for one in self.plan.devices if one.slave.address == question.station), None)
+        if device is None:
+            known = ", ".join(str(one.slave.address) for one in self.plan.devices)
+            raise ConfigError(f"controller {self.name} has no station {question.station}; it has {known}")
+        parameter, subindex = addressed(question, device.described)
+        due = now + self.master.settings.request_timeout_ns
+        work = ParameterQuestion(parameter, subindex, question.value, due)
+        self._jobs.append((device.name, work))
+        self._go_on(now)
+        return StationParameter(device.name, parameter, subindex, work)
 
     def put_parameter_task(self, name: str, task: Pkw) -> None:
         """See :class:`pnfarm.buses.controller.Controller`."""

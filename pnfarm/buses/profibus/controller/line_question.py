@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from pnfarm.buses.profibus.controller.asker import ByNumber, ParameterAsker
+from pnfarm.buses.profibus.controller.asker import ByNumber, ParameterAsker, ParameterQuestion
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.numbering import read_number
 from pnfarm.drives.parameter import Form, Parameter, ParameterError, ParameterErrorNumber
@@ -16,9 +17,10 @@ from pnfarm.protocols.profibus.records_master import RecordsSettings
 if TYPE_CHECKING:
     from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.controller.parameters import Addressed
+    from pnfarm.drives.model import Model
     from pnfarm.links.base import Link, Port
 
-__all__ = ["LineParameter", "shown_value"]
+__all__ = ["LineParameter", "StationParameter", "addressed", "answer_of", "shown_value"]
 
 HIGHEST_STATION: Final = 126
 HIGHEST_PNU: Final = 0xFFFF
@@ -36,29 +38,52 @@ class LineParameter(ParameterAsker):
         if question.own == question.station:
             raise ConfigError(f"the master cannot have the station's own address, {question.own}")
         super().__init__(link, port, RecordsSettings(question.station, question.own, question.baud))
-        self._question = question
-        self._parameter, self._subindex = _addressed(question)
+        self._asked = question
+        self._parameter, self._subindex = addressed(question)
 
     def start(self, now: int) -> None:
-        self.begin(self._parameter, self._subindex, self._question.value, now)
+        self.begin(self._parameter, self._subindex, self._asked.value, now)
 
     def result(self) -> dict[str, Any]:
-        station = f"station {self._question.station}"
-        asked = f"{self._parameter.pnu}.{self._subindex}"
-        if self.refused is not None:
-            raise ParameterError(self.refused, detail=f"{station}, parameter {asked}")
-        if self.error or self.answer is None:
-            raise RemoteError(f"{station}, parameter {asked}: {self.error or 'no answer'}")
-        known = self._parameter if isinstance(self._parameter, Parameter) else None
-        return {
-            "drive": station,
-            "pnu": self._parameter.pnu,
-            "subindex": self._subindex,
-            "name": known.name if known is not None else "",
-            "value": shown_value(self.answer.value, self.answer.format, known),
-            "values": None,
-            "unit": known.unit if known is not None else "",
-        }
+        return answer_of(f"station {self._asked.station}", self._parameter, self._subindex, self.question)
+
+
+@dataclass(slots=True)
+class StationParameter:
+    """See :class:`pnfarm.buses.line_parameters.Asked`: a question to a slave of a master that is at work."""
+
+    name: str
+    parameter: Addressed
+    subindex: int
+    question: ParameterQuestion
+
+    @property
+    def done(self) -> bool:
+        return self.question.done
+
+    def result(self) -> dict[str, Any]:
+        return answer_of(self.name, self.parameter, self.subindex, self.question)
+
+
+def answer_of(name: str, parameter: Addressed, subindex: int, question: ParameterQuestion | None) -> dict[str, Any]:
+    """The answer as the API has a parameter, or what :meth:`pnfarm.buses.line_parameters.Asked.result` raises."""
+    what = f"{name}, parameter {parameter.pnu}.{subindex}"
+    if question is None or not question.done:
+        raise RemoteError(f"{what}: no answer")
+    if question.refused is not None:
+        raise ParameterError(question.refused, detail=what)
+    if question.error or question.answer is None:
+        raise RemoteError(f"{what}: {question.error or 'no answer'}")
+    known = parameter if isinstance(parameter, Parameter) else None
+    return {
+        "drive": name,
+        "pnu": parameter.pnu,
+        "subindex": subindex,
+        "name": known.name if known is not None else "",
+        "value": shown_value(question.answer.value, question.answer.format, known),
+        "values": None,
+        "unit": known.unit if known is not None else "",
+    }
 
 
 def shown_value(value: int | None, code: int, known: Parameter | None) -> int | float | None:
@@ -73,10 +98,14 @@ def shown_value(value: int | None, code: int, known: Parameter | None) -> int | 
     return value - (1 << bits) if signed and value >> bits - 1 else value
 
 
-def _addressed(question: LineQuestion) -> tuple[Addressed, int]:
-    """Raises :class:`ParameterError` or :class:`ConfigError`."""
+def addressed(question: LineQuestion, described: Model | None = None) -> tuple[Addressed, int]:
+    """The parameter by the model that the question names, else by ``described``, else by its number.
+
+    Raises :class:`ParameterError` or :class:`ConfigError`.
+    """
     if question.model is not None:
         described = model(question.model)
+    if described is not None:
         if described.bus != "profibus":
             raise ConfigError(f"{described.name} is no model of this bus")
         return described.resolve(question.parameter)
