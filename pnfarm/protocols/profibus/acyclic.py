@@ -73,6 +73,10 @@ class _Records:
         self._working = access
         self.work(now)
 
+    def refuse(self, function: int, code1: ErrorCode1) -> None:
+        """The next poll gets a negative response."""
+        self._working, self._ready = None, emit_refusal(Refusal(function | NEGATIVE, code1))
+
     def work(self, now: int) -> None:
         """Go on with what is not done yet."""
         access = self._working
@@ -125,6 +129,10 @@ class ClassOne:
         if self._records.busy:
             self._slave.dropped["busy"] += 1
             return self._slave.answer_without(telegram, Answer.RR)
+        if telegram.data[0] == Function.ALARM_ACK:
+            # table 9.3: alarms are not supported
+            self._records.refuse(Function.ALARM_ACK, ErrorCode1.FEATURE_NOT_SUPPORTED)
+            return ShortAck()
         try:
             self._records.ask(telegram.data, now)
         except DecodeError as exc:

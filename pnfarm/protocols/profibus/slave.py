@@ -36,6 +36,7 @@ from pnfarm.protocols.profibus.wire.dp import (
     PrmStatus,
     StationStatus,
     V1Status1,
+    V1Status3,
     emit_diagnosis,
     parse_global_control,
     parse_parameters,
@@ -536,12 +537,10 @@ class Slave:
             return refused
         if parameters.ident != options.ident:
             return f"ident number 0x{parameters.ident:04X} instead of 0x{options.ident:04X}"
-        unsupported = (parameters.status & PrmStatus.FREEZE_REQ and not options.supports_freeze) or (
-            parameters.status & PrmStatus.SYNC_REQ and not options.supports_sync
-        )
+        unsupported = _unsupported(parameters, options)
         if unsupported:
             self.faults.unsupported = True
-            return "freeze or sync is not supported"
+            return f"{' and '.join(unsupported)} not supported"
         if parameters.status & PrmStatus.WD_ON and 0 in parameters.factors:
             return "a watchdog with a factor of 0"
         return self.user.check_parameters(parameters)
@@ -646,3 +645,18 @@ class Slave:
         self.class_one.reset()
         if before is not DpState.WAIT_PRM:
             self._events.append(Left(why, before, cyclic.master, cyclic.exchanged))
+
+
+def _unsupported(parameters: Parameters, options: SlaveOptions) -> list[str]:
+    """What a Set_Prm asks for and the slave lacks; the octets of DP-V1 count where it is enabled."""
+    asked, (one, _, three) = parameters.status, parameters.v1
+    v1 = bool(one & V1Status1.DPV1_ENABLE)
+    lacks = {
+        "freeze": asked & PrmStatus.FREEZE_REQ and not options.supports_freeze,
+        "sync": asked & PrmStatus.SYNC_REQ and not options.supports_sync,
+        "DP-V1": v1 and not options.v1,
+        "fail-safe outputs": v1 and one & V1Status1.FAIL_SAFE and not options.supports_fail_safe,
+        "slave-to-slave communication": v1 and one & V1Status1.PUBLISHER,
+        "isochronous mode": v1 and three & V1Status3.ISOCHRONOUS,
+    }
+    return [name for name, is_lacking in lacks.items() if is_lacking]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from pnfarm.protocols.profibus.slave import TRANSITIONS, Slave, SlaveOptions
-from pnfarm.protocols.profibus.slave_user import AddressSet, BaudFound, BaudLost, Left
+from pnfarm.protocols.profibus.slave_user import AddressSet, BaudFound, BaudLost, Left, ParametersRefused
 from pnfarm.protocols.profibus.wire.dp import (
     NO_MASTER,
     Control,
@@ -183,12 +183,33 @@ def test_parameters_that_do_not_fit_are_told_by_the_diagnosis(bench, given, bit)
     assert bit not in bench.diagnosis().status
 
 
-def test_a_mode_that_the_slave_lacks_is_not_supported():
-    bench = Bench(supports_sync=False)
-    bench.parameters()
+@pytest.mark.parametrize(
+    ("options", "user", "lacking"),
+    [({"supports_sync": False}, "80 00 00", "sync"), ({"supports_freeze": False}, "80 00 00", "freeze"),
+     ({}, "C0 00 00", "fail-safe outputs"), ({}, "A0 00 00", "slave-to-slave communication"),
+     ({}, "80 00 10", "isochronous mode"), ({"v1": False}, "80 00 00", "DP-V1")],
+)  # fmt: skip
+def test_what_the_slave_lacks_is_not_supported(options, user, lacking):
+    bench = Bench(**options)
+    bench.parameters(user=bytes.fromhex(user))
     status = bench.diagnosis().status
     assert StationStatus.NOT_SUPPORTED in status
     assert StationStatus.PRM_FAULT in status
+    (refused,) = [event.why for event in bench.slave.take_events() if isinstance(event, ParametersRefused)]
+    assert refused == f"{lacking} not supported"
+
+
+def test_octets_of_a_user_without_dp_v1_ask_for_no_modes_of_it():
+    bench = Bench(v1=False)
+    bench.parameters(user=bytes.fromhex("60 FF FF"))
+    assert bench.slave.state is DpState.WAIT_CFG
+
+
+def test_alarms_are_not_supported(bench):
+    bench.exchange()
+    assert bench.ask(Sap.MSAC1, bytes.fromhex("5C 00 01 05"), ssap=Sap.MSAC1) == ShortAck()
+    assert bench.ask(Sap.MSAC1, ssap=Sap.MSAC1).data == bytes.fromhex("DC 80 A9 00")
+    assert bench.ask(Sap.MSAC1, ssap=Sap.MSAC1) == ShortAck()
 
 
 def test_unlock_releases_and_no_lock_changes_the_time_alone(bench):

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pnfarm.config.known import ModelFacts
     from pnfarm.vocabulary.issues import Location, Report
 
-__all__ = ["ADDRESS_PARAMETER", "address_in", "check_controller", "check_devices", "check_group", "check_name"]
+__all__ = ["ADDRESS_PARAMETER", "address_in", "check_devices", "check_group", "check_name"]
 
 #: COM_DP_Address (Moog MSD manual 4.2.2).
 ADDRESS_PARAMETER = 918
@@ -69,11 +69,3 @@ def check_devices(controller: ProfibusController, claims: Claims, report: Report
         ):
             if (by := claims.claim(field, value, f"controller.devices[{number}]", device.name)) is not None:
                 report((*at, key), f"{text} belongs to {by} already", "each once on the line")
-
-
-def check_controller(controller: ProfibusController, report: Report) -> None:
-    """The master's own keys."""
-    at: Location = ("controller",)
-    if controller.highest_address < controller.address:
-        what = f"{controller.highest_address} is below the master's own address, {controller.address}"
-        report((*at, "highest_address"), what, f"{controller.address} to 126")

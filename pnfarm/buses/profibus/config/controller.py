@@ -73,9 +73,6 @@ class ProfibusController(ControllerSection):
         description="How parameters are read and written: within the cyclic connection (MSAC1), or by a connection of "
         "a master of class 2 (MSAC2).",
     )
-    highest_address: Annotated[int, Field(ge=1, le=126)] = Field(
-        default=126, description="Highest address that it looks for other stations at (HSA)."
-    )
     devices: list[GsdDevice] = Field(
         default_factory=list, max_length=MOST_SLAVES, description="Further slaves, each by its GSD file."
     )

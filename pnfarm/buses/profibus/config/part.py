@@ -62,7 +62,6 @@ class ProfibusPart:
         known: Known,
         report: Report,
     ) -> None:
-        checks.check_controller(controller, report)
         if controller.telegram is None:
             return
         for placed in groups:

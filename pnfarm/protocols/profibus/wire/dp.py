@@ -13,7 +13,7 @@ from pnfarm.errors import DecodeError
 
 __all__ = [
     "MOST_DIAGNOSIS", "NO_MASTER", "Control", "Diagnosis", "DiagnosisBlock", "DpState", "GlobalControl", "Identifier",
-    "Parameters", "PrmStatus", "SetAddress", "StationStatus", "V1Status1", "V1Status2", "emit_diagnosis",
+    "Parameters", "PrmStatus", "SetAddress", "StationStatus", "V1Status1", "V1Status2", "V1Status3", "emit_diagnosis",
     "emit_identifiers", "emit_parameters", "parse_diagnosis", "parse_global_control", "parse_identifiers",
     "parse_parameters", "parse_set_address", "watchdog_factors",
 ]  # fmt: skip
@@ -132,6 +132,13 @@ class V1Status2(IntFlag):
     DIAGNOSTIC_ALARM = 0x20
     PROCESS_ALARM = 0x40
     PULL_PLUG_ALARM = 0x80
+
+
+class V1Status3(IntFlag):
+    """DPV1_Status_3: octet 10."""
+
+    PRM_CMD = 0x08
+    ISOCHRONOUS = 0x10
 
 
 @dataclass(frozen=True, slots=True)
