@@ -408,9 +408,6 @@ def _reading(results: list[Result]) -> list[str]:
             "  means that the farm scales.",
         ]
     lines += [
-        "- Above 128 drives the kernel's time stamps are off unless the farm file says",
-        "  `realtime: {timestamps: true}`: they cost about a tenth of a frame. `frame-cost-192` and `full-port-*` are",
-        "  therefore without them.",
         "- `fault-latency-*` counts from the sending of `POST faults` to the first frame with the changed data status,",
         "  by the kernel's time stamps at the farm's interface. The floor is the same request as a dry run, and the",
         "  drive's next frame after the answer.",

@@ -42,6 +42,9 @@ class Columns(NamedTuple):
     ``held_order``  (2, held / 2)               slots of held frames by direction (:mod:`pnfarm.engine.held`)
     ``lookup``      (4, size, 2)                hash tables ``port << 32 | frame id`` -> consumer row + 1
     ``rx_frames``   (RX_BATCH, FRAME_SLOT)      frames received
+    ``rx_octets``   (RX_BATCH * FRAME_SLOT,)    the same memory
+    ``rx_slot``     (RX_BATCH,)                 where each begins in it
+    ``rx_place``    (RX_BATCH,)                 where each frame of a batch begins in a socket's ring
     ``rx_length``   (RX_BATCH,)                 their lengths, octets
     ``rx_port``     (RX_BATCH,)                 their ports
     ``rx_ns``       (RX_BATCH,)                 their arrival, ns
@@ -67,6 +70,9 @@ class Columns(NamedTuple):
     frames: Any
     lookup: Any
     rx_frames: Any
+    rx_octets: Any
+    rx_slot: Any
+    rx_place: Any
     rx_length: Any
     rx_port: Any
     rx_ns: Any
@@ -100,6 +106,7 @@ def allocate(
         size *= 2
     waiting = max(FEWEST_HELD, channels * HELD_PER_CHANNEL) if impairments else 1
     axis, image = AXIS.allocate(max(1, axes)), IMAGE.allocate(max(1, stations))
+    rx_octets = np.zeros(RX_BATCH * FRAME_SLOT, np.uint8)
     columns = Columns(
         engine=ENGINE.allocate(1),
         axis=axis,
@@ -113,7 +120,10 @@ def allocate(
         events=EVENT.allocate(EVENTS),
         frames=np.zeros((channels + 2 * waiting, FRAME_SLOT), np.uint8),
         lookup=np.zeros((_LOOKUPS, size, 2), np.int64),
-        rx_frames=np.zeros((RX_BATCH, FRAME_SLOT), np.uint8),
+        rx_frames=rx_octets.reshape(RX_BATCH, FRAME_SLOT),
+        rx_octets=rx_octets,
+        rx_slot=np.arange(RX_BATCH, dtype=np.int64) * FRAME_SLOT,
+        rx_place=np.zeros(RX_BATCH, np.int64),
         rx_length=np.zeros(RX_BATCH, np.int32),
         rx_port=np.zeros(RX_BATCH, np.int32),
         rx_ns=np.zeros(RX_BATCH, np.int64),

@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.engine.columns import RX_BATCH, Columns
+from pnfarm.engine.columns import Columns
 from pnfarm.engine.lateness import LATE_NS, note_late
-from pnfarm.engine.libc import CLOCK_MONOTONIC, TIMER_ABSTIME, clock_nanosleep, time_ns, write
-from pnfarm.engine.rings import Ring, make_ring, receive_batch, send_batch
-from pnfarm.engine.tick import next_due, receive, tick
+from pnfarm.engine.libc import CLOCK_MONOTONIC, CLOCK_REALTIME, TIMER_ABSTIME, clock_nanosleep, time_ns, write
+from pnfarm.engine.receive_ring import give_back, take_batch
+from pnfarm.engine.rings import Ring, make_ring, send_batch
+from pnfarm.engine.tick import next_due, receive_from, tick
 from pnfarm.errors import InternalError
 from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
@@ -26,6 +27,8 @@ __all__ = ["RealTimeEngine", "RealTimeSettings", "run_loop"]
 
 #: Batches taken in one tick at most, so that a flood cannot keep the engine from sending.
 MAX_BATCHES = 16
+#: Added to a stamp, it lies behind every time of the engine.
+FAR_FUTURE = 1 << 62
 LATENESS_BUCKETS = len(LATENESS_EDGES_NS) + 1
 #: An array, because indexing a tuple in compiled code copies it.
 _EDGES = np.array(LATENESS_EDGES_NS, np.int64)
@@ -57,23 +60,29 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
         engine.lateness[bucket] += 1
         engine.lateness_sum_ns += late
         engine.lateness_max_ns = max(engine.lateness_max_ns, late)
-        batches = 0
-        count = receive_batch(columns, ring, ring.descriptor, now)
+        # kernel stamps are wall clock; the engine uses monotonic time
+        offset = FAR_FUTURE
+        if ring.stamped:
+            offset = now - time_ns(CLOCK_REALTIME, ring.clock)
+        count = take_batch(columns, ring.received, now, offset)
         waited = now - columns.rx_ns[0] if count else 0
         if late > LATE_NS or waited > engine.tick_ns + LATE_NS:
             note_late(engine, columns.late, due, now, waited)
-        while count == RX_BATCH and batches < MAX_BATCHES:
-            receive(columns, count)
-            count = receive_batch(columns, ring, ring.descriptor, now)
+        batches = 0
+        while count > 0:
+            receive_from(columns, ring.received.octets, columns.rx_place, count)
+            give_back(ring.received, count)
             batches += 1
-        if ring.beside >= 0:
-            receive(columns, count)
-            count = receive_batch(columns, ring, ring.beside, now)
-            while count == RX_BATCH and batches < MAX_BATCHES:
-                receive(columns, count)
-                count = receive_batch(columns, ring, ring.beside, now)
+            count = take_batch(columns, ring.received, now, offset) if batches < MAX_BATCHES else 0
+        if ring.beside.words.shape[0] > 0:
+            count = take_batch(columns, ring.beside, now, offset)
+            batches = 0
+            while count > 0:
+                receive_from(columns, ring.beside.octets, columns.rx_place, count)
+                give_back(ring.beside, count)
                 batches += 1
-        send_batch(columns, ring, tick(columns, count, now))
+                count = take_batch(columns, ring.beside, now, offset) if batches < MAX_BATCHES else 0
+        send_batch(columns, ring, tick(columns, 0, now))
         if engine.event_head != told:
             told = engine.event_head
             engine.wakes += 1

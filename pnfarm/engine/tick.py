@@ -28,6 +28,7 @@ from pnfarm.table.axis_codes import FAULT_SLOTS
 from pnfarm.table.by_address import by_address
 from pnfarm.table.channel import (
     DISCARD_IMPAIRED,
+    FRAME_SLOT,
     FRAMING_RTC,
     FRUN,
     IDLE,
@@ -50,7 +51,7 @@ from pnfarm.table.engine_row import (
 from pnfarm.table.held import INWARD, OUTWARD
 from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_STOP
 
-__all__ = ["next_due", "next_step", "receive", "run_firmware", "tick", "transmit"]
+__all__ = ["next_due", "next_step", "receive", "receive_from", "run_firmware", "tick", "transmit"]
 
 #: Between two ticks of a table whose rows send nothing and whose drives are not due earlier.
 LONGEST_STEP_NS = 4_000_000
@@ -160,6 +161,12 @@ def _release_ended(columns: Columns, now: int) -> None:
 @compiled
 def receive(columns: Columns, count: int) -> None:
     """Take ``count`` frames out of the receive slots; one with an error is only counted."""
+    receive_from(columns, columns.rx_octets, columns.rx_slot, count)
+
+
+@compiled
+def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None:
+    """Take ``count`` frames, which begin at ``places`` in ``octets``."""
     engine = columns.engine[0]
     engine.received += count
     table = columns.lookup[engine.lookup]
@@ -169,7 +176,7 @@ def receive(columns: Columns, count: int) -> None:
     for i in range(count):
         if engine.held_in > 0:
             _release_received(columns, columns.rx_ns[i])
-        frame = columns.rx_frames[i]
+        frame = octets[places[i] : places[i] + FRAME_SLOT]
         length = int(columns.rx_length[i])
         place = framing.locate(frame, length)
         if place == 0:

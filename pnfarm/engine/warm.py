@@ -95,7 +95,7 @@ def _call_everything() -> None:
     wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
     with near, far, contextlib.closing(os.fdopen(wake, "rb", buffering=0)):
         # an end at 1 ns: the clock is past it, so the loop returns before its first tick
-        run_loop(farm, make_ring(farm, near, timestamps=False), wake, np.ones(1, np.uint64), 1)
+        run_loop(farm, make_ring(farm, near), wake, np.ones(1, np.uint64), 1)
 
 
 def _say(done: int, functions: int) -> None:

@@ -66,9 +66,6 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Link, Port
     from pnfarm.station.events import Event
 
-#: Up to this many drives the kernel stamps every frame unless the file says otherwise: 5 % of a frame's cost.
-STAMPED_DRIVES = 128
-
 __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
 
 
@@ -113,17 +110,16 @@ def _in_memory(config: FarmConfig) -> bool:
     return isinstance(config.link, MemorySection)
 
 
-def realtime_settings(config: FarmConfig, drives: int) -> RealTimeSettings:
-    """What the engine requests from the kernel, for a farm or a controller with this number of drives."""
+def realtime_settings(config: FarmConfig) -> RealTimeSettings:
+    """What the engine requests from the kernel, for a farm or a controller."""
     section = config.realtime
-    stamped = drives <= STAMPED_DRIVES if section.timestamps is None else section.timestamps
     return RealTimeSettings(
         cpu=section.cpu,
         fifo_priority=section.fifo,
         lock_memory=section.mlockall,
         timer_slack_ns=section.timer_slack_ns,
         nice=section.nice,
-        timestamps=stamped,
+        timestamps=section.timestamps,
     )
 
 
@@ -264,7 +260,7 @@ class Farm:
     async def _make_driver(self, core: FarmCore, ports: Sequence[Port]) -> int:
         """What lets time pass; returns the farm's time at its start."""
         if self.world is None:
-            settings = realtime_settings(self.config, len(self.drives))
+            settings = realtime_settings(self.config)
             self._driver = RealTimeDriver(core, settings, lateness=core.lateness)
             return time.monotonic_ns()
         self.world.join(core, ports)

@@ -182,6 +182,8 @@ class PacketSockets:
         self._names: dict[int, str] = {}
         self._receiver: Receiver | None = None
         self._sockets: list[socket.socket] = []
+        #: The engine's, which closes them: here they are only asked what they lost.
+        self._engines: list[socket.socket] = []
         self._profinet: socket.socket | None = None
         self._sender: socket.socket | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -333,6 +335,7 @@ class PacketSockets:
         sock = open_packet_socket(ETHERTYPE_PROFINET, filter_code, index=self._only_port)
         with contextlib.suppress(OSError):  # without fanout both sockets filter each frame: correct, but slower
             bpf.join_fanout(self._profinet, sock)
+        self._engines.append(sock)
         return sock
 
     def engine_datagrams(self, service: int) -> socket.socket | None:
@@ -340,7 +343,9 @@ class PacketSockets:
         if not self._kernel:
             return None
         code = bpf.datagram_filter(min(self._kernel), max(self._kernel), service)
-        return open_packet_socket(ETHERTYPE_IPV4, code, index=self._only_port)
+        sock = open_packet_socket(ETHERTYPE_IPV4, code, index=self._only_port)
+        self._engines.append(sock)
+        return sock
 
     @property
     def _only_port(self) -> int:
@@ -348,8 +353,9 @@ class PacketSockets:
         return next(iter(self._names)) if len(self._names) == 1 else 0
 
     def collect_overflows(self) -> None:
-        """Add frames that the kernel dropped because a receive queue was full to the counters."""
-        for sock in self._sockets:
+        """Add frames that the kernel dropped because a receive queue or ring was full to the counters."""
+        self._engines = [sock for sock in self._engines if sock.fileno() >= 0]
+        for sock in (*self._sockets, *self._engines):
             _packets, drops = struct.unpack("II", sock.getsockopt(_SOL_PACKET, _PACKET_STATISTICS, 8))
             if drops:
                 self._counters.dropped["receive-overflow"] += drops
@@ -360,6 +366,7 @@ class PacketSockets:
                 self._loop.remove_reader(sock.fileno())
             sock.close()
         self._sockets.clear()
+        self._engines.clear()
         self._profinet = None
         if self._sender is not None:
             self._sender.close()

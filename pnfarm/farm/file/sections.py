@@ -127,10 +127,10 @@ class Realtime(Section):
         description="Niceness of the engine's thread with the ordinary scheduler; the system may refuse it.",
     )
     mlockall: bool = Field(default=False, description="Lock all memory in RAM.")
-    timestamps: bool | None = Field(
-        default=None,
-        description="Kernel time stamps for each frame, which measure the controller's intervals exactly; "
-        "without them, the resolution is the engine's tick. Left out: on with up to 128 drives.",
+    timestamps: bool = Field(
+        default=True,
+        description="Whether a frame arrives when the kernel stamps it, so that the controller's intervals are exact; "
+        "without, when the engine looks at the next tick.",
     )
     timer_slack_ns: int = Field(
         default=1, ge=1, le=1_000_000_000, description="Timer slack of the engine's thread, nanoseconds."

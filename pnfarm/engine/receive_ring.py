@@ -1,0 +1,138 @@
+"""Frames received into memory that the kernel shares: no system call, and no copy by the engine.
+
+TPACKET_V2 (Documentation/networking/packet_mmap.rst): the kernel puts each frame that the socket's filter lets through
+into the next slot of a ring, with its interface and its arrival, and sets the slot's status; the engine reads the
+frame where it is and gives the slot back.  What finds no free slot is dropped and counted by the kernel.
+
+A slot, as in linux/if_packet.h; all numbers are the machine's own::
+
+    status  length  captured  mac | net << 16  seconds  nanoseconds  tag  -     words of 32 bits
+    family | protocol << 16  interface  ...                                     struct sockaddr_ll
+    frame                                                                       at offset mac
+
+The tag of a frame with a VLAN tag is not in the frame.
+"""
+
+from __future__ import annotations
+
+import mmap
+import socket
+import struct
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pnfarm.engine.columns import RX_BATCH, Columns
+from pnfarm.engine.fence import acquire, release
+from pnfarm.errors import EnvironmentError_
+from pnfarm.table.channel import FRAME_SLOT
+from pnfarm.table.compiled import compiled
+
+__all__ = ["SLOT", "SLOT_WORDS", "ReceiveRing", "give_back", "open_receive_ring", "receive_ring", "take_batch"]
+
+# linux/if_packet.h
+_SOL_PACKET = 263
+_PACKET_RX_RING = 5
+_PACKET_VERSION = 10
+_TPACKET_V2 = 1
+
+#: Octets of a slot: header, address and the longest frame, rounded up to what divides a page.
+SLOT = 2048
+SLOT_WORDS = SLOT // 4
+#: Octets that the kernel allocates at once.
+BLOCK = 64 * 1024
+#: Slots for each channel, so that a machine that stalls for some cycles loses nothing, and the limits of all.
+SLOTS_PER_CHANNEL = 32
+FEWEST_SLOTS = 512
+MOST_SLOTS = 16_384
+
+STATUS, LENGTH, CAPTURED, OFFSETS, SECONDS, NANOSECONDS = range(6)
+INTERFACE = 9
+#: Where a frame may begin at the earliest: after header and address.
+HEAD = 52
+STATUS_KERNEL, STATUS_USER = 0, 1
+
+
+class ReceiveRing(NamedTuple):
+    """``octets`` uint8 and ``words`` int32 are the same memory, slot after slot; ``next_slot`` int64[1]."""
+
+    octets: Any
+    words: Any
+    next_slot: Any
+
+
+def receive_ring(slots: int) -> ReceiveRing:
+    """A ring in memory of this process, into which nothing comes; 0 slots: none."""
+    return _over(np.zeros(slots * SLOT, np.uint8))
+
+
+def open_receive_ring(packet_socket: socket.socket, channels: int) -> ReceiveRing:
+    """The ring of an AF_PACKET socket for so many channels; it lives as long as these arrays and the socket.
+
+    Raises :class:`EnvironmentError_` where the kernel has no memory for it.
+    """
+    slots = FEWEST_SLOTS
+    while slots < min(channels * SLOTS_PER_CHANNEL, MOST_SLOTS):
+        slots *= 2
+    size = slots * SLOT
+    try:
+        packet_socket.setsockopt(_SOL_PACKET, _PACKET_VERSION, _TPACKET_V2)
+        packet_socket.setsockopt(_SOL_PACKET, _PACKET_RX_RING, struct.pack("4I", BLOCK, size // BLOCK, SLOT, slots))
+        memory = mmap.mmap(packet_socket.fileno(), size)
+    except OSError as exc:
+        raise EnvironmentError_(
+            f"the kernel gave no ring of {size // 1_000_000} MB for received frames: {exc.strerror}"
+        ) from exc
+    return _over(np.frombuffer(memory, np.uint8))
+
+
+def _over(octets: Any) -> ReceiveRing:
+    return ReceiveRing(octets, octets.view(np.int32), np.zeros(1, np.int64))
+
+
+@compiled
+def take_batch(columns: Columns, ring: ReceiveRing, now: int, offset: int) -> int:
+    """Note place, length, port and arrival of up to RX_BATCH frames that are there; returns their number.
+
+    ``offset`` from wall clock, by which the kernel stamps, to the engine's time.  A frame that the kernel cut, or whose
+    place is impossible, has length 0.
+    """
+    words = ring.words
+    slots = words.shape[0] // SLOT_WORDS
+    slot = ring.next_slot[0]
+    count = 0
+    while count < min(RX_BATCH, slots):
+        head = slot * SLOT_WORDS
+        if words[head + STATUS] & STATUS_USER == 0:
+            break
+        acquire()
+        length = int(words[head + LENGTH])
+        begin = int(words[head + OFFSETS]) & 0xFFFF
+        if length != words[head + CAPTURED] or begin < HEAD or length > FRAME_SLOT or begin + length > SLOT:
+            length = 0
+            begin = HEAD
+        stamp = int(words[head + SECONDS]) * 1_000_000_000 + int(words[head + NANOSECONDS])
+        columns.rx_place[count] = slot * SLOT + begin
+        columns.rx_length[count] = length
+        columns.rx_port[count] = words[head + INTERFACE]
+        columns.rx_ns[count] = min(stamp + offset, now)
+        count += 1
+        slot += 1
+        if slot == slots:
+            slot = 0
+    return count
+
+
+@compiled
+def give_back(ring: ReceiveRing, count: int) -> None:
+    """Return the first ``count`` slots to the kernel."""
+    words = ring.words
+    slots = words.shape[0] // SLOT_WORDS
+    slot = ring.next_slot[0]
+    release()
+    for _ in range(count):
+        words[slot * SLOT_WORDS + STATUS] = STATUS_KERNEL
+        slot += 1
+        if slot == slots:
+            slot = 0
+    ring.next_slot[0] = slot
