@@ -205,7 +205,6 @@ class Plc:
         self.log = log or EventLog()
         self.drives = expand(config)
         self._stations = [_Station(config, one, interface, link) for one in config.controllers]
-        named = sum(len(one.device_names) for one in config.controllers)
         self._settings = settings or realtime_settings(config)
         self._controllers: Controllers | None = None
         self._runner: ProgramRunner | None = None
