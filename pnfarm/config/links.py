@@ -90,10 +90,10 @@ class MacvlanLink(_WithLines):
 
     kind: Literal["macvlan"]
     parent: Interface = Field(description="Parent interface, such as eth1; it must be up.")
-    transmit: Literal["interface", "parent"] = Field(
-        default="interface",
-        description="Where cyclic frames leave: each drive's own interface, or the parent, which costs less "
-        "but does not reach a controller on this machine.",
+    send: Literal["auto", "parent", "own"] = Field(
+        default="auto",
+        description="Where cyclic frames leave: each drive's own interface, or the parent, which costs less but does "
+        "not reach another macvlan on it. `auto`: the parent, unless the peer is such a macvlan. With a capture, own.",
     )
 
 

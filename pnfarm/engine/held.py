@@ -22,8 +22,10 @@ def sent_length(ppm: Any, held: Any, row: int) -> int:
 
 @compiled
 def sent_port(ppm: Any, held: Any, row: int) -> int:
-    """Where the frame in a row of the frame store goes out."""
-    return signed(ppm[row].port) if row < ppm.shape[0] else signed(held[row - ppm.shape[0]].port)
+    """Where the frame in a row of the frame store goes out; a held one always at its port."""
+    if row >= ppm.shape[0]:
+        return signed(held[row - ppm.shape[0]].port)
+    return signed(ppm[row].exit) if ppm[row].exit != 0 else signed(ppm[row].port)
 
 
 @compiled

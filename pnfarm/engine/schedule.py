@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -134,6 +134,10 @@ def _data_end(provider: Any) -> int:
     return int(provider.length) - (TRAILER if provider.framing == FRAMING_RTC else 0)
 
 
+def _own_port(_port: int, _destination: bytes) -> int:
+    return 0
+
+
 class ChannelTable:
     """Allocates rows of ``columns.ppm`` and ``columns.cpm``.
 
@@ -142,8 +146,10 @@ class ChannelTable:
     few of them.
     """
 
-    def __init__(self, columns: Columns) -> None:
+    def __init__(self, columns: Columns, exit_for: Callable[[int, bytes], int] = _own_port) -> None:
+        """``exit_for(port, destination)``: the interface through which a port's frames leave, 0: its own."""
         self.columns = columns
+        self._exit_for = exit_for
         # a range is a heap already
         self._free: dict[str, list[int]] = {
             "ppm": list(range(columns.ppm.shape[0])),
@@ -212,6 +218,7 @@ class ChannelTable:
         row.framing = plan.framing
         row.run_idle = int(plan.run_idle)
         row.port = plan.port
+        row.exit = self._exit_for(plan.port, plan.destination)
         row.frame_id = plan.frame_id
         row.length = length
         row.data_offset = start
@@ -238,6 +245,14 @@ class ChannelTable:
         row.last_ns = 0
         row.active = 1
         return number
+
+    def choose_exits(self, port: int) -> None:
+        """Choose anew where the frames of a port leave."""
+        ppm = self.columns.ppm
+        for number in range(int(self.columns.engine[0].ppm_rows)):
+            row = ppm[number]
+            if row.active and row.port == port:
+                row.exit = self._exit_for(port, bytes(self.columns.frames[number][:6]))
 
     def open_consumer(self, plan: ConsumerPlan | Class1ConsumerPlan) -> int:
         """A row that receives from the next tick on."""

@@ -27,6 +27,7 @@ from pnfarm.farm.realism import imperfections
 from pnfarm.faults.gate import GatedLink
 from pnfarm.faults.socket_gate import SocketGate
 from pnfarm.links.base import unwrap
+from pnfarm.links.exits import exits_of
 from pnfarm.links.joined import lines_of
 from pnfarm.links.memory import MemoryLink
 from pnfarm.links.sockets import sockets_of
@@ -143,7 +144,12 @@ class FarmCore:
         self.controllers = ControllerRecords(log, [config.name for config in drives])
         self.columns.image.lost[:] = LOST_NEVER
         self.impairments = ImpairmentTable(self.columns)
-        self.channels = ChannelTable(self.columns)
+        exits = exits_of(link)
+        if exits is None:
+            self.channels = ChannelTable(self.columns)
+        else:
+            self.channels = ChannelTable(self.columns, exits.exit_for)
+            exits.set_listener(self.channels.choose_exits)
         #: How late the farm itself was.
         self.lateness = LatenessRecord(self.columns)
         #: What carries streams and datagrams of the drives that have addresses of their own.

@@ -76,15 +76,17 @@ def model_of(config: DriveConfig) -> Model:
     return with_identity(with_behaviour(described, config.behaviour), config.identity)
 
 
-def make_link(config: FarmConfig) -> Link:
-    """The link that a farm file requests, not open yet.
+def make_link(config: FarmConfig, *, captured: bool = False) -> Link:
+    """The link that a farm file requests, not open yet; ``captured``: all frames have to be seen at the drives' ports.
 
     Raises :class:`ConfigError` for one without interfaces: in memory, a farm makes its own.
     """
     name, section = config.farm or "farm", config.link
     match section:
         case MacvlanSection():
-            return _with_lines(MacvlanLink(name, section.parent), section.lines)
+            return _with_lines(
+                MacvlanLink(name, section.parent, send="own" if captured else section.send), section.lines
+            )
         case VethSection():
             return _with_lines(VethLink(name, bridge=section.bridge, own_bridge=section.bridge is None), section.lines)
         case TapSection():
@@ -146,7 +148,9 @@ class Farm:
                 "a memory link has no interface to capture from: use a veth link, or run a scenario in virtual time "
                 "(`pnfarm run SCENARIO --virtual --pcap FILE`)"
             )
-        self.link = link or (make_link(config) if self.world is None else self.world.link(baud=_memory_baud(config)))
+        if self.world is not None:
+            link = self.world.link(baud=_memory_baud(config))
+        self.link = link or make_link(config, captured=capture is not None)
         self.drives = expand(config)
         self._lock = FarmLock(config.farm or "farm", config.state_directory)
         self._state: FarmState | None = None

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from pnfarm.links.exits import ExitChoice, Exits
 from pnfarm.links.interfaces import Interfaces
 from pnfarm.links.linux import PacketLink
 
@@ -26,11 +27,28 @@ class MacvlanLink(PacketLink):
 
     kind = "macvlan"
 
-    def __init__(self, farm: str, parent: str, *, clock: Clock = time.monotonic_ns) -> None:
+    def __init__(self, farm: str, parent: str, *, send: ExitChoice = "own", clock: Clock = time.monotonic_ns) -> None:
         super().__init__(clock=clock)
+        self.exits = Exits(send)
         self._farm = farm
         self._parent = parent
         self._made: set[int] = set()
+
+    async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
+        ports = await super().open(wanted)
+        if self._shared is not None:
+            self.exits.open(self._shared, self._made)
+        return ports
+
+    async def close(self) -> None:
+        self.exits.close()
+        await super().close()
+
+    async def set_carrier(self, port_index: int, up: bool) -> None:
+        if not up:
+            self.exits.set_pulled(port_index, pulled=True)
+        await super().set_carrier(port_index, up)
+        self.exits.set_pulled(port_index, not up)
 
     def _create(self, wanted: Sequence[PortSpec]) -> list[Port]:
         with Interfaces() as interfaces:

@@ -89,6 +89,7 @@ PPM = Layout(
         Field("state", "u1", "", "transmit", "IDLE, W_START or RUN"),
         Field("image", "i4", "", "station", "row of the process image that fills it"),
         Field("port", "i4", "", "station", "where it goes out: interface index, or port of a memory link"),
+        Field("exit", "i4", "", "station", "interface through which it leaves, 0 = its port"),
         Field("framing", "u1", "", "station", "what stands around its data: FRAMING_*"),
         Field("frame_id", "u4", "", "station", "frame id, or connection id"),
         Field("run_idle", "u1", "", "station", "1 = a run/idle header stands before the data"),

@@ -119,10 +119,10 @@ def test_one_wrong_thing_of_the_controller_gives_one_issue(text, field, what):
 
 
 def test_a_controller_on_the_parent_is_refused_where_no_frame_would_reach_it():
-    text = GOOD.replace("parent: eth1", "parent: eth1, transmit: parent")
+    text = GOOD.replace("parent: eth1", "parent: eth1, send: parent")
     parse(text)
     issue = the_issue(text + "controller: {}\n")
-    assert (issue.line, issue.field) == (2, "link.transmit")
+    assert (issue.line, issue.field) == (2, "link.send")
     parse(text + "controller: {interface: eth2}\n")
 
 

@@ -23,11 +23,11 @@ from pnfarm.table.program import TARGETS
 def test_the_promised_example_reads_with_every_value_in_its_unit():
     farm = parse(GOOD)
     group = farm.drives[0]
-    assert (farm.farm, farm.link.kind, farm.link.parent, farm.link.transmit) == (
+    assert (farm.farm, farm.link.kind, farm.link.parent, farm.link.send) == (
         "line-1",
         "macvlan",
         "eth1",
-        "interface",
+        "auto",
     )
     assert (farm.api.host, farm.api.port, farm.api.is_loopback, farm.api.token) == ("127.0.0.1", 8702, True, None)
     assert (group.load.inertia, group.load.friction, group.load.damping, group.load.torque) == (2e-4, 0.05, None, 0.0)
@@ -135,11 +135,11 @@ WRONG = [
     ("eth1", "'eth 1'", 2, "link.parent", "is not an interface name", "eth1"),
     (
         "parent: eth1",
-        "parent: eth1, transmit: parrent",
+        "parent: eth1, send: parrent",
         2,
-        "link.transmit",
+        "link.send",
         "did you mean parent?",
-        "interface, parent",
+        "auto, parent, own",
     ),
     ("kind: macvlan, parent: eth1", "kind: veth, parent: eth1", 2, "link.parent", "is not a key here", "kind, bridge"),
     ("state: ./state", "sate: ./state", 3, "sate", "did you mean state?", "farm, link, state"),

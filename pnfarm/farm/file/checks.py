@@ -134,9 +134,9 @@ def _check_link(controller: ControllerSection, sections: FarmSections, report: R
             what = f"{parent} does not receive the frames of its macvlans"
             report((*at, "interface"), what, "another interface, or none: the controller gets a macvlan of its own")
         shares = controller.interface is None and (controller.link is None or controller.link == sections.link)
-        if sections.link.transmit == "parent" and shares:
+        if sections.link.send == "parent" and shares:
             what = "frames sent through the parent do not reach a controller on the same link"
-            report(("link", "transmit"), what, "interface, or a controller with an interface of its own")
+            report(("link", "send"), what, "auto, own, or a controller with an interface of its own")
 
 
 def _check_interfaces(controllers: Sequence[ControllerSection], report: Report) -> None:

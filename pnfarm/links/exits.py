@@ -1,0 +1,182 @@
+"""Where the cyclic frames of a macvlan leave: through its own interface, or through the parent's, which costs less.
+
+The parent sends a frame with a macvlan's address as source exactly as the macvlan does, but for one case: another
+macvlan on the same parent does not receive it.  Those are known: the kernel lists the addresses that an interface takes
+for others, in whatever network namespace these are.  A macvlan that is down sends nothing, so its frames may not leave
+through the parent either: the kernel reports changes.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import socket
+import struct
+import time
+from typing import TYPE_CHECKING, Literal
+
+from pnfarm.errors import EnvironmentError_
+from pnfarm.links.base import unwrap
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Collection, Iterator
+
+    from pnfarm.links.base import Link
+
+__all__ = ["ExitChoice", "Exits", "addresses_taken", "exits_of"]
+
+#: The farm file's `link: {send: ...}`.
+ExitChoice = Literal["auto", "parent", "own"]
+
+# linux/netlink.h, linux/rtnetlink.h, linux/neighbour.h, linux/if_link.h
+_HEADER = struct.Struct("=IHHII")  # length, type, flags, sequence, port
+_NEIGHBOUR = struct.Struct("=BxxxiHBB")  # family, interface, state, flags, type
+_INTERFACE = struct.Struct("=BxHiII")  # family, type, index, flags, change
+_ATTRIBUTE = struct.Struct("=HH")  # length, type
+_REQUEST_DUMP = 0x301
+_ERROR, _DONE, _NEW_LINK, _DELETED_LINK, _GET_NEIGHBOUR = 2, 3, 16, 17, 30
+_LINK_LAYER_ADDRESS = 2
+_RTMGRP_LINK = 1
+_IFF_UP = 1
+_RECEIVE = 256 * 1024
+
+#: How long a list of addresses is trusted, seconds: in a storm of connections it is asked for once.
+TRUSTED_SECONDS = 1.0
+
+
+def _messages(data: bytes) -> Iterator[tuple[int, memoryview]]:
+    """Type and content of the netlink messages in a datagram; what is cut ends it."""
+    view = memoryview(data)
+    while len(view) >= _HEADER.size:
+        length, kind, *_ = _HEADER.unpack_from(view)
+        if length < _HEADER.size or length > len(view):
+            return
+        yield kind, view[_HEADER.size : length]
+        view = view[length + 3 & ~3 :]
+
+
+def _link_layer_address(attributes: memoryview) -> bytes | None:
+    while len(attributes) >= _ATTRIBUTE.size:
+        length, kind = _ATTRIBUTE.unpack_from(attributes)
+        if length < _ATTRIBUTE.size or length > len(attributes):
+            return None
+        if kind == _LINK_LAYER_ADDRESS:
+            return bytes(attributes[_ATTRIBUTE.size : length])
+        attributes = attributes[length + 3 & ~3 :]
+    return None
+
+
+def addresses_taken(index: int) -> frozenset[bytes]:
+    """Addresses that the interface ``index`` takes beside its own: those of its macvlans that are up, and groups.
+
+    Raises :class:`EnvironmentError_` where the kernel does not answer.
+    """
+    found: set[bytes] = set()
+    request = _NEIGHBOUR.pack(socket.AF_BRIDGE, index, 0, 0, 0)
+    try:
+        with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, socket.NETLINK_ROUTE) as asking:
+            asking.settimeout(1.0)
+            asking.send(_HEADER.pack(_HEADER.size + len(request), _GET_NEIGHBOUR, _REQUEST_DUMP, 1, 0) + request)
+            while True:
+                for kind, content in _messages(asking.recv(_RECEIVE)):
+                    if kind == _DONE:
+                        return frozenset(found)
+                    if kind == _ERROR:
+                        (code,) = struct.unpack_from("=i", content)
+                        raise OSError(-code, os.strerror(-code))
+                    if len(content) >= _NEIGHBOUR.size and _NEIGHBOUR.unpack_from(content)[1] == index:
+                        address = _link_layer_address(content[_NEIGHBOUR.size :])
+                        if address is not None:
+                            found.add(address)
+    except OSError as exc:
+        raise EnvironmentError_(f"the kernel does not tell the addresses of interface {index}: {exc}") from exc
+
+
+class Exits:
+    """The exits of the macvlans on one parent; interfaces are their indexes."""
+
+    def __init__(self, choice: ExitChoice) -> None:
+        self._choice = choice
+        self._parent = 0
+        self._ports: frozenset[int] = frozenset()
+        self._down: set[int] = set()
+        self._taken: frozenset[bytes] = frozenset()
+        self._asked = 0.0
+        self._changes: socket.socket | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._changed: Callable[[int], None] | None = None
+
+    def open(self, parent: int, ports: Collection[int]) -> None:
+        """Begin to follow the interfaces, in the running event loop.  All of them are up."""
+        if self._choice == "own":
+            return
+        self._parent, self._ports = parent, frozenset(ports)
+        self._changes = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.NETLINK_ROUTE)
+        self._changes.bind((0, _RTMGRP_LINK))
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(self._changes.fileno(), self._read_changes)
+
+    def close(self) -> None:
+        """From here on every port has its own exit.  Closing twice does nothing."""
+        if self._changes is not None:
+            if self._loop is not None and not self._loop.is_closed():
+                self._loop.remove_reader(self._changes.fileno())
+            self._changes.close()
+            self._changes = None
+        self._ports = frozenset()
+
+    def set_listener(self, changed: Callable[[int], None]) -> None:
+        """Set who is told a port whose exit may be another one from now on."""
+        self._changed = changed
+
+    def exit_for(self, port: int, destination: bytes) -> int:
+        """The interface through which the frames of ``port`` to ``destination`` leave; 0: its own."""
+        if port not in self._ports or port in self._down or destination[0] & 1:
+            return 0
+        if self._choice == "auto" and destination in self._siblings():
+            return 0
+        return self._parent
+
+    def set_pulled(self, port: int, pulled: bool) -> None:
+        """The port's cable, before the kernel tells it."""
+        if port in self._ports and pulled != (port in self._down):
+            (self._down.add if pulled else self._down.discard)(port)
+            self._tell(port)
+
+    def _siblings(self) -> frozenset[bytes]:
+        now = time.monotonic()
+        if not self._taken or now - self._asked > TRUSTED_SECONDS:
+            self._taken = addresses_taken(self._parent)
+            self._asked = now
+        return self._taken
+
+    def _tell(self, port: int) -> None:
+        if self._changed is not None:
+            self._changed(port)
+
+    def _read_changes(self) -> None:
+        """What the kernel reports of interfaces."""
+        if self._changes is None:
+            return
+        try:
+            data = self._changes.recv(_RECEIVE)
+        except BlockingIOError:
+            return
+        except OSError:
+            # reports were lost (ENOBUFS): each port's own way is always right
+            ports, self._ports = self._ports, frozenset()
+            for port in ports:
+                self._tell(port)
+            return
+        for kind, content in _messages(data):
+            if kind not in {_NEW_LINK, _DELETED_LINK} or len(content) < _INTERFACE.size:
+                continue
+            _family, _type, index, flags, _change = _INTERFACE.unpack_from(content)
+            if index in self._ports:
+                self.set_pulled(index, kind == _DELETED_LINK or not flags & _IFF_UP)
+
+
+def exits_of(link: Link) -> Exits | None:
+    """The exits of a link; None for a kind of link that has no choice."""
+    exits: Exits | None = getattr(unwrap(link), "exits", None)
+    return exits
