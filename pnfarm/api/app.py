@@ -23,7 +23,7 @@ from pnfarm.api.live import LiveViews
 from pnfarm.api.page import add_page
 from pnfarm.api.problems import install_handlers
 from pnfarm.api.scenarios import add_scenarios
-from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version, problems_of
+from pnfarm.api.schemas import PROBLEMS, Clock, Problem, Ready, Version, problems_of
 from pnfarm.api.throttle import Throttle
 from pnfarm.api.traces import add_traces
 from pnfarm.buses.registry import BUSES
@@ -116,6 +116,27 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
     )
     async def version() -> Response:
         return Json({"pnfarm": __version__, "python": platform.python_version(), "api": "v1"})
+
+    @app.get(
+        f"{PREFIX}/clock",
+        tags=tags,
+        summary="The farm's clock and this machine's, and which run of which farm this is",
+        responses={200: {"model": Clock}},
+    )
+    async def clock() -> Response:
+        core = context.core
+        return Json(
+            {
+                "kind": "farm",
+                "farm": core.name,
+                "pnfarm": __version__,
+                "instance": context.instance,
+                "farm_seconds": context.now() / 1e9,
+                "wall_seconds": time.time(),
+                "newest_event": core.log.newest,
+                "drives": len(core.stations),
+            }
+        )
 
     @app.get(f"{PREFIX}/healthz", tags=tags, summary="Whether the process runs", responses={200: {"model": Alive}})
     async def healthz() -> Response:

@@ -32,6 +32,10 @@ class ScenarioText(Schema):
     variables: dict[str, int | float | str] = Field(
         default={}, max_length=64, description="Values that replace those of its `variables:`."
     )
+    part: bool = Field(
+        default=False,
+        description="A part of a scenario that a hub carries out on several farms: without traces, and not listed.",
+    )
 
 
 def add_scenarios(app: FastAPI, context: ApiContext) -> None:
@@ -60,7 +64,7 @@ def add_scenarios(app: FastAPI, context: ApiContext) -> None:
     async def post_scenario(request: Request) -> Json:
         wanted = checked(await read_object(request), ScenarioText, hint='send {"text": a scenario file as text}')
         try:
-            found = scenarios.start(wanted.text, wanted.variables)
+            found = scenarios.start(wanted.text, wanted.variables, part=wanted.part)
         except FarmFileError as exc:
             errors = [
                 {"line": str(issue.line), "field": issue.field, "what": issue.what, "allowed": issue.allowed}
