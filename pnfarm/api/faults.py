@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext
     from pnfarm.faults.manager import Injection, InjectionManager
 
-__all__ = ["add_faults"]
+__all__ = ["MOST_AHEAD_SECONDS", "SPEC_BODY", "add_faults"]
 
 #: How far ahead the start of a fault may be set by the clock.
 MOST_AHEAD_SECONDS = 10.0
-_SPEC_BODY = {
+SPEC_BODY = {
     "requestBody": {
         "required": True,
         "content": {
@@ -92,7 +92,7 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
         summary="Inject a fault; with dry_run only list the drives that it would hit, and why others cannot",
         status_code=201,
         responses={201: {"model": Fault}, 200: {"model": Reach}},
-        openapi_extra=_SPEC_BODY,
+        openapi_extra=SPEC_BODY,
     )
     async def post_fault(
         request: Request,
