@@ -13,6 +13,7 @@ from pnfarm.api.changes import Changes
 from pnfarm.api.guard import Guard
 from pnfarm.api.page import add_page
 from pnfarm.api.problems import install_handlers, problem
+from pnfarm.api.scenarios import add_scenario_routes
 from pnfarm.api.schemas import PROBLEMS
 from pnfarm.api.throttle import Throttle
 from pnfarm.hub.faults import HubFaults, RefusedError
@@ -21,6 +22,7 @@ from pnfarm.hub.routes_drives import add_hub_drives, described_drives, passed_on
 from pnfarm.hub.routes_farm import add_hub_farm
 from pnfarm.hub.routes_faults import add_hub_faults
 from pnfarm.hub.routes_traces import add_hub_traces
+from pnfarm.hub.scenarios import HubScenarios
 from pnfarm.web.bodies import PREFIX
 
 if TYPE_CHECKING:
@@ -48,6 +50,7 @@ def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None =
     add_hub_drives(app, hub)
     add_hub_faults(app, hub, faults)
     add_hub_traces(app, hub)
+    add_scenario_routes(app, HubScenarios(hub, faults), hub.now)
     add_hub_farm(app, hub)
     _add_live(app, hub)
     add_page(app)

@@ -289,7 +289,7 @@ class HubFaults:
 
     # -- look
 
-    async def list(self) -> dict[str, Any]:
+    async def listed(self) -> dict[str, Any]:
         """Those in force on any shard."""
         hub = self._hub
         answers = await hub.ask_all(hub.shards.reachable, "GET", "faults", "faults")

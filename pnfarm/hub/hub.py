@@ -5,6 +5,7 @@ Its tasks are in :mod:`pnfarm.hub.tasks`, its paths in the modules ``routes_*``.
 
 from __future__ import annotations
 
+import asyncio
 import re
 import secrets
 import time
@@ -34,6 +35,8 @@ __all__ = ["Hub", "read"]
 PROBE_SECONDS = 1.0
 #: Requests of users whose words the hub remembers: faults by id.
 MOST_SPECS = 4096
+#: What the end of the hub waits for scenarios that undo what they changed.
+UNDO_SECONDS = 3.0
 #: Probes at the first meeting, for a good offset at once.
 FIRST_PROBES = 4
 
@@ -77,6 +80,8 @@ class Hub:
         self.instance = secrets.token_hex(4)
         #: Fault -> as it was asked for.
         self.specs: dict[str, dict[str, Any]] = {}
+        #: Scenarios that end, with what they changed.
+        self.undoing: set[asyncio.Task[None]] = set()
         self.closing = False
         self.streams: set[Callable[[], None]] = set()
         self.on_close: list[Callable[[], None]] = []
@@ -111,6 +116,8 @@ class Hub:
     async def aclose(self) -> None:
         """Close every connection."""
         self.close()
+        if self.undoing:
+            await asyncio.wait(self.undoing, timeout=UNDO_SECONDS)
         for found in list(self._clients.values()):
             await found.close()
         self._clients.clear()

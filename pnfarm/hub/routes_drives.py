@@ -66,9 +66,8 @@ async def drives_view(hub: Hub) -> dict[str, Any]:
     drives = []
     for name in hub.shards.names:
         owners = [shard for shard in hub.shards if name in shard.drives]
-        shard = next((one for one in owners if one in fresh), None)
-        if shard is None:
-            shard = next((one for one in owners if one.asked), owners[-1])
+        shard = next((one for one in owners if one in fresh), next((one for one in owners if one.asked), owners[-1]))
+        if shard not in fresh:
             drives.append(unreachable_drive(shard.drives[name], shard))
         elif name in conflicts:
             drives.append({**shard.drives[name], "claimed_by": [one.label for one in conflicts[name]]})

@@ -58,7 +58,7 @@ def add_hub_faults(app: FastAPI, hub: Hub, faults: Faults) -> None:
         responses={200: {"model": HubFaults}},
     )
     async def get_faults() -> Json:
-        return Json(await faults.list())
+        return Json(await faults.listed())
 
     @app.post(
         f"{PREFIX}/faults",

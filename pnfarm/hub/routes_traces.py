@@ -9,6 +9,7 @@ from urllib.parse import quote
 
 import anyio
 from fastapi import Query, Request
+from starlette.responses import Response  # noqa: TC002 - FastAPI reads the annotations of handlers
 
 from pnfarm.api.answers import SignalsView, TraceRecording, TraceView
 from pnfarm.api.traces import KEEP_NS, TRACE_BODY
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from enum import Enum
 
     from fastapi import FastAPI
-    from starlette.responses import Response
 
     from pnfarm.hub.client import Answer
     from pnfarm.hub.hub import Hub

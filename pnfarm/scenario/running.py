@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.metrics import FarmCollector
+    from pnfarm.scenario.flow import Flow
 
 __all__ = ["RunningScenario", "RunningScenarios"]
 
@@ -36,7 +37,7 @@ class RunningScenario:
     """One scenario; ``task`` carries it out."""
 
     id: str
-    run: ScenarioRun
+    run: Flow
     task: asyncio.Task[None]
     part: bool = False
 
