@@ -8,6 +8,7 @@ on two shards: the hub shows them with the shard, ``fault-3@HOST:PORT``.
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import secrets
 from dataclasses import dataclass
@@ -181,13 +182,18 @@ class HubFaults:
         """
         hub = self._hub
         name = fields.get("as") or f"f-{secrets.token_hex(4)}"
-        plan = self._plan({**fields, "as": name})
+        plan = whole = self._plan({**fields, "as": name})
         self._refuse_taken(str(name))
+        silent: dict[Shard, AwayError] = {}
         if len(plan.at) + len(plan.away) > 1:
-            self._refuse(await self._ask(plan, dry_run=True))
+            reached = await self._ask(plan, dry_run=True)
+            self._refuse(reached)
+            # one that did not answer is not waited for a second time
+            silent = {shard: answer for shard, answer in reached.items() if isinstance(answer, AwayError)}
+            plan = dataclasses.replace(plan, at={one: names for one, names in plan.at.items() if one not in silent})
         hub.remember(str(name), {**plan.spec.as_dict(), **({} if "as" in fields else {"as": str(name)})})
         start = self._start(plan.at, at)
-        answers = await self._ask(plan, at_ns=start)
+        answers = {**silent, **await self._ask(plan, at_ns=start)}
         begun = [shard for shard, answer in answers.items() if not isinstance(answer, AwayError)]
         not_hit = [
             {"drive": drive, "shard": shard.label, "why": str(shard.away())}
@@ -196,7 +202,8 @@ class HubFaults:
         ]
         for shard, answer in answers.items():
             if isinstance(answer, AwayError):
-                not_hit += [{"drive": drive, "shard": shard.label, "why": str(answer)} for drive in plan.at[shard]]
+                drives = whole.at[shard]
+                not_hit += [{"drive": drive, "shard": shard.label, "why": str(answer)} for drive in drives]
             else:
                 shard.faults[str(name)] = answer
         if not begun:
