@@ -247,10 +247,10 @@ class HubRun(Flow):
     # -- steps that look
 
     def _parts(self, step: Step) -> dict[Shard, list[str]]:
-        """The drives of a step by shard; raises :class:`AwayError` for one that is away."""
+        """The drives of a step by shard, also by one that is away."""
         found: dict[Shard, list[str]] = {}
         for name in self.binding.chosen(step):
-            found.setdefault(self._hub.shards.owner(name), []).append(name)
+            found.setdefault(self._hub.shards.known(name), []).append(name)
         return found
 
     def _looked(self, step: Step, kind: str, keys: Mapping[str, Any]) -> Generator[int, None, list[dict[str, Any]]]:

@@ -130,6 +130,11 @@ def test_the_library_drives_a_hub_as_it_drives_a_farm(rig):
                 "passed",
                 [],
             )
+            wrong = 'scenario: no\nsteps: [{expect: {drive: "*-02", that: "velocity > 100000", within: 50ms}}]'
+            (case,) = (await farm.run_text(wrong)).cases
+            # inconclusive where this machine was itself late
+            assert case["verdict"] in {"failed", "inconclusive"}
+            assert sorted(case["drives"]) == ["axis-02", "pump-02"]
             names = [event.event async for event in farm.events("pump-01", follow=False)]
             assert "fault" in names
         async with pnfarm.Farm.connect(urls["hub"]) as farm:
@@ -215,6 +220,14 @@ def test_a_shard_that_is_killed_and_restarted_is_back_with_a_new_clock(rig):
     programs["axis"].kill()
     until(lambda: ask(hub, "drives").json()["partial"], within=10)
     assert ask(hub, "faults", "POST", json={"kind": "not-ready", "on": "axis-*"}).status_code == 503
+    text = 'scenario: half\nsteps: [{expect: {drive: "*-01", that: "powered", within: 1s}}]'
+    begun = ask(hub, "scenarios", "POST", json={"text": text})
+    until(lambda: ask(hub, f"scenarios/{begun.json()['id']}").json()["state"] == "ended", within=10)
+    record = ask(hub, f"scenarios/{begun.json()['id']}").json()
+    # a shard that is away is no pass
+    assert record["verdict"] == "inconclusive"
+    assert record["cases"][0]["drives"] == ["axis-01"]
+    assert "not known: " in record["cases"][0]["message"]
     programs["axis"].start()
     until(lambda: ask(hub, "readyz").status_code == 200)
     second = {one["farm"]: one["instance"] for one in ask(hub, "health").json()["shards"]}
