@@ -25,7 +25,7 @@ from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.reach import chosen
 from pnfarm.faults.start import seeded
 from pnfarm.hub.merging import at_hub, joined_fault
-from pnfarm.hub.shards import AwayError
+from pnfarm.hub.shards import AwayError, no_steps
 from pnfarm.web.errors import NotFoundError, RequestError
 
 if TYPE_CHECKING:
@@ -324,6 +324,7 @@ class HubFaults:
         """Its id on the shards, and those that have it."""
         hub = self._hub
         hub.check_any()
+        no_steps(fault_id)
         own, at, label = fault_id.rpartition("@")
         if at and _OWN.fullmatch(own):
             shards = [shard for shard in hub.shards if shard.label == label]

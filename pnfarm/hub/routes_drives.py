@@ -14,7 +14,7 @@ from pnfarm.buses.registry import BUSES
 from pnfarm.hub.answers import HubFarmView
 from pnfarm.hub.hub import read
 from pnfarm.hub.merging import joined_engine, unreachable_drive
-from pnfarm.hub.shards import AwayError
+from pnfarm.hub.shards import AwayError, no_steps
 from pnfarm.web.bodies import PREFIX, Json, read_object
 from pnfarm.web.errors import NotFoundError
 
@@ -112,6 +112,7 @@ def add_hub_drives(app: FastAPI, hub: Hub) -> None:
         name = str(request.path_params["name"])
         shard = hub.shards.owner(name)
         path = request.scope["path"].removeprefix(f"{PREFIX}/")
+        no_steps(path)
         body = None
         if request.method in {"PUT", "POST", "PATCH"} and int(request.headers.get("content-length", "0") or 0):
             body = await read_object(request)

@@ -18,7 +18,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.faults.plan import matching
 from pnfarm.hub.answers import HubTraces
 from pnfarm.hub.routes_drives import passed_on
-from pnfarm.hub.shards import AwayError
+from pnfarm.hub.shards import AwayError, no_steps
 from pnfarm.trace import TraceRequest
 from pnfarm.trace.manager import MOST_TRACES, MOST_VALUES
 from pnfarm.web.bodies import PREFIX, Json, read_object
@@ -71,6 +71,7 @@ def add_hub_traces(app: FastAPI, hub: Hub) -> None:
     async def holder(trace_id: str) -> Shard:
         """The shard that has a trace."""
         hub.check_any()
+        no_steps(trace_id)
         found: list[Shard] = []
         missing = [str(shard.away()) for shard in hub.shards.unreachable]
 

@@ -17,7 +17,7 @@ from pnfarm.web.errors import NotFoundError, RequestError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["KEEP_NS", "MOST_SHARDS", "AwayError", "Shard", "Shards"]
+__all__ = ["KEEP_NS", "MOST_SHARDS", "AwayError", "Shard", "Shards", "no_steps"]
 
 #: How long a shard that left DNS and does not answer is shown as unreachable.
 KEEP_NS = 600_000_000_000
@@ -80,6 +80,12 @@ class Shard:
     def told(self) -> dict[str, Any]:
         """An entry of ``unreachable``."""
         return {"shard": self.label, "reason": self.reason, "since": self.since_wall}
+
+
+def no_steps(path: str) -> None:
+    """Raises :class:`NotFoundError` for a name or path that an HTTP client takes for steps to another path."""
+    if any(part in {".", ".."} for part in path.split("/")):
+        raise NotFoundError(f"there is nothing called {shown(path)}")
 
 
 _DIGITS = re.compile(r"([0-9]+)")
