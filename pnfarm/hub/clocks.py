@@ -38,7 +38,12 @@ class ClockOffset:
     def note(self, asked_ns: int, shard_ns: int, answered_ns: int) -> None:
         """A round trip: when it was asked and answered by the hub's clock, and the shard's clock in the answer."""
         half = max(0, answered_ns - asked_ns) // 2
-        self._trips.append(_RoundTrip(shard_ns - (asked_ns + half), half, answered_ns))
+        trip = _RoundTrip(shard_ns - (asked_ns + half), half, answered_ns)
+        best = self._best
+        if best is not None and abs(trip.offset_ns - best.offset_ns) > half + best.uncertainty_ns(answered_ns):
+            # both cannot be true: the shard's clock stood still, as that of a farm in memory on a machine that stalls
+            self._trips.clear()
+        self._trips.append(trip)
         self._best = min(self._trips, key=lambda trip: trip.uncertainty_ns(answered_ns))
 
     def forget(self) -> None:

@@ -138,6 +138,16 @@ def test_the_best_round_trip_counts_and_ages():
     assert not clock.known
 
 
+def test_a_clock_that_stood_still_is_measured_anew():
+    clock = ClockOffset()
+    for second in range(5):
+        clock.note(second * SECOND, second * SECOND + 1_500, second * SECOND + 1_000)
+    stall = 700_000_000
+    clock.note(6 * SECOND, 6 * SECOND - stall + 50_000, 6 * SECOND + 100_000)
+    assert clock.offset_ns == pytest.approx(-stall, abs=50_001)
+    assert clock.uncertainty_ns(6 * SECOND + 100_000) == 50_000
+
+
 def entry(drive="x", event="e"):
     return {"drive": drive, "event": event}
 
