@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import time
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import anyio.to_thread
 from fastapi import FastAPI, Header, Query, Request
@@ -23,7 +23,7 @@ from pnfarm.api.live import LiveViews
 from pnfarm.api.page import add_page
 from pnfarm.api.problems import install_handlers
 from pnfarm.api.scenarios import add_scenarios
-from pnfarm.api.schemas import PROBLEMS, Problem, Ready, Version, problems_of
+from pnfarm.api.schemas import PROBLEMS, Clock, Problem, Ready, Version, problems_of
 from pnfarm.api.throttle import Throttle
 from pnfarm.api.traces import add_traces
 from pnfarm.buses.registry import BUSES
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from pnfarm.farm.core import FarmCore
 
-__all__ = ["make_app"]
+__all__ = ["EVENT_STREAM", "LIVE_STREAM", "describe_problems", "make_app"]
 
 #: OpenAPI has no words for the parts of a stream.
 EVENT_STREAM = {
@@ -100,7 +100,7 @@ def make_app(
     _add_farm(app, context)
     add_page(app)
     _add_outside(app, context)
-    _describe_problems(app)
+    describe_problems(app)
     app.add_middleware(Changes, record=lambda event: core.log.record(context.now(), "", event))
     app.add_middleware(Guard, token=token, read_token=read_token)
     # outermost: a request above the limits is refused before its token is checked
@@ -116,6 +116,27 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
     )
     async def version() -> Response:
         return Json({"pnfarm": __version__, "python": platform.python_version(), "api": "v1"})
+
+    @app.get(
+        f"{PREFIX}/clock",
+        tags=tags,
+        summary="The farm's clock and this machine's, and which run of which farm this is",
+        responses={200: {"model": Clock}},
+    )
+    async def clock() -> Response:
+        core = context.core
+        return Json(
+            {
+                "kind": "farm",
+                "farm": core.name,
+                "pnfarm": __version__,
+                "instance": context.instance,
+                "farm_seconds": context.now() / 1e9,
+                "wall_seconds": time.time(),
+                "newest_event": core.log.newest,
+                "drives": len(core.stations),
+            }
+        )
 
     @app.get(f"{PREFIX}/healthz", tags=tags, summary="Whether the process runs", responses={200: {"model": Alive}})
     async def healthz() -> Response:
@@ -189,14 +210,19 @@ def _add_outside(app: FastAPI, context: ApiContext) -> None:
         return Response(text + process, media_type=CONTENT_TYPE)
 
 
-def _describe_problems(app: FastAPI) -> None:
-    """Add the schema that every operation's errors refer to, and drop FastAPI's own for validation."""
+def describe_problems(app: FastAPI, more: Callable[[dict[str, Any]], None] | None = None) -> None:
+    """Add the schema that every operation's errors refer to, and drop FastAPI's own for validation.
+
+    ``more`` adds paths that the application has and does not describe itself.
+    """
     generate = app.openapi
 
     def openapi() -> dict[str, object]:
         described = app.openapi_schema
         if described is None:
             described = generate()
+            if more is not None:
+                more(described)
             schemas = described.setdefault("components", {}).setdefault("schemas", {})
             problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
             schemas.update(problem.pop("$defs", {}))

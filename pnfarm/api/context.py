@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +31,8 @@ class ApiContext:
     collector: FarmCollector
     now: Callable[[], int]
     poke: Callable[[], None]
+    #: Another one in each run of the farm.
+    instance: str = field(default_factory=lambda: secrets.token_hex(4))
     closing: bool = False
     streams: set[Callable[[], None]] = field(default_factory=set)
     #: Called when the API stops.

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 from urllib.parse import quote
 
-from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
+from fastapi import Query, Request
 
 from pnfarm.api.answers import Fault, FaultKinds, Faults
 from pnfarm.api.changes import FaultCleared, FaultRequested, changes_nothing, shortened, who
@@ -14,7 +14,7 @@ from pnfarm.api.schemas import Reach, Reset
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
 from pnfarm.web.bodies import PREFIX, Json, read_object
-from pnfarm.web.errors import NotFoundError
+from pnfarm.web.errors import NotFoundError, RequestError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,9 +25,11 @@ if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext
     from pnfarm.faults.manager import Injection, InjectionManager
 
-__all__ = ["add_faults"]
+__all__ = ["MOST_AHEAD_SECONDS", "SPEC_BODY", "add_faults"]
 
-_SPEC_BODY = {
+#: How far ahead the start of a fault may be set by the clock.
+MOST_AHEAD_SECONDS = 10.0
+SPEC_BODY = {
     "requestBody": {
         "required": True,
         "content": {
@@ -38,6 +40,19 @@ _SPEC_BODY = {
         },
     }
 }
+
+
+def _moment(at: float | None, now: int) -> int:
+    """The start in ns of the farm's clock, 0 for at once; raises :class:`RequestError` for one that is not ahead."""
+    if at is None:
+        return 0
+    ahead = at - now / 1e9
+    # a NaN is not in the range either
+    if not 0 <= ahead <= MOST_AHEAD_SECONDS:
+        what = f"is {-ahead:.3f} s ago" if ahead < 0 else f"is {ahead:.3f} s ahead"
+        allowed = f"a moment of the farm's clock at most {MOST_AHEAD_SECONDS:g} s ahead; `after` has no such limit"
+        raise RequestError(f"at: {what}; allowed: {allowed}", [{"field": "at", "what": what, "allowed": allowed}])
+    return round(at * 1e9)
 
 
 def add_faults(app: FastAPI, context: ApiContext) -> None:
@@ -77,13 +92,26 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
         summary="Inject a fault; with dry_run only list the drives that it would hit, and why others cannot",
         status_code=201,
         responses={201: {"model": Fault}, 200: {"model": Reach}},
-        openapi_extra=_SPEC_BODY,
+        openapi_extra=SPEC_BODY,
     )
-    async def post_fault(request: Request, *, dry_run: bool = False) -> Json:
+    async def post_fault(
+        request: Request,
+        *,
+        dry_run: bool = False,
+        at: Annotated[
+            float | None,
+            Query(
+                description="Begin at this moment of the farm's clock (`GET clock`), seconds; it lies ahead, by at "
+                f"most {MOST_AHEAD_SECONDS:g} s."
+            ),
+        ] = None,
+    ) -> Json:
         if dry_run:
             changes_nothing(request)
             return Json(manager().reach(await read_object(request)).as_dict())
-        injection = manager().inject(await read_object(request), context.now())
+        body = await read_object(request)
+        now = context.now()
+        injection = manager().inject(body, now, at_ns=_moment(at, now))
         told(request, FaultRequested, [injection])
         context.poke()
         place = f"{PREFIX}/faults/{quote(injection.id, safe='')}"

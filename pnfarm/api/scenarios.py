@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 from fastapi import Query, Request
 from pydantic import Field
@@ -16,13 +16,14 @@ from pnfarm.web.bodies import PREFIX, Json, Schema, body_of, checked, read_objec
 from pnfarm.web.errors import NotFoundError, RequestError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
     from enum import Enum
 
     from fastapi import FastAPI
 
     from pnfarm.api.context import ApiContext
 
-__all__ = ["ScenarioText", "add_scenarios"]
+__all__ = ["ScenarioText", "add_scenario_routes", "add_scenarios"]
 
 
 class ScenarioText(Schema):
@@ -32,13 +33,36 @@ class ScenarioText(Schema):
     variables: dict[str, int | float | str] = Field(
         default={}, max_length=64, description="Values that replace those of its `variables:`."
     )
+    part: bool = Field(
+        default=False,
+        description="A part of a scenario that a hub carries out on several farms: without traces, and not listed.",
+    )
 
 
 def add_scenarios(app: FastAPI, context: ApiContext) -> None:
-    """Handlers under ``/scenarios``."""
-    tags: list[str | Enum] = ["scenarios"]
+    """Handlers under ``/scenarios``, which the farm carries out itself."""
     scenarios = RunningScenarios(context.core, context.collector, context.now, context.poke)
     context.on_close.append(scenarios.close)
+    add_scenario_routes(app, scenarios, context.now)
+
+
+class Scenarios_(Protocol):  # noqa: N801 - the answer has the name
+    """What carries scenarios out: a farm's, or a hub's."""
+
+    def start(
+        self, text: str, variables: Mapping[str, Any] | None = None, *, part: bool = False
+    ) -> RunningScenario: ...
+
+    def get(self, wanted: str) -> RunningScenario: ...
+
+    def cancel(self, wanted: str) -> RunningScenario: ...
+
+    def list(self) -> list[RunningScenario]: ...
+
+
+def add_scenario_routes(app: FastAPI, scenarios: Scenarios_, now: Callable[[], int]) -> None:
+    """The handlers."""
+    tags: list[str | Enum] = ["scenarios"]
 
     @app.get(
         f"{PREFIX}/scenarios",
@@ -60,7 +84,7 @@ def add_scenarios(app: FastAPI, context: ApiContext) -> None:
     async def post_scenario(request: Request) -> Json:
         wanted = checked(await read_object(request), ScenarioText, hint='send {"text": a scenario file as text}')
         try:
-            found = scenarios.start(wanted.text, wanted.variables)
+            found = scenarios.start(wanted.text, wanted.variables, part=wanted.part)
         except FarmFileError as exc:
             errors = [
                 {"line": str(issue.line), "field": issue.field, "what": issue.what, "allowed": issue.allowed}
@@ -84,7 +108,7 @@ def add_scenarios(app: FastAPI, context: ApiContext) -> None:
         ] = None,
     ) -> Json:
         found = _known(scenario_id)
-        return Json(found.as_dict() if cases_from is None else found.progress(cases_from, context.now()))
+        return Json(found.as_dict() if cases_from is None else found.progress(cases_from, now()))
 
     @app.delete(
         f"{PREFIX}/scenarios/{{scenario_id}}",

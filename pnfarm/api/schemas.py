@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 __all__ = [
+    "Clock",
     "Controller",
     "ControllerView",
     "Drive",
@@ -397,6 +398,17 @@ class Reach(Schema):
     drives: list[str] = Field(description="Drives that it would hit.")
     cannot: list[Refusal] = Field(description="Drives that refuse it: with any of them nothing is injected.")
     left_out: list[str] = Field(description="Drives that match and that share or most leaves out.")
+
+
+class Clock(Schema):
+    kind: Literal["farm", "hub"]
+    farm: str
+    pnfarm: str = Field(description="Version.")
+    instance: str = Field(description="Another one in each run: then event numbers and the farm's clock begin anew.")
+    farm_seconds: float = Field(description="The farm's clock.")
+    wall_seconds: float = Field(description="Seconds since the epoch, by this machine's clock.")
+    newest_event: int = Field(description="Sequence number of the newest entry of the event log.")
+    drives: int
 
 
 class Version(Schema):

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext
     from pnfarm.trace import Trace
 
-__all__ = ["add_traces"]
+__all__ = ["KEEP_NS", "TRACE_BODY", "add_traces"]
 
 #: How long a trace stays while nobody asks for it, unless its request says so.
 KEEP_NS = 600_000_000_000
 
-_BODY = {
+TRACE_BODY = {
     "requestBody": {
         "required": True,
         "content": {
@@ -81,7 +81,7 @@ def add_traces(app: FastAPI, context: ApiContext) -> None:
         summary="Start a trace",
         status_code=201,
         responses={201: {"model": TraceView}},
-        openapi_extra=_BODY,
+        openapi_extra=TRACE_BODY,
     )
     async def post_trace(request: Request) -> Json:
         trace = context.core.traces.start(await read_object(request), context.now(), keep_ns=KEEP_NS)

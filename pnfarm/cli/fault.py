@@ -164,6 +164,7 @@ def add(
     from pnfarm.errors import ConfigError
     from pnfarm.terminal.client import FarmClient
     from pnfarm.terminal.output import print_json, print_line, print_next
+    from pnfarm.terminal.partial import raise_for_missing
 
     body: dict[str, Any] = {"kind": kind, "on": on, "params": dict(map(_parameter, param or []))}
     wanted = {
@@ -188,7 +189,9 @@ def add(
         raise ConfigError("--dry-run injects nothing that --hold could keep: leave one of them out")
     with FarmClient(api, token) as farm:
         if dry_run:
-            _print_reach(farm.post("faults", body=body, query={"dry_run": "true"}), output)
+            reach = farm.post("faults", body=body, query={"dry_run": "true"})
+            _print_reach(reach, output)
+            raise_for_missing(reach)
             return
         fault = farm.post("faults", body=body)
         if output is Format.JSON:
@@ -201,6 +204,7 @@ def add(
                 )
         if hold:
             _keep(farm, fault)
+    raise_for_missing(fault)
 
 
 @app.command("list")
@@ -220,15 +224,24 @@ def show(
 ) -> None:
     """List the pending and active faults, or one fault, with their evidence."""
     from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json, print_line, print_table
+    from pnfarm.terminal.output import print_json
+    from pnfarm.terminal.partial import raise_for_missing
 
     with FarmClient(api, token) as farm:
         found = farm.get("faults") if fault_id is None else {"faults": [farm.get("faults", fault_id)]}
     if output is Format.JSON:
         print_json(found)
-        return
+    else:
+        _print_faults(found)
+    raise_for_missing(found if fault_id is None else found["faults"][0])
+
+
+def _print_faults(found: dict[str, Any]) -> None:
+    from pnfarm.terminal.output import print_line, print_table
+
     if not found["faults"]:
-        print_line("no fault is pending or active")
+        known = " on the shards that answer" if found.get("partial") else ""
+        print_line(f"no fault is pending or active{known}")
         return
     columns = ("ID", "KIND", "~STATE", ">CHECKS", ">ACTIVATIONS", "CONFIRMED", "~DRIVES")
     rows = [
@@ -261,16 +274,19 @@ def clear(
     """Clear a fault, or all of them; the drives return to normal."""
     from pnfarm.terminal.client import FarmClient
     from pnfarm.terminal.output import print_json, print_line
+    from pnfarm.terminal.partial import raise_for_missing
 
     with FarmClient(api, token) as farm:
         found = farm.post("reset") if fault_id is None else farm.delete("faults", fault_id)
     if output is Format.JSON:
         print_json(found)
-        return
-    cleared = found["cleared"] if fault_id is None else [found["id"]]
-    print_line(f"cleared {_shortened(cleared)}" if cleared else "no fault was active")
-    for fault in found.get("faults", []):
-        print_line(f"  {fault['id']}: {fault['kind']} on {_shortened(list(fault['drives']))}")
+    else:
+        cleared = found["cleared"] if fault_id is None else [found["id"]]
+        none = "no fault was active" + (" on the shards that answer" if found.get("partial") else "")
+        print_line(f"cleared {_shortened(cleared)}" if cleared else none)
+        for fault in found.get("faults", []):
+            print_line(f"  {fault['id']}: {fault['kind']} on {_shortened(list(fault['drives']))}")
+    raise_for_missing(found)
 
 
 def _state(fault: dict[str, Any]) -> str:

@@ -41,6 +41,7 @@ def inspect(
     """Show the drives of the running farm: state, telegram, controller, cycle, last fault."""
     from pnfarm.errors import ConfigError
     from pnfarm.terminal.client import FarmClient
+    from pnfarm.terminal.partial import raise_for_missing
 
     if not follow and not events:
         raise ConfigError("--no-follow needs --events")
@@ -55,7 +56,9 @@ def inspect(
         elif name is not None:
             _one(drive, farm.get("drives", name, "controller"), output)
         else:
-            _all(farm.get("drives"), output)
+            view = farm.get("drives")
+            _all(view, output)
+            raise_for_missing(view)
 
 
 def _follow(entries: Iterable[dict[str, Any]], output: Format) -> None:

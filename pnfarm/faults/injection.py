@@ -30,6 +30,8 @@ class DriveRun:
     not_before: int
     cycles_before: int
     state: RunState = RunState.WAITING
+    #: The moment that was set for its start, until it is there; 0: none.
+    at_ns: int = 0
     started_ns: int | None = None
     ended_ns: int | None = None
     stop_ns: int = 0
@@ -56,6 +58,8 @@ class DriveRun:
             return spec.when if spec.rate is None or self.watch is not None else f"a random time, then {spec.when}"
         if spec.rate is not None and spec.when is None:
             return "a random time"
+        if self.at_ns:
+            return "the moment of its start"
         times = [format_duration(spec.after_ns)] if spec.after_ns else []
         cycles = [f"{spec.after_cycles} healthy cycles"] if spec.after_cycles else []
         return " and ".join((*times, *cycles)) or "a connection"

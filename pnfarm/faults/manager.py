@@ -94,12 +94,12 @@ class InjectionManager:
 
     # requests of users
 
-    def inject(self, fields: Mapping[str, Any], now: int) -> Injection:
+    def inject(self, fields: Mapping[str, Any], now: int, *, at_ns: int = 0) -> Injection:
         """:meth:`add` from plain values, as in a scenario's ``fault:`` step."""
-        return self.add(self.catalogue.parse(fields), now)
+        return self.add(self.catalogue.parse(fields), now, at_ns=at_ns)
 
-    def add(self, spec: InjectionSpec, now: int) -> Injection:
-        """Put an injection in force, or let it wait for its start.
+    def add(self, spec: InjectionSpec, now: int, *, at_ns: int = 0) -> Injection:
+        """Put an injection in force, or let it wait for its start, which is not before ``at_ns``.
 
         Raises :class:`ConfigError`, with nothing changed on any drive, when no drive matches, when one of them cannot
         do it, when its name is taken, or when there are :data:`MOST_INJECTIONS`.
@@ -112,15 +112,17 @@ class InjectionManager:
         if len(self._injections) >= MOST_INJECTIONS:
             raise ConfigError(f"{MOST_INJECTIONS} faults wait or are in force, and there can be no more: clear some")
         injection = Injection(self._new_id(spec.name), spec, now)
+        first = max(now, at_ns)
         if spec.ttl_ns is not None:
-            injection.expires_ns = now + spec.ttl_ns
+            injection.expires_ns = first + spec.ttl_ns
         for name in names:
             drive = self._drives[name]
             self._keys += 1
             injection.runs[name] = DriveRun(
-                name, drive, spec.kind.effect(spec, drive), now, cycles_of(drive), key=self._keys
+                name, drive, spec.kind.effect(spec, drive), first, cycles_of(drive), key=self._keys
             )
             run = injection.runs[name]
+            run.at_ns = at_ns if at_ns > now else 0
             run.random = first_random(spec, name)
             run.not_before += pause_of(spec, run) + (spec.after_ns if spec.when is None else 0)
         self._injections[injection.id] = injection
@@ -323,6 +325,8 @@ class InjectionManager:
         if injection.expires_ns and now >= injection.expires_ns:
             self._transit(injection, run, RunEvent.LAPSED, now)
             return
+        if run.at_ns and now >= run.at_ns:
+            run.at_ns = 0
         if run.state is RunState.WAITING and self._may_begin(injection.spec, run, now):
             window = window_of(injection.spec, run, now)
             if window is not None:

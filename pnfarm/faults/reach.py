@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.errors import ConfigError
 from pnfarm.faults.connection import CONNECTION
@@ -23,7 +23,17 @@ if TYPE_CHECKING:
     from pnfarm.faults.parts import InjectedDrive
     from pnfarm.faults.plan import InjectionSpec
 
-__all__ = ["Reach", "check_parts", "chosen", "reach_of"]
+__all__ = ["Named", "Reach", "check_parts", "chosen", "reach_of"]
+
+
+class Named(Protocol):
+    """What a drive is chosen by: its names, and those of its model."""
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+
+    @property
+    def models(self) -> tuple[str, ...]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +57,7 @@ class Reach:
         }
 
 
-def chosen(spec: InjectionSpec, drives: Mapping[str, InjectedDrive]) -> tuple[list[str], list[str]]:
+def chosen(spec: InjectionSpec, drives: Mapping[str, Named]) -> tuple[list[str], list[str]]:
     """(the drives that the injection hits, those that its globs match besides), both in the farm's order.
 
     Raises :class:`InjectionError` for a glob that matches none.

@@ -11,12 +11,14 @@ from pnfarm.vocabulary.durations import format_measured
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
+
+    from prometheus_client import Metric
 
     from pnfarm.metrics import FarmCollector
     from pnfarm.scenario.steps import MetricName
 
-__all__ = ["Reading", "check_metric", "measured", "read_metric", "show_value"]
+__all__ = ["Reading", "check_metric", "measured", "read_metric", "reading_of", "show_value"]
 
 #: Sum of the matching series by sample name, and for buckets also by upper bound.
 Reading = dict[tuple[str, str], float]
@@ -24,9 +26,14 @@ Reading = dict[tuple[str, str], float]
 
 def read_metric(collector: FarmCollector, wanted: MetricName) -> Reading:
     """The samples of a metric whose labels fit, added up."""
+    return reading_of(collector.gather().metrics(), wanted)
+
+
+def reading_of(families: Iterable[Metric], wanted: MetricName) -> Reading:
+    """The same of families that were read elsewhere."""
     found: Reading = {}
     names = {wanted.name, *(f"{wanted.name}_{part}" for part in ("bucket", "sum", "count"))}
-    for family in collector.gather().metrics():
+    for family in families:
         if not wanted.name.startswith(family.name):
             continue
         for sample in family.samples:

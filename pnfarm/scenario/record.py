@@ -168,6 +168,11 @@ class Record:
             case _:
                 pass
 
+    def note_told(self, now: int, drive: str, text: str, state: int | None) -> None:
+        """An event that another farm told, for the timeline."""
+        item = {"seconds": self._seconds(now), "what": "event", "drive": drive, "text": text}
+        self._place(item | ({"state": f"S{state}" if state else "boot"} if state is not None else {}))
+
     def _reaction(self, drive: str, what: str, after_ns: int) -> None:
         found = self._reactions.setdefault(drive, {}).setdefault(what, [])
         if len(found) < MAX_REACTIONS:

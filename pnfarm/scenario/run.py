@@ -1,8 +1,8 @@
 """A scenario at work, without a clock: :meth:`ScenarioRun.advance` carries out what is due and says when to come back.
 
 Its rig (:mod:`pnfarm.scenario.virtual`, :mod:`pnfarm.scenario.realtime`) calls it at that time, after each entry of the
-farm's log, and while :attr:`ScenarioRun.polled` at least every :data:`LOOK_NS`.  Steps are generators that yield the
-time of their next look, so that branches of ``parallel`` run side by side.
+farm's log, and while :attr:`ScenarioRun.polled` at least every :data:`LOOK_NS`.  The course of the steps is
+:mod:`pnfarm.scenario.flow`'s.
 """
 
 from __future__ import annotations
@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.faults.manager import RunState
 from pnfarm.scenario.controllers import controllers
-from pnfarm.scenario.file import walk
-from pnfarm.scenario.find import Search, number_of
+from pnfarm.scenario.flow import EndedError, Flow, Life, Tell
 from pnfarm.scenario.measures import check_metric, measured, read_metric, show_value
 from pnfarm.scenario.moments import Moments, named_drives
-from pnfarm.scenario.record import Case, Record, Verdict
+from pnfarm.scenario.record import Case, Verdict
 from pnfarm.scenario.steps import DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.scenario.watch import Watch
 from pnfarm.station.events import ConnectionLost, StateChanged, WatchdogExpired
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from pnfarm.metrics import FarmCollector
     from pnfarm.scenario.binding import Binding
     from pnfarm.scenario.lateness import FarmLateness
+    from pnfarm.scenario.measures import Reading
     from pnfarm.scenario.steps import MetricName, Step
     from pnfarm.station.event_log import LogEntry
 
@@ -40,21 +40,12 @@ __all__ = ["LOOK_NS", "Passing", "ScenarioRun", "Tell"]
 LOOK_NS = 1_000_000
 #: Drives whose values the summary of a failure shows; the record has all.
 MOST_MEASURED = 3
-#: Most trials of a `find` with one value, as long as the farm itself is late in each.
-TRIES = 3
 
-_Life = Generator[int, None, None]
-#: Called with each step that begins (case None) and each case that ends.
-Tell = Callable[["Step", "Case | None"], None]
 #: Called with the run and the time while it waits; a text that it returns ends the run, and says why.
 Passing = Callable[["ScenarioRun", int], str]
 
 
-class _EndedError(Exception):
-    """The scenario cannot go on."""
-
-
-class ScenarioRun:
+class ScenarioRun(Flow):
     """``lateness`` measures the farm's own; None in virtual time, where it is never late.
 
     ``traced``: keep traces around faults and failures, for the report.
@@ -71,40 +62,22 @@ class ScenarioRun:
         traced: bool = False,
         tell: Tell | None = None,
     ) -> None:
-        self.binding = binding
-        self.record = Record(binding.scenario, core.name, list(binding.drives), now)
-        self.finished = False
+        super().__init__(binding, core.name, now, tell)
         self._core = core
         self._collector = collector
         self._lateness = lateness
-        self._tell = tell or _silent
-        self._now = now
         self._watches: list[Watch] = []
         #: Injections of this scenario that it has not cleared, by the name to clear them by.
         self._own: dict[str, Injection] = {}
-        #: Faults of a trial, by step.
-        self._by_step: dict[int, str] = {}
         self._off: dict[str, None] = {}
         #: Drives that lost their connection by the farm's own lateness and are not back in operation -> when.
         self._own_losses: dict[str, int] = {}
         self._stations = {station.configured_name: station for station in core.stations}
-        #: What the expectations of a trial showed, by step.
-        self._outcomes: dict[int, tuple[Verdict, str]] = {}
-        every = list(binding.scenario.every_step())
-        self._numbers = {id(step): number for number, step in enumerate(every)}
-        self._expectations = [step for step in every if step.kind in {"expect", "find"} and not step.part]
-        self.steps = len(every)
-        #: When the present step is over at the latest.
-        self.due_ns = now
-        for step in every:
+        for step in binding.scenario.every_step():
             if "metric" in step.values:
                 self._check_metric(step, "metric", step.values["metric"], _asked(step))
             if "measure" in step.values:
                 self._check_metric(step, "measure", step.values["measure"].metric, step.values["measure"].asked)
-        self._life = self._sequence(binding.scenario.steps)
-        self._begun = 0
-        #: The step that began last.
-        self.step = ""
         self._moments = Moments(core, named_drives(binding), now) if traced else None
         # what the farm lost before may not be back yet
         for name in self._stations:
@@ -119,40 +92,14 @@ class ScenarioRun:
             raise ConfigError(str(self.binding.scenario.issue(step, key, str(error), ""))) from error
 
     @property
-    def steps_begun(self) -> int:
-        """Steps that began, for progress."""
-        return self._begun
-
-    @property
     def polled(self) -> bool:
         """Whether it wants to be called every :data:`LOOK_NS`."""
         return any(watch.polled for watch in self._watches)
 
     def advance(self, now: int) -> int:
-        """Do what is due; when to call again at the latest."""
-        self._now = now
-        if self.finished:
-            return now
-        if self._moments is not None:
+        if self._moments is not None and not self.finished:
             self._moments.look(now)
-        try:
-            self.due_ns = next(self._life)
-        except StopIteration:
-            self._finish("")
-        except _EndedError as ended:
-            self._finish(str(ended))
-        else:
-            return self.due_ns
-        return now
-
-    def cancel(self, now: int, why: str = "cancelled", *, broken: bool = False) -> None:
-        """End before the last step; what did not run is reported as not run.
-
-        ``broken``: because the farm ended or failed, and not because somebody wished it.
-        """
-        self._now = now
-        if not self.finished:
-            self._finish(why, broken=broken)
+        return super().advance(now)
 
     def _finish(self, why: str, *, broken: bool = False) -> None:
         self.finished = True
@@ -168,10 +115,7 @@ class ScenarioRun:
                 undo.callback(self._clear, name)
 
     def _conclude(self, why: str, *, broken: bool) -> None:
-        reached = {case.number for case in self.record.cases}
-        for step in self._expectations:
-            if (number := self._numbers[id(step)]) not in reached:
-                self.record.add(Case(number, step, Verdict.NOT_RUN, 0, 0, message=why or "not reached"))
+        self._not_reached(why)
         if self._moments is not None:
             self.record.traces = self._moments.close(self._now)
             self.record.traces_note = self._moments.note
@@ -196,38 +140,9 @@ class ScenarioRun:
 
     # -- steps
 
-    def _sequence(self, steps: tuple[Step, ...]) -> _Life:
-        for step in steps:
-            self._begun += 1
-            self.step = step.title
-            self._tell(step, None)
-            self.record.step(step, self._now)
-            yield from self._step(step)
-
-    def _step(self, step: Step) -> _Life:
-        try:
-            match step.kind:
-                case "wait" if "until" in step.values:
-                    yield from self._wait_until(step)
-                case "wait":
-                    yield from self._sleep(step.values["for"])
-                case "expect" if "metric" in step.values:
-                    yield from self._expect_metric(step)
-                case "expect":
-                    yield from self._expect(step)
-                case "load":
-                    yield from self._load(step)
-                case "parallel":
-                    yield from self._parallel(step)
-                case "find":
-                    yield from self._find(step)
-                case _:
-                    self._act(step)
-        except PnfarmError as error:
-            self._case(step, Verdict.ERROR, self._now, str(error), measured="could not be carried out")
-            raise _EndedError(f"{step.title}: {error}") from error
-
-    def _act(self, step: Step) -> None:
+    def _act(self, step: Step) -> Life:
+        # at once, in this process
+        yield from ()
         match step.kind:
             case "fault":
                 injection = self._core.injections.inject(step.values["spec"], self._now)
@@ -258,6 +173,19 @@ class ScenarioRun:
                             raise ConfigError(f"{name}, {parameter}: {error}") from error
                     self._core.settle(self._stations[name], self._now)
 
+    def _end_fault(self, name: str) -> Life:
+        yield from ()
+        if name in self._own:
+            self._clear(name)
+
+    def _read_metric(self, metric: MetricName) -> Generator[int, None, Reading]:
+        yield from ()
+        return read_metric(self._collector, metric)
+
+    @property
+    def _told_late(self) -> str:
+        return self._lateness.told if self._lateness is not None else ""
+
     def _clear(self, name: str) -> None:
         """End it, unless it has ended on its own or was cleared before."""
         injection = self._own.pop(name, None)
@@ -279,12 +207,7 @@ class ScenarioRun:
             self._off[name] = None
         self._core.settle(station, self._now)
 
-    def _sleep(self, duration_ns: int) -> _Life:
-        end = self._now + duration_ns
-        while self._now < end:
-            yield end
-
-    def _load(self, step: Step) -> _Life:
+    def _load(self, step: Step) -> Life:
         wanted = step.get("drives")
         if wanted is None:
             wanted = step.values["total"] - sum(self._stations[n].powered for n in self.binding.chosen(step, "on"))
@@ -301,71 +224,7 @@ class ScenarioRun:
             self._power(name, on=wanted > 0)
         yield from self._sleep(max(0, begin + over - self._now))
 
-    def _parallel(self, step: Step) -> _Life:
-        branches = [self._sequence(branch) for branch in step.branches]
-        try:
-            while branches:
-                looks = []
-                for branch in list(branches):
-                    try:
-                        looks.append(next(branch))
-                    except StopIteration:
-                        branches.remove(branch)
-                if branches:
-                    yield min(looks)
-        finally:
-            for branch in branches:
-                branch.close()
-
-    def _find(self, step: Step) -> _Life:
-        begin = self._now
-        search = Search(step.values["values"], step.get("by", "first"))
-        while (place := search.next()) is not None:
-            trial, then = step.branches[2 * place : 2 * place + 2]
-            for _ in range(TRIES):
-                verdict = yield from self._trial(step, search, place, trial)
-                yield from self._sequence(then)
-                if verdict is not Verdict.INCONCLUSIVE:
-                    break
-            else:
-                late = self._lateness.told if self._lateness is not None else ""
-                message = f"the farm was itself {late} in each of {TRIES} trials with {search.values[place]}"
-                self._case(step, Verdict.INCONCLUSIVE, begin, message)
-                self.record.found(step, search, Verdict.INCONCLUSIVE, message)
-                return
-        held, message = search.verdict(step.get("is"))
-        verdict = Verdict.PASSED if held else Verdict.FAILED
-        value = number_of(search.found) if search.found is not None else None
-        shown = str(search.found) if search.found is not None else "no value holds"
-        self._case(step, verdict, begin, message, value=value, measured=shown)
-        self.record.found(step, search, verdict, message)
-
-    def _trial(self, step: Step, search: Search, place: int, trial: tuple[Step, ...]) -> Generator[int, None, Verdict]:
-        """One trial, up to its first expectation that does not hold; its faults end with it."""
-        begin = self._now
-        measure = step.get("measure")
-        before = read_metric(self._collector, measure.metric) if measure is not None else {}
-        decided = Verdict.PASSED, ""
-        for part in trial:
-            yield from self._sequence((part,))
-            outcomes = [found for inner in walk((part,)) if (found := self._outcomes.pop(id(inner), None)) is not None]
-            decided = next((found for found in outcomes if found[0] is not Verdict.PASSED), decided)
-            if decided[0] is not Verdict.PASSED:
-                break
-        value = None
-        if measure is not None:
-            value = measured(measure.asked, before, read_metric(self._collector, measure.metric))
-        for part in walk(trial):
-            name = self._by_step.pop(id(part), None)
-            if name is not None and name in self._own:
-                self._clear(name)
-        verdict, message = decided
-        if verdict is not Verdict.INCONCLUSIVE:
-            at = (begin - self.record.origin_ns) / 1e9
-            search.note(place, held=verdict is Verdict.PASSED, message=message, measured=value, at_seconds=at)
-        return verdict
-
-    def _wait_until(self, step: Step) -> _Life:
+    def _wait_until(self, step: Step) -> Life:
         begin = self._now
         end = begin + step.get("within", DEFAULT_WITHIN_NS)
         watch = self._open(step)
@@ -383,14 +242,14 @@ class ScenarioRun:
         waited = format_duration(end - begin)
         message = f"not true within {waited} on {_few(missing or list(watch.values()))}"
         self._fail(step, begin, message, watch, missing)
-        raise _EndedError(f"{step.title}: {message}")
+        raise EndedError(f"{step.title}: {message}")
 
     def _open(self, step: Step) -> Watch:
         watch = Watch(self.binding.conditions(step), self._stations)
         self._watches.append(watch)
         return watch
 
-    def _expect(self, step: Step) -> _Life:
+    def _expect(self, step: Step) -> Life:
         begin = self._now
         within, hold = step.get("within", 0), step.get("for", 0)
         watch = self._open(step)
@@ -422,7 +281,7 @@ class ScenarioRun:
         finally:
             self._watches.remove(watch)
 
-    def _hold(self, watch: Watch, hold_ns: int) -> _Life:
+    def _hold(self, watch: Watch, hold_ns: int) -> Life:
         end = self._now + hold_ns
         watch.must_hold = True
         watch.look(self._now)
@@ -430,7 +289,7 @@ class ScenarioRun:
             yield end
             watch.look(self._now)
 
-    def _expect_metric(self, step: Step) -> _Life:
+    def _expect_metric(self, step: Step) -> Life:
         begin = self._now
         metric, asked = step.values["metric"], _asked(step)
         before = read_metric(self._collector, metric)
@@ -470,7 +329,7 @@ class ScenarioRun:
         )
         self._case(step, verdict, begin, message, watch=watch, measured=measured, drives=drives)
 
-    def _case(
+    def _case(  # type: ignore[override]  # with the keywords that it takes
         self,
         step: Step,
         verdict: Verdict,
@@ -497,10 +356,6 @@ class ScenarioRun:
         if verdict is not Verdict.PASSED and self._moments is not None:
             self._moments.mark(f"{verdict}: {step.title}", drives, self._now, failure=True)
         self._tell(step, case)
-
-
-def _silent(step: Step, case: Case | None) -> None:
-    del step, case
 
 
 def _asked(step: Step) -> str:

@@ -20,12 +20,16 @@ if TYPE_CHECKING:
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.metrics import FarmCollector
+    from pnfarm.scenario.flow import Flow
 
 __all__ = ["RunningScenario", "RunningScenarios"]
 
 #: Scenarios at work at once, and those kept altogether.
 MOST_AT_WORK = 4
 MOST_KEPT = 32
+#: The same of those that are parts of a scenario that a hub carries out: one for each of its waits and expectations.
+MOST_PARTS_AT_WORK = 32
+MOST_PARTS_KEPT = 64
 
 
 @dataclass(slots=True)
@@ -33,8 +37,9 @@ class RunningScenario:
     """One scenario; ``task`` carries it out."""
 
     id: str
-    run: ScenarioRun
+    run: Flow
     task: asyncio.Task[None]
+    part: bool = False
 
     @property
     def failure(self) -> BaseException | None:
@@ -75,30 +80,35 @@ class RunningScenarios:
         self._kept: dict[str, RunningScenario] = {}
         self._numbers = 0
 
-    def start(self, text: str, variables: Mapping[str, Any] | None = None) -> RunningScenario:
-        """Check a scenario against the farm and begin it.  Raises :class:`ConfigError`."""
+    def start(self, text: str, variables: Mapping[str, Any] | None = None, *, part: bool = False) -> RunningScenario:
+        """Check a scenario against the farm and begin it.  Raises :class:`ConfigError`.
+
+        ``part``: of one that a hub carries out on several farms: it makes no traces, and is not listed.
+        """
         scenario = parse_scenario(text, variables=variables)
         if scenario.overrides:
             raise ConfigError("with: sets keys of a farm file, and this farm runs already; leave it out")
         drives = {station.configured_name: station.model for station in self._core.stations}
         binding = bind_scenario(scenario, drives, fault_kinds())
-        at_work = [found.id for found in self._kept.values() if not found.run.finished]
-        if len(at_work) >= MOST_AT_WORK:
+        at_work = [found.id for found in self._kept.values() if not found.run.finished and found.part is part]
+        if len(at_work) >= (MOST_PARTS_AT_WORK if part else MOST_AT_WORK):
             raise ConfigError(f"{len(at_work)} scenarios are at work ({', '.join(at_work)}); end one of them first")
         now = self._now()
         lateness = FarmLateness(self._core, scenario.budget_ns, now)
-        run = ScenarioRun(binding, self._core, self._collector, now, lateness=lateness, traced=True)
+        run = ScenarioRun(binding, self._core, self._collector, now, lateness=lateness, traced=not part)
         self._numbers += 1
         task = asyncio.get_running_loop().create_task(carry_out(run, self._core, self._poke, self._now))
-        found = RunningScenario(f"scenario-{self._numbers}", run, task)
+        found = RunningScenario(f"{'part' if part else 'scenario'}-{self._numbers}", run, task, part)
         self._kept[found.id] = found
-        for old in [old.id for old in self._kept.values() if old.run.finished][: max(0, len(self._kept) - MOST_KEPT)]:
+        alike = [old for old in self._kept.values() if old.part is part]
+        more = max(0, len(alike) - (MOST_PARTS_KEPT if part else MOST_KEPT))
+        for old in [old.id for old in alike if old.run.finished][:more]:
             del self._kept[old]
         return found
 
     def list(self) -> list[RunningScenario]:
         """Those at work and those kept, oldest first."""
-        return list(self._kept.values())
+        return [found for found in self._kept.values() if not found.part]
 
     def get(self, wanted: str) -> RunningScenario:
         """Raises :class:`ConfigError` for an unknown id."""

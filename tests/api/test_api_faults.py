@@ -182,3 +182,34 @@ def test_whole_names_of_many_drives_are_looked_up(still, no_comparison):
     assert answer.status_code == 201
     assert list(answer.json()["drives"]) == ["axis-01", "axis-02"]
     still.delete("/api/v1/faults/many")
+
+
+def test_a_fault_begins_at_the_moment_that_is_set_for_it():
+    world = ApiWorld(2, controller=False)
+    world.line.run(0.1)
+    now = world.get("/api/v1/clock").json()["farm_seconds"]
+    fault = world.post(f"/api/v1/faults?at={now + 0.5}", {"kind": "silence", "on": "all", "as": "later", "ttl": "10s"})
+    assert fault.status_code == 201
+    assert fault.json()["drives"]["axis-01"]["waits_for"] == "the moment of its start"
+    assert fault.json()["expires_seconds"] == pytest.approx(now + 10.5)
+    world.line.run(0.4)
+    assert world.get("/api/v1/faults/later").json()["state"] == "waiting"
+    world.line.run(0.2)
+    runs = world.get("/api/v1/faults/later").json()["drives"].values()
+    assert [run["started_seconds"] for run in runs] == pytest.approx([now + 0.5] * 2, abs=0.002)
+
+
+@pytest.mark.parametrize("ahead", [-0.001, 10.5, float("nan"), float("inf")])
+def test_a_moment_that_has_passed_or_is_far_ahead_is_refused_and_nothing_begins(ahead):
+    world = ApiWorld(1, controller=False)
+    world.line.run(1)
+    at = world.get("/api/v1/clock").json()["farm_seconds"] + ahead
+    found = assert_problem(world.post(f"/api/v1/faults?at={at}", {"kind": "silence", "on": "all"}), 422, "at most 10 s")
+    assert found["errors"][0]["field"] == "at"
+    assert world.get("/api/v1/faults").json() == {"faults": []}
+
+
+def test_the_clock_tells_one_run_of_a_farm_from_another():
+    one, other = (ApiWorld(1, controller=False).get("/api/v1/clock").json() for _ in range(2))
+    assert one["instance"] != other["instance"]
+    assert (one["kind"], one["drives"]) == ("farm", 1)

@@ -1,13 +1,14 @@
 // How things are written on the page.
 
 const STATES = {
-  "-1": ["off", "no supply"], 0: ["boot", "booting"], 1: ["S1", "switching-on inhibited"], 2: ["S2", "ready to switch on"],
+  "-2": ["away", "unreachable"], "-1": ["off", "no supply"], 0: ["boot", "booting"], 1: ["S1", "switching-on inhibited"], 2: ["S2", "ready to switch on"],
   3: ["S3", "switched on"], 4: ["S4", "operation"], 5: ["S5", "switching off"],
 };
 
 /** Class, short and long word for a drive's state; a fault is shown before the state. */
 export function stateOf(drive) {
   const [short, long] = STATES[drive.state] || ["?", "unknown"];
+  if (drive.state === -2) return {kind: "off", short, long: drive.unreachable ? `unreachable: ${drive.unreachable.reason}` : long};
   if (drive.state === -1) return {kind: "off", short, long};
   if (drive.fault) return {kind: "fault", short: `${short} fault`, long: `fault, ${long}`};
   if (drive.state === 4) return {kind: "run", short, long};

@@ -22,7 +22,7 @@ const COLUMNS = [
 ];
 const NUMBERS = new Set(["velocity", "setpoint", "current", "cycle"]);
 const STATES = [["", "any state"], ["run", "in operation"], ["idle", "not in operation"], ["fault", "fault"], ["off", "off or booting"],
-  ["disconnected", "not connected"], ["injected", "fault injected"]];
+  ["away", "unreachable"], ["disconnected", "not connected"], ["injected", "fault injected"]];
 
 // what was chosen stays while other views are open
 const kept = {text: "", model: "", bus: "", state: "", tiles: false, order: ["place", 1], selected: new Set()};
@@ -31,7 +31,7 @@ function matches(drive, {text, model, bus, state}) {
   if (!drive.known) return false;
   if (model && drive.model !== model) return false;
   if (bus && drive.bus !== bus) return false;
-  if (state === "disconnected" ? drive.connected : state === "injected" ? !drive.injected.length : state && stateOf(drive).kind !== state) return false;
+  if (state === "disconnected" ? drive.connected : state === "injected" ? !drive.injected.length : state === "away" ? drive.state !== -2 : state && stateOf(drive).kind !== state) return false;
   if (!text) return true;
   const wanted = text.toLowerCase();
   return [drive.name, drive.station_name, drive.ip, drive.mac, drive.controller].some(one => one && one.toLowerCase().includes(wanted));
@@ -144,7 +144,7 @@ export function Overview() {
   const sort = key => change({order: wanted.order[0] === key ? [key, -wanted.order[1]] : [key, 1]});
   const visible = shown.slice(part.first, part.last);
   const faulty = known.filter(drive => drive.fault).length, connected = known.filter(drive => drive.connected).length;
-  const running = known.filter(drive => drive.state === 4).length;
+  const running = known.filter(drive => drive.state === 4).length, away = known.filter(drive => drive.state === -2).length;
   return html`<section class="fill" aria-label="Overview">
     <div class="bar">
       <input type="search" placeholder="name, address or controller" aria-label="Filter by name, address or controller" value=${wanted.text}
@@ -153,7 +153,7 @@ export function Overview() {
       ${buses.length > 2 ? html`<${Choice} label="Bus" value=${wanted.bus} values=${buses} onChange=${bus => change({bus})}/>` : null}
       <${Choice} label="State" value=${wanted.state} values=${STATES} onChange=${state => change({state})}/>
       <span class="dim" role="status">${shown.length === farm.drives.length ? plural(shown.length, "drive") : `${shown.length} of ${plural(farm.drives.length, "drive")}`}:
-        ${" "}${connected} connected, ${running} in operation, <span class=${faulty ? "bad" : ""}>${plural(faulty, "fault")}</span></span>
+        ${" "}${connected} connected, ${running} in operation, <span class=${faulty ? "bad" : ""}>${plural(faulty, "fault")}</span>${away ? html`, <span class="bad">${away} unreachable</span>` : null}</span>
       <span class="gap"></span>
       <div role="group" aria-label="Form of the list">
         <button type="button" aria-pressed=${!wanted.tiles} onClick=${() => change({tiles: false})}>Rows</button>

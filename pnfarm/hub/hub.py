@@ -1,0 +1,271 @@
+"""The hub itself: asks the shards, all at once and each for a bounded time, and keeps what it knows of them.
+
+Its tasks are in :mod:`pnfarm.hub.tasks`, its paths in the modules ``routes_*``.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import secrets
+import time
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+import anyio
+import structlog
+
+from pnfarm import __version__
+from pnfarm.hub.client import REQUEST_SECONDS, Answer, ShardClient
+from pnfarm.hub.log import MergedLog
+from pnfarm.hub.shards import AwayError, Shard, Shards
+from pnfarm.hub.states import ShardEvent
+from pnfarm.web.bodies import PREFIX
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Iterable, Mapping
+
+    import httpx
+
+    from pnfarm.station.events import Event
+
+__all__ = ["Hub", "read"]
+
+#: A shard's clock is asked with this patience.
+PROBE_SECONDS = 1.0
+#: Requests of users whose words the hub remembers: faults by id.
+MOST_SPECS = 4096
+#: What the end of the hub waits for scenarios that undo what they changed.
+UNDO_SECONDS = 3.0
+#: Probes at the first meeting, for a good offset at once.
+FIRST_PROBES = 4
+
+_INSTANCE = re.compile(r"[0-9a-f]{8}")
+
+logger = structlog.get_logger("pnfarm.hub")
+
+
+def read(shard: Shard, answer: Answer, *keys: str) -> dict[str, Any]:
+    """A good answer's object, which has these members; raises :class:`AwayError` for anything else."""
+    try:
+        found = answer.object()
+    except ValueError as exc:
+        raise AwayError(f"{shard.label} does not answer as a farm does: {exc}", slug="garbage") from exc
+    if not answer.good:
+        detail = found.get("detail", f"status {answer.status}")
+        raise AwayError(f"{shard.label} refuses: {str(detail)[:300]}", slug="refusal")
+    if missing := [key for key in keys if key not in found]:
+        raise AwayError(f"{shard.label} does not answer as a farm does: {missing[0]} is missing", slug="garbage")
+    return found
+
+
+class Hub:
+    """``now`` is the hub's clock, ns; ``transport`` gives what a shard is reached by, for tests."""
+
+    def __init__(
+        self,
+        *,
+        token: str | None = None,
+        now: Callable[[], int] = time.monotonic_ns,
+        wall: Callable[[], float] = time.time,
+        sleep: Callable[[float], Awaitable[None]] = anyio.sleep,
+        transport: Callable[[str], httpx.AsyncBaseTransport] | None = None,
+    ) -> None:
+        self.now = now
+        self.wall = wall
+        self.sleep = sleep
+        self.shards = Shards()
+        self.log = MergedLog()
+        #: Another one in each run; the origin of the hub's own entries.
+        self.instance = secrets.token_hex(4)
+        #: Fault -> as it was asked for.
+        self.specs: dict[str, dict[str, Any]] = {}
+        #: Scenarios that end, with what they changed.
+        self.undoing: set[asyncio.Task[None]] = set()
+        self.closing = False
+        self.streams: set[Callable[[], None]] = set()
+        self.on_close: list[Callable[[], None]] = []
+        #: What is wrong with names that are asked for, by name.
+        self.discovery: dict[str, str] = {}
+        self._token = token
+        self._transport = transport
+        self._clients: dict[str, ShardClient] = {}
+        self._own = 0
+        self._known: deque[str] = deque()
+
+    def client(self, shard: Shard) -> ShardClient:
+        if shard.url not in self._clients:
+            transport = self._transport(shard.url) if self._transport is not None else None
+            self._clients[shard.url] = ShardClient(shard.url, self._token, transport)
+        return self._clients[shard.url]
+
+    async def drop(self, shard: Shard) -> None:
+        """A shard that is no longer known."""
+        found = self._clients.pop(shard.url, None)
+        if found is not None:
+            await found.close()
+
+    def close(self) -> None:
+        """End every open stream, and what else runs for clients; as the context of a farm's API."""
+        self.closing = True
+        for end in self.on_close:
+            end()
+        for wake in list(self.streams):
+            wake()
+
+    async def aclose(self) -> None:
+        """Close every connection."""
+        self.close()
+        if self.undoing:
+            await asyncio.wait(self.undoing, timeout=UNDO_SECONDS)
+        for found in list(self._clients.values()):
+            await found.close()
+        self._clients.clear()
+
+    def remember(self, fault_id: str, spec: Mapping[str, Any]) -> None:
+        """What a user asked for."""
+        self.specs[fault_id] = dict(spec)
+        while len(self.specs) > MOST_SPECS:
+            del self.specs[next(iter(self.specs))]
+
+    def record(self, event: Event) -> None:
+        """The hub's own entry of the log."""
+        getattr(logger, event.level)(event.text, **event.details())
+        self._own += 1
+        now = self.now()
+        head = {"time": self.wall(), "farm_seconds": now / 1e9, "drive": "", "event": event.text}
+        self.log.take(self.instance, self._own, now, {**event.details(), **head})
+
+    # -- asking
+
+    async def ask(
+        self,
+        shard: Shard,
+        method: str,
+        path: str,
+        *,
+        body: Mapping[str, Any] | bytes | None = None,
+        query: Mapping[str, Any] | str | None = None,
+        seconds: float = REQUEST_SECONDS,
+    ) -> Answer:
+        """One request; ``path`` below ``/api/v1``.  Raises :class:`AwayError`, for one that is away at once."""
+        if not shard.asked:
+            raise shard.away()
+        try:
+            return await self.client(shard).ask(method, f"{PREFIX}/{path}", body=body, query=query, seconds=seconds)
+        except AwayError as exc:
+            shard.errors[exc.slug] += 1
+            raise
+
+    async def ask_all(
+        self,
+        shards: Iterable[Shard],
+        method: str,
+        path: str,
+        *keys: str,
+        bodies: Mapping[Shard, Mapping[str, Any]] | None = None,
+        queries: Mapping[Shard, Mapping[str, Any]] | None = None,
+    ) -> dict[Shard, dict[str, Any] | AwayError]:
+        """All of them at once: an object with these ``keys`` of each, or why there is none."""
+        found: dict[Shard, dict[str, Any] | AwayError] = {}
+
+        async def one(shard: Shard) -> None:
+            try:
+                body = None if bodies is None else bodies[shard]
+                query = None if queries is None else queries[shard]
+                answer = await self.ask(shard, method, path, body=body, query=query)
+                found[shard] = read(shard, answer, *keys)
+            except AwayError as exc:
+                found[shard] = exc
+
+        wanted = list(shards)
+        async with anyio.create_task_group() as tasks:
+            for shard in wanted:
+                tasks.start_soon(one, shard)
+        return {shard: found[shard] for shard in wanted}
+
+    def partial(self, answers: Mapping[Shard, dict[str, Any] | AwayError]) -> dict[str, Any]:
+        """The members of an answer that say whose part is missing; raises AwayError where nobody's is there."""
+        missing = [shard.told() for shard in self.shards.unreachable]
+        missing += [
+            {"shard": shard.label, "reason": str(answer), "since": self.wall()}
+            for shard, answer in answers.items()
+            if isinstance(answer, AwayError) and shard.asked
+        ]
+        self.check_any()
+        return {"partial": bool(missing), "unreachable": missing}
+
+    def check_any(self) -> None:
+        """Raises :class:`AwayError` while there is nobody to ask."""
+        if not len(self.shards):
+            why = "; ".join(f"{name}: {what}" for name, what in self.discovery.items() if what)
+            raise AwayError("no shard is known yet" + (f" ({why})" if why else ""))
+
+    # -- what is known of a shard
+
+    async def probe(self, shard: Shard) -> bool:
+        """Ask its clock, and what else a new run has; whether it came or went."""
+        try:
+            await self._probe(shard)
+        except AwayError as exc:
+            shard.errors[exc.slug] += 1
+            return self.shards.note(shard, exc.event, str(exc), self.now(), self.wall())
+        return self.shards.note(shard, ShardEvent.ANSWERED, "", self.now(), self.wall())
+
+    async def _probe(self, shard: Shard) -> None:
+        about = await self._clock(shard)
+        if about["kind"] != "farm":
+            raise AwayError(f"{shard.label} is itself a hub: give the shards behind it", slug="hub")
+        if about["instance"] != shard.instance or not shard.drives:
+            shard.clock.forget()
+            for _ in range(FIRST_PROBES):
+                about = await self._clock(shard)
+            answer = await self.client(shard).ask("GET", f"{PREFIX}/drives")
+            view = read(shard, answer, "drives", "engine", "lines", "link")
+            try:
+                self.shards.take(shard, view)
+            except (KeyError, TypeError) as exc:
+                raise AwayError(f"{shard.label} lists drives as no farm does", slug="garbage") from exc
+            shard.faults.clear()
+        shard.about = about
+        same = about["pnfarm"] == __version__
+        shard.notes = [] if same else [f"runs pnfarm {about['pnfarm']}, and this hub {__version__}"]
+
+    async def _clock(self, shard: Shard) -> dict[str, Any]:
+        asked = self.now()
+        answer = await self.client(shard).ask("GET", f"{PREFIX}/clock", seconds=PROBE_SECONDS)
+        answered = self.now()
+        if answer.status == 404 and b"no such path" in answer.body:
+            raise AwayError(f"{shard.label} runs a pnfarm without GET clock: update it", slug="version")
+        about = read(shard, answer, "kind", "farm", "instance", "farm_seconds", "pnfarm")
+        seconds, instance = about["farm_seconds"], about["instance"]
+        sane = isinstance(seconds, (int, float)) and abs(seconds) < 1e10
+        if not (
+            sane and isinstance(instance, str) and _INSTANCE.fullmatch(instance) and isinstance(about["farm"], str)
+        ):
+            raise AwayError(f"{shard.label} does not answer as a farm does: its clock is none", slug="garbage")
+        shard.clock.note(asked, round(seconds * 1e9), answered)
+        return about
+
+    # -- times
+
+    def wall_of(self, at_ns: int) -> float:
+        """A moment of the hub's clock in seconds since the epoch."""
+        return self.wall() - (self.now() - at_ns) / 1e9
+
+    def entry(self, shard: Shard, entry: Mapping[str, Any]) -> dict[str, Any]:
+        """A shard's entry of the log, with its times by the hub's clock."""
+        seconds = shard.clock.to_hub(float(entry["farm_seconds"]))
+        return {**entry, "farm_seconds": seconds, "time": self.wall_of(round(seconds * 1e9)), "shard": shard.label}
+
+    def take_entry(self, shard: Shard, entry: Mapping[str, Any]) -> None:
+        """A message of a shard's event stream.  Raises :class:`AwayError` for one that no farm sends."""
+        if "lost" in entry and "sequence" not in entry:
+            return
+        try:
+            number = int(entry["sequence"])
+            moved = self.entry(shard, entry)
+            str(entry["drive"] + entry["event"])
+        except (KeyError, TypeError, ValueError, OverflowError) as exc:
+            raise AwayError(f"{shard.label} sends entries that no farm has", slug="garbage") from exc
+        self.log.take(shard.instance, number, round(moved["farm_seconds"] * 1e9), moved)

@@ -1,0 +1,153 @@
+"""Answers of several shards as one: plain values in, plain values out.
+
+Seconds of a farm's clock become seconds of the hub's (``to_hub``), so that those of several shards can be compared.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.faults.evidence import NOTHING, Evidence
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+
+    from pnfarm.hub.shards import Shard
+
+__all__ = [
+    "at_hub",
+    "evidence_of",
+    "joined_engine",
+    "joined_fault",
+    "joined_health",
+    "unreachable_drive",
+]
+
+ToHub = "Callable[[float], float]"
+#: Faults with one id on two shards are one if they were added within this time of each other, s.
+ONE_FAULT_SECONDS = 15.0
+_ENGINE = (
+    "cycles", "overruns", "lateness_max_seconds", "frames_sent", "frames_received", "frames_unknown",
+    "frames_malformed", "send_errors", "events_lost",
+)  # fmt: skip
+
+
+def joined_engine(engines: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """Counts of all engines together; of the lateness the largest."""
+    found: dict[str, Any] = dict.fromkeys(_ENGINE, 0)
+    found["lateness_max_seconds"] = 0.0
+    for engine in engines:
+        for key in _ENGINE:
+            value = engine.get(key, 0)
+            found[key] = max(found[key], value) if key == "lateness_max_seconds" else found[key] + value
+    return found
+
+
+def unreachable_drive(last: Mapping[str, Any], shard: Shard) -> dict[str, Any]:
+    """A drive whose shard is away: what does not move as it was, the rest as of a drive that nobody sees."""
+    return {
+        **last,
+        "state": "unreachable",
+        "status": [],
+        "connected": False,
+        "ar_state": "NO_AR",
+        "controller": None,
+        "cycle_seconds": None,
+        "watchdog_seconds": None,
+        "connected_seconds": None,
+        "velocity_rpm": 0.0,
+        "setpoint_rpm": 0.0,
+        "current_amperes": 0.0,
+        "torque_newton_metres": 0.0,
+        "unreachable": shard.told(),
+    }
+
+
+def evidence_of(seen: Mapping[str, Any]) -> Evidence:
+    """From an answer."""
+    first, last = (None if s is None else round(s * 1e9) for s in (seen["first_seconds"], seen["last_seconds"]))
+    contradicted = seen["reason"] if seen["confirmation"] == "contradicted" else ""
+    return Evidence(seen["checks"], seen["activations"], first, last, seen["confirmed"], contradicted)
+
+
+def _shown(seen: Evidence) -> dict[str, Any]:
+    return {
+        "checks": seen.checks,
+        "activations": seen.activations,
+        "first_seconds": None if seen.first_ns is None else seen.first_ns / 1e9,
+        "last_seconds": None if seen.last_ns is None else seen.last_ns / 1e9,
+        "confirmed": seen.confirmed,
+        "confirmation": seen.confirmation.value,
+        "reason": seen.reason,
+    }
+
+
+def at_hub(fault: Mapping[str, Any], to_hub: Callable[[float], float]) -> dict[str, Any]:
+    """A shard's fault with its times by the hub's clock."""
+
+    def moved(values: Mapping[str, Any], *keys: str) -> dict[str, Any]:
+        return {**values, **{key: None if values[key] is None else to_hub(values[key]) for key in keys}}
+
+    def seen(values: Mapping[str, Any]) -> dict[str, Any]:
+        return moved(values, "first_seconds", "last_seconds")
+
+    runs = {
+        name: {**moved(run, "held_seconds", "started_seconds", "ended_seconds"), "evidence": seen(run["evidence"])}
+        for name, run in fault["drives"].items()
+    }
+    shown = moved(fault, "added_seconds", "expires_seconds")
+    return {**shown, "evidence": seen(fault["evidence"]), "drives": runs}
+
+
+def joined_fault(
+    parts: Sequence[tuple[Mapping[str, Any], bool]], spec: Mapping[str, Any] | None, order: Mapping[str, int]
+) -> dict[str, Any]:
+    """One fault of its parts on the shards: (the part by the hub's clock, whether its shard can be asked).
+
+    ``spec``: as it was asked for, if the hub knows it; else put together.  Of a part whose shard is away, what was
+    known last is shown, and ``unreachable`` names its drives: such a fault is not over.
+    """
+    newest = max(part["added_seconds"] for part, _ in parts)
+    of_one = [(part, asked) for part, asked in parts if newest - part["added_seconds"] <= ONE_FAULT_SECONDS]
+    first = of_one[0][0]
+    runs = {name: run for part, _ in of_one for name, run in part["drives"].items()}
+    names = sorted(runs, key=lambda name: (order.get(name, len(order)), name))
+    away = [name for part, asked in of_one if not asked for name in part["drives"] if runs[name]["state"] != "ended"]
+    seen = [evidence_of(runs[name]["evidence"]) for name in names]
+    total = dataclasses.replace(sum(seen, NOTHING), confirmed=all(one.confirmed for one in seen))
+    states = {runs[name]["state"] for name in names}
+    expires = [part["expires_seconds"] for part, _ in of_one if part["expires_seconds"] is not None]
+    return {
+        "id": first["id"],
+        "kind": first["kind"],
+        "state": next(state for state in ("active", "waiting", "ended") if state in states),
+        "spec": dict(spec) if spec is not None else {**first["spec"], "on": names},
+        "added_seconds": min(part["added_seconds"] for part, _ in of_one),
+        "expires_seconds": min(expires, default=None),
+        "evidence": _shown(total),
+        "drives": {name: runs[name] for name in names},
+        "unreachable": away,
+    }
+
+
+def joined_health(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The health of all farms as of one: counts added up, of times the worst."""
+    bounds: dict[float | None, int] = {}
+    for part in parts:
+        for bucket in part["lateness"]:
+            bounds[bucket["up_to_seconds"]] = bounds.get(bucket["up_to_seconds"], 0) + bucket["count"]
+    order = sorted(bounds, key=lambda bound: float("inf") if bound is None else bound)
+    ticks = [sum(bucket["count"] for bucket in part["lateness"]) for part in parts]
+    mean = sum(part["lateness_mean_seconds"] * n for part, n in zip(parts, ticks, strict=True)) / max(1, sum(ticks))
+    worst = {
+        key: max((part[key] for part in parts), default=0.0)
+        for key in ("engine_late_seconds", "loop_late_seconds", "stolen_seconds")
+    }
+    return {
+        "engine": joined_engine(part["engine"] for part in parts),
+        "lateness": [{"up_to_seconds": bound, "count": bounds[bound]} for bound in order],
+        "lateness_mean_seconds": mean,
+        "last_seconds": max((part["last_seconds"] for part in parts), default=0.0),
+        **worst,
+    }

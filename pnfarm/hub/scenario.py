@@ -1,0 +1,437 @@
+"""A scenario over the drives of several shards, carried out by the hub.
+
+The course of the steps is the farm's own (:class:`pnfarm.scenario.flow.Flow`); what a step does goes to the shards:
+a fault as :class:`~pnfarm.hub.faults.HubFaults` injects it, each wait and each expectation as a scenario of one step on
+each shard that has drives of it.  So conditions are watched where the drives are, each millisecond, what lasted only a
+moment counts, and a shard that was itself late says so.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from contextlib import suppress
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+from urllib.parse import quote
+
+import anyio
+import anyio.to_thread
+from prometheus_client.parser import text_string_to_metric_families
+
+from pnfarm.errors import ConfigError, PnfarmError
+from pnfarm.hub.hub import read
+from pnfarm.hub.routes_drives import drives_view
+from pnfarm.hub.shards import AwayError
+from pnfarm.scenario.flow import EndedError, Flow, Life
+from pnfarm.scenario.measures import measured, reading_of, show_value
+from pnfarm.scenario.record import Case, Verdict
+from pnfarm.scenario.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, QUANTILES
+from pnfarm.station import events
+from pnfarm.vocabulary.durations import format_duration
+
+if TYPE_CHECKING:
+    from collections.abc import Coroutine, Generator, Mapping, Sequence
+
+    from pnfarm.hub.faults import HubFaults
+    from pnfarm.hub.hub import Hub
+    from pnfarm.hub.log import HubEntry
+    from pnfarm.hub.shards import Shard
+    from pnfarm.scenario.binding import Binding
+    from pnfarm.scenario.measures import Reading
+    from pnfarm.scenario.steps import MetricName, Step
+
+__all__ = ["HubRun"]
+
+#: Between two questions how far a part is: at first, and after a second.
+ASK_SECONDS, LATER_SECONDS = 0.02, 0.05
+#: A shard that does not answer for so long is lost to the step.
+LOST_SECONDS = 5.0
+#: Requests of one step at once.
+AT_ONCE = 16
+#: The next look while a request is under way; its end wakes the run before.
+LOOK_NS = 1_000_000_000
+
+_T = TypeVar("_T")
+_WORST = (Verdict.ERROR, Verdict.FAILED, Verdict.INCONCLUSIVE, Verdict.PASSED)
+#: Events of the timeline.
+_TOLD = frozenset(
+    kind.TEXT
+    for kind in (
+        events.StateChanged, events.FaultRaised, events.FaultsCleared, events.WarningChanged, events.PowerLost,
+        events.PowerReturned, events.ConnectionEstablished, events.ConnectionLost, events.ConnectionReleased,
+        events.WatchdogExpired,
+    )
+)  # fmt: skip
+
+
+class _Injected:
+    """A fault of the hub as the record takes it."""
+
+    def __init__(self, fault: Mapping[str, Any]) -> None:
+        self.fault = fault
+        self.id = str(fault["id"])
+        kind = SimpleNamespace(name=fault["kind"])
+        self.spec = SimpleNamespace(kind=kind, when=fault["spec"].get("when"))
+        self.drives = tuple(fault["drives"])
+
+    @property
+    def runs(self) -> dict[str, Any]:
+        return {
+            name: SimpleNamespace(started_ns=_ns(run["started_seconds"]), ended_ns=_ns(run["ended_seconds"]))
+            for name, run in self.fault["drives"].items()
+        }
+
+    def as_dict(self) -> Mapping[str, Any]:
+        return self.fault
+
+
+def _was_late(record: Mapping[str, Any]) -> bool:
+    """Whether a shard was later than its budget, or was lost."""
+    found = record["lateness"]
+    return found is None or bool(found["farm_late_seconds"] > found["farm_budget_seconds"])
+
+
+def _ns(seconds: float | None) -> int | None:
+    return None if seconds is None else round(seconds * 1e9)
+
+
+class HubRun(Flow):
+    """``wake`` is set when something is to be looked at."""
+
+    def __init__(self, binding: Binding, hub: Hub, faults: HubFaults, now: int) -> None:
+        super().__init__(binding, hub.shards.farm, now)
+        self.wake = asyncio.Event()
+        self._hub = hub
+        self._faults = faults
+        self._own: dict[str, _Injected] = {}
+        self._off: dict[str, None] = {}
+        self._ending: asyncio.Task[None] | None = None
+        self._unsubscribe = hub.log.subscribe(self._note)
+
+    def advance(self, now: int) -> int:
+        if self._ending is not None:
+            self._now = now
+            return now + LOOK_NS
+        return super().advance(now)
+
+    def _note(self, entry: HubEntry) -> None:
+        if entry.drive in self.binding.drives and entry.data["event"] in _TOLD:
+            state = entry.data.get("after") if entry.data["event"] == events.StateChanged.TEXT else None
+            self.record.note_told(entry.at_ns, entry.drive, str(entry.data["event"]), state)
+
+    # -- requests
+
+    def _await(self, work: Coroutine[Any, Any, _T]) -> Generator[int, None, _T]:
+        """Let requests run while other branches go on."""
+        task = asyncio.get_running_loop().create_task(work)
+        task.add_done_callback(lambda _: self.wake.set())
+        try:
+            while not task.done():
+                yield self._now + LOOK_NS
+            return task.result()
+        finally:
+            task.cancel()
+
+    async def _each(self, work: Sequence[Coroutine[Any, Any, None]]) -> None:
+        """Some at once; the first error after all of them are over."""
+        limit = anyio.CapacityLimiter(AT_ONCE)
+        failed: list[PnfarmError] = []
+
+        async def one(coroutine: Coroutine[Any, Any, None]) -> None:
+            async with limit:
+                try:
+                    await coroutine
+                except PnfarmError as exc:
+                    failed.append(exc)
+
+        async with anyio.create_task_group() as tasks:
+            for coroutine in work:
+                tasks.start_soon(one, coroutine)
+        if failed:
+            raise failed[0]
+
+    async def _drive(self, method: str, name: str, path: str, body: Mapping[str, Any] | None = None) -> None:
+        shard = self._hub.shards.owner(name)
+        answer = await self._hub.ask(shard, method, f"drives/{quote(name, safe='')}/{path}", body=body)
+        if not answer.good:
+            try:
+                why = str(answer.object()["detail"])
+            except (ValueError, KeyError):
+                why = f"status {answer.status}"
+            raise ConfigError(f"{name}, {path}: {why}")
+
+    # -- steps that change something
+
+    def _act(self, step: Step) -> Life:
+        match step.kind:
+            case "fault":
+                fault = yield from self._await(self._faults.inject(step.values["spec"]))
+                injected = _Injected(fault)
+                self._own[injected.id] = injected
+                if step.part == "trial":
+                    self._by_step[id(step)] = injected.id
+                self.record.fault_began(cast("Any", injected), self._now)
+                if fault["partial"]:
+                    first = fault["not_hit"][0]
+                    raise AwayError(
+                        f"{len(fault['not_hit'])} drives were not hit, such as {first['drive']}: {first['why']}"
+                    )
+            case "clear":
+                wanted = step.values["fault"]
+                for name in list(self._own) if wanted == "all" else [wanted]:
+                    yield from self._end_fault(name)
+            case "power":
+                word = next(word for word in ("off", "on", "cycle") if word in step.values)
+                names = self.binding.chosen(step, word)
+                if word in {"off", "cycle"}:
+                    yield from self._await(self._power(names, on=False))
+                if word in {"on", "cycle"}:
+                    yield from self._await(self._power(names, on=True))
+            case "param":
+                writes = [
+                    self._drive("PUT", name, f"params/{quote(str(parameter), safe='')}", {"value": value})
+                    for name in self.binding.chosen(step)
+                    for parameter, value in step.values["set"].items()
+                ]
+                yield from self._await(self._each(writes))
+
+    async def _power(self, names: Sequence[str], *, on: bool) -> None:
+        for name in names:
+            if on:
+                self._off.pop(name, None)
+            else:
+                self._off[name] = None
+        await self._each([self._drive("POST", name, "power-on" if on else "power-off") for name in names])
+
+    def _end_fault(self, name: str) -> Life:
+        injected = self._own.get(name)
+        if injected is None:
+            return
+        yield from self._await(self._clear(injected))
+        self._own.pop(name, None)
+
+    async def _clear(self, injected: _Injected) -> None:
+        found = await self._faults.get(injected.id)
+        whole = True
+        if found["state"] != "ended":
+            found, whole = await self._faults.clear(injected.id)
+        injected.fault = found
+        self.record.fault_ended(cast("Any", injected))
+        if not whole:
+            raise AwayError(
+                f"{injected.id} is cleared, but for drives whose shards do not answer: {found['unreachable']}"
+            )
+
+    def _load(self, step: Step) -> Life:
+        view = yield from self._await(drives_view(self._hub))
+        powered = {drive["name"]: bool(drive["powered"]) for drive in view["drives"]}
+        chosen = self.binding.chosen(step, "on")
+        wanted = step.get("drives")
+        if wanted is None:
+            wanted = step.values["total"] - sum(powered[name] for name in chosen)
+        if not wanted:
+            return
+        names = [name for name in chosen if powered[name] is not (wanted > 0)]
+        if len(names) < abs(wanted):
+            word = "off" if wanted > 0 else "on"
+            raise ConfigError(f"{abs(wanted)} drives are wanted, but only {len(names)} are {word}")
+        names = names[:wanted] if wanted > 0 else names[: wanted - 1 : -1]
+        begin, over = self._now, step.get("over", 0)
+        for number, name in enumerate(names):
+            yield from self._sleep(max(0, begin + over * number // len(names) - self._now))
+            yield from self._await(self._power([name], on=wanted > 0))
+        yield from self._sleep(max(0, begin + over - self._now))
+
+    # -- steps that look
+
+    def _parts(self, step: Step) -> dict[Shard, list[str]]:
+        """The drives of a step by shard, also by one that is away."""
+        found: dict[Shard, list[str]] = {}
+        for name in self.binding.chosen(step):
+            found.setdefault(self._hub.shards.known(name), []).append(name)
+        return found
+
+    def _looked(self, step: Step, kind: str, keys: Mapping[str, Any]) -> Generator[int, None, list[dict[str, Any]]]:
+        """The records of one step on each shard that has drives of it; of a lost one, a record that says so."""
+        parts = self._parts(step)
+        length = step.get("within", DEFAULT_WITHIN_NS if kind == "wait" else 0) + step.get("for", 0)
+        texts = {shard: {kind: {**keys, "drive": names}} for shard, names in parts.items()}
+        return (yield from self._await(self._all_parts(texts, length)))
+
+    async def _all_parts(self, steps: Mapping[Shard, Mapping[str, Any]], length_ns: int) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = []
+
+        async def one(shard: Shard, step: Mapping[str, Any]) -> None:
+            try:
+                found.append(await self._part(shard, step, length_ns))
+            except AwayError as exc:
+                drives = next(iter(step.values())).get("drive", [])
+                found.append({"verdict": "lost", "cases": [], "lost": str(exc), "drives": drives, "lateness": None})
+
+        async with anyio.create_task_group() as tasks:
+            for shard, step in steps.items():
+                tasks.start_soon(one, shard, step)
+        return found
+
+    async def _part(self, shard: Shard, step: Mapping[str, Any], length_ns: int) -> dict[str, Any]:
+        """One step on one shard, until it is over.  Raises :class:`AwayError`."""
+        hub = self._hub
+        # JSON is YAML
+        body = {"text": json.dumps({"scenario": "part", "steps": [step]}), "part": True}
+        if (budget := self.binding.scenario.budget_ns) is not None:
+            text = json.dumps({"scenario": "part", "budget": format_duration(budget), "steps": [step]})
+            body["text"] = text
+        begun = read(shard, await hub.ask(shard, "POST", "scenarios", body=body), "id")
+        path = f"scenarios/{begun['id']}"
+        start = answered = hub.now()
+        try:
+            while True:
+                try:
+                    found = read(shard, await hub.ask(shard, "GET", path, query={"cases_from": 0}), "state")
+                    answered = hub.now()
+                    if found["state"] == "ended":
+                        return read(shard, await hub.ask(shard, "GET", path), "verdict", "cases", "lateness")
+                except AwayError:
+                    if hub.now() - answered > LOST_SECONDS * 1e9:
+                        raise
+                passed = hub.now() - start
+                if passed > length_ns + LOST_SECONDS * 1e9:
+                    raise AwayError(f"{shard.label} did not end a step in {passed / 1e9:.1f} s")
+                await hub.sleep(ASK_SECONDS if passed < 1_000_000_000 else LATER_SECONDS)
+        except asyncio.CancelledError:
+            with anyio.CancelScope(shield=True), suppress(AwayError):
+                await hub.ask(shard, "DELETE", path)
+            raise
+
+    def _wait_until(self, step: Step) -> Life:
+        begin = self._now
+        keys = {"until": step.values["until"], "within": format_duration(step.get("within", DEFAULT_WITHIN_NS))}
+        if step.values["until"] == ALL_CONNECTED:
+            keys["until"] = "connected"
+        records = yield from self._looked(step, "wait", keys)
+        if all(one["verdict"] == "passed" for one in records):
+            return
+        message = self._judge(step, begin, records)
+        raise EndedError(f"{step.title}: {message}")
+
+    def _expect(self, step: Step) -> Life:
+        begin = self._now
+        keys = {"that": step.values["that"]}
+        keys |= {key: format_duration(step.values[key]) for key in ("within", "for") if step.get(key)}
+        records = yield from self._looked(step, "expect", keys)
+        self._judge(step, begin, records)
+
+    def _judge(self, step: Step, begin: int, records: Sequence[Mapping[str, Any]]) -> str:
+        """One case of the shards' cases: the worst verdict decides; returns its message."""
+        cases = [case for one in records for case in one["cases"]]
+        lost = [one for one in records if one["verdict"] == "lost"]
+        verdicts = {Verdict(case["verdict"]) for case in cases} | ({Verdict.INCONCLUSIVE} if lost else set())
+        # what did not run on a shard was cut short there
+        verdict = next((one for one in _WORST if one in verdicts), Verdict.INCONCLUSIVE)
+        told = [case for case in cases if case["verdict"] == verdict]
+        if verdict is Verdict.PASSED:
+            # the slowest one decides
+            told = sorted(told, key=lambda case: -max(case["held_after_seconds"].values(), default=0.0))[:1]
+        messages = [case["message"] for case in told] + [f"not known: {one['lost']}" for one in lost]
+        message = "; ".join(dict.fromkeys(messages)) or "the shards did not carry it out"
+        late = [case["farm_late_seconds"] for case in cases if case["farm_late_seconds"] is not None]
+        self._case(
+            step,
+            verdict,
+            begin,
+            message,
+            measured="; ".join(case["measured"] for case in told if case["measured"]),
+            drives=[name for case in cases for name in case["drives"]] + [n for one in lost for n in one["drives"]],
+            took={name: round(s * 1e9) for case in cases for name, s in case["held_after_seconds"].items()},
+            values={name: values for case in cases for name, values in case["values"].items()},
+            late_ns=round(max(late) * 1e9) if late else None,
+        )
+        return message
+
+    def _read_metric(self, metric: MetricName) -> Generator[int, None, Reading]:
+        return (yield from self._await(self._metric(metric)))
+
+    async def _metric(self, metric: MetricName) -> Reading:
+        """The samples of all shards, added up; raises where one is missing: its part could be anything."""
+        hub = self._hub
+        for shard in hub.shards.unreachable:
+            raise shard.away()
+        found: dict[tuple[str, str], float] = {}
+
+        async def one(shard: Shard) -> None:
+            answer = await hub.client(shard).ask("GET", "/metrics", seconds=LOST_SECONDS)
+            if not answer.good:
+                raise AwayError(f"{shard.label} has no metrics: status {answer.status}", slug="refusal")
+            text = answer.body.decode("utf-8", "replace")
+            # a thousand drives have megabytes
+            part = await anyio.to_thread.run_sync(lambda: reading_of(text_string_to_metric_families(text), metric))
+            for key, value in part.items():
+                found[key] = found.get(key, 0.0) + value
+
+        await self._each([one(shard) for shard in hub.shards.reachable])
+        if not found:
+            raise ConfigError(f"no shard has a metric {metric.name} with these labels")
+        return found
+
+    def _expect_metric(self, step: Step) -> Life:
+        begin = self._now
+        metric = step.values["metric"]
+        asked = next(key for key in ("increases", "value", *QUANTILES) if key in step.values)
+        before = yield from self._read_metric(metric)
+        # meanwhile each shard watches its own lateness
+        length = max(1_000_000, step.get("for", 0))
+        waits = {shard: {"wait": {"for": format_duration(length)}} for shard in self._hub.shards.reachable}
+        records = yield from self._await(self._all_parts(waits, length))
+        value = measured(asked, before, (yield from self._read_metric(metric)))
+        bound = step.values[asked]
+        shown = show_value(metric.name, value)
+        message = f"{asked} {shown}, wanted {bound.sign} {show_value(metric.name, bound.value)}"
+        verdict = Verdict.PASSED if bound.holds(value) else Verdict.FAILED
+        if verdict is Verdict.FAILED and any(map(_was_late, records)):
+            verdict = Verdict.INCONCLUSIVE
+            message += "; a shard was itself late, or lost"
+        self._case(step, verdict, begin, message, value=value, measured=shown)
+
+    # -- the end
+
+    def _case(self, step: Step, verdict: Verdict, begin: int, message: str, **values: Any) -> None:
+        if step.part == "trial" and verdict is not Verdict.ERROR and step.kind == "expect":
+            self._outcomes[id(step)] = verdict, f"{step.title}: {message}"
+            return
+        value = values.pop("value", None)
+        shown = None if value is None or math.isnan(value) else value
+        case = Case(self._numbers[id(step)], step, verdict, begin, self._now, message=message, value=shown)
+        for key, one in values.items():
+            setattr(case, key, one)
+        self.record.add(case)
+        self._tell(step, case)
+
+    def _finish(self, why: str, *, broken: bool = False) -> None:
+        if self._ending is None:
+            self._life.close()
+            self._ending = asyncio.get_running_loop().create_task(self._undo(why, broken=broken))
+            self._hub.undoing.add(self._ending)
+            self._ending.add_done_callback(self._hub.undoing.discard)
+
+    async def _undo(self, why: str, *, broken: bool) -> None:
+        """End its faults and switch its drives on; what cannot be undone now is told."""
+        left: list[str] = []
+        for injected in list(self._own.values()):
+            try:
+                await self._clear(injected)
+            except PnfarmError as exc:
+                left.append(f"{injected.id} could not be cleared: {exc}")
+        if self._off:
+            try:
+                await self._power(list(self._off), on=True)
+            except PnfarmError as exc:
+                left.append(f"not all drives could be switched on: {exc}")
+        self._unsubscribe()
+        self._now = self._hub.now()
+        why = "; ".join(part for part in (why, *left) if part)
+        self._not_reached(why)
+        self.record.end(self._now, why, None, broken=broken)
+        self.finished = True
+        self.wake.set()

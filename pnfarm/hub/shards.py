@@ -1,0 +1,244 @@
+"""The shards that a hub knows, and which of them has which drive: a table without a clock, a socket or a task."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import EnvironmentError_
+from pnfarm.hub.clocks import ClockOffset
+from pnfarm.hub.states import TRANSITIONS, ShardEvent, ShardState
+from pnfarm.vocabulary.quoting import did_you_mean, shown
+from pnfarm.web.errors import NotFoundError, RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+__all__ = ["KEEP_NS", "MOST_SHARDS", "AwayError", "Shard", "Shards", "no_steps"]
+
+#: How long a shard that left DNS and does not answer is shown as unreachable.
+KEEP_NS = 600_000_000_000
+#: More than a plant has machines; more addresses behind a name are not asked.
+MOST_SHARDS = 256
+
+
+class AwayError(EnvironmentError_):
+    """A shard does not answer; ``event`` is what that says about it."""
+
+    def __init__(self, sentence: str, event: ShardEvent = ShardEvent.REFUSED, slug: str = "away") -> None:
+        super().__init__(sentence)
+        self.event = event
+        self.slug = slug
+
+
+@dataclass(slots=True, eq=False)
+class Shard:
+    """One farm behind one URL.  ``given``: by its URL, so that it is never forgotten; else found by a name."""
+
+    url: str
+    given: bool
+    state: ShardState = ShardState.UNKNOWN
+    #: Why it is not up, and since when: the hub's clock, and seconds since the epoch.
+    reason: str = "it has not answered yet"
+    since_ns: int = 0
+    since_wall: float = 0.0
+    clock: ClockOffset = field(default_factory=ClockOffset)
+    #: What its clock answered last: farm, pnfarm, instance ...
+    about: dict[str, Any] = field(default_factory=dict)
+    #: Its drives by name as they were seen last, and the rest of that answer.
+    drives: dict[str, dict[str, Any]] = field(default_factory=dict)
+    view: dict[str, Any] = field(default_factory=dict)
+    #: Its faults by id as they were seen last.
+    faults: dict[str, dict[str, Any]] = field(default_factory=dict)
+    errors: Counter[str] = field(default_factory=Counter)
+    #: When its address left the name's answer; None: it is there.
+    left_ns: int | None = None
+    #: What is odd about it, though it works.
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def label(self) -> str:
+        """``HOST:PORT``."""
+        return self.url.partition("://")[2]
+
+    @property
+    def instance(self) -> str:
+        return str(self.about.get("instance", ""))
+
+    @property
+    def asked(self) -> bool:
+        """Whether requests go to it."""
+        return self.state in {ShardState.UP, ShardState.SILENT}
+
+    def away(self) -> AwayError:
+        """Why it cannot be asked."""
+        return AwayError(f"{self.label} does not answer: {self.reason}")
+
+    def told(self) -> dict[str, Any]:
+        """An entry of ``unreachable``."""
+        return {"shard": self.label, "reason": self.reason, "since": self.since_wall}
+
+
+def no_steps(path: str) -> None:
+    """Raises :class:`NotFoundError` for a name or path that an HTTP client takes for steps to another path."""
+    if any(part in {".", ".."} for part in path.split("/")):
+        raise NotFoundError(f"there is nothing called {shown(path)}")
+
+
+_DIGITS = re.compile(r"([0-9]+)")
+
+
+def natural(name: str) -> tuple[Any, ...]:
+    """Orders ``axis-2`` before ``axis-10``, whatever the shards are."""
+    return tuple((1, int(part), part) if part.isdigit() else (0, 0, part) for part in _DIGITS.split(name[:250]) if part)
+
+
+class Shards:
+    """See the module's docstring; ``now`` is the hub's clock, ns, ``wall`` seconds since the epoch."""
+
+    def __init__(self) -> None:
+        self._all: dict[str, Shard] = {}
+        self._owners: dict[str, list[Shard]] = {}
+        self._order: tuple[str, ...] = ()
+        #: Counts changes of the list of drives.
+        self.layout = 0
+
+    def __iter__(self) -> Any:
+        return iter(list(self._all.values()))
+
+    def __len__(self) -> int:
+        return len(self._all)
+
+    # -- which there are
+
+    def give(self, url: str) -> Shard:
+        """One by its URL."""
+        return self._all.setdefault(url, Shard(url, given=True))
+
+    def found(self, urls: Iterable[str], now: int) -> None:
+        """The whole answer of a name: new ones are known from now on, others have left."""
+        wanted = dict.fromkeys(urls)
+        for url in wanted:
+            if url in self._all:
+                self._all[url].left_ns = None
+            elif len(self._all) < MOST_SHARDS:
+                self._all[url] = Shard(url, given=False, since_ns=now)
+        for shard in self._all.values():
+            if not shard.given and shard.url not in wanted and shard.left_ns is None:
+                shard.left_ns = now
+
+    def forget(self, now: int) -> list[Shard]:
+        """Take those out that left long ago, or whose drives are elsewhere by now; returns them."""
+        gone = []
+        for shard in list(self._all.values()):
+            if shard.left_ns is None or shard.asked:
+                continue
+            elsewhere = shard.drives and all(
+                any(owner is not shard and owner.asked for owner in self._owners.get(name, ())) for name in shard.drives
+            )
+            if elsewhere or not shard.drives or now - shard.left_ns > KEEP_NS:
+                del self._all[shard.url]
+                gone.append(shard)
+        if gone:
+            self._index()
+        return gone
+
+    # -- what they say
+
+    def note(self, shard: Shard, event: ShardEvent, reason: str, now: int, wall: float) -> bool:
+        """What came of the last question; the one place that writes a shard's state.  Whether it came or went."""
+        before, after = shard.state, TRANSITIONS[shard.state, event]
+        was_asked = shard.asked
+        shard.state = after
+        if after is not ShardState.UP:
+            shard.reason = reason
+        went = after is ShardState.AWAY and before is not ShardState.AWAY
+        if went or (shard.asked and not was_asked):
+            shard.since_ns, shard.since_wall = now, wall
+        if was_asked is not shard.asked:
+            self._index()
+        return was_asked is not shard.asked
+
+    def take(self, shard: Shard, view: Mapping[str, Any]) -> None:
+        """Its answer to ``GET drives``."""
+        drives = {str(one["name"]): one for one in view["drives"]}
+        same = drives.keys() == shard.drives.keys()
+        shard.drives = drives
+        shard.view = {key: value for key, value in view.items() if key != "drives"}
+        if not same:
+            self._index()
+
+    def _index(self) -> None:
+        owners: dict[str, list[Shard]] = {}
+        for shard in self._all.values():
+            for name in shard.drives:
+                owners.setdefault(name, []).append(shard)
+        # one that is away has lost its drives to one that has them now
+        self._owners = {name: [one for one in found if one.asked] or found[-1:] for name, found in owners.items()}
+        order = tuple(sorted(self._owners, key=natural))
+        if order != self._order:
+            self._order = order
+            self.layout += 1
+
+    # -- who has what
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every drive, in natural order of the names."""
+        return self._order
+
+    @property
+    def farm(self) -> str:
+        """The farm's name; of several farms all names."""
+        return " + ".join(dict.fromkeys(str(one.about["farm"]) for one in self._all.values() if one.about)) or "hub"
+
+    @property
+    def unreachable(self) -> list[Shard]:
+        """Those that cannot be asked."""
+        return [shard for shard in self._all.values() if not shard.asked]
+
+    @property
+    def reachable(self) -> list[Shard]:
+        return [shard for shard in self._all.values() if shard.asked]
+
+    def conflicts(self) -> dict[str, list[Shard]]:
+        """Drives that several shards claim."""
+        return {name: found for name, found in self._owners.items() if len(found) > 1}
+
+    def known(self, name: str) -> Shard:
+        """The shard that has a drive, also one that is away.
+
+        Raises :class:`NotFoundError`, or :class:`RequestError` (409) for a drive that two of them claim.
+        """
+        wanted = name if name in self._owners else self._renamed(name)
+        found = self._owners.get(wanted, [])
+        if not found:
+            if self.unreachable or not self._all:
+                away = ", ".join(shard.label for shard in self.unreachable) or "no shard is known"
+                raise AwayError(f"no shard that answers has a drive {shown(name)}; not asked: {away}")
+            raise NotFoundError(f"there is no drive {shown(name)}{did_you_mean(name, self._owners)}")
+        if len(found) > 1:
+            claims = " and ".join(shard.label for shard in found)
+            raise RequestError(
+                f"{wanted} is claimed by {claims}: stop one of them, so that it is clear which is meant",
+                status=HTTPStatus.CONFLICT,
+            )
+        return found[0]
+
+    def owner(self, name: str) -> Shard:
+        """As :meth:`known`; raises :class:`AwayError` for one that cannot be asked."""
+        found = self.known(name)
+        if not found.asked:
+            raise AwayError(f"{name} is unreachable: {found.away()}")
+        return found
+
+    def _renamed(self, name: str) -> str:
+        """A drive by its present name of station, as a farm takes it, too."""
+        for shard in self._all.values():
+            for own, view in shard.drives.items():
+                if view.get("station_name") == name:
+                    return own
+        return name

@@ -1,0 +1,243 @@
+"""The course of a scenario, wherever its drives are: sequences, branches, searches, and what each step is told to.
+
+:meth:`Flow.advance` carries out what is due and says when to come back.  Steps are generators that yield the time of
+their next look, so that branches of ``parallel`` run side by side.  What a step does to drives is a subclass's:
+:class:`pnfarm.scenario.run.ScenarioRun` for a farm of this process; a hub has one for farms behind their APIs.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import PnfarmError
+from pnfarm.scenario.file import walk
+from pnfarm.scenario.find import Search, number_of
+from pnfarm.scenario.measures import measured
+from pnfarm.scenario.record import Case, Record, Verdict
+
+if TYPE_CHECKING:
+    from pnfarm.scenario.binding import Binding
+    from pnfarm.scenario.measures import Reading
+    from pnfarm.scenario.steps import MetricName, Step
+
+__all__ = ["TRIES", "EndedError", "Flow", "Life", "Tell"]
+
+#: Most trials of a `find` with one value, as long as the farm itself is late in each.
+TRIES = 3
+
+Life = Generator[int, None, None]
+#: Called with each step that begins (case None) and each case that ends.
+Tell = Callable[["Step", "Case | None"], None]
+
+
+class EndedError(Exception):
+    """The scenario cannot go on."""
+
+
+class Flow(ABC):
+    """See the module's docstring."""
+
+    def __init__(self, binding: Binding, farm: str, now: int, tell: Tell | None = None) -> None:
+        self.binding = binding
+        self.record = Record(binding.scenario, farm, list(binding.drives), now)
+        self.finished = False
+        self._tell = tell or _silent
+        self._now = now
+        #: Faults of a trial, by step.
+        self._by_step: dict[int, str] = {}
+        #: What the expectations of a trial showed, by step.
+        self._outcomes: dict[int, tuple[Verdict, str]] = {}
+        every = list(binding.scenario.every_step())
+        self._numbers = {id(step): number for number, step in enumerate(every)}
+        self._expectations = [step for step in every if step.kind in {"expect", "find"} and not step.part]
+        self.steps = len(every)
+        #: When the present step is over at the latest.
+        self.due_ns = now
+        self._life = self._sequence(binding.scenario.steps)
+        self._begun = 0
+        #: The step that began last.
+        self.step = ""
+
+    @property
+    def steps_begun(self) -> int:
+        """Steps that began, for progress."""
+        return self._begun
+
+    def advance(self, now: int) -> int:
+        """Do what is due; when to call again at the latest."""
+        self._now = now
+        if self.finished:
+            return now
+        try:
+            self.due_ns = next(self._life)
+        except StopIteration:
+            self._finish("")
+        except EndedError as ended:
+            self._finish(str(ended))
+        else:
+            return self.due_ns
+        return now
+
+    def cancel(self, now: int, why: str = "cancelled", *, broken: bool = False) -> None:
+        """End before the last step; what did not run is reported as not run.
+
+        ``broken``: because the farm ended or failed, and not because somebody wished it.
+        """
+        self._now = now
+        if not self.finished:
+            self._finish(why, broken=broken)
+
+    @abstractmethod
+    def _finish(self, why: str, *, broken: bool = False) -> None:
+        """The run is over: undo what it changed, and give every case a verdict."""
+
+    def _not_reached(self, why: str) -> None:
+        """Expectations without a case did not run."""
+        reached = {case.number for case in self.record.cases}
+        for step in self._expectations:
+            if (number := self._numbers[id(step)]) not in reached:
+                self.record.add(Case(number, step, Verdict.NOT_RUN, 0, 0, message=why or "not reached"))
+
+    # -- what a subclass does
+
+    @abstractmethod
+    def _act(self, step: Step) -> Life:
+        """A step that changes something: a fault, clear, power, param."""
+
+    @abstractmethod
+    def _wait_until(self, step: Step) -> Life:
+        """Raises :class:`EndedError` where it does not come true in time."""
+
+    @abstractmethod
+    def _expect(self, step: Step) -> Life: ...
+
+    @abstractmethod
+    def _expect_metric(self, step: Step) -> Life: ...
+
+    @abstractmethod
+    def _load(self, step: Step) -> Life: ...
+
+    @abstractmethod
+    def _read_metric(self, metric: MetricName) -> Generator[int, None, Reading]: ...
+
+    @abstractmethod
+    def _end_fault(self, name: str) -> Life:
+        """End a fault of a trial, unless it has ended."""
+
+    @abstractmethod
+    def _case(self, step: Step, verdict: Verdict, begin: int, message: str, **values: Any) -> None:
+        """A step has its verdict."""
+
+    @property
+    def _told_late(self) -> str:
+        """How late the farm itself was, in words."""
+        return "late"
+
+    # -- the course
+
+    def _sequence(self, steps: tuple[Step, ...]) -> Life:
+        for step in steps:
+            self._begun += 1
+            self.step = step.title
+            self._tell(step, None)
+            self.record.step(step, self._now)
+            yield from self._step(step)
+
+    def _step(self, step: Step) -> Life:
+        try:
+            match step.kind:
+                case "wait" if "until" in step.values:
+                    yield from self._wait_until(step)
+                case "wait":
+                    yield from self._sleep(step.values["for"])
+                case "expect" if "metric" in step.values:
+                    yield from self._expect_metric(step)
+                case "expect":
+                    yield from self._expect(step)
+                case "load":
+                    yield from self._load(step)
+                case "parallel":
+                    yield from self._parallel(step)
+                case "find":
+                    yield from self._find(step)
+                case _:
+                    yield from self._act(step)
+        except PnfarmError as error:
+            self._case(step, Verdict.ERROR, self._now, str(error), measured="could not be carried out")
+            raise EndedError(f"{step.title}: {error}") from error
+
+    def _sleep(self, duration_ns: int) -> Life:
+        end = self._now + duration_ns
+        while self._now < end:
+            yield end
+
+    def _parallel(self, step: Step) -> Life:
+        branches = [self._sequence(branch) for branch in step.branches]
+        try:
+            while branches:
+                looks = []
+                for branch in list(branches):
+                    try:
+                        looks.append(next(branch))
+                    except StopIteration:
+                        branches.remove(branch)
+                if branches:
+                    yield min(looks)
+        finally:
+            for branch in branches:
+                branch.close()
+
+    def _find(self, step: Step) -> Life:
+        begin = self._now
+        search = Search(step.values["values"], step.get("by", "first"))
+        while (place := search.next()) is not None:
+            trial, then = step.branches[2 * place : 2 * place + 2]
+            for _ in range(TRIES):
+                verdict = yield from self._trial(step, search, place, trial)
+                yield from self._sequence(then)
+                if verdict is not Verdict.INCONCLUSIVE:
+                    break
+            else:
+                late = self._told_late
+                message = f"the farm was itself {late} in each of {TRIES} trials with {search.values[place]}"
+                self._case(step, Verdict.INCONCLUSIVE, begin, message)
+                self.record.found(step, search, Verdict.INCONCLUSIVE, message)
+                return
+        held, message = search.verdict(step.get("is"))
+        verdict = Verdict.PASSED if held else Verdict.FAILED
+        value = number_of(search.found) if search.found is not None else None
+        shown = str(search.found) if search.found is not None else "no value holds"
+        self._case(step, verdict, begin, message, value=value, measured=shown)
+        self.record.found(step, search, verdict, message)
+
+    def _trial(self, step: Step, search: Search, place: int, trial: tuple[Step, ...]) -> Generator[int, None, Verdict]:
+        """One trial, up to its first expectation that does not hold; its faults end with it."""
+        begin = self._now
+        measure = step.get("measure")
+        before = (yield from self._read_metric(measure.metric)) if measure is not None else {}
+        decided = Verdict.PASSED, ""
+        for part in trial:
+            yield from self._sequence((part,))
+            outcomes = [found for inner in walk((part,)) if (found := self._outcomes.pop(id(inner), None)) is not None]
+            decided = next((found for found in outcomes if found[0] is not Verdict.PASSED), decided)
+            if decided[0] is not Verdict.PASSED:
+                break
+        value = None
+        if measure is not None:
+            after = yield from self._read_metric(measure.metric)
+            value = measured(measure.asked, before, after)
+        for part in walk(trial):
+            name = self._by_step.pop(id(part), None)
+            if name is not None:
+                yield from self._end_fault(name)
+        verdict, message = decided
+        if verdict is not Verdict.INCONCLUSIVE:
+            at = (begin - self.record.origin_ns) / 1e9
+            search.note(place, held=verdict is Verdict.PASSED, message=message, measured=value, at_seconds=at)
+        return verdict
+
+
+def _silent(step: Step, case: Case | None) -> None:
+    del step, case

@@ -1,0 +1,36 @@
+"""What a hub answers in part: the commands print what there is, then what is missing, and say so by their exit code."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import RemoteError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["raise_for_missing"]
+
+#: Names in one sentence.
+MOST = 8
+
+
+def raise_for_missing(found: Mapping[str, Any]) -> None:
+    """Raises :class:`RemoteError` with what a hub's answer lacks; a farm's own answer lacks nothing."""
+    missing = found.get("unreachable") or []
+    if not_hit := found.get("not_hit"):
+        first = not_hit[0]
+        raise RemoteError(f"not hit: {_few([one['drive'] for one in not_hit])}: {first['why']}")
+    if not missing:
+        return
+    if isinstance(missing, dict):
+        raise RemoteError(f"{found.get('name', 'the drive')} is unreachable: {missing['reason']}")
+    if isinstance(missing[0], str):
+        raise RemoteError(f"not known of {_few(missing)}, which are unreachable: what is shown was seen last")
+    shards = [one["shard"] for one in missing]
+    raise RemoteError(f"unreachable, so that their part is missing: {_few(shards)}: {missing[0]['reason']}")
+
+
+def _few(names: list[str]) -> str:
+    rest = f" and {len(names) - MOST} more" if len(names) > MOST else ""
+    return ", ".join(names[:MOST]) + rest

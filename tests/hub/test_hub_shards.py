@@ -1,0 +1,224 @@
+"""Which shards there are, how they are judged, whose drives are whose; clocks; the merged log.  No I/O."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pnfarm.errors import ConfigError
+from pnfarm.hub.clocks import ClockOffset
+from pnfarm.hub.log import HOLD_NS, KEPT, MergedLog, format_position, parse_position
+from pnfarm.hub.settings import api_of, name_of, url_of
+from pnfarm.hub.shards import KEEP_NS, AwayError, Shards
+from pnfarm.hub.states import TRANSITIONS, ShardEvent, ShardState
+from pnfarm.web.errors import NotFoundError, RequestError
+
+SECOND = 1_000_000_000
+
+
+def view(*names):
+    return {"drives": [{"name": name, "model": "akd-profinet"} for name in names], "engine": {}, "lines": []}
+
+
+def up(shards, url, *names, now=0):
+    shard = shards.give(url)
+    shards.note(shard, ShardEvent.ANSWERED, "", now, 0.0)
+    shards.take(shard, view(*names))
+    return shard
+
+
+def test_every_state_has_an_answer_to_every_event():
+    assert set(TRANSITIONS) == set(itertools.product(ShardState, ShardEvent))
+
+
+def test_one_late_answer_is_no_loss_and_two_are():
+    shards = Shards()
+    one = up(shards, "http://a:1", "x")
+    shards.note(one, ShardEvent.MISSED, "late", 5, 5.0)
+    assert (one.state, one.asked) == (ShardState.SILENT, True)
+    shards.note(one, ShardEvent.MISSED, "late", 7, 7.0)
+    assert (one.state, one.asked, one.since_wall) == (ShardState.AWAY, False, 7.0)
+    shards.note(one, ShardEvent.MISSED, "late", 9, 9.0)
+    assert one.since_wall == 7.0
+    with pytest.raises(AwayError, match="x is unreachable: a:1 does not answer: late"):
+        shards.owner("x")
+    assert shards.note(one, ShardEvent.ANSWERED, "", 10, 10.0)
+    assert shards.owner("x") is one
+
+
+def test_drives_are_in_natural_order_whatever_the_shards():
+    shards = Shards()
+    up(shards, "http://b:1", "axis-10", "axis-2")
+    up(shards, "http://a:1", "axis-1", "axis-3", "pump")
+    assert shards.names == ("axis-1", "axis-2", "axis-3", "axis-10", "pump")
+    with pytest.raises(NotFoundError, match=r"did you mean pump\?"):
+        shards.owner("pumb")
+
+
+def test_a_drive_that_two_claim_is_nobodys_until_one_is_away():
+    shards = Shards()
+    one, other = up(shards, "http://a:1", "x", "y"), up(shards, "http://b:1", "x")
+    assert list(shards.conflicts()) == ["x"]
+    with pytest.raises(RequestError, match="x is claimed by a:1 and b:1") as caught:
+        shards.owner("x")
+    assert caught.value.status == 409
+    assert shards.owner("y") is one
+    shards.note(other, ShardEvent.REFUSED, "gone", 1, 1.0)
+    assert shards.conflicts() == {}
+    assert shards.owner("x") is one
+
+
+def test_a_drive_that_nobody_has_may_be_of_a_shard_that_is_away():
+    shards = Shards()
+    up(shards, "http://a:1", "x")
+    shards.give("http://b:1")
+    with pytest.raises(AwayError, match="no shard that answers has a drive 'z'; not asked: b:1"):
+        shards.owner("z")
+
+
+def test_a_shard_that_left_dns_is_kept_for_a_time_and_one_that_moved_is_not():
+    shards = Shards()
+    shards.found(["http://a:1", "http://b:1"], 0)
+    one, other = list(shards)
+    for shard, name in ((one, "x"), (other, "y")):
+        shards.note(shard, ShardEvent.ANSWERED, "", 0, 0.0)
+        shards.take(shard, view(name))
+    shards.found(["http://b:1"], SECOND)
+    # it still answers: it is still asked
+    assert shards.owner("x") is one
+    assert shards.forget(2 * SECOND) == []
+    shards.note(one, ShardEvent.REFUSED, "gone", 2 * SECOND, 2.0)
+    assert shards.forget(SECOND + KEEP_NS) == []
+    assert shards.unreachable == [one]
+    assert shards.names == ("x", "y")
+    assert shards.forget(SECOND + KEEP_NS + 1) == [one]
+    assert shards.names == ("y",)
+    # its drives are back at another address
+    shards.note(other, ShardEvent.REFUSED, "gone", 0, 0.0)
+    shards.found(["http://c:1"], 5 * SECOND)
+    third = next(shard for shard in shards if shard.url == "http://c:1")
+    shards.note(third, ShardEvent.ANSWERED, "", 0, 0.0)
+    shards.take(third, view("y"))
+    assert shards.forget(6 * SECOND) == [other]
+    assert shards.owner("y") is third
+
+
+def test_a_shard_that_was_given_is_never_forgotten():
+    shards = Shards()
+    one = shards.give("http://a:1")
+    shards.note(one, ShardEvent.REFUSED, "gone", 0, 0.0)
+    shards.found([], 0)
+    assert shards.forget(10 * KEEP_NS) == []
+
+
+@given(
+    offset=st.integers(-(10**15), 10**15),
+    trips=st.lists(st.tuples(st.integers(0, 10**9), st.integers(0, 10**9)), min_size=1, max_size=40),
+)
+def test_the_true_offset_is_always_within_the_uncertainty(offset, trips):
+    clock, now = ClockOffset(), 10**12
+    for there, back in trips:
+        clock.note(now, now + there + offset, now + there + back)
+        now += there + back + SECOND
+        assert abs(clock.offset_ns - offset) <= clock.uncertainty_ns(now) + 1
+    assert clock.to_hub(clock.to_shard(now)) == pytest.approx(now / 1e9)
+
+
+def test_the_best_round_trip_counts_and_ages():
+    clock = ClockOffset()
+    clock.note(0, 5_000, 1_000)
+    best = clock.uncertainty_ns(1_000)
+    clock.note(SECOND, SECOND + 500_000, SECOND + 1_000_000)
+    assert clock.offset_ns == 4_500
+    assert best == 500 < clock.uncertainty_ns(SECOND + 1_000_000) < 500_000
+    clock.forget()
+    assert not clock.known
+
+
+def test_a_clock_that_stood_still_is_measured_anew():
+    clock = ClockOffset()
+    for second in range(5):
+        clock.note(second * SECOND, second * SECOND + 1_500, second * SECOND + 1_000)
+    stall = 700_000_000
+    clock.note(6 * SECOND, 6 * SECOND - stall + 50_000, 6 * SECOND + 100_000)
+    assert clock.offset_ns == pytest.approx(-stall, abs=50_001)
+    assert clock.uncertainty_ns(6 * SECOND + 100_000) == 50_000
+
+
+def entry(drive="x", event="e"):
+    return {"drive": drive, "event": event}
+
+
+def test_entries_come_in_the_order_of_time_also_if_they_arrive_otherwise():
+    log = MergedLog()
+    log.take("a" * 8, 1, 300, entry(event="second"))
+    log.take("b" * 8, 1, 200, entry(event="first"))
+    log.release(299 + HOLD_NS)
+    log.take("b" * 8, 2, 250, entry(event="too late"))
+    log.release(10**12)
+    assert [one.data["event"] for one in log.entries()] == ["first", "too late", "second"]
+    assert [one.sequence for one in log.entries()] == [1, 2, 3]
+    # the same again is nothing new
+    log.take("b" * 8, 2, 250, entry())
+    log.release(10**12)
+    assert log.newest == 3
+
+
+def test_a_position_goes_over_a_restart_and_tells_what_is_lost():
+    log = MergedLog()
+    for number in range(1, 6):
+        log.take("a" * 8, number, number, entry())
+    log.release(10**12)
+    position = log.position(3)
+    assert parse_position(format_position(position)) == position == {"a" * 8: 3}
+    other = MergedLog()
+    # the shard itself has lost the first five
+    other.take("a" * 8, 6, 6, entry())
+    other.release(10**12)
+    assert other.lost(position) == 2
+    assert log.lost(position) == 0
+    other.take("a" * 8, 9, 9, entry())
+    other.release(10**12)
+    assert [one.lost for one in other.entries()] == [0, 2]
+
+
+def test_a_flood_takes_no_memory_without_bound():
+    log = MergedLog()
+    for number in range(1, KEPT + 20_000):
+        log.take("a" * 8, number, number, entry())
+        if number % 1000 == 0:
+            log.release(0)
+    log.release(10**15)
+    assert len(log.entries()) == KEPT
+    assert log.lost({"a" * 8: 0}) == 19_999
+
+
+@given(st.text(max_size=60))
+def test_any_text_is_a_position_or_none(text):
+    found = parse_position(text)
+    assert found is None or format_position(found).count("-") == len(found)
+
+
+@pytest.mark.parametrize("text", ["", "12", "aaaaaaaa", "aaaaaaaa-", "aaaaaaaa-1.", "aaaaaaaa-1" + ".aaaaaaaa-1" * 900])
+def test_what_is_no_position_is_none(text):
+    assert parse_position(text) is None
+
+
+def test_addresses_are_read_and_wrong_ones_refused_in_one_sentence():
+    assert url_of("10.0.0.3") == "http://10.0.0.3:8702"
+    assert url_of("https://Farm.local:99/") == "https://farm.local:99"
+    assert url_of("[::1]:8702") == "http://[::1]:8702"
+    assert name_of("tasks.farm:8702") == ("tasks.farm", 8702)
+    for wrong in ("", "http://", "http://x/path", "x:0", "x:99999", "a b", "ftp://x"):
+        with pytest.raises(ConfigError, match="--shard"):
+            url_of(wrong)
+    for wrong in ("farm", "farm:", ":8702", "farm:0", "http://farm:1"):
+        with pytest.raises(ConfigError, match="--discover"):
+            name_of(wrong)
+    with pytest.raises(ConfigError, match="--api-token"):
+        api_of("127.0.0.1:0", "short", None)
+    with pytest.raises(ConfigError, match="--api: "):
+        api_of("nowhere", None, None)
