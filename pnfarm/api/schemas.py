@@ -263,8 +263,16 @@ class LineView(Schema):
     reply_seconds_mean: float | None = Field(description="From a request's last octet to its answer, in this process.")
 
 
+class ShardView(Schema):
+    """Which part of a farm these drives are."""
+
+    index: int = Field(description="From 1.")
+    count: int
+
+
 class FarmView(Schema):
     farm: str
+    shard: ShardView | None = Field(description="Null where the whole farm runs here.")
     link: str
     lines: list[LineView]
     engine: Engine

@@ -111,6 +111,9 @@ def _all(view: dict[str, Any], output: Format) -> None:
         for drive in drives
     ]
     print_table(columns, rows)
+    # an older farm's answer has none
+    if shard := view.get("shard"):
+        print_line(f"shard {shard['index']}/{shard['count']} of farm {view['farm']}")
     for line in view["lines"]:
         print_line(_line_text(line))
 

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
+    from pnfarm.farm.shard import Shard
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.links.line import LineTally
     from pnfarm.station.event_log import EventLog
@@ -107,7 +108,7 @@ class SocketNode(Protocol):
 class FarmCore:
     """``ports`` belong to ``drives`` one by one; ``models`` gives a drive's model under its own identity.
 
-    ``clock`` is the one by which frames are sent.
+    ``clock`` is the one by which frames are sent.  ``shard``: which part of a farm these drives are, None for all.
     """
 
     def __init__(
@@ -124,8 +125,10 @@ class FarmCore:
         clock: Clock,
         tick_ns: int = 1_000_000,
         lldp: bool = True,
+        shard: Shard | None = None,
     ) -> None:
         self.name = name
+        self.shard = shard
         gate = self._gate = GatedLink(link, clock)
         self.link: Link = gate
         self.log = log

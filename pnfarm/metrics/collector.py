@@ -124,6 +124,15 @@ class FarmCollector(Collector):
         drive = self._per_drive
         self._build = Family("pnfarm_build_info", "gauge", "Version of pnfarm; always 1.", ("version",))
         self._build.add(__version__)
+        self._shard = Family(
+            "pnfarm_shard_info",
+            "gauge",
+            "Which part of a farm these drives are; always 1, and 1/1 for the whole farm.",
+            ("farm", "shard", "shards"),
+        )
+        shard = self._core.shard
+        index, count = (1, 1) if shard is None else (shard.index, shard.count)
+        self._shard.add(self._core.name, str(index), str(count))
         self._info = Family(
             "pnfarm_drive_info",
             "gauge",
@@ -268,7 +277,7 @@ class FarmCollector(Collector):
         stations = core.stations
         count = len(stations)
         axis = core.columns.axis[:count]
-        parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._info, [1] * count)]
+        parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._shard, [1]), (self._info, [1] * count)]
         parts += [(family, AXIS.read(axis, column).tolist()) for family, column in self._axis]
         observed = core.columns.observed[:count]
         parts += [
