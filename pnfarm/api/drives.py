@@ -55,6 +55,7 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
         view = {
             "farm": core.name,
             "shard": None if core.shard is None else core.shard.as_dict(),
+            "standing": None if core.leaseholder is None else core.leaseholder.as_dict(),
             "link": core.link.kind,
             "lines": [line_snapshot(core, name) for name in core.lines],
             "engine": engine_snapshot(core),

@@ -11,10 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.cli.files import counted
+from pnfarm.config.database import redacted
 from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink, TapLink, VethLink
+from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.doctor import Finding
 from pnfarm.farm.file.reading import expand
 from pnfarm.farm.load import Load, load_of
+from pnfarm.farm.postgres import answer_seconds
 from pnfarm.farm.shard import part_of
 from pnfarm.terminal.working import working
 
@@ -94,6 +97,8 @@ def _api(config: FarmConfig) -> list[Finding]:
 def _state(config: FarmConfig) -> list[Finding]:
     if config.state is None:
         return []
+    if (url := config.state_database) is not None:
+        return [_database(url, config)]
     base = config.path.parent if config.path is not None else Path()
     folder = base / config.state
     # the farm makes what is missing of it
@@ -101,6 +106,16 @@ def _state(config: FarmConfig) -> list[Finding]:
     if existing.is_dir() and os.access(existing, os.W_OK | os.X_OK):
         return [Finding("state", True, f"{folder} can be written")]
     return [Finding("state", False, f"{folder} cannot be written", f"sudo chown $USER {existing}")]
+
+
+def _database(url: str, config: FarmConfig) -> Finding:
+    """Whether the database of ``state`` answers; nothing is made in it."""
+    where = redacted(url)
+    try:
+        seconds = answer_seconds(url, config.farm or "farm")
+    except EnvironmentError_ as exc:
+        return Finding("state", False, str(exc), f"psql '{where}'")
+    return Finding("state", True, f"{where} answers within {seconds * 1e3:.1f} ms")
 
 
 # -- processor time

@@ -20,7 +20,15 @@ import numpy as np
 
 from pnfarm.engine.columns import RX_BATCH, Columns
 from pnfarm.engine.held import sent_length, sent_port
-from pnfarm.engine.libc import CLOCK_MONOTONIC, CLOCK_REALTIME, MSG_DONTWAIT, recvmmsg, sendmmsg, time_ns
+from pnfarm.engine.libc import (
+    CLOCK_BOOTTIME,
+    CLOCK_MONOTONIC,
+    CLOCK_REALTIME,
+    MSG_DONTWAIT,
+    recvmmsg,
+    sendmmsg,
+    time_ns,
+)
 from pnfarm.errors import EnvironmentError_
 from pnfarm.table.channel import FRAME_SLOT
 from pnfarm.table.compiled import compiled
@@ -123,7 +131,10 @@ def receive_batch(columns: Columns, ring: Ring, descriptor: int, now: int) -> in
 
 @compiled
 def send_batch(columns: Columns, ring: Ring, count: int) -> None:
-    """Hand ``count`` frames of ``tx_row`` to the kernel; what it refuses is counted and dropped."""
+    """Hand ``count`` frames of ``tx_row`` to the kernel; what it refuses is counted and dropped.
+
+    After the end of a lease nothing is sent.
+    """
     engine = columns.engine[0]
     for i in range(count):
         # a plain integer: interpreted, address arithmetic with the array's int32 would overflow
@@ -143,6 +154,10 @@ def send_batch(columns: Columns, ring: Ring, count: int) -> None:
         ring.tx_vector[i, NAME_LENGTH] = SOCKADDR_LL
         ring.tx_vector[i, IOV] = ring.tx_iov.ctypes.data + row * 16
         ring.tx_vector[i, IOV_LENGTH] = 1
+    # looked at last: the process may have been frozen since the tick began
+    if engine.lease_until_ns != 0 and time_ns(CLOCK_BOOTTIME, ring.clock) >= engine.lease_until_ns:
+        engine.muted += count
+        return
     done = 0
     while done < count:
         sent = sendmmsg(ring.descriptor, ring.tx_vector.ctypes.data + done * 64, count - done, MSG_DONTWAIT)

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
+    from pnfarm.farm.leaseholder import Leaseholder
     from pnfarm.farm.shard import Shard
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.links.line import LineTally
@@ -145,6 +146,10 @@ class FarmCore:
         #: What the drives' controllers did.
         self.controllers = ControllerRecords(log, [config.name for config in drives])
         self.columns.image.lost[:] = LOST_NEVER
+        #: Whether the drives may send at this moment; None: always.
+        self.may_speak: Callable[[], bool] | None = None
+        #: The keeper of the memory's database and of the lease, None without.
+        self.leaseholder: Leaseholder | None = None
         self.impairments = ImpairmentTable(self.columns)
         self.channels = ChannelTable(self.columns)
         #: How late the farm itself was.
@@ -275,7 +280,7 @@ class FarmCore:
         self.settle(station, now)
 
     def _act(self, port: int, action: SocketAction) -> None:
-        if self._sockets is not None:
+        if self._sockets is not None and (self.may_speak is None or self.may_speak()):
             self._sockets.act(port, action)
 
     def _refuse_streams(self, port: int, refused: bool) -> None:
@@ -330,7 +335,7 @@ class FarmCore:
         The short way of most telegrams of a line: no injection, no deadline and no listener is concerned.
         """
         segment = self._line_segment
-        if segment is None:
+        if segment is None or (self.may_speak is not None and not self.may_speak()):
             return None
         port = segment.addressed(octets)
         if port is None:

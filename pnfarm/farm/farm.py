@@ -39,17 +39,21 @@ from pnfarm.farm.events import (
 from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
 from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.injections import add_impairments
+from pnfarm.farm.lease import Lease
+from pnfarm.farm.leaseholder import Leaseholder
 from pnfarm.farm.lines import line_bus, make_line, make_lines
 from pnfarm.farm.load import line_name
 from pnfarm.farm.memory import MemoryDriver
+from pnfarm.farm.postgres import PostgresState
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.shard import Shard, parse_shard, part_of
 from pnfarm.farm.state import FarmState
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link
-from pnfarm.links.interfaces import Interfaces, remove_leftovers, remove_leftovers_now
+from pnfarm.links.interfaces import Interfaces, remove_leftovers, remove_leftovers_now, run_to_completion
 from pnfarm.links.joined import JoinedLink, lines_of
+from pnfarm.links.leased import LeasedLink
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.ownership import FarmLock, owner_of, shards_in
 from pnfarm.links.tap import TapLink
@@ -171,7 +175,8 @@ class Farm:
             make_link(config, self.drives, shard) if self.world is None else self.world.link(baud=_memory_baud(config))
         )
         self._lock = _lock(config, shard)
-        self._state: FarmState | None = None
+        self._state: FarmState | PostgresState | None = None
+        self._leaseholder: Leaseholder | None = None
         self._driver: RealTimeDriver | MemoryDriver | None = None
         self._core: FarmCore | None = None
         self.started_ns = 0
@@ -247,7 +252,7 @@ class Farm:
                     await remove_leftovers(_owner(self.config, None))
             else:
                 self.world.clock.now = time.monotonic_ns()
-            self._state = FarmState(self.config.state_directory)
+            self._state = await self._open_state()
             ports = await self.link.open([self._port_of(drive) for drive in self.drives])
             if self.capture is not None:
                 self.capture.start(ports, far_end=isinstance(unwrap(self.link), TapLink))
@@ -269,6 +274,8 @@ class Farm:
             for action in self.on_start:
                 action(self._core)
             now = await self._make_driver(self._core, ports)
+            if self._leaseholder is not None:
+                self._leaseholder.start(self._core, self.poke)
             add_impairments(self._core.injections, self.drives, now, part=self.shard is not None)
             self._core.start(now)
             await self.driver.start()
@@ -278,6 +285,26 @@ class Farm:
             with anyio.CancelScope(shield=True):
                 await self.close()
             raise
+
+    async def _open_state(self) -> FarmState | PostgresState:
+        """The drives' memory; in a database it is shared, and every drive is claimed there before it is made."""
+        url = self.config.state_database
+        if url is None:
+            return FarmState(self.config.state_directory)
+        state = PostgresState(
+            url,
+            self.config.farm or "farm",
+            [drive.name for drive in self.drives],
+            lease=Lease(self.config.lease.ttl_ns),
+            shard="" if self.shard is None else str(self.shard),
+        )
+        self._state = state
+        holder = self._leaseholder = Leaseholder(state, self.log, time.monotonic_ns)
+        await run_to_completion(state.start)
+        await holder.wait()
+        if self.world is None:
+            self.link = LeasedLink(self.link, state.may_speak)
+        return state
 
     @staticmethod
     def _port_of(drive: DriveConfig) -> PortSpec:
@@ -344,16 +371,19 @@ class Farm:
         finally:
             # each of these is done, whatever the others raise
             async with contextlib.AsyncExitStack() as stack:
-                stack.callback(self._release)
+                stack.push_async_callback(self._release)
                 stack.push_async_callback(self.link.close)
                 if self.capture is not None:
                     stack.push_async_callback(asyncio.to_thread, self.capture.stop)
                 for action in self.on_close:
                     stack.push_async_callback(action)
 
-    def _release(self) -> None:
+    async def _release(self) -> None:
+        """After the interfaces are gone: others may have the drives."""
+        if self._leaseholder is not None:
+            self._leaseholder.stop()
         if self._state is not None:
-            self._state.close()
+            await asyncio.to_thread(self._state.close)
             self._state = None
         self._lock.release()
         self._driver = None

@@ -40,7 +40,8 @@ __all__ = [
     "renewal_ns",
 ]
 
-SHORTEST_TTL_NS, DEFAULT_TTL_NS, LONGEST_TTL_NS = 2_000_000_000, 5_000_000_000, 60_000_000_000
+#: The kernel counts the life of its addresses in whole seconds, which a shorter one does not leave.
+SHORTEST_TTL_NS, DEFAULT_TTL_NS, LONGEST_TTL_NS = 3_000_000_000, 5_000_000_000, 60_000_000_000
 _LONGEST_RENEWAL_NS = 1_000_000_000
 
 

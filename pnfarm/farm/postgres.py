@@ -19,8 +19,8 @@ import uuid
 from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
+from pnfarm.config.database import redacted
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.lease import Lease, LeaseState
 from pnfarm.farm.memory_json import rows_of, values_of
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.lease import LeaseChanged
     from pnfarm.farm.postgres_tables import Holder
 
-__all__ = ["PostgresState", "is_database", "lease_clock", "redacted", "require_driver"]
+__all__ = ["PostgresState", "answer_seconds", "lease_clock", "require_driver"]
 
 #: How long a save may take.
 SAVE_SECONDS = 0.25
@@ -44,24 +44,6 @@ STUCK_SECONDS = 4.0
 ALIVE_SECONDS = 1.0
 #: Before another try to connect, the first and the longest.
 AGAIN_SECONDS, AGAIN_MOST_SECONDS = 0.25, 2.0
-
-_SCHEMES = ("postgresql://", "postgres://")
-
-
-def is_database(state: str | None) -> bool:
-    """Whether ``state`` of a farm file names a database, not a folder."""
-    return state is not None and state.startswith(_SCHEMES)
-
-
-def redacted(url: str) -> str:
-    """A database's URL for people: without password and options."""
-    try:
-        parts = urlsplit(url)
-        hosts = parts.netloc.rpartition("@")[2]
-        user = (parts.username or "") if "@" in parts.netloc else ""
-    except ValueError:
-        return "postgresql://..."
-    return f"postgresql://{user}{'@' if user else ''}{hosts}{parts.path}"
 
 
 def lease_clock() -> int:
@@ -130,7 +112,8 @@ class PostgresState:
         self._clock = clock
         ttl = 0.0 if lease is None else lease.ttl_ns / 1e9
         self._owner = None if lease is None else Owner(uuid.uuid4().hex, socket.gethostname(), shard, ttl)
-        self._changed = threading.Condition()
+        #: Guards everything that both sides use.
+        self.changed = threading.Condition()
         self.standing = Standing(reason="it was not asked yet")
         self._held: dict[str, list[tuple[str, str]]] = {}
         self._is_read = False
@@ -145,12 +128,12 @@ class PostgresState:
 
     def start(self) -> None:
         """Begin; returns once the database has answered.  Raises :class:`EnvironmentError_`.  Blocks."""
-        self._conninfo()
+        self.conninfo()
         self._thread = threading.Thread(target=self._run, name="pnfarm-memory", daemon=True)
         self._thread.start()
-        with self._changed:
+        with self.changed:
             ready = lambda: self.standing.up or self._fatal is not None or self.standing.waiting  # noqa: E731
-            self._changed.wait_for(ready, START_SECONDS)
+            self.changed.wait_for(ready, START_SECONDS)
             fatal, standing = self._fatal, self.standing
         if fatal is not None or not (standing.up or standing.waiting):
             self.close()
@@ -160,9 +143,9 @@ class PostgresState:
 
     def close(self) -> None:
         """Give the claims back and end the connection; waits a moment for it."""
-        with self._changed:
+        with self.changed:
             self._closing = True
-            self._changed.notify_all()
+            self.changed.notify_all()
         if self._thread is not None:
             self._thread.join(STUCK_SECONDS + 1)
             self._thread = None
@@ -171,7 +154,7 @@ class PostgresState:
         """What became of the lease since the last call; notices its end."""
         if self.lease is None:
             return []
-        with self._changed:
+        with self.changed:
             self.lease.handle_timeout(self._clock())
             return self.lease.changes()
 
@@ -183,6 +166,10 @@ class PostgresState:
     def may_speak(self) -> bool:
         """Whether the drives may send now."""
         return self.lease is None or self.lease.may_speak(self._clock())
+
+    def speaking_seconds(self) -> float:
+        """How long the drives may still speak by their lease."""
+        return 0.0 if self.lease is None else max(0.0, (self.lease.until_ns - self._clock()) / 1e9)
 
     def renewed_seconds_ago(self) -> float | None:
         """Since the newest renewal was asked for that was granted, None without one."""
@@ -198,20 +185,20 @@ class PostgresState:
 
     def load(self, station: str) -> dict[str, Any] | None:
         """What is held for this station."""
-        with self._changed:
+        with self.changed:
             rows = self._held.get(station)
         return None if rows is None else values_of(rows, station, self.damaged)
 
     def save(self, station: str, values: dict[str, Any]) -> None:
         """See :meth:`pnfarm.drives.memory.NonVolatile.save`; waits for :data:`SAVE_SECONDS` at most."""
         save = _Save(station, rows_of(values))
-        with self._changed:
+        with self.changed:
             if not self.standing.up:
                 self.standing.refused += 1
                 raise self._away()
             self._saves.append(save)
-            self._changed.notify_all()
-            self._changed.wait_for(lambda: save.done or bool(save.refused) or not self.standing.up, SAVE_SECONDS)
+            self.changed.notify_all()
+            self.changed.wait_for(lambda: save.done or bool(save.refused) or not self.standing.up, SAVE_SECONDS)
             if save.done:
                 self._held[station] = save.rows
                 return
@@ -225,10 +212,10 @@ class PostgresState:
     def hold(self, station: str, values: dict[str, Any]) -> None:
         """See :meth:`pnfarm.drives.memory.NonVolatile.hold`."""
         rows = rows_of(values)
-        with self._changed:
+        with self.changed:
             self._held[station] = rows
             self._unsure[station] = None
-            self._changed.notify_all()
+            self.changed.notify_all()
 
     def damaged(self, detail: str) -> EnvironmentError_:
         """See :meth:`pnfarm.drives.memory.NonVolatile.damaged`."""
@@ -242,7 +229,8 @@ class PostgresState:
 
     # -- the thread
 
-    def _conninfo(self) -> str:
+    def conninfo(self) -> str:
+        """What libpq is given.  Raises :class:`EnvironmentError_` for a URL that it does not take."""
         given: dict[str, Any]
         try:
             given = self._driver.conninfo.conninfo_to_dict(self._url)
@@ -263,7 +251,7 @@ class PostgresState:
         again = AGAIN_SECONDS
         while not self._closing:
             try:
-                connection = self._driver.connect(self._conninfo(), autocommit=True)
+                connection = self._driver.connect(self.conninfo(), autocommit=True)
                 with contextlib.closing(connection):
                     tables = Tables(connection, self._farm, self._stations)
                     with self._bounded(connection):
@@ -275,34 +263,37 @@ class PostgresState:
                 self._failed(exc)
             except (self._driver.Error, OSError) as exc:
                 self._broke(exc)
-            with self._changed:
-                self._changed.wait_for(lambda: self._closing, again)
+            with self.changed:
+                self.changed.wait_for(lambda: self._closing, again)
             again = min(AGAIN_MOST_SECONDS, again * 2)
 
     def _failed(self, error: EnvironmentError_) -> None:
         """What no other try mends; told to whom the start waits for, else as a loss."""
-        with self._changed:
+        with self.changed:
             self._fatal = error
             self._lost(str(error))
 
     def _broke(self, error: Exception) -> None:
-        text = " ".join(str(error).split()) or type(error).__name__
-        password = urlsplit(self._url).password
-        if password:
-            text = text.replace(password, "***")
+        text = self.told(error)
         refused = isinstance(error, self._driver.errors.InsufficientPrivilege)
         if refused:
             text += "; let its user own a schema: `CREATE SCHEMA pnfarm AUTHORIZATION USER`"
-        with self._changed:
+        with self.changed:
             if refused and not self._is_read:
                 self._fatal = EnvironmentError_(f"the drives' memory {self.where} cannot be used: {text}")
             self._lost(text)
+
+    def told(self, error: Exception) -> str:
+        """An error of the driver's in one line, without the password."""
+        text = " ".join(str(error).split()) or type(error).__name__
+        password = self._driver.conninfo.conninfo_to_dict(self._url).get("password")
+        return text.replace(str(password), "***") if password else text
 
     def _lost(self, reason: str) -> None:
         """Under the lock."""
         was, self.standing.up, self.standing.reason = self.standing.up, False, reason
         self.standing.losses += was
-        self._changed.notify_all()
+        self.changed.notify_all()
         if was:
             self.news()
 
@@ -323,7 +314,7 @@ class PostgresState:
         """Until closed, or an error of the driver's."""
         alive = 0.0
         while True:
-            with self._changed:
+            with self.changed:
                 if self._closing:
                     break
             with self._bounded(connection):
@@ -335,8 +326,8 @@ class PostgresState:
                 if self.lease is None or self.lease.state is LeaseState.HELD:
                     self._settle(tables)
                     self._write_next(tables)
-            with self._changed:
-                self._changed.wait_for(
+            with self.changed:
+                self.changed.wait_for(
                     lambda: self._closing or (self.standing.up and (self._saves or self._unsure)), self._pause(alive)
                 )
         if self._owner is not None:
@@ -354,7 +345,7 @@ class PostgresState:
         lease, owner = self.lease, self._owner
         if lease is None or owner is None:
             return
-        with self._changed:
+        with self.changed:
             now = self._clock()
             if lease.next_request(now) > now:
                 return
@@ -363,10 +354,10 @@ class PostgresState:
         if isinstance(answer, str) and lease.is_new(answer):
             # others may have written, and what they wrote is newer
             rows = tables.read()
-            with self._changed:
+            with self.changed:
                 self._held, self._is_read = rows, True
                 self._unsure.clear()
-        with self._changed:
+        with self.changed:
             lease.handle_timeout(self._clock())
             if isinstance(answer, str):
                 self.standing.waiting_for = None
@@ -377,22 +368,22 @@ class PostgresState:
                 self.standing.waiting += 1
                 self._lost(f"another shard has the drives: {answer.shard or 'the whole farm'} on {answer.host}")
             self.until(lease.until_ns or 1)
-            self._changed.notify_all()
+            self.changed.notify_all()
         self.news()
 
     def _settle(self, tables: Tables) -> None:
         """Read what is not held, and write what the database may not have; then it counts as there."""
         if not self._is_read:
             rows = tables.read()
-            with self._changed:
+            with self.changed:
                 self._held = rows
                 self._is_read = True
         while True:
-            with self._changed:
+            with self.changed:
                 station = next(iter(self._unsure), None)
                 if station is None:
                     was, self.standing.up = self.standing.up, True
-                    self._changed.notify_all()
+                    self.changed.notify_all()
                     break
                 del self._unsure[station]
                 rows_held = self._held.get(station, [])
@@ -400,7 +391,7 @@ class PostgresState:
                 if not tables.write(station, rows_held, self._owner):
                     raise self._driver.OperationalError("another shard has the drive's claim")
             except BaseException:
-                with self._changed:
+                with self.changed:
                     self._unsure.setdefault(station, None)
                 raise
         if not was:
@@ -408,19 +399,32 @@ class PostgresState:
 
     def _write_next(self, tables: Tables) -> None:
         while True:
-            with self._changed:
+            with self.changed:
                 if not self._saves:
                     return
                 save = self._saves.popleft()
             written = tables.write(save.station, save.rows, self._owner)
-            with self._changed:
+            with self.changed:
                 if written:
                     save.done = True
                 else:
                     save.refused = f"the drives' memory {self.where} is another shard's now"
-                self._changed.notify_all()
+                self.changed.notify_all()
 
 
 def _cut(wire: socket.socket) -> None:
     with contextlib.suppress(OSError):
         wire.shutdown(socket.SHUT_RDWR)
+
+
+def answer_seconds(url: str, farm: str) -> float:
+    """How long a connection to the database takes, with an answer.  Raises :class:`EnvironmentError_`."""
+    state = PostgresState(url, farm, [])
+    conninfo, began = state.conninfo(), time.monotonic()
+    driver = require_driver()
+    try:
+        with driver.connect(conninfo) as connection:
+            connection.execute("SELECT 1")
+    except (driver.Error, OSError) as exc:
+        raise EnvironmentError_(f"{state.where} does not answer: {state.told(exc)}") from None
+    return time.monotonic() - began

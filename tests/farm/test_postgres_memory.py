@@ -9,10 +9,11 @@ import pytest
 from postgres_server import PASSWORD, started, until
 from test_state_memory import VALUES
 
+from pnfarm.config.database import redacted
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm import postgres
 from pnfarm.farm.lease import Lease, LeaseChanged, LeaseState
-from pnfarm.farm.postgres import SAVE_SECONDS, PostgresState, redacted
+from pnfarm.farm.postgres import SAVE_SECONDS, PostgresState
 
 NAMES = ["axis-01", "axis-02"]
 TTL = 2_000_000_000
@@ -69,7 +70,7 @@ def test_the_first_two_make_the_schema_once_and_leave_other_tables_alone(fresh, 
     states = [PostgresState(fresh.url, "line-1", NAMES) for _ in range(4)]
     try:
         for state in states:
-            state._conninfo()
+            state.conninfo()
         import threading
 
         threads = [threading.Thread(target=state.start) for state in states]
