@@ -32,6 +32,7 @@ controller:
   ethernetip: {{ip: 10.79.0.2/24, rpi: 20ms}}
 """
 NODES = ("a", "b")
+UP = "leasetest: 3 drives"
 
 
 @pytest.fixture(scope="module")
@@ -117,9 +118,6 @@ class Capture:
                 found.append(place)
         return found
 
-    def times(self, place: str) -> list[float]:
-        return [moment for moment, where, source in sorted(self.seen) if where == place and source[:2] == "02"]
-
 
 def all_connected(node: Node) -> bool:
     try:
@@ -163,58 +161,101 @@ def file(tmp_path, server):
     return path
 
 
-def test_a_frozen_machine_that_wakes_up_stays_mute_while_another_has_its_drives(
-    nodes, file, tmp_path, server, background
-):
-    a, b = nodes
-    logs = [tmp_path / f"up-{name}" for name in NODES]
-    running = []
-    capture = Capture()
-    try:
-        first = a.up(file, logs[0])
-        running.append(first)
-        assert until(lambda: "leasetest: 3 drives" in logs[0].read_text(), 60), logs[0].read_text()
-        view = json.loads(a.pnfarm("inspect", "--format", "json"))
-        macs = [drive["mac"] for drive in view["drives"]]
-        assert (view["standing"]["lease"], view["standing"]["memory_up"]) == ("held", True)
-        assert view["standing"]["mute_after_seconds"] == pytest.approx(TTL_SECONDS * 0.8)
-        second = b.up(file, logs[1])
-        running.append(second)
-        assert until(lambda: "waiting for drives that run elsewhere" in logs[1].read_text(), 60), logs[1].read_text()
-        plc = background("--log-format", "console", "plc", file, "--seconds", "40")
-        assert until(lambda: all_connected(a), 20)
-        # the waiting copy has no interface and said nothing
-        assert all(capture.places(mac) == ["a"] for mac in macs)
-        assert "macvlan" not in b.run("ip", "-d", "link")
-        before = value(a)
-        a.pnfarm("param", "set", "pn-1", "DRV.ACC", str(before + 1000))
-        a.pnfarm("param", "set", "pn-1", "DRV.NVSAVE", "1")
-        first.send_signal(signal.SIGSTOP)
-        assert until(lambda: "leasetest: 3 drives" in logs[1].read_text(), 30), logs[1].read_text()
-        assert until(lambda: all_connected(b), 20)
-        first.send_signal(signal.SIGCONT)
-        assert until(lambda: "lease taken by another" in logs[0].read_text(), 10), logs[0].read_text()
-        # what was saved there is in force here
-        assert value(b) == before + 1000
-        standing = json.loads(a.pnfarm("inspect", "--format", "json"))["standing"]
-        assert standing["lease"] == "waiting"
-        assert standing["held_by"]["shard"] == ""
-        assert "their lease is not held" in a.run(sys.executable, "-c", READY)
-        assert all(capture.places(mac) == ["a", "b"] for mac in macs)
-        # the taken-over farm ends, and the first one has the drives again, restarted
-        second.send_signal(signal.SIGTERM)
-        assert second.wait(30) == 0
-        assert until(lambda: "lease regained" in logs[0].read_text(), 10), logs[0].read_text()
-        assert until(lambda: all_connected(a), 20), logs[0].read_text()
-        assert all(capture.places(mac) == ["a", "b", "a"] for mac in macs)
-        first.send_signal(signal.SIGTERM)
-        assert first.wait(30) == 0
-        plc.stop()
-    finally:
-        for process in running:
-            if process.poll() is None:
-                process.send_signal(signal.SIGCONT)
-                process.terminate()
-                process.wait(30)
-        capture.close()
+@pytest.fixture
+def ups(nodes, file, tmp_path, server):
+    """Starts farms on nodes, and ends them; no log has the password."""
+    running, logs = [], []
+
+    def start(node: Node):
+        log = tmp_path / f"up-{len(logs)}"
+        logs.append(log)
+        running.append(node.up(file, log))
+        return running[-1], log
+
+    yield start
+    server.thaw()
+    for process in running:
+        if process.poll() is None:
+            process.send_signal(signal.SIGCONT)
+            process.terminate()
+            process.wait(30)
     assert all(PASSWORD not in log.read_text() for log in logs)
+
+
+@pytest.fixture
+def capture(nodes):
+    made = Capture()
+    yield made
+    made.close()
+
+
+def said(log: Path, text: str, seconds: float = 60.0) -> None:
+    assert until(lambda: text in log.read_text(), seconds), log.read_text()
+
+
+def test_a_frozen_machine_that_wakes_up_stays_mute_while_another_has_its_drives(nodes, ups, capture, file, background):
+    a, b = nodes
+    first, log_of_first = ups(a)
+    said(log_of_first, UP)
+    view = json.loads(a.pnfarm("inspect", "--format", "json"))
+    macs = [drive["mac"] for drive in view["drives"]]
+    assert (view["standing"]["lease"], view["standing"]["memory_up"]) == ("held", True)
+    assert view["standing"]["mute_after_seconds"] == pytest.approx(TTL_SECONDS * 0.8)
+    second, log_of_second = ups(b)
+    said(log_of_second, "waiting for drives that run elsewhere")
+    plc = background("--log-format", "console", "plc", file, "--seconds", "60")
+    assert until(lambda: all_connected(a))
+    # the waiting copy has no interface and said nothing
+    assert all(capture.places(mac) == ["a"] for mac in macs)
+    assert "macvlan" not in b.run("ip", "-d", "link")
+    before = value(a)
+    a.pnfarm("param", "set", "pn-1", "DRV.ACC", str(before + 1000))
+    a.pnfarm("param", "set", "pn-1", "DRV.NVSAVE", "1")
+    first.send_signal(signal.SIGSTOP)
+    said(log_of_second, UP)
+    assert until(lambda: all_connected(b))
+    first.send_signal(signal.SIGCONT)
+    said(log_of_first, "lease taken by another")
+    # what was saved there is in force here
+    assert value(b) == before + 1000
+    standing = json.loads(a.pnfarm("inspect", "--format", "json"))["standing"]
+    assert (standing["lease"], standing["held_by"]["shard"]) == ("waiting", "")
+    assert "their lease is not held" in a.run(sys.executable, "-c", READY)
+    assert all(capture.places(mac) == ["a", "b"] for mac in macs)
+    # the one that took over is killed, and the first one has the drives again, restarted
+    second.kill()
+    second.wait(30)
+    said(log_of_first, "lease regained")
+    assert until(lambda: all_connected(a)), log_of_first.read_text()
+    assert all(capture.places(mac) == ["a", "b", "a"] for mac in macs)
+    first.send_signal(signal.SIGTERM)
+    assert first.wait(30) == 0
+    plc.stop()
+
+
+def test_without_its_database_the_drives_fall_silent_and_come_back_with_it(
+    nodes, ups, capture, file, background, server
+):
+    a, _ = nodes
+    first, log = ups(a)
+    said(log, UP)
+    plc = background("--log-format", "console", "plc", file, "--seconds", "60")
+    assert until(lambda: all_connected(a))
+    server.freeze()
+    said(log, "memory away")
+    said(log, "lease lost")
+    time.sleep(0.5)
+    heard = len(capture.seen)
+    down = a.run("ip", "-br", "link", "show", "type", "macvlan")
+    assert down.count("DOWN") == 3
+    time.sleep(0.5)
+    assert [
+        mac for _, _, mac in capture.seen[heard:] if mac[:2] == "02" and (capture.places(mac) or [""])[-1] == "a"
+    ] == []
+    server.thaw()
+    said(log, "lease regained")
+    assert until(lambda: all_connected(a)), log.read_text()
+    assert "memory back" in log.read_text()
+    first.send_signal(signal.SIGTERM)
+    assert first.wait(30) == 0
+    plc.stop()

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+from types import SimpleNamespace
 
 import pytest
 from away_memory import Away
 from dcp_tool import Tool, address
 from record_line import access, changing, value_of
-from test_farm_dcp import Farm
 from virtual_line import VirtualLine
 
 from pnfarm.controller import line as controller_line
@@ -89,9 +89,8 @@ def test_a_parameter_request_gets_the_error_in_its_response():
 
 def test_dcp_sets_nothing_permanently_and_everything_else():
     memory = Away()
-    farm = Farm(memory=memory)
-    tool = Tool(farm)
-    farm.run(0.1)
+    line, _ = one_drive("akd-profinet", memory)
+    tool = Tool(SimpleNamespace(world=line.world, farm=line.farm, run=line.world.run))
     memory.away = True
     assert tool.set(NameBlock("press-7", 1)) == [BlockError.SET_NOT_POSSIBLE]
     assert tool.set(address("10.77.0.99")) == [BlockError.SET_NOT_POSSIBLE]

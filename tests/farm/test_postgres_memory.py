@@ -7,7 +7,6 @@ import time
 
 import pytest
 from postgres_server import PASSWORD, started, until
-from test_state_memory import VALUES
 
 from pnfarm.config.database import redacted
 from pnfarm.errors import EnvironmentError_
@@ -15,6 +14,12 @@ from pnfarm.farm import postgres
 from pnfarm.farm.lease import Lease, LeaseChanged, LeaseState
 from pnfarm.farm.postgres import SAVE_SECONDS, PostgresState
 
+VALUES = {
+    "ip": {"address": "10.77.0.11", "gateway": None},
+    "parameters": {2135: 1, 2108: 10_000_170},
+    "im": {"im1": b"plant", "im3": b""},
+    "share": 0.1,
+}
 NAMES = ["axis-01", "axis-02"]
 TTL = 2_000_000_000
 
