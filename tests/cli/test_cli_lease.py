@@ -44,15 +44,19 @@ class Node:
     """A machine: a network namespace with one card on the bridge."""
 
     def __init__(self, name: str, ip) -> None:
-        self.name = name
+        self._near, self._ip = f"le{name}", ip
         self._holder = subprocess.Popen(["unshare", "-n", "sleep", "infinity"])
         self._pid = str(self._holder.pid)
-        here = Path("/proc/thread-self/ns/net").readlink()
-        assert until(lambda: Path(f"/proc/{self._pid}/ns/net").readlink() != here)
-        ip("link", "add", f"le{name}", "type", "veth", "peer", "name", "eth1", "netns", self._pid)
-        ip("link", "set", f"le{name}", "master", "lebr", "up")
-        for words in (("lo", "up"), ("eth1", "up")):
-            self.run("ip", "link", "set", *words)
+        try:
+            here = Path("/proc/thread-self/ns/net").readlink()
+            assert until(lambda: Path(f"/proc/{self._pid}/ns/net").readlink() != here)
+            ip("link", "add", self._near, "type", "veth", "peer", "name", "eth1", "netns", self._pid)
+            ip("link", "set", self._near, "master", "lebr", "up")
+            for words in (("lo", "up"), ("eth1", "up")):
+                self.run("ip", "link", "set", *words)
+        except BaseException:
+            self._stop()
+            raise
 
     def _inside(self, *words) -> list[str]:
         return ["nsenter", "-t", self._pid, "-n", *map(str, words)]
@@ -73,6 +77,13 @@ class Node:
             return subprocess.Popen(words, stdout=out, stderr=subprocess.STDOUT, env=clean_environment())
 
     def end(self) -> None:
+        try:
+            # a namespace goes some time after its last process, and its cables with it
+            self._ip("link", "del", self._near)
+        finally:
+            self._stop()
+
+    def _stop(self) -> None:
         self._holder.kill()
         self._holder.wait()
 
@@ -193,6 +204,7 @@ def said(log: Path, text: str, seconds: float = 60.0) -> None:
     assert until(lambda: text in log.read_text(), seconds), log.read_text()
 
 
+@pytest.mark.slow
 def test_a_frozen_machine_that_wakes_up_stays_mute_while_another_has_its_drives(nodes, ups, capture, file, background):
     a, b = nodes
     first, log_of_first = ups(a)
@@ -233,6 +245,7 @@ def test_a_frozen_machine_that_wakes_up_stays_mute_while_another_has_its_drives(
     plc.stop()
 
 
+@pytest.mark.slow
 def test_without_its_database_the_drives_fall_silent_and_come_back_with_it(
     nodes, ups, capture, file, background, server
 ):
