@@ -98,7 +98,7 @@ endif
 lock: | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --group lock
 	$(UV) pyproject.toml --group build --group docs --group lint --group test -o locks/ci.txt
-	$(UV) pyproject.toml -c locks/ci.txt -o locks/runtime.txt
+	$(UV) pyproject.toml --extra postgres -c locks/ci.txt -o locks/runtime.txt
 	$(UV) --group build -c locks/ci.txt -o locks/build.txt
 	printf '%s\n' $(PEERS) | $(UV) --no-deps - -o locks/peers.txt
 	printf '%s\n' $(APART) | $(UV) --no-deps - -o locks/apart.txt

@@ -28,7 +28,7 @@ EXCLUSIVE = (
     "cli/test_cli_log_limit.py", "cli/test_cli_memory.py", "cli/test_cli_run_library.py",
     "cli/test_cli_run_rigs.py", "cli/test_cli_running.py",
     "engine/test_engine_realtime.py", "engine/test_engine_replay.py", "farm/test_farm_library.py",
-    "library/test_library_real.py", "testing/test_pytest_examples.py",
+    "farm/test_postgres_memory.py", "library/test_library_real.py", "testing/test_pytest_examples.py",
     "faults/test_fault_real_link.py", "interop", "links", "soak/test_soak_real.py", "test_rig_dashboards.py",
     "test_rig_files.py",
 )  # fmt: skip
@@ -40,7 +40,8 @@ SHARED = (
 )  # fmt: skip
 #: Files of which those tests are exclusive that take one of ``EXCLUSIVE_FIXTURES``.
 MIXED = (
-    "cli/test_cli_decode.py", "cli/test_cli_imports.py", "cli/test_cli_scan.py", "farm/test_farm_parameter_words.py",
+    "cli/test_cli_decode.py", "cli/test_cli_imports.py", "cli/test_cli_lease.py", "cli/test_cli_scan.py",
+    "cli/test_cli_shards.py", "farm/test_farm_parameter_words.py",
 )  # fmt: skip
 #: Fixtures that start what runs in real time.
 EXCLUSIVE_FIXTURES = {"background", "network", "shared_background"}

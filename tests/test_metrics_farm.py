@@ -22,6 +22,12 @@ from pnfarm.table.channel import FRUN
 #: interface.md, "Metrics", without the sign of life, which no drive here has.
 PROMISED = {
     "pnfarm_build_info": {"version"},
+    "pnfarm_shard_info": {"farm", "shard", "shards"},
+    "pnfarm_memory_up": set(),
+    "pnfarm_memory_losses_total": set(),
+    "pnfarm_memory_saves_refused_total": set(),
+    "pnfarm_lease_held": set(),
+    "pnfarm_lease_renewed_seconds_ago": set(),
     "pnfarm_drive_info": {"drive", "model", "bus"},
     "pnfarm_axis_velocity_rpm": {"drive"},
     "pnfarm_axis_position_revolutions": {"drive"},

@@ -149,6 +149,9 @@ def _add_farm(app: FastAPI, context: ApiContext) -> None:
         if not cycles or age > STALLED_NS:
             since = f"for {age / 1e9:.1f} s" if cycles else "since the farm was made"
             raise EnvironmentError_(f"the engine has not ticked {since}; the drives do not run")
+        holder = context.core.leaseholder
+        if holder is not None and not holder.is_ready:
+            raise EnvironmentError_("the drives are mute: their lease is not held, see `pnfarm inspect`")
         return Json({"ready": True, "cycles": cycles, "last_tick_seconds_ago": age / 1e9})
 
     @app.get(

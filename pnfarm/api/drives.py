@@ -54,6 +54,8 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
                 await anyio.lowlevel.checkpoint()
         view = {
             "farm": core.name,
+            "shard": None if core.shard is None else core.shard.as_dict(),
+            "standing": None if core.leaseholder is None else core.leaseholder.as_dict(),
             "link": core.link.kind,
             "lines": [line_snapshot(core, name) for name in core.lines],
             "engine": engine_snapshot(core),

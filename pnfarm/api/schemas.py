@@ -264,8 +264,35 @@ class LineView(Schema):
     reply_seconds_mean: float | None = Field(description="From a request's last octet to its answer, in this process.")
 
 
+class ShardView(Schema):
+    """Which part of a farm these drives are."""
+
+    index: int = Field(description="From 1.")
+    count: int
+
+
+class Other(Schema):
+    host: str
+    shard: str = Field(description="Empty for the whole farm.")
+
+
+class StandingView(Schema):
+    """The database of the drives' memory, and the lease of these drives in it."""
+
+    memory: str = Field(description="The database, without password.")
+    memory_up: bool = Field(description="Whether what drives are told to save can be saved.")
+    memory_reason: str = Field(description="Why not; empty if it can.")
+    lease: str = Field(description="held, lost or waiting: without it being held, the drives are mute.")
+    renewed_seconds_ago: float | None
+    ttl_seconds: float | None = Field(description="After so long without a renewal, others may run the drives.")
+    mute_after_seconds: float | None = Field(description="After so long without a renewal, the drives are mute.")
+    held_by: Other | None = Field(description="Who runs the drives instead.")
+
+
 class FarmView(Schema):
     farm: str
+    shard: ShardView | None = Field(description="Null where the whole farm runs here.")
+    standing: StandingView | None = Field(description="Null where the memory is in a folder, or there is none.")
     link: str
     lines: list[LineView]
     engine: Engine

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from pnfarm.terminal.settings import Format, FormatOption
+from pnfarm.terminal.settings import Format, FormatOption, ShardOption
 
 __all__ = ["doctor"]
 
@@ -16,6 +16,7 @@ _LABELS = {True: "ok", None: "note", False: "MISSING"}
 
 
 def doctor(
+    context: typer.Context,
     file: Annotated[
         Path | None,
         typer.Argument(
@@ -25,10 +26,11 @@ def doctor(
             show_default=False,
         ),
     ] = None,
+    shard: ShardOption = None,
     output: FormatOption = Format.TABLE,
 ) -> None:
     """Check whether this machine can run a farm, and show how to fix what is missing."""
-    from pnfarm.cli.files import read
+    from pnfarm.cli.files import read, shard_option
     from pnfarm.errors import EnvironmentError_
     from pnfarm.farm.doctor import examine
     from pnfarm.terminal.output import print_json, print_line, print_next, print_table
@@ -39,7 +41,7 @@ def doctor(
         from pnfarm.cli.file_doctor import examine_file
         from pnfarm.farm.line_doctor import examine_lines
 
-        findings += [*examine_file(config), *examine_lines(config)]
+        findings += [*examine_file(config, shard_option(context, shard)), *examine_lines(config)]
     missing = [finding for finding in findings if finding.ok is False]
     if output is Format.JSON:
         print_json({"ok": not missing, "findings": [asdict(finding) for finding in findings]})

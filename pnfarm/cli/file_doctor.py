@@ -7,39 +7,39 @@ import os
 import socket
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.bus import line_of
-from pnfarm.buses.registry import BUSES
 from pnfarm.cli.files import counted
+from pnfarm.config.database import redacted
 from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink, TapLink, VethLink
+from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.doctor import Finding
-from pnfarm.farm.file.choice import bus_of_controller
 from pnfarm.farm.file.reading import expand
-from pnfarm.station.step_time import longest_step_ns
+from pnfarm.farm.load import Load, load_of
+from pnfarm.farm.postgres import answer_seconds
+from pnfarm.farm.shard import part_of
 from pnfarm.terminal.working import working
 
 if TYPE_CHECKING:
     from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.farm.shard import Shard
 
-__all__ = ["Load", "examine_file", "judge", "load_of"]
+__all__ = ["examine_file", "judge"]
 
 #: Share of one processor up to which the engine keeps its time with room for storms, and at which there is none left.
 ROOMY, FULL = 0.6, 0.9
 _MEASURE_SECONDS = 180.0
-#: Cycle of drives whose file says none: the controller's, by its default.
-_USUAL_CYCLE_NS = 16_000_000
 _INTERFACES = Path("/sys/class/net")
 
 
-def examine_file(config: FarmConfig) -> list[Finding]:
-    """A finding for each thing that the file needs of this machine.  Measures for some seconds."""
+def examine_file(config: FarmConfig, shard: Shard | None = None) -> list[Finding]:
+    """A finding for each thing that the file, or a shard of it, needs of this machine.  Measures for some seconds."""
     found = _link(config)
     found += _api(config)
     found += _state(config)
-    load = load_of(config)
+    drives = expand(config)
+    load = load_of(config, drives if shard is None else part_of(config, drives, shard))
     if load.frames and isinstance(config.link, MacvlanLink | VethLink):
         found.append(judge(load, *_measured()))
     return found
@@ -97,6 +97,8 @@ def _api(config: FarmConfig) -> list[Finding]:
 def _state(config: FarmConfig) -> list[Finding]:
     if config.state is None:
         return []
+    if (url := config.state_database) is not None:
+        return [_database(url, config)]
     base = config.path.parent if config.path is not None else Path()
     folder = base / config.state
     # the farm makes what is missing of it
@@ -106,39 +108,17 @@ def _state(config: FarmConfig) -> list[Finding]:
     return [Finding("state", False, f"{folder} cannot be written", f"sudo chown $USER {existing}")]
 
 
+def _database(url: str, config: FarmConfig) -> Finding:
+    """Whether the database of ``state`` answers; nothing is made in it."""
+    where = redacted(url)
+    try:
+        seconds = answer_seconds(url, config.farm or "farm")
+    except EnvironmentError_ as exc:
+        return Finding("state", False, str(exc), f"psql '{where}'")
+    return Finding("state", True, f"{where} answers within {seconds * 1e3:.1f} ms")
+
+
 # -- processor time
-
-
-@dataclass(frozen=True, slots=True)
-class Load:
-    """What the engine does a second: cyclic frames in both directions, steps of the drives' firmware."""
-
-    drives: int
-    frames: float
-    steps: float
-
-
-def _cycle_of(one: object) -> int | None:
-    """The cycle of a drive or a controller, by its bus's name for it."""
-    return getattr(one, "cycle_ns", None) or getattr(one, "rpi_ns", None)
-
-
-def load_of(config: FarmConfig) -> Load:
-    """The load of a farm file's drives, at the cycles that it names."""
-    shared = {bus_of_controller(one).name: _cycle_of(one) for one in config.controllers}
-    frames = steps = 0.0
-    cyclic = 0
-    for drive in expand(config):
-        model = config.known.model(drive.model)
-        bus = "" if model is None else model.bus
-        if bus not in BUSES or line_of(BUSES[bus]):
-            # a line has no cyclic frames
-            continue
-        cycle = _cycle_of(drive) or shared.get(bus) or _USUAL_CYCLE_NS
-        cyclic += 1
-        frames += 2e9 / cycle
-        steps += 1e9 / longest_step_ns(cycle)
-    return Load(cyclic, frames, steps)
 
 
 def _measured() -> tuple[float | None, float | None, str]:
@@ -165,7 +145,7 @@ def judge(load: Load, frame_ns: float | None, step_ns: float | None, why: str) -
         f"{what}: about {max(share, 0.01):.2f} of the one processor that the engine has "
         f"({frame_ns / 1e3:.2f} us a frame on a veth, {step_ns / 1e3:.2f} us a step, measured)"
     )
-    remedy = "fewer drives, longer cycles, or a part of the farm on another machine"
+    remedy = "fewer drives, longer cycles, or shards of the farm on several machines (`pnfarm up FILE --shard I/N`)"
     if share <= ROOMY:
         return Finding("processor time", True, detail)
     if share <= FULL:

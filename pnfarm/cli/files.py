@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pnfarm.terminal.settings import FarmFile  # noqa: TC001 - the command line is made from the annotations
+from pnfarm.terminal.settings import FarmFile, ShardOption  # noqa: TC001 - the command line is made from the annotations
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from pnfarm.config.impairment import Impairment
     from pnfarm.farm.file.reading import FarmConfig, Known
+    from pnfarm.farm.shard import Shard
 
 __all__ = [
     "SchemaOf",
@@ -24,6 +25,7 @@ __all__ = [
     "link_text",
     "read",
     "schema",
+    "shard_option",
     "summary",
     "validate",
 ]
@@ -34,6 +36,16 @@ class SchemaOf(StrEnum):
 
     FARM = "farm"
     SCENARIO = "scenario"
+
+
+def shard_option(context: typer.Context, text: str | None) -> Shard | None:
+    """The shard of ``--shard`` or PNFARM_UP_SHARD; raises :class:`~pnfarm.errors.ConfigError` naming its source."""
+    if text is None:
+        return None
+    from pnfarm.farm.shard import parse_shard
+
+    source = context.get_parameter_source("shard")
+    return parse_shard(text, "PNFARM_UP_SHARD" if source is not None and source.name == "ENVIRONMENT" else "--shard")
 
 
 def known_names() -> Known:
@@ -112,8 +124,11 @@ def check_program(config: FarmConfig) -> None:
     program_of(config)
 
 
-def validate(file: FarmFile) -> None:
-    """Check a farm file, or a scenario with its farm: report every error with its line, key and allowed values."""
+def validate(context: typer.Context, file: FarmFile, shard: ShardOption = None) -> None:
+    """Check a farm file, or a scenario with its farm: report every error with its line, key and allowed values.
+
+    With a shard, also name its drives.
+    """
     from pnfarm.cli.run import is_scenario
     from pnfarm.terminal.output import print_line, print_next
 
@@ -127,8 +142,23 @@ def validate(file: FarmFile) -> None:
     print_line(f"{file}: OK, {summary(config)}")
     for note in config.notes:
         print_line(f"note: {note}")
+    part = shard_option(context, shard)
+    if part is not None:
+        print_line(_shard_text(config, part))
     in_memory = config.link is not None and config.link.kind == "memory"
-    print_next(f"pnfarm up {file}" if in_memory else f"pnfarm doctor {file}, then pnfarm up {file}")
+    which = f"{file}" if part is None else f"{file} --shard {part}"
+    print_next(f"pnfarm up {which}" if in_memory else f"pnfarm doctor {which}, then pnfarm up {which}")
+
+
+def _shard_text(config: FarmConfig, shard: Shard) -> str:
+    """How many drives of the farm a shard has, and which."""
+    from pnfarm.farm.file.reading import expand
+    from pnfarm.farm.shard import part_of
+
+    whole = expand(config)
+    part = part_of(config, whole, shard)
+    names = ", ".join(drive.name for drive in part)
+    return f"shard {shard}: {len(part)} of {counted(len(whole), 'drive')}: {names}"
 
 
 def _scenario_summary(file: Path) -> str:

@@ -114,8 +114,27 @@ def _all(view: dict[str, Any], output: Format) -> None:
         for drive in drives
     ]
     print_table(columns, rows)
+    # an older farm's answer has none
+    if shard := view.get("shard"):
+        print_line(f"shard {shard['index']}/{shard['count']} of farm {view['farm']}")
+    if standing := view.get("standing"):
+        print_line(_standing_text(standing))
     for line in view["lines"]:
         print_line(_line_text(line))
+
+
+def _standing_text(standing: dict[str, Any]) -> str:
+    """The memory's database and the lease in words."""
+    from pnfarm.terminal.output import seconds
+
+    memory = "up" if standing["memory_up"] else f"away ({standing['memory_reason']})"
+    ago, other = standing["renewed_seconds_ago"], standing["held_by"]
+    text = f"memory {standing['memory']}: {memory}; lease {standing['lease']}"
+    if ago is not None:
+        text += f", renewed {seconds(ago)} ago, mute {seconds(standing['mute_after_seconds'])} after that"
+    if other is not None:
+        text += f"; the drives run in shard {other['shard'] or '1/1'} on {other['host']}"
+    return text
 
 
 def _line_text(line: dict[str, Any]) -> str:

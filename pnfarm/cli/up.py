@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pnfarm.farm.address_space import ENGINE, require_address_space
-from pnfarm.terminal.settings import FarmFile, settings
+from pnfarm.terminal.settings import FarmFile, ShardOption, settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.capture import CaptureSettings
     from pnfarm.farm.farm import Farm
     from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.farm.shard import Shard
 
 __all__ = ["down", "up"]
 
@@ -125,6 +126,16 @@ def up(
             show_default=False,
         ),
     ] = None,
+    shard: Annotated[
+        str | None,
+        typer.Option(
+            "--shard",
+            metavar="I/N",
+            envvar="PNFARM_UP_SHARD",
+            show_envvar=False,
+            help="Run only part I of N of the drives, I from 1.",
+        ),
+    ] = None,
     pcap: Annotated[
         Path | None,
         typer.Option(
@@ -189,12 +200,13 @@ def up(
 
     Options override environment variables, and these override the farm file: PNFARM_UP_API, PNFARM_UP_API_TOKEN,
     PNFARM_UP_LINK_PARENT, PNFARM_UP_STATE, PNFARM_UP_REALTIME_CPU, PNFARM_UP_REALTIME_FIFO and
-    PNFARM_UP_REALTIME_MLOCKALL.  For the capture options: PNFARM_UP_PCAP, PNFARM_UP_PCAP_DRIVES,
-    PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and PNFARM_UP_PCAP_FILES; separate several values with spaces.
+    PNFARM_UP_REALTIME_MLOCKALL; PNFARM_UP_SHARD is --shard.  For the capture options: PNFARM_UP_PCAP,
+    PNFARM_UP_PCAP_DRIVES, PNFARM_UP_PCAP_ONLY, PNFARM_UP_PCAP_SIZE and PNFARM_UP_PCAP_FILES; separate several values
+    with spaces.
     """
     import anyio
 
-    from pnfarm.cli.files import check_impairments, read
+    from pnfarm.cli.files import check_impairments, read, shard_option
 
     require_address_space(ENGINE)
     given = {
@@ -210,7 +222,7 @@ def up(
     config = _overridden(context, read(file), given)
     check_impairments(config)
     capture = capture_settings(pcap, pcap_drives, pcap_only, pcap_size, pcap_files)
-    anyio.run(_run, config, capture)
+    anyio.run(_run, config, shard_option(context, shard), capture)
 
 
 def capture_settings(
@@ -268,7 +280,7 @@ def _bracketed(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
-async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
+async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings | None) -> None:
     import anyio
 
     from pnfarm.api import serve_farm
@@ -278,11 +290,10 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
     from pnfarm.controller.beside import ControllerBeside
     from pnfarm.farm.capture import prepare
     from pnfarm.farm.farm import Farm
-    from pnfarm.farm.file.reading import expand
     from pnfarm.station.event_log import EventLog
 
     token_of(config)  # report a capture file that cannot be created before any interface is made
-    farm = Farm(config, capture=capture)
+    farm = Farm(config, shard=shard, capture=capture)
     ControllerBeside(farm, log=EventLog())
     if (section := config.api) is not None:
         # report a port in use before the drives send anything: another farm may have the same drives on the wire
@@ -294,7 +305,7 @@ async def _run(config: FarmConfig, capture: CaptureSettings | None) -> None:
                 await compile_ahead()
                 if capture is not None:
                     prepare()
-                with _starting(len(expand(config))):
+                with _starting(len(farm.drives)):
                     await farm.open()
                 async with anyio.create_task_group() as tasks:
                     host, port = await tasks.start(serve_farm, farm)
@@ -328,7 +339,8 @@ def _say_up(farm: Farm, url: str | None) -> None:
     where = f"API {url}" if url else "no API"
     if url and farm.config.token_path is not None:
         where += f", its token in {farm.config.token_path}"
-    print_line(f"{farm.config.farm}: {counted(len(farm.drives), 'drive')} on {link_text(farm.config)}, {where}")
+    part = "" if farm.shard is None else f", shard {farm.shard}"
+    print_line(f"{farm.config.farm}{part}: {counted(len(farm.drives), 'drive')} on {link_text(farm.config)}, {where}")
     if not sys.stdout.isatty():
         return
     rows = [(drive.name, drive.model, *drive.addresses()) for drive in farm.drives[:MAX_ROWS]]
@@ -338,14 +350,17 @@ def _say_up(farm: Farm, url: str | None) -> None:
     print_line("Ctrl-C stops it.")
 
 
-def down(file: FarmFile) -> None:
-    """Remove the interfaces that a killed run of this farm or its controller left behind."""
-    from pnfarm.cli.files import read
+def down(context: typer.Context, file: FarmFile, shard: ShardOption = None) -> None:
+    """Remove the interfaces that a killed run of this farm, of its shards or its controller left behind."""
+    from pnfarm.cli.files import read, shard_option
     from pnfarm.farm.farm import remove_farm
     from pnfarm.terminal.output import print_line
 
     config = read(file)
-    removed = [*remove_farm(config), *_remove_controller(config)]
+    part = shard_option(context, shard)
+    removed = remove_farm(config, part)
+    if part is None:
+        removed += _remove_controller(config)
     for name in removed:
         print_line(f"removed {name}")
     if not removed:

@@ -20,6 +20,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import controller_mac, expand
+from pnfarm.farm.shard import part_of
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.pcap import PcapLink
 from pnfarm.station.event_log import EventLog
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.farm.core import Node
     from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.farm.shard import Shard
     from pnfarm.links.base import Link, Port
     from pnfarm.links.memory import MemoryLink
     from pnfarm.links.pcap_files import BlockSink
@@ -125,8 +127,10 @@ class VirtualLine:
         farm: FarmCore,
         farm_link: MemoryLink,
         joined: JoinedControllers | None,
+        drives: Sequence[DriveConfig],
     ) -> None:
         self.config = config
+        self.drives = drives
         self.world = world
         self.farm = farm
         self.farm_link = farm_link
@@ -169,14 +173,17 @@ class VirtualLine:
         frames: BlockSink | None = None,
         epoch_ns: int | None = None,
         program: type[AxisProgram] | None = None,
+        shard: Shard | None = None,
     ) -> VirtualLine:
         """Power the drives on, and the controllers where the file has some.  Nothing runs before ``world.run``.
 
         ``pcap`` (or ``frames``) captures all frames of the drives, stamped with the world's time plus ``epoch_ns``
         (default: such that the world begins now); :meth:`close` ends it.
-        ``program`` replaces the file of a program of one's own.  Raises :class:`~pnfarm.errors.EnvironmentError_`.
+        ``program`` replaces the file of a program of one's own; ``shard``: the part of the drives that is here, with
+        controllers for it.  Raises :class:`~pnfarm.errors.EnvironmentError_`.
         """
-        drives = expand(config)
+        whole_farm = expand(config)
+        drives = whole_farm if shard is None else part_of(config, whole_farm, shard)
         world = VirtualWorld()
         section = config.link
         link = world.link(baud=section.baud if isinstance(section, MemorySection) else 0)
@@ -197,8 +204,9 @@ class VirtualLine:
             seed=b"farm",
             clock=world.clock,
             lldp=config.lldp,
+            shard=shard,
         )
         world.join(farm, ports)
         farm.start(world.now)
         joined = await join_controllers(world, config, drives, plc_log or EventLog(quiet=True), program)
-        return cls(config, world, farm, link, joined)
+        return cls(config, world, farm, link, joined, drives)

@@ -1,6 +1,6 @@
 """A drive's non-volatile memory: what survives a power cycle.
 
-The farm keeps it in SQLite; tests and farms in memory use :class:`VolatileMemory`.
+The farm keeps it in SQLite or PostgreSQL; tests and farms in memory use :class:`VolatileMemory`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,19 @@ class NonVolatile(Protocol):
         ...
 
     def save(self, station: str, values: dict[str, Any]) -> None:
-        """Replace what is kept for this station."""
+        """Replace what is kept for this station.
+
+        Raises :class:`EnvironmentError_` where that is not known to have happened; :meth:`hold` follows then.
+        """
+        ...
+
+    def hold(self, station: str, values: dict[str, Any]) -> None:
+        """A save failed, and these are the values now: what a drive reads, and what is written when it can be."""
+        ...
+
+    @property
+    def ready(self) -> bool:
+        """Whether a save can succeed now, as far as is known."""
         ...
 
     def damaged(self, detail: str) -> EnvironmentError_:
@@ -40,6 +52,13 @@ class VolatileMemory:
 
     def save(self, station: str, values: dict[str, Any]) -> None:
         self._kept[station] = copy.deepcopy(values)
+
+    def hold(self, station: str, values: dict[str, Any]) -> None:
+        self.save(station, values)
+
+    @property
+    def ready(self) -> bool:
+        return True
 
     def damaged(self, detail: str) -> EnvironmentError_:
         return EnvironmentError_(f"the drives' memory is damaged: {detail}")

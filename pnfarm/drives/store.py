@@ -61,7 +61,12 @@ class TelegramChanged:
 
 @dataclass(frozen=True, slots=True)
 class NonVolatileSaved:
-    """The permanent values were replaced; :meth:`ParameterStore.snapshot` gives them."""
+    """The permanent values were replaced; :meth:`ParameterStore.snapshot` gives them.
+
+    ``written``: non-volatile memory has them already.
+    """
+
+    written: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,13 +98,26 @@ class ParameterStore:
     """All parameters of one drive.
 
     ``handle`` is the drive's rows of the table, ``network`` its name and addresses; ``watchdog_ns`` (PNU 3022) is set
-    by the station on a connect.
+    by the station on a connect.  ``keep`` writes a :meth:`snapshot` into non-volatile memory before a save is answered,
+    and says whether that was possible.
     """
 
-    __slots__ = ("_axis", "_events", "_selection", "_tasks", "_values", "handle", "model", "network", "watchdog_ns")
+    __slots__ = (
+        "_axis",
+        "_events",
+        "_keep",
+        "_selection",
+        "_tasks",
+        "_values",
+        "handle",
+        "model",
+        "network",
+        "watchdog_ns",
+    )
 
-    def __init__(self, model: Model, handle: AxisHandle) -> None:
+    def __init__(self, model: Model, handle: AxisHandle, keep: Callable[[dict[str, Any]], bool] | None = None) -> None:
         self.model = model
+        self._keep = keep
         self.handle = handle
         self.network: Network = NoNetwork()
         self.watchdog_ns = 0
@@ -166,7 +184,7 @@ class ParameterStore:
                 if self._tasks is not None:
                     self._tasks.apply_all()
         if self.model.access.saves_at_once and target.nonvolatile:
-            self._save()
+            self._save(parameter)
         self._events.append(ParameterWritten(pnu, subindex, tuple(values)))
 
     def get(self, text: str | int) -> int:
@@ -446,7 +464,7 @@ class ParameterStore:
         elif name.startswith("task-"):
             self._edit_tasks(name, value, parameter)
         elif name == "save":
-            self._save()
+            self._save(parameter)
         elif name == "load":
             self._reload(self._load, parameter)
         elif name == "factory-values":
@@ -468,10 +486,18 @@ class ParameterStore:
         elif not (self._tasks.keep() if name == "task-set" else self._tasks.load()):
             raise refusal(ParameterErrorNumber.VALUE_IMPERMISSIBLE, parameter)
 
-    def _save(self) -> None:
+    def _save(self, parameter: Parameter) -> None:
+        """Make the values in force permanent; refused where they cannot be written, and the old ones stay permanent.
+
+        No manual gives a number for it: the profile's "operating state" says that it is no fault of the request.
+        """
         self._axis.store_signal_values()
+        before = self._values.permanent, self._values.permanent_tasks
         self._values.save()
-        self._events.append(NonVolatileSaved())
+        if self._keep is not None and not self._keep(self.snapshot()):
+            self._values.permanent, self._values.permanent_tasks = before
+            raise refusal(ParameterErrorNumber.OPERATING_STATE, parameter)
+        self._events.append(NonVolatileSaved(written=self._keep is not None))
 
     def _load(self) -> None:
         """Load the permanent values into RAM, including motion tasks."""

@@ -14,6 +14,7 @@ import numpy as np
 from pnfarm.table.compiled import IS_COMPILED, compiled
 
 __all__ = [
+    "CLOCK_BOOTTIME",
     "CLOCK_MONOTONIC",
     "CLOCK_REALTIME",
     "MSG_DONTWAIT",
@@ -26,6 +27,7 @@ __all__ = [
 
 CLOCK_REALTIME = 0
 CLOCK_MONOTONIC = 1
+CLOCK_BOOTTIME = 7
 TIMER_ABSTIME = 1
 MSG_DONTWAIT = 0x40
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from pnfarm.engine.columns import Columns
 from pnfarm.engine.held import sent_length, sent_port
-from pnfarm.engine.libc import MSG_DONTWAIT, sendmmsg
+from pnfarm.engine.libc import CLOCK_BOOTTIME, MSG_DONTWAIT, sendmmsg, time_ns
 from pnfarm.engine.receive_ring import ReceiveRing, open_receive_ring, receive_ring
 from pnfarm.errors import EnvironmentError_
 from pnfarm.table.channel import FRAME_SLOT
@@ -89,7 +89,10 @@ _REAL_TIME = np.int32(socket.AF_PACKET | 0x9288 - 0x10000 << 16)
 
 @compiled
 def send_batch(columns: Columns, ring: Ring, count: int) -> None:
-    """Hand ``count`` frames of ``tx_row`` to the kernel; what it refuses is counted and dropped."""
+    """Hand ``count`` frames of ``tx_row`` to the kernel; what it refuses is counted and dropped.
+
+    After the end of a lease nothing is sent.
+    """
     engine = columns.engine[0]
     vector, iov, addresses = ring.tx_vector, ring.tx_iov, ring.tx_address
     iov_base, address_base = iov.ctypes.data, addresses.ctypes.data
@@ -102,6 +105,10 @@ def send_batch(columns: Columns, ring: Ring, count: int) -> None:
         addresses[row, 1] = sent_port(columns.ppm, columns.held, row)
         vector[i, NAME] = address_base + row * ADDRESS_SLOT
         vector[i, IOV] = iov_base + row * 16
+    # looked at last: the process may have been frozen since the tick began
+    if engine.lease_until_ns != 0 and time_ns(CLOCK_BOOTTIME, ring.clock) >= engine.lease_until_ns:
+        engine.muted += count
+        return
     done = 0
     while done < count:
         sent = sendmmsg(ring.descriptor, vector.ctypes.data + done * 64, count - done, MSG_DONTWAIT)

@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.memory import NonVolatile
     from pnfarm.drives.model import Model
+    from pnfarm.farm.leaseholder import Leaseholder
+    from pnfarm.farm.shard import Shard
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.links.line import LineTally
     from pnfarm.station.event_log import EventLog
@@ -108,7 +110,7 @@ class SocketNode(Protocol):
 class FarmCore:
     """``ports`` belong to ``drives`` one by one; ``models`` gives a drive's model under its own identity.
 
-    ``clock`` is the one by which frames are sent.
+    ``clock`` is the one by which frames are sent.  ``shard``: which part of a farm these drives are, None for all.
     """
 
     def __init__(
@@ -125,8 +127,10 @@ class FarmCore:
         clock: Clock,
         tick_ns: int = 1_000_000,
         lldp: bool = True,
+        shard: Shard | None = None,
     ) -> None:
         self.name = name
+        self.shard = shard
         gate = self._gate = GatedLink(link, clock)
         self.link: Link = gate
         self.log = log
@@ -143,6 +147,10 @@ class FarmCore:
         #: What the drives' controllers did.
         self.controllers = ControllerRecords(log, [config.name for config in drives])
         self.columns.image.lost[:] = LOST_NEVER
+        #: Whether the drives may send at this moment; None: always.
+        self.may_speak: Callable[[], bool] | None = None
+        #: The keeper of the memory's database and of the lease, None without.
+        self.leaseholder: Leaseholder | None = None
         self.impairments = ImpairmentTable(self.columns)
         exits = exits_of(link)
         if exits is None:
@@ -278,7 +286,7 @@ class FarmCore:
         self.settle(station, now)
 
     def _act(self, port: int, action: SocketAction) -> None:
-        if self._sockets is not None:
+        if self._sockets is not None and (self.may_speak is None or self.may_speak()):
             self._sockets.act(port, action)
 
     def _refuse_streams(self, port: int, refused: bool) -> None:
@@ -333,7 +341,7 @@ class FarmCore:
         The short way of most telegrams of a line: no injection, no deadline and no listener is concerned.
         """
         segment = self._line_segment
-        if segment is None:
+        if segment is None or (self.may_speak is not None and not self.may_speak()):
             return None
         port = segment.addressed(octets)
         if port is None:

@@ -188,6 +188,8 @@ REASONS: Mapping[str, str] = MappingProxyType(
         # links
         "cable-pulled": "the cable is pulled",
         "interface-down": "the interface is down",
+        "no-lease": "not sent: the lease of these drives is not held",
+        "address-not-renewed": "address that the kernel did not keep for longer: its interface is down",
         "other-vlan": "frame of another VLAN",
         "receive-overflow": "the kernel's receive queue was full",
         "refused": "the kernel refused to send it",

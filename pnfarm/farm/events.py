@@ -19,9 +19,15 @@ __all__ = [
     "FarmFileNote",
     "FarmStarted",
     "FarmStopped",
+    "LeaseLost",
+    "LeaseRegained",
+    "LeaseTaken",
+    "LeaseWaiting",
     "LineInterrupted",
     "LineOpened",
     "LineReady",
+    "MemoryAway",
+    "MemoryBack",
     "RealTimeOptionRefused",
 ]
 
@@ -148,6 +154,60 @@ class RealTimeOptionRefused(Event):
 
     def details(self) -> dict[str, Any]:
         return {"option": self.option, "reason": self.reason}
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryAway(Event):
+    """The database of the drives' memory does not answer; what is asked to be saved is refused."""
+
+    TEXT = "memory away"
+    LEVEL = "warning"
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryBack(Event):
+    """The database answers again, and has what the drives hold."""
+
+    TEXT = "memory back"
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseWaiting(Event):
+    """Another process runs some of these drives; the farm starts when its claims end."""
+
+    TEXT = "waiting for drives that run elsewhere"
+    LEVEL = "warning"
+    host: str
+    shard: str
+    for_seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseLost(Event):
+    """The lease was not renewed in time: the drives are mute."""
+
+    TEXT = "lease lost"
+    LEVEL = "error"
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseTaken(Event):
+    """Another process runs the drives: they are mute here."""
+
+    TEXT = "lease taken by another"
+    LEVEL = "error"
+    host: str
+    shard: str
+
+
+@dataclass(frozen=True, slots=True)
+class LeaseRegained(Event):
+    """The drives speak again; ``restarted``: others ran them meanwhile, so they were switched off and on."""
+
+    TEXT = "lease regained"
+    restarted: bool
 
 
 @dataclass(frozen=True, slots=True)

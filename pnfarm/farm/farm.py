@@ -23,7 +23,7 @@ from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.drives.model_identity import with_identity
 from pnfarm.drives.motor_kinds import with_motor
 from pnfarm.engine.realtime import RealTimeSettings
-from pnfarm.errors import ConfigError
+from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.capture import CaptureSettings, FarmCapture
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.events import (
@@ -39,17 +39,23 @@ from pnfarm.farm.events import (
 from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
 from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.injections import add_impairments
+from pnfarm.farm.lease import Lease
+from pnfarm.farm.leaseholder import Leaseholder
 from pnfarm.farm.lines import line_bus, make_line, make_lines
+from pnfarm.farm.load import line_name
 from pnfarm.farm.memory import MemoryDriver
+from pnfarm.farm.postgres import PostgresState
 from pnfarm.farm.realtime import RealTimeDriver
+from pnfarm.farm.shard import Shard, parse_shard, part_of
 from pnfarm.farm.state import FarmState
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec, unwrap
 from pnfarm.links.capabilities import require_for_link
-from pnfarm.links.interfaces import remove_leftovers, remove_leftovers_now
+from pnfarm.links.interfaces import Interfaces, remove_leftovers, remove_leftovers_now, run_to_completion
 from pnfarm.links.joined import JoinedLink, lines_of
+from pnfarm.links.leased import LeasedLink
 from pnfarm.links.macvlan import MacvlanLink
-from pnfarm.links.ownership import FarmLock
+from pnfarm.links.ownership import FarmLock, owner_of, shards_in
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
 from pnfarm.station.event_log import EventLog
@@ -76,21 +82,27 @@ def model_of(config: DriveConfig) -> Model:
     return with_identity(with_behaviour(described, config.behaviour), config.identity)
 
 
-def make_link(config: FarmConfig, *, captured: bool = False) -> Link:
-    """The link that a farm file requests, not open yet; ``captured``: all frames have to be seen at the drives' ports.
+def make_link(
+    config: FarmConfig, drives: Sequence[DriveConfig], shard: Shard | None = None, *, captured: bool = False
+) -> Link:
+    """The link that a farm file requests for these drives, not open yet.
+
+    ``captured``: all frames have to be seen at the drives' ports.
 
     Raises :class:`ConfigError` for one without interfaces: in memory, a farm makes its own.
     """
-    name, section = config.farm or "farm", config.link
+    name, section = _owner(config, shard), config.link
+    lines = dict(getattr(section, "lines", {}))
+    if shard is not None:
+        # a line is opened where its drives are
+        lines = {line: way for line, way in lines.items() if line in {line_name(config, drive) for drive in drives}}
     match section:
         case MacvlanSection():
-            return _with_lines(
-                MacvlanLink(name, section.parent, send="own" if captured else section.send), section.lines
-            )
+            return _with_lines(MacvlanLink(name, section.parent, send="own" if captured else section.send), lines)
         case VethSection():
-            return _with_lines(VethLink(name, bridge=section.bridge, own_bridge=section.bridge is None), section.lines)
+            return _with_lines(VethLink(name, bridge=section.bridge, own_bridge=section.bridge is None), lines)
         case TapSection():
-            return _with_lines(TapLink(name, bridge=section.bridge), section.lines)
+            return _with_lines(TapLink(name, bridge=section.bridge), lines)
         case SerialSection():
             own = next(model_by_name(group.model).bus for group in config.drives)
             return make_line(section, line_bus(own))
@@ -98,6 +110,10 @@ def make_link(config: FarmConfig, *, captured: bool = False) -> Link:
             raise ConfigError("the file has no link; add for example `link: {kind: macvlan, parent: eth1}`")
         case _:
             raise ConfigError(f"a {section.kind} link has no interfaces; use macvlan, veth or tap")
+
+
+def _owner(config: FarmConfig, shard: Shard | None) -> str:
+    return owner_of(config.farm or "farm", "" if shard is None else str(shard))
 
 
 def _with_lines(link: Link, ways: Mapping[str, LineWay]) -> Link:
@@ -126,12 +142,16 @@ def realtime_settings(config: FarmConfig) -> RealTimeSettings:
 
 
 class Farm:
-    """See the module's docstring.  Use as an asynchronous context manager, or ``open`` and ``close``."""
+    """See the module's docstring.  Use as an asynchronous context manager, or ``open`` and ``close``.
+
+    ``shard``: the part of the file's drives that runs here; None for all.
+    """
 
     def __init__(
         self,
         config: FarmConfig,
         *,
+        shard: Shard | None = None,
         log: EventLog | None = None,
         link: Link | None = None,
         capture: CaptureSettings | None = None,
@@ -148,12 +168,15 @@ class Farm:
                 "a memory link has no interface to capture from: use a veth link, or run a scenario in virtual time "
                 "(`pnfarm run SCENARIO --virtual --pcap FILE`)"
             )
+        self.shard = shard
+        whole = expand(config)
+        self.drives = whole if shard is None else part_of(config, whole, shard)
         if self.world is not None:
             link = self.world.link(baud=_memory_baud(config))
-        self.link = link or make_link(config, captured=capture is not None)
-        self.drives = expand(config)
-        self._lock = FarmLock(config.farm or "farm", config.state_directory)
-        self._state: FarmState | None = None
+        self.link = link or make_link(config, self.drives, shard, captured=capture is not None)
+        self._lock = _lock(config, shard)
+        self._state: FarmState | PostgresState | None = None
+        self._leaseholder: Leaseholder | None = None
         self._driver: RealTimeDriver | MemoryDriver | None = None
         self._core: FarmCore | None = None
         self.started_ns = 0
@@ -165,10 +188,11 @@ class Farm:
         self.on_close: list[Callable[[], Awaitable[None]]] = []
 
     @classmethod
-    def from_file(cls, path: str | Path, **overrides: Any) -> Self:
-        """A farm from its file; ``overrides`` as in :meth:`FarmConfig.with_overrides`."""
+    def from_file(cls, path: str | Path, *, shard: str | None = None, **overrides: Any) -> Self:
+        """A farm, or its ``shard`` ``I/N``, from its file; ``overrides`` as in :meth:`FarmConfig.with_overrides`."""
         config = load_farm(path, catalogue(frozenset(fault_kinds())))
-        return cls(config.with_overrides(overrides, origin="argument"))
+        config = config.with_overrides(overrides, origin="argument")
+        return cls(config, shard=None if shard is None else parse_shard(shard, "shard"))
 
     @property
     def core(self) -> FarmCore:
@@ -222,10 +246,13 @@ class Farm:
         try:
             self._make_capture()
             if self.world is None:
-                await remove_leftovers(self.config.farm or "farm")
+                await remove_leftovers(_owner(self.config, self.shard))
+                if self.shard is not None:
+                    # a killed run of the whole farm had these drives, too
+                    await remove_leftovers(_owner(self.config, None))
             else:
                 self.world.clock.now = time.monotonic_ns()
-            self._state = FarmState(self.config.state_directory)
+            self._state = await self._open_state()
             ports = await self.link.open([self._port_of(drive) for drive in self.drives])
             if self.capture is not None:
                 self.capture.start(ports, far_end=isinstance(unwrap(self.link), TapLink))
@@ -242,11 +269,14 @@ class Farm:
                 seed=os.urandom(16),
                 clock=time.monotonic_ns if self.world is None else self.world.clock,
                 lldp=self.config.lldp,
+                shard=self.shard,
             )
             for action in self.on_start:
                 action(self._core)
             now = await self._make_driver(self._core, ports)
-            add_impairments(self._core.injections, self.drives, now)
+            if self._leaseholder is not None:
+                self._leaseholder.start(self._core, self.poke)
+            add_impairments(self._core.injections, self.drives, now, part=self.shard is not None)
             self._core.start(now)
             await self.driver.start()
             self.started_ns = now
@@ -255,6 +285,26 @@ class Farm:
             with anyio.CancelScope(shield=True):
                 await self.close()
             raise
+
+    async def _open_state(self) -> FarmState | PostgresState:
+        """The drives' memory; in a database it is shared, and every drive is claimed there before it is made."""
+        url = self.config.state_database
+        if url is None:
+            return FarmState(self.config.state_directory)
+        state = PostgresState(
+            url,
+            self.config.farm or "farm",
+            [drive.name for drive in self.drives],
+            lease=Lease(self.config.lease.ttl_ns),
+            shard="" if self.shard is None else str(self.shard),
+        )
+        self._state = state
+        holder = self._leaseholder = Leaseholder(state, self.log, time.monotonic_ns)
+        await run_to_completion(state.start)
+        await holder.wait()
+        if self.world is None:
+            self.link = LeasedLink(self.link, state.may_speak)
+        return state
 
     @staticmethod
     def _port_of(drive: DriveConfig) -> PortSpec:
@@ -321,16 +371,19 @@ class Farm:
         finally:
             # each of these is done, whatever the others raise
             async with contextlib.AsyncExitStack() as stack:
-                stack.callback(self._release)
+                stack.push_async_callback(self._release)
                 stack.push_async_callback(self.link.close)
                 if self.capture is not None:
                     stack.push_async_callback(asyncio.to_thread, self.capture.stop)
                 for action in self.on_close:
                     stack.push_async_callback(action)
 
-    def _release(self) -> None:
+    async def _release(self) -> None:
+        """After the interfaces are gone: others may have the drives."""
+        if self._leaseholder is not None:
+            self._leaseholder.stop()
         if self._state is not None:
-            self._state.close()
+            await asyncio.to_thread(self._state.close)
             self._state = None
         self._lock.release()
         self._driver = None
@@ -350,11 +403,38 @@ class Farm:
             await self.close()
 
 
-def remove_farm(config: FarmConfig) -> list[str]:
-    """Remove what a killed run of this farm left; returns the names of the removed interfaces.
+def _lock(config: FarmConfig, shard: Shard | None) -> FarmLock:
+    return FarmLock(config.farm or "farm", config.state_directory, shard="" if shard is None else str(shard))
 
-    Raises :class:`EnvironmentError_` when the farm is running.
+
+def remove_farm(config: FarmConfig, shard: Shard | None = None) -> list[str]:
+    """Remove what killed runs of this farm left, or of one shard; returns the names of the removed interfaces.
+
+    Without ``shard`` that is what the whole farm and every shard left that does not run.
+    Raises :class:`EnvironmentError_` when the farm, or the named shard, is running.
     """
-    name = config.farm or "farm"
-    with FarmLock(name, config.state_directory):
-        return remove_leftovers_now(name)
+    farm = config.farm or "farm"
+    if shard is not None:
+        with _lock(config, shard):
+            return remove_leftovers_now(_owner(config, shard))
+    removed: list[str] = []
+    with Interfaces() as interfaces:
+        shards = shards_in(farm, [facts.alias for facts in interfaces.everything()])
+    running: EnvironmentError_ | None = None
+    for text in shards:
+        lock = FarmLock(farm, config.state_directory, shard=text)
+        try:
+            lock.acquire()
+        except EnvironmentError_ as exc:
+            running = exc
+            continue
+        with lock:
+            removed += remove_leftovers_now(owner_of(farm, text))
+    try:
+        with _lock(config, None):
+            return removed + remove_leftovers_now(farm)
+    except EnvironmentError_:
+        if running is None:
+            raise
+        # a shard that runs has removed what the whole farm left
+        return removed

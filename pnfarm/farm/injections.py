@@ -64,8 +64,8 @@ def make_manager(
     return InjectionManager(fault_kinds(), drives, (gate, sockets, addresses), Conditions(stations, columns))
 
 
-def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], now: int) -> None:
-    """Put the ``impair:`` sections of a farm file in force.
+def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], now: int, *, part: bool = False) -> None:
+    """Put the ``impair:`` sections of a farm file in force; ``part``: ``drives`` are not all of the file's.
 
     Raises :class:`ConfigError` that names the group's drives.
     """
@@ -76,6 +76,9 @@ def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], no
         for index, impairment in enumerate(members[0].impair):
             names = _within(impairment, members)
             where = f"impair[{index}] of drives {members[0].name} to {members[-1].name}"
+            if not names and part:
+                # they mean drives of other shards
+                continue
             if not names:
                 raise ConfigError(f"{where}: `on` means none of them; allowed: globs over their names, or leave it out")
             try:

@@ -257,7 +257,7 @@ class _LoopEngine:
         self._link = link
         self._guard = guard
         self._waiting = 0
-        (self._event_head,) = field_views(node.columns.engine[0], "event_head")
+        self._event_head, self._lease_until = field_views(node.columns.engine[0], "event_head", "lease_until_ns")
         self._paced = not isinstance(link, TapLink)
         self._head = 0
         self._handle: asyncio.TimerHandle | None = None
@@ -288,7 +288,10 @@ class _LoopEngine:
     def _advance(self, now: int) -> None:
         columns = self._node.columns
         count, self._waiting = self._waiting, 0
-        for i in range(tick(columns, count, now)):
+        sent = tick(columns, count, now)
+        if self._lease_until[0] and time.clock_gettime_ns(time.CLOCK_BOOTTIME) >= self._lease_until[0]:
+            return
+        for i in range(sent):
             row = int(columns.tx_row[i])
             length, port = (told(columns.ppm, columns.held, row) for told in (sent_length, sent_port))
             self._link.send(int(port), columns.frames[row, : int(length)].tobytes())

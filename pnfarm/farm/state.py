@@ -7,7 +7,6 @@ saved before or what was saved last.  A file that is damaged, or is not pnfarm's
 
 from __future__ import annotations
 
-import json
 import sqlite3
 import threading
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from pnfarm.errors import EnvironmentError_
+from pnfarm.farm.memory_json import rows_of, values_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -37,10 +37,6 @@ CREATE TABLE memory (
 """
 #: How long a save waits for another process that reads the file, seconds.
 _BUSY_SECONDS = 2.0
-
-# JSON has no octets and no numbers as keys; these wrap them.
-_OCTETS = "$octets"
-_PAIRS = "$pairs"
 
 
 class FarmState:
@@ -94,27 +90,22 @@ class FarmState:
             rows = self._connection.execute("SELECT key, value FROM memory WHERE station = ?", (station,)).fetchall()
         if not rows:
             return None
-        values: dict[str, Any] = {}
-        for key, text in rows:
-            # an empty dict was saved: the row says that there is a memory
-            if key == "":
-                continue
-            try:
-                values[key] = _from_json(json.loads(text))
-            except (ValueError, TypeError, RecursionError) as error:
-                raise self.damaged(f"the value {key!r} of station {station!r} is not JSON ({error})") from error
-        return values
+        return values_of(rows, station, self.damaged)
 
     def save(self, station: str, values: dict[str, Any]) -> None:
         """Replace what is kept for this station.  TypeError for values that this memory cannot keep."""
-        rows = [(station, "", "null")]
-        for key, value in values.items():
-            if not isinstance(key, str) or not key:
-                raise TypeError(f"a key of a station's memory is a word, not {key!r}")
-            rows.append((station, key, json.dumps(_to_json(value), ensure_ascii=True)))
+        rows = [(station, *row) for row in rows_of(values)]
         with self._transaction("write"):
             self._connection.execute("DELETE FROM memory WHERE station = ?", (station,))
             self._connection.executemany("INSERT INTO memory VALUES (?, ?, ?)", rows)
+
+    def hold(self, station: str, values: dict[str, Any]) -> None:
+        """See :meth:`pnfarm.drives.memory.NonVolatile.hold`: the next save of the station writes it."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether it is worth trying: what a folder has no room for now it may have in a moment."""
+        return True
 
     def delete(self, station: str) -> None:
         """Delete a station's values: it starts as from the factory."""
@@ -187,33 +178,3 @@ class FarmState:
             f"the drives' memory {self.file} is damaged: {detail}; it was left as it is - "
             "restore a copy, or move it away and the drives start as from the factory"
         )
-
-
-def _to_json(value: Any) -> Any:
-    match value:
-        case None | bool() | int() | float() | str():
-            return value
-        case bytes():
-            return {_OCTETS: value.hex()}
-        case list() | tuple():
-            return [_to_json(item) for item in value]
-        case dict():
-            if all(isinstance(key, str) for key in value) and not value.keys() & {_OCTETS, _PAIRS}:
-                return {key: _to_json(item) for key, item in value.items()}
-            if all(type(key) in {str, int} for key in value):
-                return {_PAIRS: [[key, _to_json(item)] for key, item in value.items()]}
-    raise TypeError(f"a station's memory cannot keep a {type(value).__name__}: {value!r}")
-
-
-def _from_json(value: Any) -> Any:
-    match value:
-        case {"$octets": str(text)}:
-            return bytes.fromhex(text)
-        case {"$pairs": list(pairs)}:
-            return {key: _from_json(item) for key, item in pairs}
-        case dict():
-            return {key: _from_json(item) for key, item in value.items()}
-        case list():
-            return [_from_json(item) for item in value]
-        case _:
-            return value

@@ -11,6 +11,7 @@ from pnfarm.config.known import catalogue
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import load_farm, parse_farm
 from pnfarm.farm.injection_fields import fields_of
+from pnfarm.farm.shard import parse_shard
 from pnfarm.farm.tracing import FarmTrace, trace_fields
 from pnfarm.farm.wait import NotInTime
 from pnfarm.library.arguments import duration_ns
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.farm.shard import Shard
     from pnfarm.faults.evidence import Evidence
     from pnfarm.faults.manager import Injection, InjectionManager
     from pnfarm.library.passing import Passing
@@ -53,23 +55,27 @@ class Farm:
     Errors are those of :mod:`pnfarm.errors`, with the sentences of the command line.
     """
 
-    def __init__(self, config: FarmConfig, *, virtual: bool = False) -> None:
+    def __init__(self, config: FarmConfig, *, virtual: bool = False, shard: Shard | None = None) -> None:
         self.config = config
         self.is_virtual = virtual
-        self._passing: Passing = VirtualPassing(config) if virtual else RealPassing(config)
+        self._passing: Passing = VirtualPassing(config, shard) if virtual else RealPassing(config, shard)
         self._began_ns = 0
         self._drives: dict[str, Drive] = {}
 
     @classmethod
-    def from_file(cls, path: str | Path, *, virtual: bool = False, **overrides: Any) -> Self:
-        """A farm from its file; ``overrides`` set keys of the file.  Raises :class:`ConfigError`."""
+    def from_file(cls, path: str | Path, *, virtual: bool = False, shard: str | None = None, **overrides: Any) -> Self:
+        """A farm from its file; ``overrides`` set keys of the file.  Raises :class:`ConfigError`.
+
+        ``shard``: ``"1/3"`` for the first of three parts of its drives, as ``pnfarm up --shard``.
+        """
         config = load_farm(path, catalogue(frozenset(fault_kinds())))
-        return cls(config.with_overrides(overrides, origin="argument"), virtual=virtual)
+        return cls(config.with_overrides(overrides, origin="argument"), virtual=virtual, shard=_shard(shard))
 
     @classmethod
-    def from_text(cls, text: str, *, virtual: bool = False) -> Self:
+    def from_text(cls, text: str, *, virtual: bool = False, shard: str | None = None) -> Self:
         """As :meth:`from_file`, from the file's text."""
-        return cls(parse_farm(text, known=catalogue(frozenset(fault_kinds()))), virtual=virtual)
+        config = parse_farm(text, known=catalogue(frozenset(fault_kinds())))
+        return cls(config, virtual=virtual, shard=_shard(shard))
 
     @staticmethod
     def connect(url: str, *, token: str | None = None) -> RemoteFarm:
@@ -277,3 +283,7 @@ class _Trace(FarmTrace):
             what = f"trace {trace.id} is {trace.state} after {within_ns / 1e9:g} s"
             raise NotInTime(f"{what} (trigger: {trace.request.trigger.text})")
         return trace.recording()
+
+
+def _shard(text: str | None) -> Shard | None:
+    return None if text is None else parse_shard(text, "shard")

@@ -14,7 +14,6 @@ from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import Farm as RealFarm
-from pnfarm.farm.file.reading import expand
 from pnfarm.farm.injections import add_impairments
 from pnfarm.metrics import FarmCollector
 from pnfarm.scenario.lateness import FarmLateness
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.farm.shard import Shard
     from pnfarm.scenario.binding import Binding
 
 __all__ = ["Passing", "RealPassing", "VirtualPassing"]
@@ -97,9 +97,9 @@ class Passing(ABC):
 class RealPassing(Passing):
     """With the machine's clock, on the link of the farm's file."""
 
-    def __init__(self, config: FarmConfig) -> None:
+    def __init__(self, config: FarmConfig, shard: Shard | None = None) -> None:
         super().__init__()
-        self._farm = RealFarm(config, log=self.log)
+        self._farm = RealFarm(config, shard=shard, log=self.log)
         self._is_open = False
         self._beside = ControllerBeside(self._farm)
         self._farm.on_start.append(self._count)
@@ -175,9 +175,10 @@ class RealPassing(Passing):
 class VirtualPassing(Passing):
     """In memory in virtual time, which passes only while something is awaited of the farm."""
 
-    def __init__(self, config: FarmConfig) -> None:
+    def __init__(self, config: FarmConfig, shard: Shard | None = None) -> None:
         super().__init__()
         self._config = config
+        self._shard = shard
         self._line: VirtualLine | None = None
 
     @property
@@ -193,10 +194,10 @@ class VirtualPassing(Passing):
     async def open(self) -> None:
         if self._line is not None:
             raise ConfigError("the farm runs already")
-        self._line = await VirtualLine.create(self._config, memory=VolatileMemory(), log=self.log)
+        self._line = await VirtualLine.create(self._config, memory=VolatileMemory(), log=self.log, shard=self._shard)
         self._collector = FarmCollector(self._line.farm)
         farm = self._line.farm
-        add_impairments(farm.injections, expand(self._config), self._line.world.now)
+        add_impairments(farm.injections, self._line.drives, self._line.world.now, part=self._shard is not None)
 
     async def close(self) -> None:
         line, self._line = self._line, None

@@ -36,9 +36,9 @@ from typing import TYPE_CHECKING, Self
 from pnfarm.errors import EnvironmentError_
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
+    from collections.abc import Collection, Sequence
 
-__all__ = ["attach", "detach", "remove_rules"]
+__all__ = ["attach", "detach", "remove_rules", "renew"]
 
 _HEADER = struct.Struct("=IHHII")  # nlmsghdr
 _ADDRESS = struct.Struct("=BBBBI")  # ifaddrmsg
@@ -53,7 +53,7 @@ _REQUEST_ACK, _REQUEST_DUMP = 0x0005, 0x0301
 _CREATE, _EXCLUSIVE, _REPLACE = 0x0400, 0x0200, 0x0100
 
 # if_addr.h
-_IFA_ADDRESS, _IFA_LOCAL, _IFA_FLAGS = 1, 2, 8
+_IFA_ADDRESS, _IFA_LOCAL, _IFA_CACHEINFO, _IFA_FLAGS = 1, 2, 6, 8
 _IFA_F_NOPREFIXROUTE = 0x200
 # rtnetlink.h
 _RTA_DST, _RTA_OIF, _RTA_GATEWAY, _RTA_PREFSRC, _RTA_TABLE = 1, 4, 5, 7, 15
@@ -128,11 +128,14 @@ def _number(kind: int, value: int) -> bytes:
     return _attribute(kind, struct.pack("=I", value))
 
 
-def _address(index: int, interface: IPv4Interface) -> bytes:
+def _address(index: int, interface: IPv4Interface, seconds: int = 0) -> bytes:
+    """``seconds``: after which the kernel takes it away by itself; 0: it stays."""
     octets = interface.ip.packed
     body = _ADDRESS.pack(socket.AF_INET, interface.network.prefixlen, 0, _SCOPE_UNIVERSE, index)
     body += _attribute(_IFA_LOCAL, octets) + _attribute(_IFA_ADDRESS, octets)
-    return body + _number(_IFA_FLAGS, _IFA_F_NOPREFIXROUTE)
+    body += _number(_IFA_FLAGS, _IFA_F_NOPREFIXROUTE)
+    # preferred and valid
+    return body + (_attribute(_IFA_CACHEINFO, struct.pack("=4I", seconds, seconds, 0, 0)) if seconds else b"")
 
 
 def _route(
@@ -164,15 +167,34 @@ def _rules(name: str, interface: IPv4Interface, table: int) -> tuple[bytes, byte
     return of_interface, rule(32, _attribute(_FRA_SRC, interface.ip.packed), OF_ADDRESSES)
 
 
-def attach(index: int, name: str, interface: IPv4Interface, gateway: IPv4Address | None = None) -> None:
+def renew(addresses: Sequence[tuple[int, IPv4Interface]], seconds: int) -> int:
+    """Let the kernel keep addresses (interface's index, address) for so long from now on; how many it refused.
+
+    It takes them away by itself then, up to a second later, and with them the routes from them: nothing is answered any
+    more, not even for open streams, whether this process runs or not.
+    """
+    refused = 0
+    with _Netlink() as kernel:
+        for index, interface in addresses:
+            try:
+                kernel.ask(_NEW_ADDRESS, _REPLACE, _address(index, interface, seconds))
+            except OSError:
+                refused += 1
+    return refused
+
+
+def attach(
+    index: int, name: str, interface: IPv4Interface, gateway: IPv4Address | None = None, seconds: int = 0
+) -> None:
     """Give an interface that is up its address; doing it again restores what the kernel forgot while it was down.
 
+    ``seconds``: after which the kernel takes it away by itself unless it is renewed; 0: never.
     Raises :class:`~pnfarm.errors.EnvironmentError_` when the kernel refuses.
     """
     table, own, network = FIRST_TABLE + index, interface.ip, interface.network
     try:
         with _Netlink() as kernel:
-            kernel.ask(_NEW_ADDRESS, _CREATE | _REPLACE, _address(index, interface))
+            kernel.ask(_NEW_ADDRESS, _CREATE | _REPLACE, _address(index, interface, seconds))
             routes: list[tuple[int, int, IPv4Address, int, IPv4Address, IPv4Address | None]]
             routes = [(_RTN_LOCAL, _SCOPE_HOST, own, 32, own, None)]
             routes.append((_RTN_UNICAST, _SCOPE_LINK, network.network_address, network.prefixlen, own, None))

@@ -118,6 +118,8 @@ class KernelSockets:
         self._last = 0
         self._user: SocketUser | None = None
         self._asker: socket.socket | None = None
+        #: For how many seconds the kernel has an address unless it is renewed; 0: for ever.
+        self._lifetime = 0
 
     def open(self, ports: Sequence[Port]) -> None:
         """These ports may have addresses."""
@@ -135,7 +137,16 @@ class KernelSockets:
         """The interface was down and is up again: the kernel forgot the routes of its address."""
         host = self._hosts.get(port)
         if host is not None and host.attached:
-            kernel_network.attach(port, host.name, host.services.address, host.services.gateway)
+            services = host.services
+            kernel_network.attach(port, host.name, services.address, services.gateway, self._lifetime)
+
+    def set_lifetime(self, seconds: int) -> None:
+        """Let every address end by itself in so many seconds, unless this is called again before."""
+        self._lifetime = seconds
+        own = [(port, host.services.address) for port, host in self._hosts.items() if host.attached]
+        if own and (refused := kernel_network.renew(own, seconds)):
+            # the interface is down, or was removed under the running farm, which its link reports
+            self._counters.dropped["address-not-renewed"] += refused
 
     def set_user(self, user: SocketUser) -> None:
         self._user = user
@@ -148,7 +159,7 @@ class KernelSockets:
         if known is None:
             raise InternalError(f"this link has no port {port}")
         if self._own:
-            kernel_network.attach(port, known.name, services.address, services.gateway)
+            kernel_network.attach(port, known.name, services.address, services.gateway, self._lifetime)
         else:
             _require(services.address.ip, known.name)
         host = self._hosts[port] = _Host(known.name, services, self._own)

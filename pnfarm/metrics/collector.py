@@ -124,6 +124,36 @@ class FarmCollector(Collector):
         drive = self._per_drive
         self._build = Family("pnfarm_build_info", "gauge", "Version of pnfarm; always 1.", ("version",))
         self._build.add(__version__)
+        self._shard = Family(
+            "pnfarm_shard_info",
+            "gauge",
+            "Which part of a farm these drives are; always 1, and 1/1 for the whole farm.",
+            ("farm", "shard", "shards"),
+        )
+        shard = self._core.shard
+        index, count = (1, 1) if shard is None else (shard.index, shard.count)
+        self._shard.add(self._core.name, str(index), str(count))
+        self._memory_up = Family(
+            "pnfarm_memory_up", "gauge", "Whether the drives' non-volatile memory can be written, as far as is known."
+        )
+        self._memory_losses = Family(
+            "pnfarm_memory_losses_total", "counter", "Times that the database of the drives' memory was lost."
+        )
+        self._memory_refused = Family(
+            "pnfarm_memory_saves_refused_total",
+            "counter",
+            "Saves that the database of the drives' memory did not take.",
+        )
+        self._lease_held = Family(
+            "pnfarm_lease_held", "gauge", "Whether the drives may speak: 1 also without a lease, 0 while they are mute."
+        )
+        self._lease_renewed = Family(
+            "pnfarm_lease_renewed_seconds_ago", "gauge", "Since the newest renewal of the lease, 0 without a lease."
+        )
+        for family in (
+            self._memory_up, self._memory_losses, self._memory_refused, self._lease_held, self._lease_renewed,
+        ):  # fmt: skip
+            family.add()
         self._info = Family(
             "pnfarm_drive_info",
             "gauge",
@@ -268,7 +298,7 @@ class FarmCollector(Collector):
         stations = core.stations
         count = len(stations)
         axis = core.columns.axis[:count]
-        parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._info, [1] * count)]
+        parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._shard, [1]), (self._info, [1] * count)]
         parts += [(family, AXIS.read(axis, column).tolist()) for family, column in self._axis]
         observed = core.columns.observed[:count]
         parts += [
@@ -296,6 +326,7 @@ class FarmCollector(Collector):
         parts.append((self._faults_active, self._labelled(self._faults_active, active)))
         parts.append((self._drive_faults_active, core.columns.image["injected"][:count].tolist()))
         parts.append((self._activations, self._labelled(self._activations, activations)))
+        parts += self._standing()
         parts += self._lines.gather()
         return Scrape(parts, self._lock)
 
@@ -306,6 +337,22 @@ class FarmCollector(Collector):
     def process_text(self) -> bytes:
         """The process's own metrics in exposition format."""
         return generate_latest(self.process)
+
+    def _standing(self) -> list[tuple[Family, Values]]:
+        """The memory's database and the lease."""
+        holder = self._core.leaseholder
+        up, losses, refused, held, renewed = 1.0, 0.0, 0.0, 1.0, 0.0
+        if holder is not None:
+            state = holder.state
+            up, losses, refused = float(state.ready), float(state.standing.losses), float(state.standing.refused)
+            held, renewed = float(state.may_speak()), state.renewed_seconds_ago() or 0.0
+        return [
+            (self._memory_up, [up]),
+            (self._memory_losses, [losses]),
+            (self._memory_refused, [refused]),
+            (self._lease_held, [held]),
+            (self._lease_renewed, [renewed]),
+        ]
 
     @staticmethod
     def _labelled(family: Family, counts: Counts) -> list[float]:

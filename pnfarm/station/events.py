@@ -30,6 +30,7 @@ __all__ = [
     "FaultsCleared",
     "Level",
     "MemoryNotTaken",
+    "MemoryNotWritten",
     "OutputsChanged",
     "ParametersSaved",
     "PowerLost",
@@ -302,6 +303,16 @@ class WarningChanged(Event):
 
 
 # -- memory ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryNotWritten(Event):
+    """Non-volatile memory could not be written; ``refused``: what was asked for was refused, else it is held."""
+
+    TEXT = "memory not written"
+    LEVEL = "warning"
+    reason: str
+    refused: bool
 
 
 @dataclass(frozen=True, slots=True)

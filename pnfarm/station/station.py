@@ -21,11 +21,12 @@ from pnfarm.drives.store import (
     RebootRequested,
     TelegramChanged,
 )
-from pnfarm.errors import ConfigError
+from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.station.device import KeptValueError, SocketDevice
 from pnfarm.station.events import (
     Booted,
     MemoryNotTaken,
+    MemoryNotWritten,
     ParametersSaved,
     PowerLost,
     PowerReturned,
@@ -109,6 +110,8 @@ class Station:
         self._memory = memory
         self._log = log
         self._left_out: list[str] = []
+        #: A save that failed and is not told yet.
+        self._not_written: MemoryNotWritten | None = None
         self._booted_ns: int | None = None
         #: When a drive that boots comes on the wire.
         self._answers_ns: int | None = None
@@ -130,7 +133,7 @@ class Station:
         except KeptValueError as exc:
             raise self._memory.damaged(f"of drive {self.configured_name}, {exc}") from exc
         self.kept = dict(kept)
-        self.store = ParameterStore(self.model, self.handle)
+        self.store = ParameterStore(self.model, self.handle, self._save_drive)
         self._left_out = self.store.restore(kept.get("drive"))
         self.device.commission(kept)
         self.store.commission({key: self._raw(key, value) for key, value in self.config.params.items()})
@@ -247,12 +250,15 @@ class Station:
 
     def pump_drive(self, now: int) -> bool:
         """Carry out commands of the drive itself; returns whether there were any. Called by its device."""
+        if self._not_written is not None:
+            told, self._not_written = self._not_written, None
+            self.note(now, told)
         ordered = self.store.events()
         for event in ordered:
             match event:
-                case NonVolatileSaved():
-                    self.keep(now, "drive", self.store.snapshot())
-                    self.note(now, ParametersSaved())
+                case NonVolatileSaved(written):
+                    if written or self.keep(now, "drive", self.store.snapshot()):
+                        self.note(now, ParametersSaved())
                 case TelegramChanged(number):
                     self.device.telegram_changed()
                     self.note(now, TelegramTaken(number))
@@ -299,15 +305,42 @@ class Station:
         """The fault history changed: write it through."""
         self.keep(now, "faults", history_of(self.handle.axis) or None)
 
-    def keep(self, now: int, key: str, value: Any) -> None:
-        """Write one value of non-volatile memory through; None forgets it."""
+    def keep(self, now: int, key: str, value: Any) -> bool:
+        """Write one value of non-volatile memory through; None forgets it.  As :meth:`save`."""
         del now
         if value is None:
             self.kept.pop(key, None)
         else:
             self.kept[key] = value
-        self.save()
+        return self.save()
 
-    def save(self) -> None:
-        """Write non-volatile memory as it is in :attr:`kept`."""
-        self._memory.save(self.configured_name, self.kept)
+    def save(self) -> bool:
+        """Write non-volatile memory as it is in :attr:`kept`; False where that failed: it is written when it can be."""
+        try:
+            self._memory.save(self.configured_name, self.kept)
+        except EnvironmentError_ as exc:
+            self._memory.hold(self.configured_name, self.kept)
+            self._not_written = MemoryNotWritten(str(exc), refused=False)
+            return False
+        return True
+
+    @property
+    def can_save(self) -> bool:
+        """Whether non-volatile memory can be written now, as far as is known."""
+        return self._memory.ready
+
+    def try_save(self, values: dict[str, Any]) -> bool:
+        """Replace :attr:`kept` by ``values`` if they can be written; False: nothing changed."""
+        try:
+            self._memory.save(self.configured_name, values)
+        except EnvironmentError_ as exc:
+            # it may have happened nevertheless: then it is undone
+            self._memory.hold(self.configured_name, self.kept)
+            self._not_written = MemoryNotWritten(str(exc), refused=True)
+            return False
+        self.kept = values
+        return True
+
+    def _save_drive(self, snapshot: dict[str, Any]) -> bool:
+        """The drive was told to save its values."""
+        return self.try_save({**self.kept, "drive": snapshot})

@@ -11,6 +11,7 @@ Exactly one party writes each field (the *writer*); all may read.  The writers:
 ``program``    the engine, a controller's axis program
 ``transmit``   the engine, sending half of a tick
 ``engine``     the engine, anywhere in its loop
+``lease``      the thread that renews the lease of a farm's shard
 =============  ============================================================================
 
 A row may have parts, which are nested records: ``axis.motor.velocity``.  A part's settings, which the event loop
@@ -28,7 +29,7 @@ import numpy as np
 
 __all__ = ["SETTINGS", "Field", "Layout", "subject"]
 
-WRITERS = ("station", "parameter", "fault", "receive", "firmware", "program", "transmit", "engine")
+WRITERS = ("station", "parameter", "fault", "receive", "firmware", "program", "transmit", "engine", "lease")
 #: The part of a subject that holds what the event loop writes.
 SETTINGS = "settings"
 #: Interpreted, a field of such a name would be hidden.

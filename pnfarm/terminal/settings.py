@@ -19,6 +19,7 @@ __all__ = [
     "LogFormat",
     "LogLevel",
     "Settings",
+    "ShardOption",
     "TokenOption",
     "help_without_command",
     "settings",
@@ -72,6 +73,16 @@ settings = Settings()
 
 FarmFile = Annotated[Path, typer.Argument(help="Farm file, *.pnfarm.yml.", metavar="FILE", show_default=False)]
 FormatOption = Annotated[Format, typer.Option("--format", help="Output format.")]
+ShardOption = Annotated[
+    str | None,
+    typer.Option(
+        "--shard",
+        help="Part I of N of the drives, as `pnfarm up --shard I/N` runs it.",
+        metavar="I/N",
+        envvar="PNFARM_UP_SHARD",
+        show_envvar=False,
+    ),
+]
 ApiOption = Annotated[
     str, typer.Option("--api", help="Address of the farm's API, a URL or HOST:PORT.", envvar="PNFARM_API")
 ]

@@ -18,7 +18,8 @@ from pnfarm.buses.profinet.device.kept_values import check_kept
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.farm.state import FILE_NAME, FarmState, _from_json, _to_json
+from pnfarm.farm.memory_json import _from_json, _to_json
+from pnfarm.farm.state import FILE_NAME, FarmState
 from pnfarm.station.event_log import EventLog
 
 FILE = """

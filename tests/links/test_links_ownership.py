@@ -14,7 +14,16 @@ from hypothesis import strategies as st
 
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.links.interfaces import remove_leftovers_now
-from pnfarm.links.ownership import FarmLock, doomed_group_of, group_of, interface_prefix, is_own, tag
+from pnfarm.links.ownership import (
+    FarmLock,
+    doomed_group_of,
+    group_of,
+    interface_prefix,
+    is_own,
+    owner_of,
+    shards_in,
+    tag,
+)
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -99,6 +108,50 @@ def test_a_farm_runs_once_and_the_refusal_names_the_process(tmp_path):
         assert (tmp_path / "line-1.lock").read_text() == f"{os.getpid()}\n"
     with FarmLock("line-1", tmp_path):
         pass
+
+
+SHARDS = """
+    import sys, time
+    from pathlib import Path
+    from pnfarm.links.ownership import FarmLock
+    lock = FarmLock("line-1", Path(sys.argv[1]), shard=sys.argv[2])
+    lock.acquire()
+    print("ready", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.mark.parametrize("apart", [False, True])
+def test_a_shard_leaves_room_for_those_beside_it_and_for_no_other_division(namespace, tmp_path, apart):
+    """By the namespace's sockets, or by the state folder of a namespace apart."""
+    program = textwrap.dedent(SHARDS)
+    if apart:
+        program = f"import ctypes; ctypes.CDLL(None).unshare(0x40000000)\n{program}"
+    holder = start(program, str(tmp_path), "1/3")
+    try:
+        with FarmLock("line-1", tmp_path, shard="2/3"), FarmLock("line-1", tmp_path, shard="3/3"):
+            pass
+        for shard, running in (("1/3", "shard 1/3 of farm"), ("1/2", "shard 1/3 of farm"), ("", "farm")):
+            lock = FarmLock("line-1", tmp_path, shard=shard)
+            with pytest.raises(EnvironmentError_, match=rf"{running} line-1 is already running"):
+                lock.acquire()
+        with FarmLock("line-2", tmp_path), FarmLock("line-11", tmp_path, shard="1/2"):
+            pass
+    finally:
+        end(holder, signal.SIGKILL)
+    with FarmLock("line-1", tmp_path):
+        pass
+    with FarmLock("line-1", tmp_path), pytest.raises(EnvironmentError_, match="has drives of this one"):
+        FarmLock("line-1", tmp_path, shard="1/3").acquire()
+
+
+def test_shards_are_known_by_the_tags_of_their_interfaces():
+    aliases = [tag(owner_of("a b", shard), "axis") for shard in ("2/3", "1/3", "1/3", "")]
+    aliases += [tag(owner_of("a b c", "1/2"), "axis"), tag(owner_of("a", "1/2"), "axis"), tag("a b plc", "plc"), ""]
+    assert shards_in("a b", aliases) == ["1/3", "2/3"]
+    owner = owner_of("a b", "1/3")
+    assert is_own(owner, f"{interface_prefix(owner)}-0", aliases[1], 0)
+    assert not is_own("a b", f"{interface_prefix('a b')}-0", aliases[1], 0)
 
 
 def test_a_shared_state_folder_is_locked_across_namespaces(namespace, tmp_path):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.bus import LineBus, line_of
 from pnfarm.buses.farm_file import CONTROLLER, Claims, PlacedGroup
 from pnfarm.buses.registry import BUSES
+from pnfarm.config.database import is_database
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
 from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink
@@ -48,6 +49,7 @@ def check(
     """
     if is_complete:
         _check_sections(sections, report)
+        _check_lease(sections, report)
     numbers = range(len(sections.drives)) if places is None else places
     groups = [
         PlacedGroup(("drives", index), f"drives[{number}]", group)
@@ -68,6 +70,11 @@ def check(
         _check_program(controller, report)
         own = [placed for placed in groups if bus_of(placed.group) is bus]
         bus.farm_file.check_controller(controller, own, known, _of(controller, sections, report))
+
+
+def _check_lease(sections: FarmSections, report: Report) -> None:
+    if "lease" in sections.model_fields_set and not is_database(sections.state):
+        report(("lease",), "needs a database, which holds it", "with `state: postgresql://...`")
 
 
 def _of(controller: ControllerSection, sections: FarmSections, report: Report) -> Report:

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field, PrivateAttr, ValidationError
 
 from pnfarm.buses.registry import BUSES
+from pnfarm.config.database import is_database
 from pnfarm.config.drive import DriveConfig
 from pnfarm.config.impairment import FAULT_KINDS
 from pnfarm.config.known import Known, catalogue
@@ -96,11 +97,16 @@ class FarmConfig(FarmSections):
 
     @property
     def state_directory(self) -> Path | None:
-        """``state``, relative to the file's folder; None: the drives keep nothing after the run."""
-        if self.state is None:
+        """``state`` relative to the file's folder; None: it is a database, or the drives keep nothing after the run."""
+        if self.state is None or self.state_database is not None:
             return None
         base = self._path.parent if self._path is not None else Path()
         return base / Path(self.state).expanduser()
+
+    @property
+    def state_database(self) -> str | None:
+        """The URL of ``state``, which may hold a password; None: it is a folder, or there is none."""
+        return self.state if is_database(self.state) else None
 
     @property
     def token_path(self) -> Path | None:

@@ -11,6 +11,7 @@ from ipaddress import ip_address
 from typing import Annotated, Any
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Field,
     ModelWrapValidatorHandler,
@@ -27,11 +28,12 @@ from pnfarm.config.drive import DriveGroup
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import Link
 from pnfarm.config.section import Section
-from pnfarm.config.values import OFF, FarmName, Listen
+from pnfarm.config.values import OFF, Duration, FarmName, Listen
 from pnfarm.farm.file.choice import Choice
+from pnfarm.farm.lease import DEFAULT_TTL_NS, LONGEST_TTL_NS, SHORTEST_TTL_NS
 from pnfarm.vocabulary.problem import Problem
 
-__all__ = ["CHOICE", "DEFAULT_LISTEN", "Api", "FarmSections", "Realtime"]
+__all__ = ["CHOICE", "DEFAULT_LISTEN", "Api", "FarmSections", "Lease", "Realtime"]
 
 #: Key of the validation context: which bus's sections are meant.
 CHOICE = "choice"
@@ -104,6 +106,12 @@ class Api(Section):
             return self.host == "localhost"
 
 
+def _within_ttl(value: int) -> int:
+    if not SHORTEST_TTL_NS <= value <= LONGEST_TTL_NS:
+        raise Problem(f"is {value / 1e9:g} s", f"{SHORTEST_TTL_NS // 10**9} s to {LONGEST_TTL_NS // 10**9} s")
+    return value
+
+
 def _open_api(value: Any) -> Any:
     """The short forms: ``off``, and an address alone."""
     if value is False or value == OFF:
@@ -134,6 +142,17 @@ class Realtime(Section):
     )
     timer_slack_ns: int = Field(
         default=1, ge=1, le=1_000_000_000, description="Timer slack of the engine's thread, nanoseconds."
+    )
+
+
+class Lease(Section):
+    """The right to run the drives, held in the database of `state`: no drive runs twice."""
+
+    ttl_ns: Annotated[Duration, AfterValidator(_within_ttl)] = Field(
+        default=DEFAULT_TTL_NS,
+        alias="ttl",
+        description="After so long without a renewal another process may run the drives; these are mute a fifth of it "
+        "earlier. It is renewed each second, and with a short one more often.",
     )
 
 
@@ -193,9 +212,12 @@ class FarmSections(Section):
     state: str | None = Field(
         default=None,
         min_length=1,
-        description="Folder of the drives' non-volatile memory, relative to this file; left out, nothing is kept.",
-        examples=["./state"],
+        description="Folder of the drives' non-volatile memory, relative to this file, or a database: "
+        "`postgresql://USER@HOST/DATABASE`, where a password may also come from PGPASSFILE or `?passfile=`; left out, "
+        "nothing is kept.",
+        examples=["./state", "postgresql://farm@db.example/pnfarm"],
     )
+    lease: Lease = Field(default_factory=Lease)
     api: Annotated[Api | None, BeforeValidator(_open_api)] = Field(
         default_factory=lambda: Api.model_validate({"listen": DEFAULT_LISTEN}),
         description="Address of the HTTP API, HOST:PORT; `off` for no API.",

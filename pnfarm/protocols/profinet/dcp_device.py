@@ -146,6 +146,8 @@ class DcpDevice:
         self.gateway = gateway
         self.dns = dns
         #: The present name and address outlive a power cycle.
+        #: Whether what is set permanently can be kept.
+        self.can_keep: Callable[[], bool] = lambda: True
         self.name_permanent = True
         self.ip_permanent = True
         #: Another station uses the address: shown in the BlockInfo of the IP blocks.
@@ -341,6 +343,8 @@ class DcpDevice:
         if block.option_id in self.locked:
             return BlockError.SET_NOT_POSSIBLE
         permanent = bool((block.info or 0) & PERMANENT)
+        if not self.can_keep() and (permanent or isinstance(block, (FactoryResetBlock, ResetToFactoryBlock))):
+            return BlockError.SET_NOT_POSSIBLE
         match block:
             case NameBlock(name=name):
                 return self._set_name(name, permanent=permanent)

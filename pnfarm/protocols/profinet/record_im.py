@@ -86,6 +86,8 @@ class ImRecords:
         self._description = description
         self._plugged = plugged
         self._events: list[ImWritten | ImCleared] = []
+        #: Whether what is written can be kept.
+        self.can_keep: Callable[[], bool] = lambda: True
 
     def events(self) -> list[ImWritten | ImCleared]:
         drained, self._events = self._events, []
@@ -127,6 +129,8 @@ class ImRecords:
             text = text.rstrip(b"\0").ljust(len(text))
             if not all(octet in _VISIBLE for octet in text):
                 return RecordError(AccessError.INVALID_PARAMETER)
+        if not self.can_keep():
+            return RecordError(AccessError.STATE_CONFLICT)
         self.texts[slot, subslot, index] = text
         self._events.append(ImWritten(slot, subslot, index, text))
         return None

@@ -122,6 +122,8 @@ class SnmpAgent:
         self._maximum_size = maximum_size
         self._outbox: list[Datagram] = []
         self._events: list[SystemTextSet] = []
+        #: Whether what is written can be kept.
+        self.can_keep: Callable[[], bool] = lambda: True
 
     def receive(self, peer: Peer, data: bytes, now: int) -> None:
         """One datagram that came to :data:`SNMP_PORT`."""
@@ -252,6 +254,8 @@ class SnmpAgent:
             error = _judge(wanted) if may_write else ErrorStatus.NO_ACCESS
             if error is not None:
                 return self._refuse(message, pdu, error, index)
+        if not self.can_keep():
+            return self._refuse(message, pdu, ErrorStatus.COMMIT_FAILED, 1)
         for wanted in pdu.varbinds:
             text = wanted.value.content
             if isinstance(text, bytes):  # checked by _judge

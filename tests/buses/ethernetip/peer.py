@@ -47,6 +47,7 @@ from pnfarm.wire.endpoint import Services, StreamClosed, StreamData, StreamEnd, 
 from pnfarm.wire.mac import multicast_mac
 
 if TYPE_CHECKING:
+    from pnfarm.drives.memory import NonVolatile
     from pnfarm.protocols.enip.wire.message import MessageReply
     from pnfarm.station.station import Station
     from pnfarm.wire.endpoint import SocketEvent
@@ -263,8 +264,8 @@ class Peer:
 class Rig:
     """A farm in memory and virtual time, and its peers."""
 
-    def __init__(self, text: str = DRIVES, peers: int = 1) -> None:
-        self.line = asyncio.run(VirtualLine.create(parse_farm(text)))
+    def __init__(self, text: str = DRIVES, peers: int = 1, memory: NonVolatile | None = None) -> None:
+        self.line = asyncio.run(VirtualLine.create(parse_farm(text), memory=memory))
         self.world, self.farm = self.line.world, self.line.farm
         addresses = [IPv4Interface((int(OWN.ip) + n, 23)) for n in range(peers)]
         self.peers = [Peer(self, address, n) for n, address in enumerate(addresses)]

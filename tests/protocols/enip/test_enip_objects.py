@@ -111,7 +111,7 @@ def test_the_inactivity_timeout_is_written_within_its_range(bench, ask):
 def test_every_write_that_a_device_keeps_is_told(bench, ask):
     told = []
     data = bench.drive.data
-    data.tcp_ip.changed = data.qos.changed = lambda: told.append(1)
+    data.tcp_ip.changed = data.qos.changed = lambda: told.append(1) is None
     assert ask(0x10, logical_path(0xF5, 1, 13), b"\x0a\0").status == 0
     assert ask(0x10, logical_path(0xF5, 1, 10), b"\0").status == 0
     assert ask(0x10, logical_path(0x48, 1, 5), b"\x21").status == 0

@@ -467,10 +467,13 @@ class EthernetIpDevice:
         self.identity.status = condition << _EXTENDED | (_OWNED if owner else 0) | (_MAJOR_RECOVERABLE if faulty else 0)
         self.identity.state = _RECOVERABLE_FAULT if faulty else _OPERATIONAL
 
-    def _keep_tcp_ip(self) -> None:
-        self.station.kept["conflict_detection"] = self.tcp_ip.conflict_detection
-        self.station.kept["inactivity_timeout"] = self.tcp_ip.inactivity_timeout_s
-        self.station.save()
+    def _keep_tcp_ip(self) -> bool:
+        timeout, detection = self.tcp_ip.inactivity_timeout_s, self.tcp_ip.conflict_detection
+        return self._keep_written({"conflict_detection": detection, "inactivity_timeout": timeout})
+
+    def _keep_written(self, values: dict[str, Any]) -> bool:
+        """Write attributes through that a client wrote; False: they could not be stored and are as before."""
+        return self.station.can_save and self.station.try_save({**self.station.kept, **values})
 
     def _keep_conflict(self, found: bytes) -> None:
         self.tcp_ip.last_conflict = found
@@ -478,13 +481,14 @@ class EthernetIpDevice:
             self.station.kept["last_conflict"] = found
             self.station.save()
 
-    def _keep_qos(self) -> None:
-        self.station.kept["qos"] = {str(number): dscp for number, dscp in self.qos.dscp.items()}
-        self.station.save()
+    def _keep_qos(self) -> bool:
+        return self._keep_written({"qos": {str(number): dscp for number, dscp in self.qos.dscp.items()}})
 
     def _reset(self, kind: int) -> int:
         """Identity, Reset: 0 restarts the drive, 1 with its parameters as delivered (CIP volume 1, 5A-2.3)."""
         if kind == 1:
+            if not self.station.can_save:
+                return GeneralStatus.STORE_OPERATION_FAILURE
             for key in ("drive", "qos", "conflict_detection", "inactivity_timeout", "last_conflict"):
                 self.station.kept.pop(key, None)
             self.station.save()

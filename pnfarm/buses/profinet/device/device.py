@@ -140,6 +140,7 @@ class ProfinetDevice:
             note=self.note,
         )
         self.dcp, self.ip = self.addressing.dcp, self.addressing.ip
+        self.dcp.can_keep = self._can_keep
         self.store.network = StationNetwork(self.dcp, mac, self.model.limits.ports)
         self.ip.open_ports = {RPC_PORT, CALL_PORT, SNMP_PORT}
         self.neighbours = StationNeighbours(mac, self.index, self.description, enabled=self._services.lldp)
@@ -183,12 +184,14 @@ class ProfinetDevice:
             station_name=self.dcp.name,
             diagnosis=self.records.diagnosis,
         )
+        self.records.im.can_keep = self._can_keep
         self.cm.has_room = self.channels.room
         self.fault_diagnosis = FaultDiagnosis(self.store, self.records.diagnosis)
         #: Texts that SNMP managers wrote; they survive a power cycle.
         self.snmp_texts = {SystemText[which]: text for which, text in kept.get("snmp", {}).items()}
         self.neighbour_rows = NeighbourRows()
         self.snmp = SnmpAgent(lambda now: snmp_view(self, now))
+        self.snmp.can_keep = self._can_keep
         self.traffic = PortTraffic(self._services.channels, self.channels, self.discards())
 
     def _take_written_name(self, kept: dict[str, Any]) -> None:
@@ -457,6 +460,10 @@ class ProfinetDevice:
     def note(self, now: int, event: Event) -> None:
         """Something happened to this drive."""
         self.station.note(now, event)
+
+    def _can_keep(self) -> bool:
+        """Whether what is set permanently can be written."""
+        return self.station.can_save
 
     def keep(self, now: int, key: str, value: Any) -> None:
         """Write one value of non-volatile memory through; None forgets it."""

@@ -22,7 +22,8 @@ class QosData:
     """DSCP by attribute: 4 urgent, 5 scheduled, 6 high, 7 low, 8 explicit; the standard's defaults."""
 
     dscp: dict[int, int] = field(default_factory=lambda: {4: 55, 5: 47, 6: 43, 7: 31, 8: 27})
-    changed: Callable[[], None] = field(default=lambda: None, repr=False)
+    #: Hears of every write, and says whether it could be stored.
+    changed: Callable[[], bool] = field(default=lambda: True, repr=False)
 
 
 def qos_object(data: QosData) -> AttributeObject:
@@ -31,8 +32,10 @@ def qos_object(data: QosData) -> AttributeObject:
             assert isinstance(value, int)
             if value > _HIGHEST_DSCP:
                 return GeneralStatus.INVALID_ATTRIBUTE_VALUE
-            data.dscp[number] = value
-            data.changed()
+            before, data.dscp[number] = data.dscp[number], value
+            if not data.changed():
+                data.dscp[number] = before
+                return GeneralStatus.STORE_OPERATION_FAILURE
             return GeneralStatus.SUCCESS
 
         return write

@@ -36,7 +36,7 @@ class TcpIpData:
     """``status`` 1 says that attribute 5 is valid; ``capability`` bit 4: hard-wired, bit 7: conflict detection.
 
     ``last_conflict`` is attribute 11: activity, MAC, ARP PDU.  ``inactivity_timeout_s`` 0 is none.  ``changed`` hears
-    of every write.
+    of every write, and says whether it could be stored.
     """
 
     interface: IPv4Interface
@@ -49,7 +49,7 @@ class TcpIpData:
     conflict_detection: bool = True
     last_conflict: bytes = bytes(_LAST_CONFLICT_OCTETS)
     inactivity_timeout_s: int = 120
-    changed: Callable[[], None] = field(default=lambda: None, repr=False)
+    changed: Callable[[], bool] = field(default=lambda: True, repr=False)
 
     def configuration(self) -> bytes:
         """Attribute 5: address, mask, gateway, two name servers, domain name."""
@@ -74,17 +74,21 @@ def tcp_ip_object(data: TcpIpData, timeout_written: Callable[[int], None]) -> At
     """Written are attributes 10 (conflict detection) and 13 (inactivity timeout, seconds), which acts at once."""
 
     def set_conflict_detection(value: Value) -> int:
-        data.conflict_detection = bool(value)
-        data.changed()
+        before, data.conflict_detection = data.conflict_detection, bool(value)
+        if not data.changed():
+            data.conflict_detection = before
+            return GeneralStatus.STORE_OPERATION_FAILURE
         return GeneralStatus.SUCCESS
 
     def set_inactivity_timeout(value: Value) -> int:
         assert isinstance(value, int)
         if not 0 <= value <= _LONGEST_TIMEOUT_S:
             return GeneralStatus.INVALID_ATTRIBUTE_VALUE
-        data.inactivity_timeout_s = value
+        before, data.inactivity_timeout_s = data.inactivity_timeout_s, value
+        if not data.changed():
+            data.inactivity_timeout_s = before
+            return GeneralStatus.STORE_OPERATION_FAILURE
         timeout_written(value)
-        data.changed()
         return GeneralStatus.SUCCESS
 
     attributes = {
