@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import os
 import time
 from typing import TYPE_CHECKING, Any, Self
@@ -75,8 +76,36 @@ __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
 def model_of(config: DriveConfig) -> Model:
     """A drive's model with the list of parameters, the motor, the behaviour and the identity of the farm file."""
     described = model_by_name(config.model) if config.listed is None else config.listed
-    described = with_motor(described, config.motor.kind, config.motor.pitch)
-    return with_identity(with_behaviour(described, config.behaviour), config.identity)
+    choices = tuple(config.behaviour.items()), tuple(config.identity.items())
+    return _model_with(_Same(described), config.motor.kind, config.motor.pitch, *choices)
+
+
+class _Same:
+    """A model as a part of a key: equal only to the very same object."""
+
+    __slots__ = ("model",)
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.model is self.model
+
+    def __hash__(self) -> int:
+        return id(self.model)
+
+
+@functools.lru_cache(maxsize=256)
+def _model_with(
+    described: _Same,
+    motor: str | None,
+    pitch: float | None,
+    behaviour: tuple[tuple[str, str], ...],
+    identity: tuple[tuple[str, Any], ...],
+) -> Model:
+    """The drives of a group share it, and so do farm and controller of one process."""
+    fitted = with_motor(described.model, motor, pitch)
+    return with_identity(with_behaviour(fitted, dict(behaviour)), dict(identity))
 
 
 def make_link(config: FarmConfig) -> Link:
