@@ -58,7 +58,7 @@ from pnfarm.wire.mac import mac_to_int
 
 if TYPE_CHECKING:
     from collections import Counter
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.profinet.device.config import DeviceConfig
@@ -91,6 +91,8 @@ class ProfinetDevice:
         self._uuids = uuid_source(services.seed + station.port.mac)
         #: Frames dropped by reason, before any machine saw them.
         self.dropped: dict[str, int] = {}
+        #: Frames for others that never came here, by reason; the segment sets it.
+        self.unheard: Callable[[], Mapping[str, int]] = dict
         rows = channel_rows(self.model.limits.io_controllers)
         drift = station.flaws.drift
         self.channels = StationChannels(self.index, self.port, services.channels, services.impairments, rows, drift)
@@ -115,7 +117,7 @@ class ProfinetDevice:
         """See :class:`pnfarm.station.device.Device`."""
         if self._built:
             # the machines are recreated; their drop counters are kept
-            self.dropped = self.discards()
+            self.dropped = self._own_discards()
             self.connections.forget()
             self._pump.forget_calls()
         self._built = True
@@ -339,7 +341,15 @@ class ProfinetDevice:
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
     def discards(self) -> dict[str, int]:
-        """Dropped frames and PDUs by reason, over all machines."""
+        """Dropped frames and PDUs by reason, over all machines, and those of a shared cable that were for others."""
+        total = self._own_discards()
+        for reason, count in self.unheard().items():
+            if count:
+                total[reason] = total.get(reason, 0) + count
+        return total
+
+    def _own_discards(self) -> dict[str, int]:
+        """Those that came here."""
         total = dict(self.dropped)
         for machine in self._machines:
             for reason, count in machine.dropped.items():
