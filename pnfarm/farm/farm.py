@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import functools
 import os
 import time
 from typing import TYPE_CHECKING, Any, Self
@@ -76,36 +75,21 @@ __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
 def model_of(config: DriveConfig) -> Model:
     """A drive's model with the list of parameters, the motor, the behaviour and the identity of the farm file."""
     described = model_by_name(config.model) if config.listed is None else config.listed
-    choices = tuple(config.behaviour.items()), tuple(config.identity.items())
-    return _model_with(_Same(described), config.motor.kind, config.motor.pitch, *choices)
+    asked = config.motor.kind, config.motor.pitch, *config.behaviour.items()
+    # a value of an identity may be a map: its text is the key
+    key = id(described), asked, repr(config.identity)
+    if key not in _models:
+        if len(_models) >= MOST_MODELS:
+            _models.clear()
+        fitted = with_motor(described, config.motor.kind, config.motor.pitch)
+        # described is kept, so that no other one gets its id
+        _models[key] = described, with_identity(with_behaviour(fitted, config.behaviour), config.identity)
+    return _models[key][1]
 
 
-class _Same:
-    """A model as a part of a key: equal only to the very same object."""
-
-    __slots__ = ("model",)
-
-    def __init__(self, model: Model) -> None:
-        self.model = model
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Same) and other.model is self.model
-
-    def __hash__(self) -> int:
-        return id(self.model)
-
-
-@functools.lru_cache(maxsize=256)
-def _model_with(
-    described: _Same,
-    motor: str | None,
-    pitch: float | None,
-    behaviour: tuple[tuple[str, str], ...],
-    identity: tuple[tuple[str, Any], ...],
-) -> Model:
-    """The drives of a group share it, and so do farm and controller of one process."""
-    fitted = with_motor(described.model, motor, pitch)
-    return with_identity(with_behaviour(fitted, dict(behaviour)), dict(identity))
+#: What :func:`model_of` found: the drives of a group share a model, and so do farm and controller of one process.
+_models: dict[tuple[object, ...], tuple[Model, Model]] = {}
+MOST_MODELS = 256
 
 
 def make_link(config: FarmConfig) -> Link:

@@ -11,6 +11,7 @@ the frames.  :mod:`pump` carries events between the machines.  Here
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -57,7 +58,6 @@ from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFra
 from pnfarm.wire.mac import mac_to_int
 
 if TYPE_CHECKING:
-    from collections import Counter
     from collections.abc import Callable, Mapping
 
     from pnfarm.buses.bus import DeviceServices
@@ -93,6 +93,9 @@ class ProfinetDevice:
         self.dropped: dict[str, int] = {}
         #: Frames for others that never came here, by reason; the segment sets it.
         self.unheard: Callable[[], Mapping[str, int]] = dict
+        #: What these were when it left the wire, None while it is there; and those that came by while it was away.
+        self._left_at: Mapping[str, int] | None = {}
+        self._missed: Counter[str] = Counter()
         rows = channel_rows(self.model.limits.io_controllers)
         drift = station.flaws.drift
         self.channels = StationChannels(self.index, self.port, services.channels, services.impairments, rows, drift)
@@ -272,6 +275,10 @@ class ProfinetDevice:
 
     def start(self, now: int) -> list[str]:
         """See :class:`pnfarm.station.device.Device`."""
+        if self._left_at is not None:
+            self._missed.update(self.unheard())
+            self._missed.subtract(self._left_at)
+            self._left_at = None
         self.addressing.link_up(now)
         return self.neighbours.pdev.restore(records_of(self.station.kept.get("pdev")), now)
 
@@ -282,6 +289,8 @@ class ProfinetDevice:
 
     def stop(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
+        if self._left_at is None:
+            self._left_at = dict(self.unheard())
         for key in list(self.ars):
             self.connections.close(key)
         if self.dcp.signalling:
@@ -343,9 +352,9 @@ class ProfinetDevice:
     def discards(self) -> dict[str, int]:
         """Dropped frames and PDUs by reason, over all machines, and those of a shared cable that were for others."""
         total = self._own_discards()
-        for reason, count in self.unheard().items():
-            if count:
-                total[reason] = total.get(reason, 0) + count
+        for reason, count in (self.unheard() if self._left_at is None else self._left_at).items():
+            if count > self._missed[reason]:
+                total[reason] = total.get(reason, 0) + count - self._missed[reason]
         return total
 
     def _own_discards(self) -> dict[str, int]:
