@@ -187,6 +187,8 @@ DcpClientEvent = IdentifyAnswered | IdentifyFinished | GetFinished | SetFinished
 @dataclass(slots=True)
 class _Collection:
     expected: int | None
+    deadline: int
+    quiet_ns: int = 0
     answered: set[bytes] = field(default_factory=set)
 
 
@@ -266,19 +268,21 @@ class DcpClient:
         delay_factor: int = 1,
         window_ns: int | None = None,
         expected: int | None = None,
+        quiet_ns: int = 0,
         destination: bytes = IDENTIFY_MULTICAST,
     ) -> int:
         """Identify all devices, or those that match every filter. Returns the Xid.
 
         ``delay_factor`` spreads the answers over (factor - 1) times 10 ms; ``window_ns`` is how long answers are
         collected (left out: until the slowest is due, and 0.4 s); ``expected`` answers end it early.
+        It does not end within ``quiet_ns`` after an answer: where stations have no time, theirs come late.
         """
         xid = self._next_xid()
         frame_id = frame_id_of(SERVICE_IDENTIFY, TYPE_REQUEST)
         blocks = tuple(filters) or (AllSelectorBlock(),)
         pdu = DcpPdu(frame_id, SERVICE_IDENTIFY, TYPE_REQUEST, xid, blocks=blocks, response_delay_factor=delay_factor)
         window = delay_factor * _DELAY_STEP_NS + COLLECT_MARGIN_NS if window_ns is None else window_ns
-        self._collections[xid] = _Collection(expected=expected)
+        self._collections[xid] = _Collection(expected=expected, deadline=now + window, quiet_ns=quiet_ns)
         self._deadlines.set(xid, now + window)
         self._outbox.append(self._frame(destination, pdu))
         return xid
@@ -356,7 +360,6 @@ class DcpClient:
 
     def receive(self, frame: EthernetFrame, now: int) -> None:
         """Take one frame, tagged or not; answers to nothing are counted and dropped."""
-        del now  # an answer counts whenever it comes while its transaction is open
         if frame.ethertype != ETHERTYPE_PROFINET:
             self.dropped["other-protocol"] += 1
             return
@@ -372,8 +375,9 @@ class DcpClient:
         elif pdu.service_type == TYPE_REQUEST:
             self.dropped["request"] += 1
         elif pdu.service_id == SERVICE_IDENTIFY:
-            self._receive_identified(frame.source, pdu)
+            self._receive_identified(frame.source, pdu, now)
         else:
+            # it counts whenever it comes while its transaction is open
             self._receive_answer(frame.source, pdu)
 
     def to_send(self, now: int) -> list[bytes]:
@@ -407,7 +411,7 @@ class DcpClient:
 
     # -- inside ------------------------------------------------------------------------------------------------------
 
-    def _receive_identified(self, source: bytes, pdu: DcpPdu) -> None:
+    def _receive_identified(self, source: bytes, pdu: DcpPdu, now: int) -> None:
         collection = self._collections.get(pdu.xid)
         if collection is None:
             self.dropped["unknown-xid"] += 1
@@ -415,6 +419,9 @@ class DcpClient:
             self.dropped["duplicate"] += 1
         else:
             collection.answered.add(source)
+            if now + collection.quiet_ns > collection.deadline:
+                collection.deadline = now + collection.quiet_ns
+                self._deadlines.set(pdu.xid, collection.deadline)
             self._events.append(IdentifyAnswered(pdu.xid, source, station_info(pdu.blocks), pdu.blocks))
             if collection.expected is not None and len(collection.answered) >= collection.expected:
                 self._finish_collection(pdu.xid)
