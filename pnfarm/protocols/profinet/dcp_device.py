@@ -251,9 +251,10 @@ class DcpDevice:
 
     def handle_timeout(self, now: int) -> None:
         """Send the answers and Hellos that are due; switch the lamp off."""
-        ready = sorted((due, asker) for asker, (due, _) in self._pending.items() if due <= now)
-        for _, asker in ready:
-            self._outbox.append(self._pending.pop(asker)[1])
+        if self._pending:
+            ready = sorted((due, asker) for asker, (due, _) in self._pending.items() if due <= now)
+            for _, asker in ready:
+                self._outbox.append(self._pending.pop(asker)[1])
         if self._hello is not None and self._hello[0] <= now:
             left = self._hello[1] - 1
             self._hello = (now + self.hello_settings.interval_ns, left) if left else None

@@ -145,7 +145,7 @@ class ProfinetSegment:
 
     def _unheard(self, port: int) -> Mapping[str, int]:
         """Frames that the station at this port did not get because they were for others, by reason."""
-        heard = self._heard.get(port, {})
+        heard: Mapping[str, int] = self._heard.get(port, {})
         return {reason: count - heard.get(reason, 0) for reason, count in self._passed_over.items()}
 
     def settled(self, port: int) -> None:
