@@ -96,14 +96,18 @@ class _Count:
 def warm(progress: Callable[[int, int], None] | None = None, *, load: bool = True) -> Warmed:
     """Compile, or load from the cache, each function that Python calls, with all that it calls.
 
-    ``progress`` is called with the number of functions compiled so far, and their total.  Without ``load`` nothing is
-    loaded into this process.
+    ``progress`` is called with the number of functions compiled so far, and their total.  Without ``load`` what
+    was just compiled is not loaded into this process.
     """
     started = time.monotonic()
-    if IS_COMPILED and not is_cached():
-        _compile_in_processes(_Count(progress or (lambda _done, _of: None)))
-    if load:
-        _compile_loops()
+    tell = _Count(progress or (lambda _done, _of: None))
+    cached = is_cached()
+    if IS_COMPILED and not cached:
+        _compile_in_processes(tell)
+    if load or cached:
+        # where something of a complete cache is missing after all, it is compiled here
+        with event.install_listener("numba:compile", _Compiled(tell)):
+            _compile_loops()
     directory = cache_directory()
     functions = 0
     if IS_COMPILED:
