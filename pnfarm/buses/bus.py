@@ -13,7 +13,7 @@ from pnfarm.links.base import ETHERNET, PortSpec
 
 if TYPE_CHECKING:
     from collections import Counter
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
     from ipaddress import IPv4Address
     from pathlib import Path
 
@@ -81,8 +81,12 @@ class Segment(Protocol):
         """Whether the device at this port has to process a frame; the others are counted there."""
         ...
 
-    def audience(self, frame: bytes) -> Sequence[int] | None:
-        """Ports that a group-addressed frame can concern, None for any: saves a switch in memory the copies."""
+    def audience(self, frame: bytes, besides: Collection[int] = ()) -> Sequence[int] | None:
+        """Ports that a group-addressed frame can concern, None for any: the others get no copy.
+
+        It is looked at once, for all devices; what :meth:`admits` would have counted for the others counts there
+        nevertheless, except for the ports ``besides``, which get it anyway.
+        """
         ...
 
     def settled(self, port: int) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.model import Model
 
-__all__ = ["SignalSteps", "signal_steps"]
+__all__ = ["KnownSteps", "SignalSteps", "signal_steps"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,3 +83,19 @@ def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps
         task_ramps_signed=bool(axis.profidrive.settings.task_ramps_signed),
         ramp_step=float(axis.profidrive.settings.acceleration_step) or 1.0,
     )
+
+
+class KnownSteps:
+    """:func:`signal_steps` for many drives: those of a group are the same, and are worked out once."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[object, ...], tuple[Model, SignalSteps]] = {}
+
+    def of(self, model: Model, drive: DriveConfig, telegram: int) -> SignalSteps:
+        """Those of one drive."""
+        key = id(model), telegram, *drive.params.items()
+        # the model is kept, so that no other one gets its id
+        found = self._found.get(key)
+        if found is None:
+            found = self._found[key] = model, signal_steps(model, drive, telegram)
+        return found[1]

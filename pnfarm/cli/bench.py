@@ -125,6 +125,14 @@ def start(seconds: float) -> list[Result]:
     return [Result("start-64", value, "s", None, "<= 5", connected and value <= 5)]
 
 
+def start_1024(seconds: float) -> list[Result]:
+    """Time for 1,024 AKDs to exchange data, and what a connection costs among them and among 64."""
+    del seconds
+    from pnfarm.cli.bench_start import start_1024
+
+    return start_1024()
+
+
 def connect_storm(seconds: float) -> list[Result]:
     """Connect 256 drives at once, both ends on one core, while 64 others run at 4 ms."""
     from pnfarm.cli.bench_storm import storm
@@ -298,13 +306,16 @@ BENCHMARKS: dict[str, Benchmark] = {
         ("cpu-16-drives", "cpu-512-drives", *_figures("added-drive", "16-to-256", "256-to-512", "ratio")),
     ),
     "start": Benchmark(start, 0.0, ("start-64",)),
+    "start-1024": Benchmark(
+        start_1024, 0.0, ("start-1024", *_figures("start-1024", "farm", "farm-64", "ratio", "interpreter"))
+    ),
     "connect-storm": Benchmark(
         connect_storm,
         5.0,
         _figures(
             "connect-storm",
             *("256", "farm", "controller", "lateness-p99", "lateness-ratio"),
-            *("ordinary-p99", "ordinary-ratio", "expirations"),
+            *("ordinary-p99", "ordinary-ratio", "expirations", "interpreter"),
         ),
     ),
     "akd-1024": Benchmark(akd_1024, 10.0, _figures("akd-1024", "cpu", "expirations")),
@@ -413,6 +424,9 @@ def _reading(results: list[Result]) -> list[str]:
         "  drive's next frame after the answer.",
         "- The floor of `virtual-64` copies the frames of both directions and reads their octets: no timers,",
         "  no firmware, no program. Both are the best of 100 measurements of CPU time.",
+        "- `start-1024` counts from the start of both processes, each on a CPU of its own. `start-1024-farm` and",
+        "  `start-1024-farm-64` are CPU of the farm's event loop for one connection; the engine's thread, which runs",
+        "  those that exist already, is not in it. `*-interpreter` is a fixed loop in Python: these figures follow it.",
         "- `connect-storm-*` measures twice, with `realtime: {fifo: 20}` and with the ordinary scheduler and the",
         "  niceness that engines ask for. The controller that connects is busy on the same CPU with an even share of",
         "  it; how much it delays the farm's ticks then, `connect-storm-ordinary-*` says.",

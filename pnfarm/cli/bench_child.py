@@ -48,6 +48,8 @@ def _counters(core: Any) -> dict[str, Any]:
         "overruns": int(engine.overruns),
         "lateness": [int(n) for n in engine.lateness],
         "cpu": _cpu(),
+        # of the event loop alone: it runs the commands
+        "loop_cpu": time.thread_time(),
         "wall": time.monotonic(),
         "send_errors": int(engine.send_errors),
     }

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pnfarm.cli.bench_child import difference
-from pnfarm.cli.bench_line import FARM_CPU, PARENT, PEER, PEER_CPU, Child, Result, percentile, wire
+from pnfarm.cli.bench_line import FARM_CPU, PARENT, PEER, PEER_CPU, Child, Result, interpreter_loop, percentile, wire
 from pnfarm.errors import InternalError
 
 __all__ = ["storm"]
@@ -132,6 +132,7 @@ def storm(seconds: float) -> list[Result]:
         Result("connect-storm-ordinary-p99", other.p99, "us, ordinary scheduler", None, "none", True),
         Result("connect-storm-ordinary-ratio", ordinary, "during over before", None, "none", True),
         Result("connect-storm-expirations", lost, "of 64 connections", None, "0", lost == 0),
+        Result("connect-storm-interpreter", interpreter_loop(), "ms for a fixed loop in Python", None, "none", True),
     ]
 
 

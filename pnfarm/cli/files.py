@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from enum import StrEnum
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -48,12 +50,33 @@ def shard_option(context: typer.Context, text: str | None) -> Shard | None:
     return parse_shard(text, "PNFARM_UP_SHARD" if source is not None and source.name == "ENVIRONMENT" else "--shard")
 
 
+class _FaultKinds(Collection[str]):
+    """The names of the fault catalogue, which is loaded when one is asked for: most farm files name none."""
+
+    @cached_property
+    def _names(self) -> frozenset[str]:
+        from pnfarm.buses.registry import fault_kinds
+
+        return frozenset(fault_kinds())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+_FAULT_KINDS = _FaultKinds()
+
+
 def known_names() -> Known:
     """The installed models and the fault catalogue, which a farm file refers to."""
-    from pnfarm.buses.registry import fault_kinds
     from pnfarm.config.known import catalogue
 
-    return catalogue(frozenset(fault_kinds()))
+    return catalogue(_FAULT_KINDS)
 
 
 def read(path: Path) -> FarmConfig:

@@ -73,7 +73,7 @@ async def _watch(scope: anyio.CancelScope, *, task_status: TaskStatus[None]) -> 
 
 
 async def compile_ahead() -> None:
-    """Compile the engine if its machine code is not cached, and show the progress: about a minute, once per version.
+    """Compile the engine if its machine code is not cached, and show the progress: half a minute, once per version.
 
     Runs in a process of its own, so that a signal still ends the program, and before any interface is created.
     """

@@ -23,7 +23,7 @@ from pnfarm.firmware.axis import AXIS
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
     from pnfarm.config.axis import Load, Motor
     from pnfarm.config.realism import Realism
@@ -279,7 +279,7 @@ class Known:
 
     models: tuple[str, ...]
     find: Callable[[str], ModelFacts | None]
-    fault_kinds: frozenset[str] | None = None
+    fault_kinds: Collection[str] | None = None
     listed: Mapping[str, ModelFacts] = field(default_factory=dict)
 
     def model(self, name: str) -> ModelFacts | None:
@@ -296,6 +296,6 @@ def _find(name: str) -> ModelFacts | None:
 
 
 @cache
-def catalogue(fault_kinds: frozenset[str] | None = None) -> Known:
+def catalogue(fault_kinds: Collection[str] | None = None) -> Known:
     """The installed drive models; a caller that has the fault catalogue passes the fault kinds."""
     return Known(tuple(drives.models()), _find, fault_kinds)

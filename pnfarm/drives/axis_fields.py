@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from pnfarm.table.axis_codes import (
     VELOCITY_NSOLL_B,
     VELOCITY_REF_SPEED,
 )
+from pnfarm.table.patch import Patch
 from pnfarm.table.signals import (
     DRV_ACC,
     DRV_DEC,
@@ -81,6 +83,12 @@ _HOME_SIGNALS = {HOME_MODE: 0x1, HOME_DIST: 0x2}
 IMMEDIATE = 1e12
 
 
+@lru_cache(maxsize=64)
+def _factory_values(firmware: tuple[tuple[str, float], ...]) -> Patch:
+    """The defaults of all fields of parameters, and a model's own values."""
+    return Patch(AXIS, (*_PARAMETER_FIELDS, *firmware))
+
+
 class AxisFields:
     """Writes the axis record of ``handle`` from the drive's stored values and its telegram."""
 
@@ -112,10 +120,7 @@ class AxisFields:
         """Write every field from the values in force."""
         axis, model = self._handle.axis, self._values.model
         self._positions.clear()
-        for field, default in _PARAMETER_FIELDS:
-            AXIS.write(axis, field, default)
-        for field, value in model.firmware.items():
-            AXIS.write(axis, field, value)
+        _factory_values(tuple(model.firmware.items())).apply(axis)
         self._convert_defaults()
         if model.factor_group is not None:
             apply_factor_group(model.factor_group, self._values, axis)

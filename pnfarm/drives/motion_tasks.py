@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.table.axis_codes import (
-    MOTION_TASKS,
     TASK_CHAINED,
     TASK_DEFINED,
     TASK_FROM_ACTUAL,
@@ -144,7 +143,9 @@ class MotionTasks:
 
     def apply_all(self) -> None:
         """Write every task into the axis record; numbers without a task are empty there."""
-        for number in range(MOTION_TASKS):
+        # first, because the firmware may read a task while its other fields change
+        self._fields.axis.motion_tasks.settings.kind[:] = 0
+        for number in sorted(self._given.keys() if self._numbers is None else self._values.tasks.keys()):
             self._apply(number)
 
     @property

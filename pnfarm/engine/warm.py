@@ -1,8 +1,10 @@
 """Compiles everything that runs each tick, before the first farm starts: ``python -m pnfarm.engine.warm``.
 
 For images and installations: the machine code goes to :func:`~pnfarm.table.code_cache.cache_directory`, and a
-farm that starts later loads it in half a second.  Nothing is sent and no privilege is needed: the loop is called
-with an end time in the past, over a socket without a network.
+farm that starts later loads it in half a second.  Nothing is sent, no privilege is needed, and nothing is run.
+
+Numba's compiler is written in Python, so that threads would not help: one process compiles the loops, another one the
+drive's step, which the loops call by its address, and the sending half of a tick.
 
 Machine code is kept per processor type.  Where it is made on one machine and used on another, set
 ``NUMBA_CPU_NAME=generic`` for both.
@@ -11,28 +13,44 @@ Machine code is kept per processor type.  Where it is made on one machine and us
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import socket
+import subprocess
 import sys
+import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numba import typeof
 from numba.core import event
 
 from pnfarm.engine.columns import allocate, lookup_rebuild
 from pnfarm.engine.realtime import run_loop
 from pnfarm.engine.rings import make_ring
-from pnfarm.engine.tick import next_due, next_step, tick
+from pnfarm.engine.tick import next_due, next_step, tick, transmit
 from pnfarm.engine.virtual import run_alone, run_virtual
-from pnfarm.table.compiled import IS_COMPILED, cache_directory, function_count, kept_functions, mark_cached
+from pnfarm.errors import InternalError
+from pnfarm.table.by_address import promise
+from pnfarm.table.compiled import (
+    IS_COMPILED,
+    cache_directory,
+    function_count,
+    is_cached,
+    kept_functions,
+    mark_cached,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
 __all__ = ["Warmed", "main", "warm"]
+
+#: Arguments of the two processes: the loops, and what they call by its address.
+LOOPS, STEP = HALVES = ("--loops", "--step")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,33 +63,51 @@ class Warmed:
 
 
 class _Compiled(event.Listener):  # type: ignore[misc]  # numba has no types
-    """Reports how many of this package's functions have been compiled; those loaded from a cache are not counted."""
+    """Tells the names of this package's functions as they are compiled; those loaded from a cache are not told."""
 
-    def __init__(self, progress: Callable[[int, int], None]) -> None:
-        self._progress = progress
-        self._done: set[str] = set()
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
 
     def on_start(self, event: event.Event) -> None:
-        """Only ends are reported."""
+        """Only ends are told."""
 
     def on_end(self, event: event.Event) -> None:
         function = event.data["dispatcher"].py_func
         name = f"{function.__module__}.{function.__qualname__}"
-        if name.startswith("pnfarm.") and name not in self._done:
-            self._done.add(name)
-            self._progress(len(self._done), function_count())
+        if name.startswith("pnfarm."):
+            self._tell(name)
 
 
-def warm(progress: Callable[[int, int], None] | None = None) -> Warmed:
+class _Count:
+    """Counts the functions that one process or both compiled, each once."""
+
+    def __init__(self, progress: Callable[[int, int], None]) -> None:
+        self._progress = progress
+        self._done: set[str] = set()
+        self._lock = threading.Lock()
+
+    def __call__(self, name: str) -> None:
+        with self._lock:
+            if name not in self._done:
+                self._done.add(name)
+                self._progress(len(self._done), function_count())
+
+
+def warm(progress: Callable[[int, int], None] | None = None, *, load: bool = True) -> Warmed:
     """Compile, or load from the cache, each function that Python calls, with all that it calls.
 
-    ``progress`` is called with the number of functions compiled so far, and their total.
+    ``progress`` is called with the number of functions compiled so far, and their total.  Without ``load`` what
+    was just compiled is not loaded into this process.
     """
     started = time.monotonic()
-    with contextlib.ExitStack() as stack:
-        if progress is not None:
-            stack.enter_context(event.install_listener("numba:compile", _Compiled(progress)))
-        _call_everything()
+    tell = _Count(progress or (lambda _done, _of: None))
+    cached = is_cached()
+    if IS_COMPILED and not cached:
+        _compile_in_processes(tell)
+    if load or cached:
+        # where something of a complete cache is missing after all, it is compiled here
+        with event.install_listener("numba:compile", _Compiled(tell)):
+            _compile_loops()
     directory = cache_directory()
     functions = 0
     if IS_COMPILED:
@@ -80,22 +116,76 @@ def warm(progress: Callable[[int, int], None] | None = None) -> Warmed:
     return Warmed(directory, functions, time.monotonic() - started)
 
 
-def _call_everything() -> None:
+def _compile_in_processes(tell: Callable[[str], None]) -> None:
+    """Both halves at once, or one after the other where there is one CPU."""
+    at_once = len(os.sched_getaffinity(0)) > 1
+    with contextlib.ExitStack() as stack:
+        running: list[tuple[subprocess.Popen[str], threading.Thread]] = []
+        for half in HALVES:
+            program = [sys.executable, "-m", "pnfarm.engine.warm", half]
+            process = stack.enter_context(subprocess.Popen(program, stdout=subprocess.PIPE, text=True))
+            # called before the process is waited for, also when an exception passes
+            stack.callback(process.kill)
+            assert process.stdout is not None
+            reader = threading.Thread(target=_hear, args=(process.stdout, tell))
+            reader.start()
+            running.append((process, reader))
+            if not at_once:
+                _finish(process, reader)
+        for process, reader in running:
+            _finish(process, reader)
+
+
+def _finish(process: subprocess.Popen[str], reader: threading.Thread) -> None:
+    reader.join()
+    if process.wait():
+        raise InternalError(f"a process that compiles the engine ended with code {process.returncode}")
+
+
+def _hear(lines: Iterable[str], tell: Callable[[str], None]) -> None:
+    for line in lines:
+        tell(line.strip())
+
+
+def _compile_half(half: str) -> None:
+    """What one of the two processes does; it tells the names of functions, a line for each."""
+
+    def tell(name: str) -> None:
+        sys.stdout.write(f"{name}\n")
+        sys.stdout.flush()
+
+    step = promise()
+    # the compiler's many objects are not searched for unreachable ones: a tenth of the time
+    gc.disable()
+    with event.install_listener("numba:compile", _Compiled(tell)):
+        if half == LOOPS:
+            _compile_loops()
+        else:
+            # the other process needs it at the end of its first function
+            _compile(transmit, allocate(stations=1, axes=1, channels=1), 0)
+            step()
+
+
+def _compile_loops() -> None:
     farm = allocate(stations=1, axes=1, channels=1)
     controller = allocate(stations=1, programs=1, channels=1)
     addresses, ports = np.zeros(0, np.int64), np.zeros(0, np.int32)
     for columns in (farm, controller):
-        lookup_rebuild(columns)
-        next_due(columns, 0)
-        next_step(columns, 0)
-        tick(columns, 0, 0)
-        run_alone(columns, 1, 0)
-    run_virtual(farm, controller, addresses, ports, addresses, ports, 1, 0)
+        _compile(tick, columns, 0, 0)
+        _compile(lookup_rebuild, columns)
+        _compile(next_due, columns, 0)
+        _compile(next_step, columns, 0)
     near, far = socket.socketpair()
-    wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-    with near, far, contextlib.closing(os.fdopen(wake, "rb", buffering=0)):
-        # an end at 1 ns: the clock is past it, so the loop returns before its first tick
-        run_loop(farm, make_ring(farm, near), wake, np.ones(1, np.uint64), 1)
+    with near, far:
+        _compile(run_loop, farm, make_ring(farm, near), 0, np.ones(1, np.uint64), 1)
+    _compile(run_alone, farm, 1, 0)
+    _compile(run_virtual, farm, controller, addresses, ports, addresses, ports, 1, 0)
+
+
+def _compile(function: Any, *arguments: Any) -> None:
+    """For a call with these arguments; plain functions stay what they are."""
+    if IS_COMPILED:
+        function.compile(tuple(typeof(argument) for argument in arguments))
 
 
 def _say(done: int, functions: int) -> None:
@@ -111,7 +201,11 @@ def main(arguments: Sequence[str] = ()) -> int:
     if not IS_COMPILED:
         sys.stderr.write("NUMBA_DISABLE_JIT is set, so nothing was compiled: unset it and run this again\n")
         return 1
-    done = warm(_say if "--progress" in arguments else None)
+    half = next((half for half in HALVES if half in arguments), "")
+    if half:
+        _compile_half(half)
+        return 0
+    done = warm(_say if "--progress" in arguments else None, load=False)
     sys.stdout.write(f"{done.functions} compiled functions in {done.directory}, {done.seconds:.1f} s\n")
     return 0
 

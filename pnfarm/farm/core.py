@@ -29,6 +29,7 @@ from pnfarm.faults.socket_gate import SocketGate
 from pnfarm.links.base import unwrap
 from pnfarm.links.exits import exits_of
 from pnfarm.links.joined import lines_of
+from pnfarm.links.linux import PacketLink
 from pnfarm.links.memory import MemoryLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.protocols.deadlines import Deadlines
@@ -218,7 +219,8 @@ class FarmCore:
         self._served: dict[int, tuple[int, Services]] = {}
         if self._sockets is not None:
             self._sockets.set_user(self.socket_event)
-        if isinstance(innermost, MemoryLink):
+        self._port_of = {s.configured_name: s.port.index for s in self.stations}
+        if isinstance(innermost, (MemoryLink, PacketLink)):
             innermost.set_audience(self._audience)
         self._on_lines = [name for name in self._segments if line_of(bus(name))]
         shared: object = self._segments[self._on_lines[0]] if self._on_lines else None
@@ -315,16 +317,24 @@ class FarmCore:
             self._socket_gate.sent(port, action, now)
 
     def _audience(self, frame: bytes) -> list[int] | None:
-        """Ports that a group-addressed frame can concern, None for any."""
+        """Ports that a group-addressed frame can concern, None for any.
+
+        Drives with an injection see each frame: rules count it, and listeners hear it.
+        """
+        besides = self._gate.engaged
+        besides.update(self._port_of[name] for name in self.injections.concerned)
         found: list[int] = []
+        concerns_all = True
         for name, segment in self._segments.items():
             if name in self._on_lines:
                 continue
-            ports = segment.audience(frame)
+            ports = segment.audience(frame, besides)
             if ports is None:
-                return None
-            found += ports
-        return found
+                found += (s.port.index for s in self.stations if s.model.bus == name)
+            else:
+                found += ports
+                concerns_all = False
+        return None if concerns_all else sorted(besides.union(found))
 
     def _line_audience(self, telegram: bytes) -> Collection[int] | None:
         """Ports that a telegram of a serial line can concern; one bus has a line."""

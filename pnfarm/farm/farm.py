@@ -78,8 +78,21 @@ __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
 def model_of(config: DriveConfig) -> Model:
     """A drive's model with the list of parameters, the motor, the behaviour and the identity of the farm file."""
     described = model_by_name(config.model) if config.listed is None else config.listed
-    described = with_motor(described, config.motor.kind, config.motor.pitch)
-    return with_identity(with_behaviour(described, config.behaviour), config.identity)
+    asked = config.motor.kind, config.motor.pitch, *config.behaviour.items()
+    # a value of an identity may be a map: its text is the key
+    key = id(described), asked, repr(config.identity)
+    if key not in _models:
+        if len(_models) >= MOST_MODELS:
+            _models.clear()
+        fitted = with_motor(described, config.motor.kind, config.motor.pitch)
+        # described is kept, so that no other one gets its id
+        _models[key] = described, with_identity(with_behaviour(fitted, config.behaviour), config.identity)
+    return _models[key][1]
+
+
+#: What :func:`model_of` found: the drives of a group share a model, and so do farm and controller of one process.
+_models: dict[tuple[object, ...], tuple[Model, Model]] = {}
+MOST_MODELS = 256
 
 
 def make_link(

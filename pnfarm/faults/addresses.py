@@ -39,7 +39,6 @@ class _Address:
     linked: bytes
     applied: bytes
     wanted: list[bytes] = field(default_factory=list)
-    under_way: bool = False
     due: int = 0
     failure: str = ""
     told: bool = False
@@ -57,6 +56,8 @@ class Addresses:
         self._link = link
         self._failed = failed
         self._ports: dict[int, _Address] = {}
+        #: Ports whose change is under way: asked for at each frame of the farm.
+        self._under_way: set[int] = set()
 
     def add(
         self, port: int, drive: str, mac: bytes, off: Callable[[int], None], on: Callable[[bytes, int], None]
@@ -88,7 +89,7 @@ class Addresses:
     def in_force(self, port: int) -> list[object]:
         """Addresses of injections, and a change that is not finished."""
         known = self._ports[port]
-        return [*known.wanted, *(["under way"] if known.under_way else [])]
+        return [*known.wanted, *(["under way"] if port in self._under_way else [])]
 
     def change(self, port: int, mac: bytes, now: int) -> None:
         """Let the drive have another address, until :meth:`restore` with the same one."""
@@ -103,10 +104,10 @@ class Addresses:
     def _follow(self, port: int, now: int) -> None:
         known = self._ports[port]
         known.failure = ""
-        if not known.under_way:
+        if port not in self._under_way:
             if known.target == known.applied:
                 return
-            known.under_way = True
+            self._under_way.add(port)
             known.off(now)
         known.due = now + _LOOK_NS
         if isinstance(unwrap(self._link), MemoryLink):
@@ -148,20 +149,18 @@ class Addresses:
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is due."""
-        if not self._ports:
-            return None
-        return min((known.due for known in self._ports.values() if known.under_way), default=None)
+        return min((self._ports[port].due for port in self._under_way), default=None)
 
     def handle_timeout(self, now: int) -> None:
         """Boot the drives whose change is finished."""
-        for port, known in self._ports.items():
-            if known.under_way and known.due <= now:
+        for port in sorted(self._under_way):
+            if self._ports[port].due <= now:
                 self._look(port, now)
 
     def _look(self, port: int, now: int) -> None:
         known = self._ports[port]
         if known.linked == known.target:
-            known.under_way = False
+            self._under_way.discard(port)
             known.applied = known.linked
             known.on(known.applied, now)
         else:

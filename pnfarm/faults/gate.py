@@ -221,6 +221,11 @@ class GatedLink:
             or port in self._listeners
         )
 
+    @property
+    def engaged(self) -> set[int]:
+        """Ports with rules or listeners: they are to see each frame, whomever it concerns."""
+        return {*self._rules, *self._delays, *self._held, *self._listeners}
+
     def add(self, port: int, rule: GateRule) -> None:
         self._rules[port] = [*self._rules.get(port, ()), rule]
 

@@ -23,7 +23,7 @@ from pnfarm.faults.start import again, cycles_of, first_random, pause_of, seeded
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from pnfarm.faults.catalogue import Catalogue
     from pnfarm.faults.parts import InjectedDrive
@@ -227,6 +227,11 @@ class InjectionManager:
     def concern(self, name: str) -> bool:
         """Whether an injection on this drive waits or is in force: else the calls below do nothing."""
         return name in self._by_drive
+
+    @property
+    def concerned(self) -> Collection[str]:
+        """The drives that :meth:`concern` is true for."""
+        return self._by_drive.keys()
 
     def refresh(self, name: str, now: int) -> None:
         """A frame is about to be passed to this drive, which may have rebooted."""

@@ -12,7 +12,7 @@ innermost.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, TypeAlias, runtime_checkable
 
@@ -24,6 +24,7 @@ __all__ = [
     "ETHERNET",
     "MULTICAST_DCP_IDENTIFY",
     "MULTICAST_LLDP",
+    "Audience",
     "Clock",
     "EngineLink",
     "Link",
@@ -43,6 +44,8 @@ MULTICAST_LLDP = bytes.fromhex("0180c200000e")
 
 #: ``receiver(port_index, frame, now_ns)``: one whole Ethernet frame without FCS.
 Receiver: TypeAlias = Callable[[int, bytes, int], None]
+#: Ports that a group-addressed frame can concern, None for any.
+Audience: TypeAlias = "Callable[[bytes], Collection[int] | None]"
 #: LINKTYPE_ETHERNET of tcpdump.org: frames of a network, in a capture.
 ETHERNET = 1
 #: Nanoseconds of the farm's clock.

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
 __all__ = [
+    "Ear",
     "Instruction",
     "acyclic_filter",
     "assemble",
@@ -56,7 +57,7 @@ _ANCILLARY_MARK = _ANCILLARY + 20
 # linux/if_packet.h: 0 host, 1 broadcast, 2 multicast, 3 other host, 4 outgoing.  A frame with a VLAN id other than 0 is
 # another host's to the kernel, whatever its destination; a PROFINET controller may request such frames.
 _LAST_PACKET_TYPE_FOR_US = 2
-_OTHER_HOST = 3
+_BROADCAST, _MULTICAST, _OTHER_HOST = 1, 2, 3
 
 #: After destination, source and ethertype; priority tags (VLAN id 0) are gone when a socket sees the frame.
 _FRAME_ID_OFFSET = 14
@@ -81,12 +82,27 @@ _DROP = "drop"
 
 @dataclass(frozen=True, slots=True)
 class Instruction:
-    """One operation; a jump names where it goes if true and if false (empty: the next instruction)."""
+    """One operation; a jump names where it goes if true and if false (empty: the next instruction).
+
+    ``label`` is a name by which others jump here.
+    """
 
     code: int
     k: int
     if_true: str = _NEXT
     if_false: str = _NEXT
+    label: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Ear:
+    """The one interface that hears group-addressed frames for all that share a cable, whose copies are dropped.
+
+    Without those that carry ``mark``: their sender hands them on itself.
+    """
+
+    index: int
+    mark: int
 
 
 def _load_word(offset: int) -> Instruction:
@@ -97,14 +113,30 @@ def _load_half(offset: int) -> Instruction:
     return Instruction(_LD_HALF_ABS, offset)
 
 
-def _for_these_ports(lowest: int, highest: int, last: int = _LAST_PACKET_TYPE_FOR_US) -> list[Instruction]:
+def _for_these_ports(
+    lowest: int, highest: int, last: int = _LAST_PACKET_TYPE_FOR_US, ear: Ear | None = None
+) -> list[Instruction]:
     """Frames that came in at one of the farm's interfaces, of packet types up to ``last``; all else is dropped."""
+    once = (
+        [
+            Instruction(_JUMP_EQUAL, _BROADCAST, "group", _NEXT),
+            Instruction(_JUMP_EQUAL, _MULTICAST, "group", "heard"),
+            Instruction(_LD_WORD_ABS, _ANCILLARY_IFINDEX, label="group"),
+            Instruction(_JUMP_EQUAL, ear.index, _NEXT, _DROP),
+            _load_word(_ANCILLARY_MARK),
+            Instruction(_JUMP_EQUAL, ear.mark, _DROP, _NEXT),
+            Instruction(_LD_WORD_ABS, _ANCILLARY_PACKET_TYPE, label="heard"),
+        ]
+        if ear is not None
+        else []
+    )
     return [
         _load_word(_ANCILLARY_IFINDEX),
         Instruction(_JUMP_GREATER_EQUAL, lowest, _NEXT, _DROP),
         Instruction(_JUMP_GREATER, highest, _DROP, _NEXT),
         _load_word(_ANCILLARY_PACKET_TYPE),
         Instruction(_JUMP_GREATER, last, _DROP, _NEXT),
+        *once,
     ]
 
 
@@ -140,14 +172,16 @@ def runs_of(indexes: Collection[int], among: Collection[int]) -> list[tuple[int,
     return runs
 
 
-def ethertype_filter(lowest: int, highest: int, *, mark: int = 0, without: Sequence[tuple[int, int]] = ()) -> bytes:
+def ethertype_filter(
+    lowest: int, highest: int, *, mark: int = 0, without: Sequence[tuple[int, int]] = (), ear: Ear | None = None
+) -> bytes:
     """For a socket of one ethertype: all frames that came in for interfaces ``lowest`` to ``highest``.
 
     Without those of the runs of interfaces ``without``, in order; at most :data:`MOST_RUNS` are considered, the reader
     checks again.  Or without those that carry ``mark`` (SO_MARK of the sending socket, which a veth and a bridge of one
     namespace keep).
     """
-    instructions = _for_these_ports(lowest, highest)
+    instructions = _for_these_ports(lowest, highest, ear=ear)
     if without and not mark:
         instructions.append(_load_word(_ANCILLARY_IFINDEX))
         for first, last in without[:MOST_RUNS]:
@@ -159,14 +193,14 @@ def ethertype_filter(lowest: int, highest: int, *, mark: int = 0, without: Seque
     return assemble(instructions)
 
 
-def acyclic_filter(lowest: int, highest: int) -> bytes:
+def acyclic_filter(lowest: int, highest: int, ear: Ear | None = None) -> bytes:
     """For a 0x8892 socket: alarms and DCP (frame id from 0xFC00).  A frame too short for a frame id is dropped.
 
     Alarms pass with any VLAN id: the reader checks the destination address.
     """
     return assemble(
         [
-            *_for_these_ports(lowest, highest, _OTHER_HOST),
+            *_for_these_ports(lowest, highest, _OTHER_HOST, ear),
             _load_half(_FRAME_ID_OFFSET),
             Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _NEXT, _DROP),
             _load_word(_ANCILLARY_PACKET_TYPE),
@@ -226,6 +260,7 @@ def assemble(instructions: Sequence[Instruction]) -> bytes:
     Falling off the end accepts.  Raises :class:`ValueError` for a jump that a program cannot express.
     """
     places = {_ACCEPT: len(instructions), _DROP: len(instructions) + 1}
+    places |= {instruction.label: place for place, instruction in enumerate(instructions) if instruction.label}
     if len(instructions) + 2 > MAX_INSTRUCTIONS:
         raise ValueError(f"{len(instructions)} instructions are more than a socket filter may have")
     code = bytearray()

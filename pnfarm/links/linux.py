@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
-from pnfarm.links.base import Clock, LinkCounters, Port, PortSpec, Receiver
+from pnfarm.links.base import Audience, Clock, LinkCounters, Port, PortSpec, Receiver
 from pnfarm.links.interfaces import Interfaces, run_to_completion
 from pnfarm.links.kernel_sockets import KernelSockets
 from pnfarm.links.packet import PacketSockets
@@ -85,6 +85,10 @@ class PacketLink(ABC):
     def set_receiver(self, receiver: Receiver) -> None:
         self._sockets.set_receiver(receiver)
 
+    def set_audience(self, audience: Audience) -> None:
+        """Set which ports a group-addressed frame of a shared cable can concern; the others do not get it."""
+        self._sockets.set_audience(audience)
+
     def engine_socket(self) -> socket.socket:
         return self._sockets.engine_socket()
 
@@ -93,10 +97,18 @@ class PacketLink(ABC):
         return self._sockets.engine_datagrams(service)
 
     async def set_carrier(self, port_index: int, up: bool) -> None:
-        await run_to_completion(self._set_carrier, self._port(port_index), up)
+        port = self._port(port_index)
+        if not up:
+            # first: it may be the one that hears for all
+            self._sockets.set_pulled(port_index, True)
+        try:
+            await run_to_completion(self._set_carrier, port, up)
+        except BaseException:
+            self._sockets.set_pulled(port_index, up)
+            raise
         if up:
             self.sockets.restore(port_index)
-        self._sockets.set_pulled(port_index, not up)
+            self._sockets.set_pulled(port_index, False)
 
     async def set_mac(self, port_index: int, mac: bytes) -> None:
         await run_to_completion(self._set_mac, self._port(port_index), mac)

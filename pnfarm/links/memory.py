@@ -13,10 +13,10 @@ Cyclic frames are exchanged by the compiled engine inside its tables; these are 
 from __future__ import annotations
 
 from collections import Counter, deque
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from pnfarm.errors import InternalError
-from pnfarm.links.base import MULTICAST_LLDP, Clock, LinkCounters, Port, PortSpec, Receiver
+from pnfarm.links.base import MULTICAST_LLDP, Audience, Clock, LinkCounters, Port, PortSpec, Receiver
 from pnfarm.links.line import LineCounters, ReplyTimes
 from pnfarm.links.memory_sockets import MemoryNetwork, MemorySockets
 
@@ -25,10 +25,7 @@ if TYPE_CHECKING:
 
     from pnfarm.links.line import LineTally
 
-__all__ = ["Audience", "MemoryLink", "MemorySwitch"]
-
-#: The ports of a link that a broadcast or multicast frame concerns; None for all.
-Audience: TypeAlias = "Callable[[bytes], Collection[int] | None]"
+__all__ = ["MemoryLink", "MemorySwitch"]
 
 #: Frames that one :meth:`MemorySwitch.deliver` takes at most: two stations may answer each other endlessly.
 MAX_DELIVERIES = 1_000_000

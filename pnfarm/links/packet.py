@@ -7,6 +7,11 @@ storm on one ethertype does not starve the event loop: what is left waits in the
 
 A macvlan receives only multicast addresses that were joined: the memberships are held by a socket here, and go with it.
 
+Interfaces that share a cable (macvlans on a NIC) get a copy of each group-addressed frame.  One of them is the farm's
+ear: the filter drops the copies of all others, and what it hears is handed only to the ports that it can concern
+(:meth:`PacketSockets.set_audience`).  What a port sends to a group never comes back to its interface, so that the
+others get it here; the filter knows the kernel's copy by the mark of the sending socket.
+
 LLDP is between two ends of one cable.  Drives that share an interface (macvlans on a NIC) have one cable together: its
 LLDP is received once, on that interface, and handed to each of them; they do not receive each other's, as behind a
 real switch.  Drives with their own cables (veth) receive what comes through, but not each other where a bridge forwards
@@ -28,7 +33,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links import bpf
-from pnfarm.links.base import MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP, Clock, LinkCounters, Port, Receiver
+from pnfarm.links.base import MULTICAST_DCP_IDENTIFY, MULTICAST_LLDP, Audience, Clock, LinkCounters, Port, Receiver
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET
 
 if TYPE_CHECKING:
@@ -53,6 +58,8 @@ RECEIVE_BUFFER = 16 * 1024 * 1024
 #: The multicast address that every port joins; LLDP is handled apart.
 MULTICAST_GROUPS = (MULTICAST_DCP_IDENTIFY,)
 
+#: Ethertypes as in a frame.
+_IPV4, _LLDP = (ethertype.to_bytes(2, "big") for ethertype in (ETHERTYPE_IPV4, ETHERTYPE_LLDP))
 _SLOT = 2048
 _ADDRESS_SLOT = 32
 _SOCKADDR_LL = struct.Struct("=HHiHBB8s")
@@ -190,6 +197,15 @@ class PacketSockets:
         self._macs: dict[int, bytes] = {}
         self._pulled: set[int] = set()
         self._kernel: frozenset[int] = frozenset()
+        #: The interface that hears group-addressed frames for all, None where each hears its own.
+        self._ear: bpf.Ear | None = None
+        self._audience: Audience | None = None
+        #: Sockets whose filter names the ear, each with what makes its filter.
+        self._filters: list[tuple[socket.socket, Callable[[bpf.Ear | None], bytes]]] = []
+
+    def set_audience(self, audience: Audience | None) -> None:
+        """Ask ``audience`` which ports a group-addressed frame of the shared cable goes to; None: to all of them."""
+        self._audience = audience
 
     def set_receiver(self, receiver: Receiver) -> None:
         self._receiver = receiver
@@ -205,16 +221,23 @@ class PacketSockets:
         self._macs = {port.index: port.mac for port in ports}
         lowest, highest = min(self._names), max(self._names)
         try:
-            self._profinet = profinet = self._watch(ETHERTYPE_PROFINET, bpf.acyclic_filter(lowest, highest))
+            # protocol 0: this one never receives
+            self._sender = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
+            self._choose_ear(shared)
+            self._profinet = profinet = self._watch(
+                ETHERTYPE_PROFINET, lambda ear: bpf.acyclic_filter(lowest, highest, ear)
+            )
             runs = bpf.runs_of(self._kernel, self._names)
-            self._watch(ETHERTYPE_ARP, bpf.ethertype_filter(lowest, highest))
+            self._watch(ETHERTYPE_ARP, lambda ear: bpf.ethertype_filter(lowest, highest, ear=ear))
             if self._kernel < self._names.keys():
-                self._watch(ETHERTYPE_IPV4, bpf.ethertype_filter(lowest, highest, without=runs), self._hand_over_unless)
+                self._watch(
+                    ETHERTYPE_IPV4,
+                    lambda ear: bpf.ethertype_filter(lowest, highest, without=runs, ear=ear),
+                    self._hand_over_unless,
+                )
             for index in self._names:
                 for group in MULTICAST_GROUPS:
                     _join(profinet, index, group)
-            # protocol 0: this one never receives
-            self._sender = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
             self._open_lldp(self._sender, shared)
         except BaseException:
             self.close()
@@ -226,25 +249,40 @@ class PacketSockets:
             self._read_from(sock, self._deliver_shared_cable)
             _join(sock, shared, MULTICAST_LLDP)
             return
-        mark = 0
-        if len(self._names) > 1:
-            wanted = int.from_bytes(os.urandom(4), "little") | 1
-            with contextlib.suppress(OSError):  # without CAP_NET_ADMIN siblings are distinguished by address only
-                sender.setsockopt(socket.SOL_SOCKET, _SO_MARK, struct.pack("=I", wanted))
-                mark = wanted
+        # without CAP_NET_ADMIN siblings are distinguished by address only
+        mark = _mark(sender) if len(self._names) > 1 else 0
         code = bpf.ethertype_filter(min(self._names), max(self._names), mark=mark)
         sock = open_packet_socket(ETHERTYPE_LLDP, code, index=self._only_port)
         self._read_from(sock, self._deliver_own_cable)
         for index in self._names:
             _join(sock, index, MULTICAST_LLDP)
 
+    def _choose_ear(self, shared: int | None) -> None:
+        """One interface hears for all that share a cable, unless the kernel speaks there, too: its ARP has no mark."""
+        able = [index for index in self._names if index not in self._kernel]
+        if shared is None or len(able) < 2 or self._sender is None:
+            return
+        if mark := _mark(self._sender):
+            self._ear = bpf.Ear(able[0], mark)
+
+    def _move_ear(self) -> None:
+        """The ear lost its carrier, or has it again while no other one has it."""
+        if self._ear is None or self._ear.index not in self._pulled:
+            return
+        able = [index for index in self._names if index not in self._kernel and index not in self._pulled]
+        if able:
+            self._ear = bpf.Ear(able[0], self._ear.mark)
+            for sock, filter_of in self._filters:
+                bpf.attach(sock, filter_of(self._ear))
+
     def _watch(
         self,
         ethertype: int,
-        filter_code: bytes,
+        filter_of: Callable[[bpf.Ear | None], bytes],
         hand_over: Callable[[int, bytes | None, int], None] | None = None,
     ) -> socket.socket:
-        sock = open_packet_socket(ethertype, filter_code, index=self._only_port)
+        sock = open_packet_socket(ethertype, filter_of(self._ear), index=self._only_port)
+        self._filters.append((sock, filter_of))
         return self._read_from(sock, hand_over or self._hand_over)
 
     def _read_from(self, sock: socket.socket, hand_over: Callable[[int, bytes | None, int], None]) -> socket.socket:
@@ -270,9 +308,32 @@ class PacketSockets:
         if frame is None:
             self._counters.dropped["too-long"] += 1
             return
+        if self._ear is not None and frame[0] & 1:
+            self._share(frame, now)
+        else:
+            self._deliver(index, frame, now)
+
+    def _deliver(self, index: int, frame: bytes, now: int) -> None:
+        """A frame for this port."""
         self._counters.received += 1
         if self._receiver is not None:
             self._receiver(index, frame, now)
+
+    def _share(self, frame: bytes, now: int, sender: int | None = None) -> None:
+        """Hand a group-addressed frame of the one cable to the ports that it concerns, but not to its ``sender``."""
+        audience = None if self._audience is None else self._audience(frame)
+        kernels = self._kernel if frame[12:14] == _IPV4 else ()
+        source = frame[6:12]
+        for index in list(self._names) if audience is None else audience:
+            # the kernel of a drive with sockets sends there itself, under the drive's address
+            if index == sender or index in self._pulled or index in kernels or self._macs.get(index) == source:
+                continue
+            self._deliver(index, frame, now)
+
+    def _send_to_siblings(self, frame: bytes, sender: int) -> None:
+        """The other ports of the cable hear what one of them sent to a group."""
+        if self._sender is not None:
+            self._share(frame, self._clock(), sender)
 
     def _hand_over_unless(self, index: int, frame: bytes | None, now: int) -> None:
         """A frame that may be the kernel's."""
@@ -288,16 +349,20 @@ class PacketSockets:
 
     def _deliver_shared_cable(self, _shared: int, frame: bytes | None, now: int) -> None:
         """An LLDP frame of the one cable that all ports have in common."""
+        if frame is None:
+            self._counters.dropped["too-long"] += 1
+            return
         for index in list(self._names):
             if index not in self._pulled:
-                self._hand_over(index, frame, now)
+                self._deliver(index, frame, now)
 
     def set_pulled(self, index: int, pulled: bool) -> None:
-        """A port without carrier gets no LLDP of a shared cable; the kernel withholds all other frames."""
+        """A port without carrier gets nothing of a shared cable, and does not hear for others."""
         if pulled:
             self._pulled.add(index)
         else:
             self._pulled.discard(index)
+        self._move_ear()
 
     def set_mac(self, index: int, mac: bytes) -> None:
         """Set the port's address."""
@@ -326,6 +391,9 @@ class PacketSockets:
             self._counters.dropped[_SEND_REASONS.get(exc.errno or 0, "refused")] += 1
         else:
             self._counters.sent += 1
+            if self._ear is not None and frame[0] & 1 and frame[12:14] != _LLDP and self._loop is not None:
+                # not at once: what it causes must not begin before the sender has finished
+                self._loop.call_soon(self._send_to_siblings, frame, port_index)
 
     def engine_socket(self) -> socket.socket:
         """See :meth:`pnfarm.links.base.EngineLink.engine_socket`."""
@@ -367,6 +435,8 @@ class PacketSockets:
             sock.close()
         self._sockets.clear()
         self._engines.clear()
+        self._filters.clear()
+        self._ear = None
         self._profinet = None
         if self._sender is not None:
             self._sender.close()
@@ -375,6 +445,16 @@ class PacketSockets:
         self._macs = {}
         self._pulled.clear()
         self._kernel = frozenset()
+
+
+def _mark(sender: socket.socket) -> int:
+    """Mark what this socket sends, by a number of its own; 0 where the kernel does not permit it."""
+    wanted = int.from_bytes(os.urandom(4), "little") | 1
+    try:
+        sender.setsockopt(socket.SOL_SOCKET, _SO_MARK, struct.pack("=I", wanted))
+    except OSError:
+        return 0
+    return wanted
 
 
 def _join(sock: socket.socket, index: int, group: bytes) -> None:

@@ -7,7 +7,7 @@ in the cache, once for each function above it.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import llvmlite.binding
 import numba
@@ -16,7 +16,10 @@ from numba import types
 from pnfarm.table.compiled import IS_COMPILED
 from pnfarm.table.layout import Layout
 
-__all__ = ["by_address", "link"]
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+__all__ = ["by_address", "link", "promise"]
 
 
 class _Link(NamedTuple):
@@ -40,6 +43,23 @@ def by_address(function: Any, *rows: Layout) -> Any:
     link = _Link(f"pnfarm_{function.__name__}", function, signature)
     _open.append(link)
     return types.ExternalFunction(link.symbol, signature)
+
+
+def promise() -> Callable[[], None]:
+    """Let the callers be compiled without what they call, which the function that is returned compiles.
+
+    For two processes that share the work: the callers' machine code names what they call, and cannot run in this one.
+    """
+    waiting, nowhere = [*_open], llvmlite.binding.address_of_symbol("abort")
+    for promised in waiting:
+        llvmlite.binding.add_symbol(promised.symbol, nowhere)
+    _open.clear()
+
+    def keep() -> None:
+        for promised in waiting:
+            promised.function.compile(promised.signature.args)
+
+    return keep
 
 
 def link() -> None:

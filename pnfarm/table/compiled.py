@@ -64,6 +64,19 @@ def compiled_apart(function: _F) -> _F:
     return _compiled(function, no_cfunc_wrapper=False)
 
 
+def _ignore_literals(dispatcher: Any) -> None:
+    """Have one specialisation for all constants of a type.
+
+    Numba compiles a function again for each constant with which a compiled caller calls it.  LLVM includes the function
+    in its caller, and sees the constant there anyway.
+    """
+    template = getattr(dispatcher, "get_call_template", None)
+    if template is not None:
+        dispatcher.get_call_template = lambda args, kws: template(
+            [types.unliteral(arg) for arg in args], {name: types.unliteral(arg) for name, arg in kws.items()}
+        )
+
+
 def _compiled(function: _F, *, no_cfunc_wrapper: bool) -> _F:
     global _functions  # noqa: PLW0603 - a count of what this decorator was given
     _functions += 1
@@ -78,6 +91,7 @@ def _compiled(function: _F, *, no_cfunc_wrapper: bool) -> _F:
             no_cfunc_wrapper=no_cfunc_wrapper,
             no_cpython_wrapper=function.__name__.startswith("_"),
         )
+        _ignore_literals(dispatcher)
         return cast("_F", dispatcher)
     finally:
         numba.config.CACHE_LOCATOR_CLASSES = others

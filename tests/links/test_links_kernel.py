@@ -543,3 +543,52 @@ async def test_an_interface_removed_by_somebody_else_is_counted_and_closing_stil
         with pytest.raises(EnvironmentError_, match="cannot be set down"):
             await link.set_carrier(first.index, False)
     assert names(ip) == {"lo", "nic0", "plc0"}
+
+
+async def test_macvlans_get_what_one_of_them_sends_to_a_group_and_it_does_not(cable, raw):
+    nic, plc = cable
+    link = MacvlanLink("line-1", nic)
+    inbox = Inbox(link)
+    async with opened(link, specs(3)) as ports:
+        for port in ports:
+            announced = frame(BROADCAST, source=port.mac, ethertype=0x0806)
+            with raw(plc, 0x0806) as wire:
+                link.send(port.index, announced)
+                assert wire.recv(2048)[:14] == announced[:14]
+            await inbox.wait_for(2)
+            assert await inbox.nothing_more()
+            assert sorted((index, data) for index, data, _ in inbox.frames) == sorted(
+                (other.index, announced) for other in ports if other is not port
+            )
+            inbox.frames.clear()
+
+
+async def test_another_one_hears_for_all_when_the_first_loses_its_carrier(cable, raw):
+    nic, plc = cable
+    link = MacvlanLink("line-1", nic)
+    inbox = Inbox(link)
+    async with opened(link, specs(3)) as ports:
+        with raw(plc) as wire:
+            for pulled in (ports[0], ports[1]):
+                await link.set_carrier(pulled.index, False)
+                left = [port.index for port in ports if port is not pulled]
+                wire.send(frame(MULTICAST_DCP_IDENTIFY))
+                await inbox.wait_for(2)
+                assert sorted(index for index, *_ in inbox.frames) == left
+                await link.set_carrier(pulled.index, True)
+                inbox.frames.clear()
+
+
+async def test_only_the_drives_that_a_broadcast_concerns_get_it(cable, raw):
+    nic, plc = cable
+    link = MacvlanLink("line-1", nic)
+    inbox = Inbox(link)
+    async with opened(link, specs(3)) as ports:
+        link.set_audience(lambda data: [ports[1].index] if data[12:14] == b"\x08\x06" else None)
+        with raw(plc) as wire:
+            wire.send(frame(BROADCAST, ethertype=0x0806))
+            await inbox.wait_for(1)
+            wire.send(frame(MULTICAST_DCP_IDENTIFY))
+            await inbox.wait_for(1 + 3)
+        assert inbox.frames[0][0] == ports[1].index
+        assert await inbox.nothing_more()

@@ -280,6 +280,8 @@ class IpHost:
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` has something to do, nanoseconds."""
+        if not self._resolutions and not self._probes and self._claim.deadline is None:
+            return self._reassembler.next_deadline()
         deadlines = [resolution.deadline for resolution in self._resolutions.values()]
         deadlines += [probe.deadline for probe in self._probes.values()]
         if self._claim.deadline is not None:
@@ -292,6 +294,8 @@ class IpHost:
         self._reassembler.handle_timeout(now)
         if self._claim.deadline is not None and self._claim.deadline <= now:
             self._follow(ClaimSign.QUIET, now)
+        if not self._resolutions and not self._probes:
+            return
         for ip, resolution in list(self._resolutions.items()):
             if resolution.deadline > now:
                 continue

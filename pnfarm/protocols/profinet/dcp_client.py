@@ -13,6 +13,7 @@ from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.protocols.profinet.wire.dcp import (
     IDENTIFY_MULTICAST,
     SERVICE_GET,
@@ -185,8 +186,9 @@ DcpClientEvent = IdentifyAnswered | IdentifyFinished | GetFinished | SetFinished
 
 @dataclass(slots=True)
 class _Collection:
-    deadline: int
     expected: int | None
+    deadline: int
+    quiet_ns: int = 0
     answered: set[bytes] = field(default_factory=set)
 
 
@@ -195,7 +197,6 @@ class _Transaction:
     mac: bytes
     service_id: int
     frame: bytes
-    deadline: int
     retries: int
 
 
@@ -252,6 +253,8 @@ class DcpClient:
         self._xid = first_xid - 1
         self._collections: dict[int, _Collection] = {}
         self._transactions: dict[int, _Transaction] = {}
+        #: Deadlines of both, by Xid: a start asks a thousand drives at once.
+        self._deadlines = Deadlines()
         self._outbox: list[bytes] = []
         self._events: list[DcpClientEvent] = []
 
@@ -265,19 +268,22 @@ class DcpClient:
         delay_factor: int = 1,
         window_ns: int | None = None,
         expected: int | None = None,
+        quiet_ns: int = 0,
         destination: bytes = IDENTIFY_MULTICAST,
     ) -> int:
         """Identify all devices, or those that match every filter. Returns the Xid.
 
         ``delay_factor`` spreads the answers over (factor - 1) times 10 ms; ``window_ns`` is how long answers are
         collected (left out: until the slowest is due, and 0.4 s); ``expected`` answers end it early.
+        It does not end within ``quiet_ns`` after an answer: where stations have no time, theirs come late.
         """
         xid = self._next_xid()
         frame_id = frame_id_of(SERVICE_IDENTIFY, TYPE_REQUEST)
         blocks = tuple(filters) or (AllSelectorBlock(),)
         pdu = DcpPdu(frame_id, SERVICE_IDENTIFY, TYPE_REQUEST, xid, blocks=blocks, response_delay_factor=delay_factor)
         window = delay_factor * _DELAY_STEP_NS + COLLECT_MARGIN_NS if window_ns is None else window_ns
-        self._collections[xid] = _Collection(deadline=now + window, expected=expected)
+        self._collections[xid] = _Collection(expected=expected, deadline=now + window, quiet_ns=quiet_ns)
+        self._deadlines.set(xid, now + window)
         self._outbox.append(self._frame(destination, pdu))
         return xid
 
@@ -354,7 +360,6 @@ class DcpClient:
 
     def receive(self, frame: EthernetFrame, now: int) -> None:
         """Take one frame, tagged or not; answers to nothing are counted and dropped."""
-        del now  # an answer counts whenever it comes while its transaction is open
         if frame.ethertype != ETHERTYPE_PROFINET:
             self.dropped["other-protocol"] += 1
             return
@@ -370,8 +375,9 @@ class DcpClient:
         elif pdu.service_type == TYPE_REQUEST:
             self.dropped["request"] += 1
         elif pdu.service_id == SERVICE_IDENTIFY:
-            self._receive_identified(frame.source, pdu)
+            self._receive_identified(frame.source, pdu, now)
         else:
+            # it counts whenever it comes while its transaction is open
             self._receive_answer(frame.source, pdu)
 
     def to_send(self, now: int) -> list[bytes]:
@@ -387,28 +393,25 @@ class DcpClient:
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` has something to do, nanoseconds."""
-        deadlines = [collection.deadline for collection in self._collections.values()]
-        deadlines += [transaction.deadline for transaction in self._transactions.values()]
-        return min(deadlines, default=None)
+        return self._deadlines.first()
 
     def handle_timeout(self, now: int) -> None:
         """End collections, repeat or give up requests."""
-        for xid, collection in list(self._collections.items()):
-            if collection.deadline <= now:
-                self._finish_collection(xid, collection)
-        for xid, transaction in list(self._transactions.items()):
-            if transaction.deadline > now:
+        for xid in self._deadlines.take(now):
+            if xid in self._collections:
+                self._finish_collection(xid)
                 continue
+            transaction = self._transactions[xid]
             if transaction.retries:
                 transaction.retries -= 1
-                transaction.deadline = now + TIMEOUT_NS
+                self._deadlines.set(xid, now + TIMEOUT_NS)
                 self._outbox.append(transaction.frame)
             else:
                 self._finish(xid, transaction, (), f"no answer from {transaction.mac.hex(':')}")
 
     # -- inside ------------------------------------------------------------------------------------------------------
 
-    def _receive_identified(self, source: bytes, pdu: DcpPdu) -> None:
+    def _receive_identified(self, source: bytes, pdu: DcpPdu, now: int) -> None:
         collection = self._collections.get(pdu.xid)
         if collection is None:
             self.dropped["unknown-xid"] += 1
@@ -416,9 +419,12 @@ class DcpClient:
             self.dropped["duplicate"] += 1
         else:
             collection.answered.add(source)
+            if now + collection.quiet_ns > collection.deadline:
+                collection.deadline = now + collection.quiet_ns
+                self._deadlines.set(pdu.xid, collection.deadline)
             self._events.append(IdentifyAnswered(pdu.xid, source, station_info(pdu.blocks), pdu.blocks))
             if collection.expected is not None and len(collection.answered) >= collection.expected:
-                self._finish_collection(pdu.xid, collection)
+                self._finish_collection(pdu.xid)
 
     def _receive_answer(self, source: bytes, pdu: DcpPdu) -> None:
         transaction = self._transactions.get(pdu.xid)
@@ -433,14 +439,16 @@ class DcpClient:
 
     def _finish(self, xid: int, transaction: _Transaction, blocks: tuple[Block, ...], error: str | None) -> None:
         del self._transactions[xid]
+        self._deadlines.set(xid, None)
         if transaction.service_id == SERVICE_GET:
             self._events.append(GetFinished(xid, transaction.mac, blocks, error))
         else:
             results = tuple(block for block in blocks if isinstance(block, ResponseBlock))
             self._events.append(SetFinished(xid, transaction.mac, results, error))
 
-    def _finish_collection(self, xid: int, collection: _Collection) -> None:
-        del self._collections[xid]
+    def _finish_collection(self, xid: int) -> None:
+        collection = self._collections.pop(xid)
+        self._deadlines.set(xid, None)
         self._events.append(IdentifyFinished(xid, len(collection.answered)))
 
     def _request(
@@ -455,7 +463,8 @@ class DcpClient:
         xid = self._next_xid()
         frame_id = frame_id_of(service_id, TYPE_REQUEST)
         frame = self._frame(mac, DcpPdu(frame_id, service_id, TYPE_REQUEST, xid, blocks, requested))
-        self._transactions[xid] = _Transaction(mac, service_id, frame, deadline=now + TIMEOUT_NS, retries=RETRIES)
+        self._transactions[xid] = _Transaction(mac, service_id, frame, retries=RETRIES)
+        self._deadlines.set(xid, now + TIMEOUT_NS)
         self._outbox.append(frame)
         return xid
 

@@ -117,6 +117,8 @@ MAXIMUM_RESULTS = MAXIMUM_BODY // 8
 #: Stations whose answers to Identify wait for their time.
 PENDING_LIMIT = 16
 
+#: Where the Xid is in a frame: behind addresses, EtherType, frame id, service and its type.
+_XID = 18
 _NONE = IPv4Address(0)
 _OPTIONS = frozenset({OPTION_IP, OPTION_DEVICE, OPTION_DHCP, OPTION_CONTROL, OPTION_INITIATIVE, OPTION_ALL})
 _RESET_MODES = frozenset(mode.value for mode in ResetMode)
@@ -172,6 +174,8 @@ class DcpDevice:
         self.identified = 0
         self.sought = 0
         self._pending: dict[bytes, tuple[int, bytes]] = {}  # asking station: due time, frame
+        #: The last answer to Identify, and what it was made of.
+        self._last_answer: tuple[tuple[object, ...] | None, bytes] = (None, b"")
         self._signal_end: int | None = None
         self._hello: tuple[int, int] | None = None  # when the next one is due, how many are left
         self._hello_xid = 0
@@ -249,9 +253,10 @@ class DcpDevice:
 
     def handle_timeout(self, now: int) -> None:
         """Send the answers and Hellos that are due; switch the lamp off."""
-        ready = sorted((due, asker) for asker, (due, _) in self._pending.items() if due <= now)
-        for _, asker in ready:
-            self._outbox.append(self._pending.pop(asker)[1])
+        if self._pending:
+            ready = sorted((due, asker) for asker, (due, _) in self._pending.items() if due <= now)
+            for _, asker in ready:
+                self._outbox.append(self._pending.pop(asker)[1])
         if self._hello is not None and self._hello[0] <= now:
             left = self._hello[1] - 1
             self._hello = (now + self.hello_settings.interval_ns, left) if left else None
@@ -286,9 +291,8 @@ class DcpDevice:
             return
         self.identified += 1
         self.sought += any(isinstance(block, NameBlock) for block in pdu.blocks)
-        blocks = self._identify_blocks()
-        blocks += [AliasBlock(block.alias) for block in pdu.blocks if isinstance(block, AliasBlock)][:1]
-        answer = self._response(source_mac, pdu, tuple(blocks))
+        alias = next((block for block in pdu.blocks if isinstance(block, AliasBlock)), None)
+        answer = self._identified(source_mac, pdu, alias)
         delay_ns = response_delay_ns(self.mac, pdu.response_delay_factor)
         waits = source_mac in self._pending
         if not delay_ns or (not waits and len(self._pending) >= PENDING_LIMIT):
@@ -297,6 +301,19 @@ class DcpDevice:
         if waits:
             self.dropped["superseded"] += 1
         self._pending[source_mac] = (now + delay_ns, answer)
+
+    def _identified(self, asker: bytes, request: DcpPdu, alias: AliasBlock | None) -> bytes:
+        """The answer to an Identify request; a whole network is asked at once, and mostly nothing has changed."""
+        state = (
+            self.mac, self.identity, self.name, self._ip_values(), self._ip_info(), self.hello_settings.mode,
+            None if alias is None else alias.alias,
+        )  # fmt: skip
+        if self._last_answer[0] != state:
+            blocks = self._identify_blocks()
+            blocks += [] if alias is None else [AliasBlock(alias.alias)]
+            self._last_answer = state, self._response(asker, request, tuple(blocks))
+        frame = self._last_answer[1]
+        return asker + frame[6:_XID] + request.xid.to_bytes(4, "big") + frame[_XID + 4 :]
 
     def _identify_blocks(self) -> list[Block]:
         identity = self.identity

@@ -15,6 +15,8 @@ from pnfarm.wire.ethernet import parse_ethernet
 from toybus.frames import ETHERTYPE, Report, emit_report, frame, parse_order
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from pnfarm.station.station import Station
 
 SILENCE_NS = 100_000_000
@@ -173,7 +175,7 @@ class ToySegment:
     def admits(self, port: int, data: bytes, now: int) -> bool:
         return data[12:14] == ETHERTYPE.to_bytes(2, "big") and not data[0] & 1
 
-    def audience(self, data: bytes) -> tuple[int, ...]:
+    def audience(self, data: bytes, besides: Collection[int] = ()) -> tuple[int, ...]:
         return ()
 
     def settled(self, port: int) -> None:

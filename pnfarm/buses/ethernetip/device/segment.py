@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
 
@@ -31,7 +31,8 @@ class EthernetIpSegment:
             return False
         return self._own[port] in {frame[_SENDER : _SENDER + 4], frame[_TARGET:_END]}
 
-    def audience(self, frame: bytes) -> Sequence[int]:
+    def audience(self, frame: bytes, besides: Collection[int] = ()) -> Sequence[int]:
+        del besides
         if frame[12:14] != ARP or len(frame) < _END:
             return ()
         addresses = dict.fromkeys((frame[_SENDER : _SENDER + 4], frame[_TARGET:_END]))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pnfarm.protocols.profibus.wire.telegram import BROADCAST, EXTENDED, SD1, SD2, SD3, body_of_data
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     from pnfarm.buses.profibus.device.device import ProfibusDevice
 
@@ -41,7 +41,8 @@ class ProfibusSegment:
         self.heard_ns = now
         return True
 
-    def audience(self, frame: bytes) -> Sequence[int] | None:
+    def audience(self, frame: bytes, besides: Collection[int] = ()) -> Sequence[int] | None:
+        del besides
         place = _DESTINATION.get(frame[0]) if frame else None
         destination = frame[place] & 0x7F if place is not None and len(frame) > place else None
         if destination == BROADCAST:

@@ -10,7 +10,7 @@ from pnfarm.buses.axis_program import IDLE, axis_program
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, ProfinetPlan
 from pnfarm.buses.profinet.controller.gsdml import load_gsdml
-from pnfarm.buses.signal_steps import SignalSteps, signal_steps
+from pnfarm.buses.signal_steps import KnownSteps, SignalSteps
 from pnfarm.drives.signal_view import axis_signals
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
@@ -160,6 +160,7 @@ def plan_devices(
     one of the controller's subnet.  Raises :class:`ConfigError`.
     """
     addresses = _Addresses(section, drives)
+    known_steps = KnownSteps()
     plans = []
     for drive, model in zip(drives, models, strict=True):
         ip = addresses.of(drive.ip, f"drive {drive.name}")
@@ -168,7 +169,7 @@ def plan_devices(
         number = drive.telegram if drive.telegram is not None else usual
         clock = clock_of(section, drive.cycle_ns)
         chosen = section.program
-        steps = signal_steps(model, drive, number)
+        steps = known_steps.of(model, drive, number)
         if chosen.kind == "positions" and steps.task_form == TASKS_NONE:
             raise ConfigError(f"drive {drive.name}: telegram {number} of {model.name} has no signal of a position task")
         plans.append(

@@ -12,7 +12,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.controller.session import DeviceSession, SessionState, Sign
-from pnfarm.protocols.profinet.dcp_client import DcpClient, IdentifyAnswered, IdentifyFinished, SetFinished
+from pnfarm.protocols.profinet.dcp_client import (
+    COLLECT_MARGIN_NS,
+    DcpClient,
+    IdentifyAnswered,
+    IdentifyFinished,
+    SetFinished,
+)
 from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
 
 if TYPE_CHECKING:
@@ -83,6 +89,8 @@ class Search:
         #: Requests by their Xid, and in each by the name that was asked for.
         self._asked: dict[int, dict[str, _Asked]] = {}
         self._addressed: dict[int, DeviceSession] = {}
+        #: The Xid of the last roll call.
+        self._roll_call = 0
 
     def seek(self, session: DeviceSession) -> None:
         """Search for this drive; the request goes out with :meth:`ask`."""
@@ -91,9 +99,14 @@ class Search:
     def ask(self, now: int) -> None:
         """Send the Identify requests for all drives of :meth:`seek` since the last call."""
         requested, self._requested = self._requested, []
+        if len(requested) > ROLL_CALL and self._roll_call in self._asked:
+            # its answers are still coming in: a further one would have all stations answer again
+            self._asked[self._roll_call] |= {session.plan.name: _Asked(session) for session in requested}
+            return
         if len(requested) > ROLL_CALL:
-            xid = self._dcp.identify(now=now, delay_factor=max(1, self._stations // ROLL_CALL_BURST))
-            self._asked[xid] = {session.plan.name: _Asked(session) for session in requested}
+            factor = max(1, self._stations // ROLL_CALL_BURST)
+            self._roll_call = self._dcp.identify(now=now, delay_factor=factor, quiet_ns=COLLECT_MARGIN_NS)
+            self._asked[self._roll_call] = {session.plan.name: _Asked(session) for session in requested}
             return
         for session in requested:
             # not over with the first answer: a second station of that name answers as well

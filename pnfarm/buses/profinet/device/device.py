@@ -11,6 +11,7 @@ the frames.  :mod:`pump` carries events between the machines.  Here
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
@@ -57,8 +58,7 @@ from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFra
 from pnfarm.wire.mac import mac_to_int
 
 if TYPE_CHECKING:
-    from collections import Counter
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.profinet.device.config import DeviceConfig
@@ -91,6 +91,11 @@ class ProfinetDevice:
         self._uuids = uuid_source(services.seed + station.port.mac)
         #: Frames dropped by reason, before any machine saw them.
         self.dropped: dict[str, int] = {}
+        #: Frames for others that never came here, by reason; the segment sets it.
+        self.unheard: Callable[[], Mapping[str, int]] = dict
+        #: What these were when it left the wire, None while it is there; and those that came by while it was away.
+        self._left_at: Mapping[str, int] | None = {}
+        self._missed: Counter[str] = Counter()
         rows = channel_rows(self.model.limits.io_controllers)
         drift = station.flaws.drift
         self.channels = StationChannels(self.index, self.port, services.channels, services.impairments, rows, drift)
@@ -115,7 +120,7 @@ class ProfinetDevice:
         """See :class:`pnfarm.station.device.Device`."""
         if self._built:
             # the machines are recreated; their drop counters are kept
-            self.dropped = self.discards()
+            self.dropped = self._own_discards()
             self.connections.forget()
             self._pump.forget_calls()
         self._built = True
@@ -273,6 +278,10 @@ class ProfinetDevice:
 
     def start(self, now: int) -> list[str]:
         """See :class:`pnfarm.station.device.Device`."""
+        if self._left_at is not None:
+            self._missed.update(self.unheard())
+            self._missed.subtract(self._left_at)
+            self._left_at = None
         self.addressing.link_up(now)
         return self.neighbours.pdev.restore(records_of(self.station.kept.get("pdev")), now)
 
@@ -283,6 +292,8 @@ class ProfinetDevice:
 
     def stop(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
+        if self._left_at is None:
+            self._left_at = dict(self.unheard())
         for key in list(self.ars):
             self.connections.close(key)
         if self.dcp.signalling:
@@ -342,7 +353,15 @@ class ProfinetDevice:
         self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
     def discards(self) -> dict[str, int]:
-        """Dropped frames and PDUs by reason, over all machines."""
+        """Dropped frames and PDUs by reason, over all machines, and those of a shared cable that were for others."""
+        total = self._own_discards()
+        for reason, count in (self.unheard() if self._left_at is None else self._left_at).items():
+            if count > self._missed[reason]:
+                total[reason] = total.get(reason, 0) + count - self._missed[reason]
+        return total
+
+    def _own_discards(self) -> dict[str, int]:
+        """Those that came here."""
         total = dict(self.dropped)
         for machine in self._machines:
             for reason, count in machine.dropped.items():

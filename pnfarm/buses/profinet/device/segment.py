@@ -1,23 +1,27 @@
 """The drives of a farm on one PROFINET segment: group-addressed frames are parsed once, for the drives they concern.
 
 A wire delivers each group-addressed frame to every drive: finding a thousand drives by name takes a million copies.
-So an Identify is parsed once for all of them, an ARP for another station or a Hello is dropped early, and drives
-that share a cable receive the same LLDP frame, which mostly repeats the last one.
+So drives that share a cable are found by what an Identify or an ARP asks for (:meth:`ProfinetSegment.audience`), and
+the others never see it.  Where each has a cable of its own, an Identify is parsed once for all of them, an ARP for
+another station or a Hello is dropped early (:meth:`ProfinetSegment.admits`); both ways count the same.  An LLDP frame
+mostly repeats the last one, and is parsed once, too.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections import Counter, defaultdict
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.dcp_device import identify_matches
 from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
-from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
+from pnfarm.protocols.profinet.wire.dcp_blocks import AliasBlock, AllSelectorBlock, DeviceInstanceBlock, NameBlock
 from pnfarm.protocols.profinet.wire.lldp import parse_lldp
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Hashable, Mapping, Sequence
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
@@ -31,6 +35,24 @@ DCP_IDENTIFY = bytes.fromhex("8892fefe")
 DCP_HELLO = bytes.fromhex("8892fefc")
 
 
+class _Asked(NamedTuple):
+    """What a station can be asked for by: address as in an ARP packet, name, aliases, instance."""
+
+    ip: bytes = b""
+    name: str = ""
+    aliases: frozenset[str] = frozenset()
+    instance: tuple[int, int] | None = None
+
+    def wanted_by(self) -> list[Hashable]:
+        """The keys of an index; an address is octets, a name a text, an alias a pair."""
+        found: list[Hashable] = [("alias", alias) for alias in self.aliases]
+        if self.ip:
+            found.append(self.ip)
+        if self.instance is not None:
+            found += [self.instance, self.name]
+        return found
+
+
 class ProfinetSegment:
     """See the module's docstring; :class:`pnfarm.buses.bus.Segment` defines the interface."""
 
@@ -40,10 +62,14 @@ class ProfinetSegment:
         self._identify: tuple[bytes, DcpPdu | None, str | None] = (b"", None, None)
         #: The last LLDP frame and its PDU, or its decode error.
         self._lldp: tuple[bytes, Lldpdu | str] = (b"", "short")
-        #: Ports by their station's address as in an ARP packet, and the address that each is listed under.
-        self._by_ip: dict[bytes, list[int]] = {}
-        self._listed = dict.fromkeys(self._by_port, b"")
-        for port in self._by_port:
+        #: Ports by what their stations can be asked for, and what each is listed under.
+        self._index: defaultdict[Hashable, list[int]] = defaultdict(list)
+        self._listed = dict.fromkeys(self._by_port, _Asked())
+        #: Frames that were not handed to all, by reason, and those of them that a port got nevertheless.
+        self._passed_over: Counter[str] = Counter()
+        self._heard: dict[int, Counter[str]] = {}
+        for port, station in self._by_port.items():
+            station.unheard = partial(self._unheard, port)
             self.settled(port)
 
     def admits(self, port: int, frame: bytes, now: int) -> bool:
@@ -67,37 +93,79 @@ class ProfinetSegment:
         if frame[12:16] == DCP_HELLO:
             return station.passed_over("hello")
         if frame[12:16] == DCP_IDENTIFY:
-            if frame != self._identify[0]:
-                self._identify = (frame, *_read_identify(frame))
-            _, pdu, name = self._identify
+            pdu, name = self._identify_of(frame), self._identify[2]
             if pdu is not None and (
                 station.dcp.name != name if name is not None else not identify_matches(pdu, station.dcp)
             ):
                 return station.passed_over("identify-for-another")
         return True
 
-    def audience(self, frame: bytes) -> list[int] | None:
+    def _identify_of(self, frame: bytes) -> DcpPdu | None:
+        """The PDU of an Identify request; all drives get the same one in turn."""
+        if frame is not self._identify[0] and frame != self._identify[0]:
+            self._identify = (frame, *_read_identify(frame))
+        return self._identify[1]
+
+    def audience(self, frame: bytes, besides: Collection[int] = ()) -> list[int] | None:
         """See :class:`pnfarm.buses.bus.Segment`."""
+        found: list[int] = []
         if frame[12:16] == DCP_HELLO:
-            return []
-        if frame[12:14] != ARP or len(frame) < 42:
+            reason = "hello"
+        elif frame[12:14] == ARP and len(frame) >= 42:
+            reason = "arp-for-another"
+            found = sorted({port for ip in (frame[28:32], frame[38:42]) for port in self._index.get(ip, ())})
+        elif frame[12:16] == DCP_IDENTIFY:
+            pdu = self._identify_of(frame)
+            if pdu is None or (pdu.blocks and all(isinstance(block, AllSelectorBlock) for block in pdu.blocks)):
+                return None
+            reason, found = "identify-for-another", self._identified(pdu)
+        else:
             return None
-        sender, target = frame[28:32], frame[38:42]
-        found = self._by_ip.get(target, [])
-        if sender != target:
-            found = found + self._by_ip.get(sender, [])
-        return list(found)
+        self._passed_over[reason] += 1
+        for port in {*found, *besides}:
+            self._heard.setdefault(port, Counter())[reason] += 1
+        return found
+
+    def _identified(self, pdu: DcpPdu) -> list[int]:
+        """Ports of the stations that an Identify request asks for."""
+        candidates: Collection[int] = self._by_port
+        for block in pdu.blocks:
+            match block:
+                case NameBlock(name=name):
+                    listed = self._index.get(name, [])
+                case AliasBlock(alias=alias):
+                    listed = self._index.get(("alias", alias), [])
+                case DeviceInstanceBlock(high=high, low=low):
+                    listed = self._index.get((high, low), [])
+                case _:
+                    continue
+            if len(listed) < len(candidates):
+                candidates = listed
+        return sorted(port for port in candidates if identify_matches(pdu, self._by_port[port].dcp))
+
+    def _unheard(self, port: int) -> Mapping[str, int]:
+        """Frames that the station at this port did not get because they were for others, by reason."""
+        heard: Mapping[str, int] = self._heard.get(port, {})
+        return {reason: count - heard.get(reason, 0) for reason, count in self._passed_over.items()}
 
     def settled(self, port: int) -> None:
         """See :class:`pnfarm.buses.bus.Segment`."""
-        before, own = self._listed[port], self._by_port[port].own_ip
-        if own == before:
+        station, before = self._by_port[port], self._listed[port]
+        dcp = station.dcp
+        if (
+            before.aliases is dcp.aliases
+            and before.name == dcp.name
+            and before.ip == station.own_ip
+            and before.instance == dcp.identity.instance
+        ):
             return
-        if before:
-            self._by_ip[before].remove(port)
-        if own:
-            self._by_ip.setdefault(own, []).append(port)
-        self._listed[port] = own
+        now = self._listed[port] = _Asked(station.own_ip, dcp.name, dcp.aliases, dcp.identity.instance)
+        for key in before.wanted_by():
+            self._index[key].remove(port)
+            if not self._index[key]:
+                del self._index[key]
+        for key in now.wanted_by():
+            self._index[key].append(port)
 
 
 def _read_identify(frame: bytes) -> tuple[DcpPdu | None, str | None]:
