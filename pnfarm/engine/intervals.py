@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.table.channel import INTERVAL_BUCKETS, INTERVAL_EDGES_NS, JITTER_BUCKETS, JITTER_EDGES_NS
+from pnfarm.table.channel import INTERVAL_EDGES_NS, JITTER_EDGES_NS
 from pnfarm.table.compiled import compiled
 
 __all__ = ["measure_interval"]
@@ -25,14 +25,25 @@ BELIEVED_CYCLES = 4
 
 
 @compiled
+def _bucket(edges: Any, value: int) -> int:
+    """The first bucket whose upper edge is not below the value; the last one has none."""
+    low = 0
+    high = edges.shape[0]
+    while low < high:
+        middle = (low + high) >> 1
+        if value > edges[middle]:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@compiled
 def measure_interval(engine: Any, consumer: Any, arrival: int, counted: int) -> None:
     """A valid frame came at ``arrival``; ``counted`` is the time that has passed by the sender's counter, ns."""
     interval = arrival - consumer.last_ns
     consumer.interval_sum_ns += interval
-    bucket = 0
-    while bucket < INTERVAL_BUCKETS - 1 and interval > _INTERVALS[bucket]:
-        bucket += 1
-    consumer.intervals[bucket] += 1
+    consumer.intervals[_bucket(_INTERVALS, interval)] += 1
     cycle = consumer.cycle_ns
     if cycle <= 0:
         return
@@ -44,10 +55,7 @@ def measure_interval(engine: Any, consumer: Any, arrival: int, counted: int) -> 
         consumer.missed += max(0, cycles - 1 - int(consumer.impaired))
     deviation = interval - cycles * cycle
     size = abs(deviation)
-    bucket = 0
-    while bucket < JITTER_BUCKETS - 1 and size > _JITTERS[bucket]:
-        bucket += 1
-    consumer.jitters[bucket] += 1
+    consumer.jitters[_bucket(_JITTERS, size)] += 1
     consumer.jitter_sum_ns += size
     if 2 * deviation > cycle:
         own = engine.late_for_ns if engine.late_until_ns > consumer.last_ns else 0
