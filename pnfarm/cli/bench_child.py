@@ -148,6 +148,7 @@ def _floor(settings: dict[str, Any]) -> None:
     import ctypes
 
     from pnfarm.engine.floor import make_vectors, run_floor
+    from pnfarm.engine.receive_ring import open_receive_ring, receive_ring
 
     addresses = [(index, bytes.fromhex(source), bytes.fromhex(to)) for index, source, to in settings["addresses"]]
     packet = bytes.fromhex(settings.get("packet", ""))
@@ -158,13 +159,14 @@ def _floor(settings: dict[str, Any]) -> None:
         sock.setsockopt(socket.SOL_SOCKET, getattr(socket, "SO_RCVBUFFORCE", 33), 16 << 20)
         # bound to the interface if there is one, otherwise to all, as the engine's socket is
         sock.bind((settings["interface"], ethertype)) if settings["interface"] else _bind_all(sock, ethertype)
+        ring = open_receive_ring(sock, len(addresses)) if settings.get("ring") else receive_ring(0)
 
         def run(seconds: float) -> None:
             # the same timer slack as the engine's thread; the kernel's default would make the floor late
             libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
             until = time.monotonic_ns() + int(seconds * 1e9)
             run_floor(
-                sock.fileno(), vectors.rx, vectors.tx, settings["groups"], vectors.counts, vectors.lateness,
+                sock.fileno(), ring, vectors.rx, vectors.tx, settings["groups"], vectors.counts, vectors.lateness,
                 settings["period"], until,
             )  # fmt: skip
 
@@ -183,7 +185,7 @@ def _floor(settings: dict[str, Any]) -> None:
             thread.join()
             _answer(
                 {
-                    "frames": int(vectors.counts.sum()),
+                    "frames": int(vectors.counts[:2].sum()),
                     "lateness": [int(n) for n in vectors.lateness],
                     "cpu": _cpu() - before,
                     "wall": time.monotonic() - start,

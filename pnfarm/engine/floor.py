@@ -1,7 +1,8 @@
 """The floor: the lowest cost of one batch in and one batch out on this machine, compiled like the engine.
 
 No channels, no firmware, no counters: received frames are dropped, and the same frames are sent again
-every period.  The benchmarks divide by it.
+every period.  The benchmarks divide by it.  It receives by ``recvmmsg``, or out of a ring as the engine does, which
+shows what that gives.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from pnfarm.engine.libc import (
     sendmmsg,
     time_ns,
 )
+from pnfarm.engine.receive_ring import SLOT, SLOT_WORDS, ReceiveRing
 from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
 __all__ = ["FloorVectors", "copy_floor", "make_vectors", "run_floor"]
 
 BATCH = 256
-SLOT = 1536
+RX_SLOT = 1536
 FRAME = 64
 _EDGES = np.array(LATENESS_EDGES_NS, np.int64)
 
@@ -36,13 +38,14 @@ class FloorVectors:
     def __init__(self, count: int, octets: int = FRAME) -> None:
         self.rx = np.zeros((BATCH, 8), np.int64)
         self.rx_iov = np.zeros((BATCH, 2), np.int64)
-        self.rx_frames = np.zeros((BATCH, SLOT), np.uint8)
+        self.rx_frames = np.zeros((BATCH, RX_SLOT), np.uint8)
         self.rx_address = np.zeros((BATCH, 24), np.uint8)
         self.tx = np.zeros((count, 8), np.int64)
         self.tx_iov = np.zeros((count, 2), np.int64)
         self.tx_frames = np.zeros((count, octets), np.uint8)
         self.tx_address = np.zeros((count, 24), np.uint8)
-        self.counts = np.zeros(2, np.int64)
+        #: Frames received, frames sent, a sum of octets.
+        self.counts = np.zeros(3, np.int64)
         self.lateness = np.zeros(len(LATENESS_EDGES_NS) + 1, np.int64)
 
 
@@ -54,7 +57,7 @@ def make_vectors(addresses: list[tuple[int, bytes, bytes]], packet: bytes = b"")
     vectors = FloorVectors(len(addresses), 12 + len(packet) if packet else FRAME)
     octets = vectors.tx_frames.shape[1]
     for i in range(BATCH):
-        vectors.rx_iov[i] = (vectors.rx_frames.ctypes.data + i * SLOT, SLOT)
+        vectors.rx_iov[i] = (vectors.rx_frames.ctypes.data + i * RX_SLOT, RX_SLOT)
         vectors.rx[i] = (
             vectors.rx_address.ctypes.data + i * 24,
             20,
@@ -89,10 +92,39 @@ def make_vectors(addresses: list[tuple[int, bytes, bytes]], packet: bytes = b"")
 
 
 @compiled
+def _empty(ring: ReceiveRing, counts: Any) -> None:
+    """Look at each frame of a ring, as the engine has to, and give it back."""
+    slots = ring.words.shape[0] // SLOT_WORDS
+    slot = ring.next_slot[0]
+    count = 0
+    while count < slots and ring.words[slot * SLOT_WORDS] & 1:
+        # summed, so that the look is not left out
+        counts[2] += ring.octets[slot * SLOT + (int(ring.words[slot * SLOT_WORDS + 3]) & 0xFFFF)]
+        ring.words[slot * SLOT_WORDS] = 0
+        count += 1
+        slot += 1
+        if slot == slots:
+            slot = 0
+    ring.next_slot[0] = slot
+    counts[0] += count
+
+
+@compiled
 def run_floor(
-    descriptor: int, rx: Any, tx: Any, groups: int, counts: Any, lateness: Any, period: int, until: int
+    descriptor: int,
+    ring: ReceiveRing,
+    rx: Any,
+    tx: Any,
+    groups: int,
+    counts: Any,
+    lateness: Any,
+    period: int,
+    until: int,
 ) -> None:
-    """Every ``period`` ns receive all frames and send the next of ``groups`` parts of the frames, to time ``until``."""
+    """Every ``period`` ns receive all frames and send the next of ``groups`` parts of the frames, to time ``until``.
+
+    Frames are received from ``ring``, if it has slots.
+    """
     clock = np.zeros(2, np.int64)
     target = np.zeros(2, np.int64)
     now = time_ns(CLOCK_MONOTONIC, clock)
@@ -110,6 +142,9 @@ def run_floor(
             bucket += 1
         lateness[bucket] += 1
         count = BATCH
+        if ring.words.shape[0] > 0:
+            _empty(ring, counts)
+            count = 0
         while count == BATCH:
             for i in range(BATCH):
                 rx[i, 1] = 20
