@@ -3,7 +3,7 @@
 ====================  =============================================================================================
 event                 data
 ====================  =============================================================================================
-``farm``              once: name, link, lines, drives in all, names of faults by model, what this client may do
+``farm``              once: name, link, interface, lines, count of drives, faults by model, what this client may do
 ``overview``          ten times a second, what changed since the message before (:mod:`pnfarm.farm.overview`)
 ``log``               new entries of the event log; ``lost``, if the client was too slow for some
 ``drive``             of the chosen drive: its whole state, four times a second
@@ -23,6 +23,7 @@ import anyio
 
 from pnfarm.api.guard import WHO
 from pnfarm.farm.overview import Overview
+from pnfarm.links.base import interface_below
 from pnfarm.trace.live import LiveSignals, LiveViewer
 
 if TYPE_CHECKING:
@@ -126,6 +127,7 @@ class LiveViews:
         return {
             "farm": core.name,
             "link": core.link.kind,
+            "parent": interface_below(core.link),
             "drives": len(core.stations),
             "writes": scope.get(WHO) != "read_token",
             "lines": {name: {"way": line.way, "where": line.where} for name, line in core.lines.items()},

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.farm.snapshot import NO_AR, engine_snapshot, injected_faults
+from pnfarm.farm.snapshot import NO_AR, engine_snapshot
+from pnfarm.faults.manager import RunState
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.wire.mac import format_mac
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.farm.core import FarmCore
+    from pnfarm.faults.manager import InjectionManager
     from pnfarm.station.event_log import LogEntry
     from pnfarm.station.station import Station
 
@@ -142,7 +144,7 @@ class Overview:
         for _ in range(min(MOST_ROWS, -(-count // ROUNDS))):
             self._wanted.setdefault(self._next)
             self._next = (self._next + 1) % count
-        injected = injected_faults(self._core.injections)
+        injected = _injected(self._core.injections)
         changed = False
         for place in list(self._wanted)[:MOST_ROWS]:
             del self._wanted[place]
@@ -159,7 +161,17 @@ class Overview:
             self._wanted.setdefault(place)
 
 
-def _row(station: Station, injected: Mapping[str, list[str]], now: int) -> dict[str, Any]:
+def _injected(manager: InjectionManager) -> dict[str, list[tuple[str, str]]]:
+    """Id and kind of the injections that wait or are in force, by drive."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for injection in manager.list():
+        for drive, run in injection.runs.items():
+            if run.state is not RunState.ENDED:
+                found.setdefault(drive, []).append((injection.id, injection.spec.kind.name))
+    return found
+
+
+def _row(station: Station, injected: Mapping[str, list[tuple[str, str]]], now: int) -> dict[str, Any]:
     """What does not move."""
     powered = station.powered
     connection = station.device.connection()
@@ -177,6 +189,7 @@ def _row(station: Station, injected: Mapping[str, list[str]], now: int) -> dict[
         "ar_state": connection.state if powered and connection is not None and connection.state else NO_AR,
         "connected": bool(powered and connection is not None and connection.exchanging),
         "controller": known.controller if known is not None else None,
+        "controller_ip": str(known.ip) if known is not None and known.ip is not None else None,
         "cycle_seconds": known.cycle_ns / 1e9 if known is not None else None,
         "injected": list(injected.get(station.configured_name, ())),
         "neighbours": [one["station"] for one in seen.get("neighbours", ())],

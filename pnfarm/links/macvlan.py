@@ -32,6 +32,11 @@ class MacvlanLink(PacketLink):
         self._parent = parent
         self._made: set[int] = set()
 
+    @property
+    def parent(self) -> str:
+        """Name of the interface that the drives' interfaces are made on."""
+        return self._parent
+
     def _create(self, wanted: Sequence[PortSpec]) -> list[Port]:
         with Interfaces() as interfaces:
             ports = interfaces.create_macvlans(self._farm, self._parent, wanted)

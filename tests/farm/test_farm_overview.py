@@ -101,7 +101,7 @@ def test_an_event_of_a_drive_shows_its_row_at_the_next_look(farm):
     line.core.injections.inject({"kind": "slow-ramp", "on": "axis-071"}, line.now_ns)
     line.core.service(line.now_ns)
     line.run(0.1)
-    assert viewer.look()["rows"]["70"]["injected"] == ["fault-1"]
+    assert viewer.look()["rows"]["70"]["injected"] == [["fault-1", "slow-ramp"]]
 
 
 def test_rows_of_a_large_farm_come_in_turn_and_none_is_left_out(farm):

@@ -8,7 +8,7 @@ let chosen = null;
 let pending = false;
 
 export const farm = {
-  connected: false, error: "", name: "pnfarm", link: "", writes: true, lines: {}, faults: {}, seconds: 0,
+  connected: false, error: "", name: "pnfarm", link: "", parent: null, writes: true, lines: {}, faults: {}, seconds: 0,
   drives: [], byName: new Map(), engine: null, log: [], lost: 0, drive: null, signals: null, signalsFull: false,
 };
 
@@ -56,7 +56,7 @@ function takeOverview(message) {
 
 function takeFarm(message) {
   Object.assign(farm, {
-    connected: true, error: "", name: message.farm, link: message.link, writes: message.writes, lines: message.lines, faults: message.faults,
+    connected: true, error: "", name: message.farm, link: message.link, parent: message.parent, writes: message.writes, lines: message.lines, faults: message.faults,
     drives: Array.from({length: message.drives}, (_, place) => blank(place)), byName: new Map(),
   });
   document.title = `${message.farm} · pnfarm`;
