@@ -71,7 +71,7 @@ VIEWS = {
     "#/drive/akd-01/events": "Fault buffer",
     "#/drive/akd-01/connection": "Deviation from the cycle",
     "#/drive/dp-01/connection": "Station address",
-    "#/drive/akd-01/modules": "Submodules",
+    "#/drive/akd-01/modules": "Subslot",
     "#/faults": "sign-of-life-freeze",
     "#/reactions": "Fault until it was acknowledged",
     "#/topology": "LLDP",

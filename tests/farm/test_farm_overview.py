@@ -30,7 +30,8 @@ class Viewer:
         self.messages.append(message)
         self.version = message["version"]
         for name, (places, values) in message.get("values", {}).items():
-            self.values.setdefault(name, {}).update(zip(places, values, strict=True))
+            every = range(len(values)) if places is None else places
+            self.values.setdefault(name, {}).update(zip(every, values, strict=True))
         self.rows.update({int(place): row for place, row in message.get("rows", {}).items()})
         return message
 

@@ -14,7 +14,7 @@ export const farm = {
 
 function blank(place) {
   return {
-    place, name: "", model: "", bus: "", state: 0, velocity: 0, setpoint: 0, current: 0, zsw1: 0, stw1: 0, fault: 0, warning: 0,
+    place, name: "", model: "", bus: "", state: 0, velocity: 0, setpoint: 0, current: 0, fault: 0, warning: 0,
     injected: [], neighbours: [], history: new Float32Array(HISTORY).fill(NaN), head: 0, known: false,
   };
 }
@@ -45,7 +45,8 @@ function takeOverview(message) {
   }
   for (const [name, [places, values]] of Object.entries(message.values || {})) {
     const scale = SCALES[name] || 1;
-    places.forEach((place, i) => { farm.drives[place][name] = values[i] * scale; });
+    // no places: all drives
+    values.forEach((value, i) => { farm.drives[places ? places[i] : i][name] = value * scale; });
   }
   for (const drive of farm.drives) {
     drive.history[drive.head] = drive.velocity;
