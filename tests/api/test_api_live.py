@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import asyncio
+import itertools
 import json
 
 import anyio
@@ -38,8 +38,8 @@ def test_a_long_message_comes_in_pieces_of_a_bounded_size(world, monkeypatch):
     pieces = []
 
     async def read():
-        async for piece in world.app.state.views.stream({}, None, follow=False):
-            pieces.append(piece)
+        stream = world.app.state.views.stream({}, None, follow=False)
+        pieces.extend([piece async for piece in stream])
 
     asyncio.run(read())
     assert max(map(len, pieces)) == 100
