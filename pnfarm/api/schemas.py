@@ -351,7 +351,7 @@ class Findings(Schema):
 
 
 class ReactionStep(Schema):
-    what: Literal["injected", "fault", "control", "acknowledged", "lost", "start-up"]
+    what: Literal["injected", "wire", "fault", "control", "acknowledged", "lost", "start-up"]
     text: str
     seconds: float = Field(description="After the fault, or after the loss of the connection.")
 

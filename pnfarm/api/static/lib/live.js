@@ -8,7 +8,7 @@ let chosen = null;
 let pending = false;
 
 export const farm = {
-  connected: false, error: "", name: "pnfarm", link: "", parent: null, writes: true, lines: {}, faults: {}, seconds: 0,
+  connected: false, error: "", told: 0, name: "pnfarm", link: "", parent: null, writes: true, lines: {}, faults: {}, seconds: 0,
   drives: [], byName: new Map(), engine: null, log: [], lost: 0, drive: null, signals: null, signalsFull: false,
 };
 
@@ -37,6 +37,7 @@ export function subscribe(listener) {
 const SCALES = {velocity: 0.1, setpoint: 0.1, current: 0.01};
 
 function takeOverview(message) {
+  farm.told = Date.now() / 1000;
   farm.seconds = message.seconds;
   for (const [place, row] of Object.entries(message.rows || {})) {
     const drive = farm.drives[place];

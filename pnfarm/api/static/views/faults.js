@@ -146,7 +146,7 @@ export function Faults({on}) {
     <div class="bar"><h2>In force</h2><span class="gap"></span><${Act} title="end every fault" disabled=${!active || !active.faults.length} onClick=${reset}>Clear all faults<//></div>
     <${Problem} text=${problem || error}/>
     ${active && active.faults.length ? html`<div class="scroll" tabindex="0" role="region" aria-label="Faults in force"><table><thead><tr><th scope="col">Id</th><th scope="col">Kind</th><th scope="col">Drives</th><th scope="col">State</th><th scope="col" class="number">Activations</th><th scope="col">On the wire</th><td></td></tr></thead>
-      <tbody>${active.faults.map(fault => html`<${Active} key=${fault.id} fault=${fault} again=${again}/>`)}</tbody></table></div>` : html`<p class="dim">No fault is pending or active.</p>`}
+      <tbody>${active.faults.map(fault => html`<${Active} key=${fault.id} fault=${fault} again=${again}/>`)}</tbody></table></div>` : active ? html`<p class="dim">No fault is pending or active.</p>` : null}
     <h2>Inject</h2>
     ${kinds ? html`<${Form} key=${on} kinds=${kinds.kinds} on=${on} again=${again} names=${names}/>` : null}
   </section>`;

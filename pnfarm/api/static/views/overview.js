@@ -99,7 +99,7 @@ function Row({drive, selected, toggle}) {
     <td title=${drive.controller}>${controllerOf(drive) || "–"}</td>
     <td class="number">${time(drive.cycle_seconds)}</td>
     <td class=${drive.connected ? "good" : "dim"}>${drive.ar_state}</td>
-    <td>${drive.ip || (drive.address ?? "–")}</td>
+    <td title=${drive.ip}>${drive.ip ? drive.ip.split("/")[0] : drive.address ?? "–"}</td>
     <td class="wide"><${FaultText} drive=${drive}/></td>
     <td class="wide warn"><${Injected} drive=${drive}/></td>
   </tr>`;
