@@ -111,8 +111,8 @@ function Tile({drive, selected, toggle}) {
     <div class="line"><input type="checkbox" aria-label=${"select " + drive.name} checked=${selected} onChange=${() => toggle(drive.name)}/>
       <a href=${"#/drive/" + encodeURIComponent(drive.name)}>${drive.name}</a><span class="gap"></span><${State} drive=${drive}/></div>
     <div class="line"><span class="number">${number(drive.velocity)} rpm</span><span class="gap"></span><${Spark} drive=${drive}/></div>
-    <div class="line small"><span class=${drive.connected ? "good" : "dim"} title=${long}>${drive.ar_state}</span><span class="dim">${controllerOf(drive)} ${drive.cycle_seconds ? time(drive.cycle_seconds) : ""}</span></div>
-    <div class="line small cut"><${FaultText} drive=${drive}/> <span class="warn"><${Injected} drive=${drive}/></span></div>
+    <div class="line small"><span class=${drive.connected ? "good" : "dim"} title=${long}>${drive.ar_state}</span><span class="dim">${controllerOf(drive)} ${drive.cycle_seconds ? time(drive.cycle_seconds) : ""}</span><span class="gap"></span><span class="warn"><${Injected} drive=${drive}/></span></div>
+    <div class="line small cut"><${FaultText} drive=${drive}/></div>
   </li>`;
 }
 
@@ -177,9 +177,9 @@ export function Overview() {
               aria-sort=${wanted.order[0] === id ? (wanted.order[1] > 0 ? "ascending" : "descending") : null}>
               ${value ? html`<button type="button" class="sort" onClick=${() => sort(id)}>${text}${wanted.order[0] === id ? (wanted.order[1] > 0 ? " ▲" : " ▼") : ""}</button>` : text}</th>`)}</tr></thead>
           <tbody>
-            <tr class="space" aria-hidden="true"><td colspan=${COLUMNS.length + 1} style=${{height: `${part.before}px`}}></td></tr>
+            <tr class="space" aria-hidden="true"><td style=${{height: `${part.before}px`}}></td></tr>
             ${visible.map(drive => html`<${Row} key=${drive.name} drive=${drive} selected=${selected.has(drive.name)} toggle=${toggle}/>`)}
-            <tr class="space" aria-hidden="true"><td colspan=${COLUMNS.length + 1} style=${{height: `${part.after}px`}}></td></tr>
+            <tr class="space" aria-hidden="true"><td style=${{height: `${part.after}px`}}></td></tr>
           </tbody></table>`}
       ${shown.length || !farm.drives.length ? null : html`<p class="dim">No drive fits the filter.</p>`}
     </div>

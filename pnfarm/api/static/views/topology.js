@@ -48,7 +48,7 @@ export function Topology() {
     <p>${plural(drives.length, "drive")}. Press a cable to pull it, and again to plug it.</p>
     ${groupsOf(drives).map(([controller, members]) => html`<div key=${controller} class="net">
       <div class="above"><div class=${"controller " + (controller ? "" : "none")}><strong>${controller || "no controller"}</strong><div class="dim">${plural(members.length, "drive")}</div></div>
-        ${controller ? html`<div class="wire" aria-hidden="true"></div><div class="between">${placesOf(members).map(one => html`<div key=${one}>${one}</div>`)}</div>` : null}</div>
+        ${controller ? html`<div class="stem" aria-hidden="true"></div><div class="between">${placesOf(members).map(one => html`<div key=${one}>${one}</div>`)}</div>` : null}</div>
       <ul class="ports">${members.slice(0, MOST).map(drive => html`<li key=${drive.name} class=${down.has(drive.name) ? "cut" : ""}>
         <${Act} kind=${"cable " + (down.has(drive.name) ? "open" : drive.connected ? "live" : "idle")} title=${down.has(drive.name) ? "plug the cable" : "pull the cable"} label=${`${down.has(drive.name) ? "Plug" : "Pull"} the cable of ${drive.name}`} onClick=${() => pull(drive)}>${down.has(drive.name) ? "✕ pulled" : drive.connected ? "━ " + time(drive.cycle_seconds) : "┄ no data"}<//>
         <div><div class="line"><a href=${"#/drive/" + encodeURIComponent(drive.name)}>${drive.name}</a> <${State} drive=${drive}/></div>
