@@ -154,7 +154,8 @@ def _one(drive: dict[str, Any], controller: dict[str, Any], output: Format) -> N
         return
     events = drive.pop("events", [])
     discards = drive.get("frames_discarded") or {}
-    relations = drive["details"].pop("connections", [])
+    details = drive.get("details") or {}
+    relations = details.pop("connections", [])
     rows = [(key.replace("_", " "), _cell(key, value)) for key, value in drive.items() if key != "frames_discarded"]
     place = next((n for n, row in enumerate(rows) if row[0] == "frames received"), len(rows) - 1) + 1
     if "frames_discarded" in drive:
