@@ -3,7 +3,7 @@
 ====================  =============================================================================================
 event                 data
 ====================  =============================================================================================
-``farm``              once: name, link, lines, drives in all, names of faults by model, what this client may do
+``farm``              once: name, link, interface, lines, count of drives, faults by model, what this client may do
 ``overview``          ten times a second, what changed since the message before (:mod:`pnfarm.farm.overview`)
 ``log``               new entries of the event log; ``lost``, if the client was too slow for some
 ``drive``             of the chosen drive: its whole state, four times a second
@@ -23,10 +23,11 @@ import anyio
 
 from pnfarm.api.guard import WHO
 from pnfarm.farm.overview import Overview
+from pnfarm.links.base import interface_below
 from pnfarm.trace.live import LiveSignals, LiveViewer
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Mapping
+    from collections.abc import AsyncIterator, Iterator, Mapping
 
     from pnfarm.api.context import ApiContext
     from pnfarm.station.station import Station
@@ -39,16 +40,24 @@ DRIVE_EVERY = 3
 #: Entries of the log in one message, and those that a client may be behind.
 MOST_ENTRIES = 64
 MOST_BEHIND = 512
+#: Most octets that are handed to a connection at once.
+PIECE = 65_536
 #: Time until a browser reconnects.
 RETRY_MILLISECONDS = 1000
 
 
-def _message(event: str, data: str) -> str:
-    return f"event: {event}\ndata: {data}\n\n"
+def _message(event: str, data: bytes) -> bytes:
+    return b"event: %b\ndata: %b\n\n" % (event.encode(), data)
 
 
-def _json(data: object) -> str:
-    return json.dumps(data, separators=(",", ":"), default=str)
+def _json(data: object) -> bytes:
+    return json.dumps(data, separators=(",", ":"), default=str).encode()
+
+
+def _parts(message: bytes) -> Iterator[bytes]:
+    """A message as pieces of a bounded size: of a long one, a client that does not read holds two at most."""
+    for begin in range(0, len(message), PIECE):
+        yield message[begin : begin + PIECE]
 
 
 class LiveViews:
@@ -68,7 +77,7 @@ class LiveViews:
 
     async def stream(
         self, scope: Mapping[str, Any], station: Station | None, *, follow: bool = True
-    ) -> AsyncIterator[str]:
+    ) -> AsyncIterator[bytes]:
         """Messages until the client goes or the API stops; ``station`` is the chosen drive.
 
         Without ``follow`` it ends after the first message of each event.
@@ -85,7 +94,9 @@ class LiveViews:
 
         context.streams.add(stop)
         try:
-            yield f"retry: {RETRY_MILLISECONDS}\n{_message('farm', _json(self._farm(scope)))}"
+            hello = b"retry: %d\n%b" % (RETRY_MILLISECONDS, _message("farm", _json(self._farm(scope))))
+            for part in _parts(hello):
+                yield part
             version, after, number = 0, context.core.log.newest, 0
             while not context.closing:
                 text = overview.since(version)
@@ -99,7 +110,8 @@ class LiveViews:
                         pieces.append(_message("drive", _json(context.view(station))))
                     pieces.append(_message("signals", _json(viewer.fresh(context.now()))))
                 number += 1
-                yield "".join(pieces)
+                for part in _parts(b"".join(pieces)):
+                    yield part
                 if not follow:
                     return
                 with anyio.move_on_after(INTERVAL_SECONDS):
@@ -126,6 +138,7 @@ class LiveViews:
         return {
             "farm": core.name,
             "link": core.link.kind,
+            "parent": interface_below(core.link),
             "drives": len(core.stations),
             "writes": scope.get(WHO) != "read_token",
             "lines": {name: {"way": line.way, "where": line.where} for name, line in core.lines.items()},

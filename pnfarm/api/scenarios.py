@@ -5,8 +5,10 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
+import anyio.to_thread
 from fastapi import Query, Request
 from pydantic import Field
+from starlette.responses import Response
 
 from pnfarm.api.answers import ScenarioProgress, ScenarioRecord, Scenarios
 from pnfarm.errors import ConfigError
@@ -24,6 +26,12 @@ if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext
 
 __all__ = ["ScenarioText", "add_scenario_routes", "add_scenarios"]
+
+#: A report has its scripts in it: it is shown as a page of no origin, which cannot call the API.
+REPORT_POLICY = (
+    "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
 
 
 class ScenarioText(Schema):
@@ -109,6 +117,22 @@ def add_scenario_routes(app: FastAPI, scenarios: Scenarios_, now: Callable[[], i
     ) -> Json:
         found = _known(scenario_id)
         return Json(found.as_dict() if cases_from is None else found.progress(cases_from, now()))
+
+    @app.get(
+        f"{PREFIX}/scenarios/{{scenario_id}}/report",
+        tags=tags,
+        summary="The report of a scenario that ended, as a page for a browser",
+        response_class=Response,
+        responses={200: {"content": {"text/html": {"schema": {"type": "string"}}}}},
+    )
+    async def get_report(scenario_id: str) -> Response:
+        from pnfarm.scenario.report import report_html  # noqa: PLC0415 - only for those who open one
+
+        found = _known(scenario_id)
+        if not found.run.finished:
+            raise RequestError(f"{scenario_id} still runs; its report is there at its end", status=HTTPStatus.CONFLICT)
+        text = await anyio.to_thread.run_sync(report_html, found.as_dict())
+        return Response(text, media_type="text/html", headers={"Content-Security-Policy": REPORT_POLICY})
 
     @app.delete(
         f"{PREFIX}/scenarios/{{scenario_id}}",

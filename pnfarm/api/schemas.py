@@ -379,7 +379,7 @@ class Findings(Schema):
 
 
 class ReactionStep(Schema):
-    what: Literal["injected", "fault", "control", "acknowledged", "lost", "start-up"]
+    what: Literal["injected", "wire", "fault", "control", "acknowledged", "lost", "start-up"]
     text: str
     seconds: float = Field(description="After the fault, or after the loss of the connection.")
 
@@ -475,7 +475,7 @@ def problems_of(method: str, path: str, operation: Mapping[str, Any]) -> dict[st
     found = ["401", "403"]
     if named:
         found.append("404")
-    if named and (method != "get" or "/params/" in path):
+    if named and (method != "get" or "/params/" in path or path.endswith("/report")):
         found.append("409")
     if method != "get" or "parameters" in operation:
         found.append("422")

@@ -56,7 +56,7 @@ def kinds(
         rows.append((one["kind"], one["family"], " ".join(one["directions"]), one["doc"]))
         for name, spec in one["params"].items():
             default = "" if spec["default"] is None else f"; default {spec['default']}"
-            rows.append((f"  {name}=", "", "", f"{spec['doc']}  {spec['allowed']}{default}"))
+            rows.append((f"  {name}=", "", "", f"{spec['doc']}  Allowed: {spec['allowed']}{default}."))
     print_table(("KIND", "FAMILY", "DIRECTION", "~WHAT IT DOES"), rows)
 
 
@@ -86,7 +86,7 @@ def _print_kind(kind: dict[str, Any], output: Format) -> None:
     if kind["params"]:
         params = [
             (name, "required" if spec["required"] else "" if spec["default"] is None else str(spec["default"]),
-             f"{spec['doc']} {spec['allowed']}" + (f" [{spec['unit']}]" if spec["unit"] else ""))
+             f"{spec['doc']} Allowed: {spec['allowed']}." + (f" [{spec['unit']}]" if spec["unit"] else ""))
             for name, spec in kind["params"].items()
         ]  # fmt: skip
         print_line()

@@ -76,8 +76,16 @@ def importing(
         raise ConfigError(f"{output} is there already: give --force to replace it, or another name") from None
     except OSError as exc:
         raise ConfigError(f"{output} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
-    print_line(f"{output}: {len(drives)} drives, {len(others)} other stations in comments")
-    print_line(f"next: pnfarm validate {output}")
+    counts = (f"{len(found)} {what}{'' if len(found) == 1 else 's'}" for found, what in _counted(drives, others))
+    print_line(f"{output}: {', '.join(counts)} in comments")
+    if drives:
+        print_line(f"next: pnfarm validate {output}")
+    else:
+        print_line("next: read its comments, choose a model (`pnfarm models`), and add `drives:`")
+
+
+def _counted(drives: list[FoundDrive], others: list[FoundStation]) -> tuple[tuple[Sequence[object], str], ...]:
+    return (drives, "drive"), (others, "other station")
 
 
 def _is_project(file: Path) -> bool:

@@ -176,6 +176,8 @@ def _one(drive: dict[str, Any], controller: dict[str, Any], output: Format) -> N
         return
     events = drive.pop("events", [])
     discards = drive.get("frames_discarded") or {}
+    details = drive.get("details") or {}
+    relations = details.pop("connections", [])
     rows = [(key.replace("_", " "), _cell(key, value)) for key, value in drive.items() if key != "frames_discarded"]
     place = next((n for n, row in enumerate(rows) if row[0] == "frames received"), len(rows) - 1) + 1
     if "frames_discarded" in drive:
@@ -186,12 +188,36 @@ def _one(drive: dict[str, Any], controller: dict[str, Any], output: Format) -> N
         most = sorted(discards.items(), key=lambda entry: (-entry[1], entry[0]))
         table = [(number(count), reason, discard_text(reason)) for reason, count in most]
         print_table((">DISCARDED", "REASON", "~WHAT IT MEANS"), table)
+    _print_relations(relations)
     print_line()
     print_table(("CONTROLLER DID", "~VALUE"), _controller_rows(controller))
     if events:
         print_line()
         for entry in events[-LAST_EVENTS:]:
             print_line(_event_line(entry))
+
+
+def _print_relations(relations: list[dict[str, Any]]) -> None:
+    """What was agreed for each connection, and what is where in its frames."""
+    from pnfarm.terminal.output import number, print_line, print_table, seconds
+
+    for one in relations:
+        channels = one.pop("channels")
+        facts = (f"{key.removesuffix('_seconds').replace('_', ' ')} {_cell(key, value)}" for key, value in one.items())
+        print_line()
+        print_line("agreed: " + ", ".join(facts))
+        rows = [
+            (
+                f"{channel['direction']} by the drive",
+                channel["id"],
+                number(channel["octets"]),
+                seconds(channel["cycle_seconds"]),
+                "; ".join(f"{place['offset']} {place['what']} {place['of']}".rstrip() for place in channel["places"]),
+            )
+            for channel in channels
+        ]
+        if rows:
+            print_table(("FRAMES", "IDENTIFICATION", ">OCTETS", ">CYCLE", "~AT OFFSET"), rows)
 
 
 def _controller_rows(record: dict[str, Any]) -> list[tuple[str, str]]:

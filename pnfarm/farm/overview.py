@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.farm.snapshot import NO_AR, engine_snapshot, injected_faults
+from pnfarm.farm.snapshot import NO_AR, engine_snapshot
+from pnfarm.faults.manager import RunState
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.wire.mac import format_mac
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.farm.core import FarmCore
+    from pnfarm.faults.manager import InjectionManager
     from pnfarm.station.event_log import LogEntry
     from pnfarm.station.station import Station
 
@@ -28,7 +30,7 @@ __all__ = ["VALUES", "Overview"]
 #: A sample this young is good for another viewer.
 SHARED_NS = 50_000_000
 #: Each row is made anew after so many samples at the latest: not all that it shows has an event.
-ROUNDS = 20
+ROUNDS = 40
 #: Rows made anew in one sample.
 MOST_ROWS = 64
 #: Largest whole number that a script of a page has exactly.
@@ -48,8 +50,6 @@ VALUES: Mapping[str, Callable[[Any], Any]] = {
     "velocity": lambda axis: np.rint(axis["motor"]["velocity"] * 10),
     "setpoint": lambda axis: np.rint(axis["ramp"]["setpoint"] * 10),
     "current": lambda axis: np.rint(axis["motor"]["current"] * 100),
-    "zsw1": lambda axis: axis["profidrive"]["zsw1"],
-    "stw1": lambda axis: axis["profidrive"]["stw1"],
     "fault": lambda axis: axis["faults"]["code"][:, 0] & NUMBER_MASK,
     "warning": lambda axis: axis["warnings"]["code"],
 }
@@ -77,17 +77,18 @@ class Overview:
         self._engine: dict[str, Any] = {}
         self._engine_ns: int | None = None
         self._engine_changed = 0
-        self._texts: dict[int, str] = {}
+        self._texts: dict[int, bytes] = {}
         self._unsubscribe = core.log.subscribe(self._happened)
 
     def close(self) -> None:
         """Listen to the farm's log no more."""
         self._unsubscribe()
 
-    def since(self, version: int) -> str:
+    def since(self, version: int) -> bytes:
         """What changed after ``version``, now, as JSON: ``version``, ``seconds``, and those of the others that changed.
 
-        ``values``: name of :data:`VALUES` -> [places of drives, their values]; ``rows``: place -> row; ``engine``.
+        ``values``: name of :data:`VALUES` -> [places of drives, their values], null instead of all places; ``rows``:
+        place -> row; ``engine``.
         A place is the drive's in the farm file, from 0.  0 is the version of who has seen nothing: then all rows come,
         each once it is made.
         """
@@ -96,16 +97,20 @@ class Overview:
             self._sample(now)
         found = self._texts.get(version)
         if found is None:
-            found = self._texts[version] = json.dumps(self._since(version), separators=(",", ":"), allow_nan=False)
+            text = json.dumps(self._since(version), separators=(",", ":"), allow_nan=False)
+            found = self._texts[version] = text.encode()
         return found
 
     def _since(self, version: int) -> dict[str, Any]:
         found: dict[str, Any] = {"version": self.version, "seconds": round((self._sampled_ns or 0) / 1e9, 3)}
-        values = {}
+        values: dict[str, list[Any]] = {}
         for name, changed in self._changed.items():
+            known = self._values[name]
             places = np.nonzero(changed > version)[0]
-            if len(places):
-                values[name] = [places.tolist(), self._values[name][places].tolist()]
+            if 0 < len(places) == len(known):
+                values[name] = [None, known.tolist()]
+            elif len(places):
+                values[name] = [places.tolist(), known[places].tolist()]
         rows = np.nonzero(self._row_changed > version)[0].tolist()
         if values:
             found["values"] = values
@@ -142,7 +147,7 @@ class Overview:
         for _ in range(min(MOST_ROWS, -(-count // ROUNDS))):
             self._wanted.setdefault(self._next)
             self._next = (self._next + 1) % count
-        injected = injected_faults(self._core.injections)
+        injected = _injected(self._core.injections)
         changed = False
         for place in list(self._wanted)[:MOST_ROWS]:
             del self._wanted[place]
@@ -159,7 +164,17 @@ class Overview:
             self._wanted.setdefault(place)
 
 
-def _row(station: Station, injected: Mapping[str, list[str]], now: int) -> dict[str, Any]:
+def _injected(manager: InjectionManager) -> dict[str, list[tuple[str, str]]]:
+    """Id and kind of the injections that wait or are in force, by drive."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for injection in manager.list():
+        for drive, run in injection.runs.items():
+            if run.state is not RunState.ENDED:
+                found.setdefault(drive, []).append((injection.id, injection.spec.kind.name))
+    return found
+
+
+def _row(station: Station, injected: Mapping[str, list[tuple[str, str]]], now: int) -> dict[str, Any]:
     """What does not move."""
     powered = station.powered
     connection = station.device.connection()
@@ -177,6 +192,7 @@ def _row(station: Station, injected: Mapping[str, list[str]], now: int) -> dict[
         "ar_state": connection.state if powered and connection is not None and connection.state else NO_AR,
         "connected": bool(powered and connection is not None and connection.exchanging),
         "controller": known.controller if known is not None else None,
+        "controller_ip": str(known.ip) if known is not None and known.ip is not None else None,
         "cycle_seconds": known.cycle_ns / 1e9 if known is not None else None,
         "injected": list(injected.get(station.configured_name, ())),
         "neighbours": [one["station"] for one in seen.get("neighbours", ())],

@@ -43,7 +43,6 @@ _NOT_SHOWN: Mapping[str, Any] = {
     "signalling": False,
     "station_address": None,
     "lamps": None,
-    "details": {},
 }
 #: State without a connection; the other states are named by the bus.
 NO_AR = "NO_AR"
@@ -147,7 +146,7 @@ def drive_snapshot(
             if seen["lamps"] is None
             else seen["lamps"]
         ),
-        "details": seen["details"],
+        "details": station.device.details(),
         "signalled_seconds_ago": ((now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None),
         "realism": station.flaws.shown(),
         "faults_injected": list(injected.get(station.configured_name, ())),

@@ -32,6 +32,7 @@ __all__ = [
     "Port",
     "PortSpec",
     "Receiver",
+    "interface_below",
     "unwrap",
 ]
 
@@ -167,3 +168,10 @@ def unwrap(link: Link) -> Link:
         link = inner
         inner = getattr(link, "inner", None)
     return link
+
+
+def interface_below(link: Link) -> str | None:
+    """The interface of this machine that a link's drives are attached to: a macvlan's parent, or a bridge."""
+    inner = unwrap(link)
+    found = getattr(inner, "parent", None) or getattr(inner, "bridge", None)
+    return None if found is None else str(found)

@@ -34,6 +34,11 @@ class MacvlanLink(PacketLink):
         self._parent = parent
         self._made: set[int] = set()
 
+    @property
+    def parent(self) -> str:
+        """Name of the interface that the drives' interfaces are made on."""
+        return self._parent
+
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         ports = await super().open(wanted)
         if self._shared is not None:

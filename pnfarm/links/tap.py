@@ -99,6 +99,11 @@ class TapLink:
         self._loop: asyncio.AbstractEventLoop | None = None
 
     @property
+    def bridge(self) -> str | None:
+        """Name of the bridge that the kernel's ends are ports of."""
+        return self._bridge
+
+    @property
     def counters(self) -> LinkCounters:
         return self._counters
 

@@ -186,7 +186,14 @@ class Device(Protocol):
         ...
 
     def view(self, now: int) -> dict[str, Any]:
-        """Data of the drive that only this bus has, plain JSON values for its snapshot."""
+        """Data of the drive that only this bus has, plain JSON values for its snapshot; read for all drives in turn."""
+        ...
+
+    def details(self) -> dict[str, Any]:
+        """More of them, for who looks at this one drive: identifications, layouts of frames, settings of the line.
+
+        ``connections``, where there is the key: of each its ``channels``, of each of these its ``places``.
+        """
         ...
 
 

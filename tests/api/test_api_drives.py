@@ -48,6 +48,27 @@ def test_running_drive_shows_state_controller_and_frames():
     assert drive.frames_sent > 30 < drive.frames_received
 
 
+def test_a_drive_shows_what_was_agreed_and_what_is_where_in_its_frames():
+    world = ApiWorld(1)
+    world.line.connect()
+    world.line.run(0.2)
+    (agreed,) = world.get("/api/v1/drives/axis-01").json()["details"]["connections"]
+    assert (agreed["ar_type"], agreed["state"]) == ("IO controller", "DATA")
+    directions = {channel["direction"]: channel for channel in agreed["channels"]}
+    assert set(directions) == {"sent", "received"}
+    assert directions["sent"]["id"] != directions["received"]["id"]
+    for channel in agreed["channels"]:
+        places = [
+            octet for place in channel["places"] for octet in range(place["offset"], place["offset"] + place["octets"])
+        ]
+        assert places == sorted(set(places))
+        assert places[-1] < channel["octets"]
+        assert sum(place["octets"] for place in channel["places"] if place["what"] == "data") == 4
+        cycles = channel["send_clock_factor"] * channel["reduction_ratio"] * 31.25e-6
+        assert channel["cycle_seconds"] == pytest.approx(cycles)
+    assert directions["received"]["timeout_seconds"] > directions["received"]["cycle_seconds"]
+
+
 def test_a_drive_shows_its_last_events():
     world = ApiWorld(2)
     world.line.connect()

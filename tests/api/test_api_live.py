@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import itertools
 import json
 
@@ -9,6 +10,7 @@ import anyio
 import pytest
 from api_world import ApiWorld, assert_problem
 
+from pnfarm.api import live
 from pnfarm.station.events import PowerLost
 from pnfarm.trace.live import MOST_DRIVES
 
@@ -29,6 +31,19 @@ def world():
     world.line.enable()
     world.line.run(0.5)
     return world
+
+
+def test_a_long_message_comes_in_pieces_of_a_bounded_size(world, monkeypatch):
+    monkeypatch.setattr(live, "PIECE", 100)
+    pieces = []
+
+    async def read():
+        stream = world.app.state.views.stream({}, None, follow=False)
+        pieces.extend([piece async for piece in stream])
+
+    asyncio.run(read())
+    assert max(map(len, pieces)) == 100
+    assert [event for event, _ in messages(b"".join(pieces).decode())] == ["farm", "overview"]
 
 
 def test_a_page_is_told_the_farm_and_its_drives(world):
@@ -71,7 +86,7 @@ def test_samples_come_once_and_in_order(world):
         stream = world.app.state.views.stream(scope, world.line.farm.stations[0])
         seconds = []
         for _ in range(8):
-            for event, data in messages(await anext(stream)):
+            for event, data in messages((await anext(stream)).decode()):
                 if event == "signals":
                     seconds += data["seconds"]
             world.line.run(0.1)
@@ -93,7 +108,7 @@ def test_a_slow_page_is_told_how_many_entries_it_missed(world):
             world.line.log.record(world.line.world.now, "axis-01", PowerLost())
         found = []
         for _ in range(10):
-            found += [data for event, data in messages(await anext(stream)) if event == "log"]
+            found += [data for event, data in messages((await anext(stream)).decode()) if event == "log"]
         await stream.aclose()
         return found
 

@@ -71,7 +71,7 @@ VIEWS = {
     "#/drive/akd-01/events": "Fault buffer",
     "#/drive/akd-01/connection": "Deviation from the cycle",
     "#/drive/dp-01/connection": "Station address",
-    "#/drive/akd-01/modules": "Submodules",
+    "#/drive/akd-01/modules": "Subslot",
     "#/faults": "sign-of-life-freeze",
     "#/reactions": "Fault until it was acknowledged",
     "#/topology": "LLDP",
@@ -121,7 +121,7 @@ def window(farm, tmp_path_factory):
         browser.open(f"{farm}/")
         browser.until("document.querySelectorAll('table.drives tbody th').length === 7")
         browser.ask(TOOLS)
-        browser.until("all('table.drives td', 'S4').length === 7")
+        browser.until("all('table.drives td', 'S4 operation').length === 7")
         yield browser
 
 
@@ -180,7 +180,7 @@ def test_no_view_breaks_a_rule_of_accessibility(page, scheme):
 
 def test_a_fault_by_click_turns_the_drive_red_and_the_plc_brings_it_back(page):
     show(page, "#/drive/akd-02/live")
-    page.until("all('.bar .state', 'S4').length === 1")
+    page.until("all('.bar .state', 'S4 operation').length === 1")
     page.ask("press('button', 'f702')")
     page.until("all('.bar .state.fault').length === 1 && text('.bar').includes('702')")
     page.until("all('.bar .state.run').length === 1")
@@ -249,12 +249,37 @@ def test_live_words_show_each_bit_of_the_drive_s_own_bus(page):
     page.until("all('.plot .uplot').length === 4")
 
 
+def test_a_zoom_in_one_plot_is_one_in_all_and_ends_by_a_double_click(page):
+    show(page, "#/drive/akd-01/live")
+    page.until("text('.logic').includes('unfreeze_ramp_generator') && all('.u-over').length === 4")
+    seen = "(({left, top, width, height}) => [left, top, width, height])(all('.u-over')[0].getBoundingClientRect())"
+    left, top, width, height = page.ask(seen)
+    middle = top + height / 2
+    page.drag((left + 0.8 * width, middle), (left + 0.9 * width, middle))
+    # the picture stands still, and the bits are of the same time as the plots
+    page.until("all('button', 'Go on').length === 1")
+    page.until("all('[role=img][aria-label^=\"bits of\"]').length === 2")
+    page.ask("all('.u-over')[0].dispatchEvent(new MouseEvent('dblclick', {bubbles: true}))")
+    page.until("press('button', 'Go on')")
+    page.until("all('button', 'Pause').length === 1")
+
+
+def test_a_connection_shows_its_identifications_and_what_is_where_in_its_frames(page, farm):
+    show(page, "#/drive/akd-01/connection")
+    page.until("text('main').includes('0x8000') && text('main').includes('AR UUID')")
+    page.until("all('[aria-label=\"Cyclic frames\"] tbody tr').length === 2")
+    (agreed,) = call(farm, "GET", "drives/akd-01")["details"]["connections"]
+    assert agreed["ar_uuid"] in page.ask("text('main')")
+    show(page, "#/drive/eip-01/connection")
+    page.until("text('main').includes('run/idle header') && text('main').includes('assembly 101')")
+
+
 def test_power_is_switched_off_and_on(page):
     show(page, "#/drive/msd-01/live")
     page.until("press('button', 'Power off')")
     page.until("all('.bar .state', 'off').length === 1")
     page.until("press('button', 'Power on')")
-    page.until("all('.bar .state', 'S4').length === 1")
+    page.until("all('.bar .state', 'S4 operation').length === 1")
 
 
 def test_a_module_is_pulled_and_plugged(page, farm):
@@ -263,7 +288,9 @@ def test_a_module_is_pulled_and_plugged(page, farm):
     page.until("text('main').includes('empty')")
     assert call(farm, "GET", "drives/akd-03/modules")["modules"][1]["module_ident"] is None
     page.until("press('button', 'Plug the module of slot 1')")
-    page.until("all('button', 'Pull the module in slot 1').length === 1 && all('.bar .state', 'S4').length === 1")
+    page.until(
+        "all('button', 'Pull the module in slot 1').length === 1 && all('.bar .state', 'S4 operation').length === 1"
+    )
 
 
 def test_drives_are_filtered_selected_and_hit_together(page, farm):
@@ -325,6 +352,9 @@ def test_a_scenario_is_started_and_its_verdict_is_shown(page):
     page.until("text('.panel').includes('3 passed')")
     assert page.ask("all('.panel tbody tr').length") == 3
     page.until("all('.panel summary').length === 1")
+    report = page.ask("fetch(all('.panel a', 'Open the report')[0].href).then(answer => answer.text())")
+    assert "<title>" in report
+    assert "f702-recovery" in report
 
 
 def choose(page, kind):

@@ -126,3 +126,20 @@ def test_a_wrong_scenario_is_refused_with_each_place(world: ApiWorld, body: Any,
 def test_an_unknown_scenario_is_not_found(world: ApiWorld) -> None:
     assert_problem(world.get("/api/v1/scenarios/scenario-9"), 404, "there is no scenario 'scenario-9'")
     assert_problem(world.delete("/api/v1/scenarios/scenario-9"), 404)
+
+
+def test_the_report_of_a_scenario_that_ended_is_a_page_that_cannot_call_the_api(world: ApiWorld) -> None:
+    async def act(client: httpx.AsyncClient) -> None:
+        answer = await client.post("/api/v1/scenarios", json={"text": SCENARIO})
+        place = answer.headers["location"]
+        assert_problem(await client.get(f"{place}/report"), 409, "still runs")
+        await ended(world, client, place)
+        report = await client.get(f"{place}/report")
+        assert report.headers["content-type"].startswith("text/html")
+        assert "sandbox allow-scripts;" in report.headers["content-security-policy"]
+        assert "connect-src" not in report.headers["content-security-policy"]
+        assert "over-http" in report.text
+        assert "fault == 702" in report.text
+        assert_problem(await client.get("/api/v1/scenarios/scenario-77/report"), 404, "there is no scenario")
+
+    with_client(world, act)

@@ -241,6 +241,20 @@ def test_inspect_of_one_drive_says_who_its_neighbour_is(ask, farm):
     assert "neighbours switch-1 port-003 (02:00:00:00:00:99) at port-001" in text
 
 
+def test_inspect_of_one_drive_says_what_was_agreed_and_what_is_where_in_a_frame(ask, farm):
+    places = [
+        {"of": "slot 1, subslot 0x0002", "what": "data", "offset": 4, "octets": 4},
+        {"of": "slot 1, subslot 0x0002", "what": "provider status", "offset": 8, "octets": 1},
+    ]
+    channel = {"direction": "sent", "id": "0x8001", "octets": 40, "cycle_seconds": 0.016, "places": places}
+    agreed = {"controller": "plc", "session_key": 2, "channels": [channel]}
+    farm.inspected(DRIVE | {"details": {"connections": [agreed]}})
+    text = " ".join(ask("inspect", "axis-01").out.split())
+    assert "agreed: controller plc, session key 2" in text
+    row = "sent by the drive 0x8001 40 16 ms 4 data slot 1, subslot 0x0002; 8 provider status slot 1, subslot 0x0002"
+    assert row in text
+
+
 def test_a_name_with_odd_letters_stays_one_name(ask, farm):
     farm.inspected({**DRIVE, "name": "a/b c"}, "drives/a%2Fb%20c")
     assert ask("inspect", "a/b c").code == 0

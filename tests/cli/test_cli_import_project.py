@@ -77,7 +77,7 @@ def test_drives_of_a_project_have_its_names_addresses_and_files(pnfarm, folder, 
     out = folder / "line.pnfarm.yml"
     found = pnfarm("import", file, "-o", out)
     assert (found.code, found.err) == (0, "")
-    assert "2 drives, 1 other stations" in found.out
+    assert "2 drives, 1 other station in comments" in found.out
     first, second = expand(load_farm(out))
     assert (first.name, str(first.ip), first.model) == ("axis-1", "10.7.0.11/24", "hiwin-e1")
     assert (second.name, str(second.gateway)) == ("axis-2", "10.7.0.254")

@@ -30,7 +30,8 @@ class Viewer:
         self.messages.append(message)
         self.version = message["version"]
         for name, (places, values) in message.get("values", {}).items():
-            self.values.setdefault(name, {}).update(zip(places, values, strict=True))
+            every = range(len(values)) if places is None else places
+            self.values.setdefault(name, {}).update(zip(every, values, strict=True))
         self.rows.update({int(place): row for place, row in message.get("rows", {}).items()})
         return message
 
@@ -101,7 +102,7 @@ def test_an_event_of_a_drive_shows_its_row_at_the_next_look(farm):
     line.core.injections.inject({"kind": "slow-ramp", "on": "axis-071"}, line.now_ns)
     line.core.service(line.now_ns)
     line.run(0.1)
-    assert viewer.look()["rows"]["70"]["injected"] == ["fault-1"]
+    assert viewer.look()["rows"]["70"]["injected"] == [["fault-1", "slow-ramp"]]
 
 
 def test_rows_of_a_large_farm_come_in_turn_and_none_is_left_out(farm):

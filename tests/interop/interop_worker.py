@@ -127,6 +127,7 @@ class FarmWorker:
         columns, (providers, consumers) = self.farm.core.columns, device.channel_rows
         return {
             **device.view(time.monotonic_ns()),
+            **device.details(),
             "mac": device.port.mac.hex(":"),
             "connects": device.connects,
             "losses": dict(device.losses()),

@@ -6,9 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.links.base import Link, PortSpec, unwrap
+from pnfarm.links.base import Link, PortSpec, interface_below, unwrap
+from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.memory import MemoryLink, MemorySwitch
 from pnfarm.links.pcap import PcapLink, PcapngWriter
+from pnfarm.links.tap import TapLink
+from pnfarm.links.veth import VethLink
 
 DRIVE, PLC = (bytes([2, 0, 0, 0, 0, n]) for n in (1, 2))
 ARP = 0x0806
@@ -123,3 +126,13 @@ def test_wrappers_go_around_wrappers(tmp_path):
     asyncio.run(bench.link.close())
     for path in (inner, outer):
         assert path.read_bytes().count(frame(PLC, DRIVE)) == 1
+
+
+@pytest.mark.parametrize(
+    ("link", "below"),
+    [(MacvlanLink("x", "eth7"), "eth7"), (VethLink("x", bridge="br7"), "br7"), (VethLink("x"), None),
+     (TapLink("x", bridge="br8"), "br8"), (MemoryLink(MemorySwitch(), lambda: 0), None)],
+)  # fmt: skip
+def test_the_interface_below_a_link_is_its_parent_or_its_bridge(link, below, tmp_path):
+    assert interface_below(link) == below
+    assert interface_below(PcapLink(link, tmp_path / "x.pcapng", clock=lambda: 0)) == below

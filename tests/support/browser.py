@@ -106,6 +106,18 @@ class Browser:
         for kind in ("keyDown", "keyUp"):
             self._call("Input.dispatchKeyEvent", type=kind, key=text, **({"text": text} if kind == "keyDown" else {}))
 
+    def drag(self, begin: tuple[float, float], end: tuple[float, float]) -> None:
+        """The mouse is pressed at one place of the window, moved, and released at another."""
+        steps = (
+            ("mouseMoved", begin, 0),
+            ("mousePressed", begin, 1),
+            ("mouseMoved", end, 1),
+            ("mouseReleased", end, 0),
+        )
+        for kind, (x, y), buttons in steps:
+            button = "none" if kind == "mouseMoved" and not buttons else "left"
+            self._call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button=button, buttons=buttons, clickCount=1)
+
     def open(self, url: str) -> None:
         self._call("Page.navigate", url=url)
 

@@ -2,7 +2,7 @@
 import {html, render, useEffect, useState} from "./lib/html.js";
 import {look} from "./lib/live.js";
 import {Toasts, useFarm} from "./lib/ui.js";
-import {plural} from "./lib/words.js";
+import {clock, plural} from "./lib/words.js";
 import {Drive} from "./views/drive.js";
 import {Faults} from "./views/faults.js";
 import {Health} from "./views/health.js";
@@ -56,8 +56,8 @@ function App() {
       <span class="gap"></span>
       ${farm.writes ? null : html`<span class="warn">read only</span>`}
       ${farm.engine ? html`<span class=${farm.engine.overruns ? "warn" : "dim"}>${plural(farm.engine.overruns, "overrun")}</span>` : null}
-      <span class=${farm.connected ? "good" : "bad"} role="status">${farm.connected ? "live" : farm.error || "connecting"}</span></header>
-    <main id="main" tabindex="-1" data-place=${place.parts.join("/")}><${View} ...${place}/></main>
+      <span class=${farm.connected ? "good" : "bad"} role="status">${farm.connected ? "live" : farm.error ? farm.error + (farm.told ? `; shown as of ${clock(farm.told)}` : "") : "connecting"}</span></header>
+    <main id="main" tabindex="-1" class=${farm.error ? "stale" : ""} data-place=${place.parts.join("/")}><${View} ...${place}/></main>
     <${Toasts}/>`;
 }
 

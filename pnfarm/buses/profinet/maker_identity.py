@@ -76,6 +76,11 @@ def identity_of(document: Gsdml, model: Model, dap_ident: int | None = None) -> 
     if missing:
         numbers = ", ".join(map(str, missing))
         notes.append(f"no module of it fits telegram{'s' if len(missing) > 1 else ''} {numbers} by length and name")
+        if shared := _sharing(document, dap):
+            notes.append(
+                f"its {shared[0].info.name or shared[0].id} takes several submodules with data; a drive here has a "
+                "module for each telegram, so that such submodules are not matched"
+            )
     return DescribedIdentity(found, tuple(notes))
 
 
@@ -139,6 +144,17 @@ def _offered(document: Gsdml, dap: Dap) -> Iterator[_Pair]:
         data = [one for one in module.submodules if one.input_octets or one.output_octets]
         if len(data) == 1:
             yield module, data[0]
+
+
+def _sharing(document: Gsdml, dap: Dap) -> list[ModuleItem]:
+    """Modules of the access point whose submodule with data is one of several."""
+    targets = {ref.target for ref in dap.modules}
+    with_data = {one.id for one in document.submodules if one.input_octets or one.output_octets}
+    return [
+        module
+        for module in document.modules
+        if (not targets or module.id in targets) and len({ref.target for ref in module.useable} & with_data) > 1
+    ]
 
 
 def _words(module: ModuleItem, data: SubmoduleItem) -> str:

@@ -12,6 +12,7 @@ from pnfarm.drives.model_identity import with_identity
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import FarmFileError, expand, parse_farm
 from pnfarm.protocols.profinet.gsdml.describe import describe_model
+from pnfarm.protocols.profinet.gsdml.document import ItemRef
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 from pnfarm.testing import Line
@@ -150,3 +151,19 @@ def test_an_access_point_is_chosen_by_its_ident():
     found = identity_of(parse_gsdml(text), model("hiwin-e1"), 0x77)
     assert "dap" not in found.overrides
     assert found.notes[0].startswith("no access point of it has the ident 0x77; it has 0x")
+
+
+def test_telegrams_that_are_submodules_of_one_module_are_told():
+    document = describe_model(model("hiwin-e1"))
+    data = [one for module in document.modules for one in module.submodules if one.input_octets]
+    first, (dap,) = document.modules[0], document.daps
+    shared = dataclasses.replace(
+        first,
+        info=dataclasses.replace(first.info, name="Drive object"),
+        submodules=(),
+        useable=tuple(ItemRef(one.id) for one in data),
+    )
+    dap = dataclasses.replace(dap, modules=(ItemRef(shared.id),))
+    file = dataclasses.replace(document, modules=(shared,), submodules=tuple(data), daps=(dap,))
+    notes = identity_of(file, model("hiwin-e1")).notes
+    assert any(note.startswith("its Drive object takes several submodules with data") for note in notes)

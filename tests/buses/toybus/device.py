@@ -165,6 +165,9 @@ class ToyDevice:
     def discards(self) -> dict[str, int]:
         return self._dropped
 
+    def details(self) -> dict[str, Any]:
+        return {}
+
     def view(self, now: int) -> dict[str, Any]:
         return {}
 

@@ -8,13 +8,13 @@ let chosen = null;
 let pending = false;
 
 export const farm = {
-  connected: false, error: "", name: "pnfarm", link: "", writes: true, lines: {}, faults: {}, seconds: 0,
+  connected: false, error: "", told: 0, name: "pnfarm", link: "", parent: null, writes: true, lines: {}, faults: {}, seconds: 0,
   drives: [], byName: new Map(), engine: null, log: [], lost: 0, drive: null, signals: null, signalsFull: false,
 };
 
 function blank(place) {
   return {
-    place, name: "", model: "", bus: "", state: 0, velocity: 0, setpoint: 0, current: 0, zsw1: 0, stw1: 0, fault: 0, warning: 0,
+    place, name: "", model: "", bus: "", state: 0, velocity: 0, setpoint: 0, current: 0, fault: 0, warning: 0,
     injected: [], neighbours: [], history: new Float32Array(HISTORY).fill(NaN), head: 0, known: false,
   };
 }
@@ -37,6 +37,7 @@ export function subscribe(listener) {
 const SCALES = {velocity: 0.1, setpoint: 0.1, current: 0.01};
 
 function takeOverview(message) {
+  farm.told = Date.now() / 1000;
   farm.seconds = message.seconds;
   for (const [place, row] of Object.entries(message.rows || {})) {
     const drive = farm.drives[place];
@@ -45,7 +46,8 @@ function takeOverview(message) {
   }
   for (const [name, [places, values]] of Object.entries(message.values || {})) {
     const scale = SCALES[name] || 1;
-    places.forEach((place, i) => { farm.drives[place][name] = values[i] * scale; });
+    // no places: all drives
+    values.forEach((value, i) => { farm.drives[places ? places[i] : i][name] = value * scale; });
   }
   for (const drive of farm.drives) {
     drive.history[drive.head] = drive.velocity;
@@ -56,7 +58,7 @@ function takeOverview(message) {
 
 function takeFarm(message) {
   Object.assign(farm, {
-    connected: true, error: "", name: message.farm, link: message.link, writes: message.writes, lines: message.lines, faults: message.faults,
+    connected: true, error: "", name: message.farm, link: message.link, parent: message.parent, writes: message.writes, lines: message.lines, faults: message.faults,
     drives: Array.from({length: message.drives}, (_, place) => blank(place)), byName: new Map(),
   });
   document.title = `${message.farm} · pnfarm`;

@@ -1,8 +1,8 @@
 // How things are written on the page.
 
 const STATES = {
-  "-2": ["away", "unreachable"], "-1": ["off", "no supply"], 0: ["boot", "booting"], 1: ["S1", "switching-on inhibited"], 2: ["S2", "ready to switch on"],
-  3: ["S3", "switched on"], 4: ["S4", "operation"], 5: ["S5", "switching off"],
+  "-2": ["away", "unreachable"], "-1": ["off", "no supply"], 0: ["booting", "booting"], 1: ["S1 inhibited", "switching-on inhibited"], 2: ["S2 ready", "ready to switch on"],
+  3: ["S3 on", "switched on"], 4: ["S4 operation", "operation"], 5: ["S5 stopping", "switching off"],
 };
 
 /** Class, short and long word for a drive's state; a fault is shown before the state. */
@@ -10,10 +10,13 @@ export function stateOf(drive) {
   const [short, long] = STATES[drive.state] || ["?", "unknown"];
   if (drive.state === -2) return {kind: "off", short, long: drive.unreachable ? `unreachable: ${drive.unreachable.reason}` : long};
   if (drive.state === -1) return {kind: "off", short, long};
-  if (drive.fault) return {kind: "fault", short: `${short} fault`, long: `fault, ${long}`};
+  if (drive.fault) return {kind: "fault", short: `${short.split(" ")[0]} fault`, long: `fault, ${long}`};
   if (drive.state === 4) return {kind: "run", short, long};
   return {kind: drive.state === 0 ? "off" : "idle", short, long};
 }
+
+/** Who controls a drive: its name, or its address where the bus gives it none. */
+export const controllerOf = drive => /^0x/.test(drive.controller || "") && drive.controller_ip || drive.controller || "";
 
 export const number = (value, digits = 1) =>
   value === null || value === undefined ? "–" : (Math.abs(value) < 0.5 * 10 ** -digits ? 0 : value).toFixed(digits);

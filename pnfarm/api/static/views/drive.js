@@ -3,7 +3,7 @@ import {call, get, path} from "../lib/api.js";
 import {Histogram, LogicRows, Plot} from "../lib/charts.js";
 import {html, useEffect, useMemo, useState} from "../lib/html.js";
 import {Act, FaultText, Problem, State, Tabs, act, inject, say, useFarm, useLoaded} from "../lib/ui.js";
-import {clock, number, plural, time} from "../lib/words.js";
+import {clock, controllerOf, number, plural, time} from "../lib/words.js";
 import {Trace} from "./trace.js";
 
 const TABS = [["live", "Live"], ["trace", "Trace"], ["parameters", "Parameters"], ["events", "Faults and events"], ["connection", "Connection"], ["modules", "Modules"]];
@@ -29,6 +29,8 @@ function bitsOf(signals) {
 function Live({farm, name}) {
   const [seconds, setSeconds] = useState(10);
   const [paused, setPaused] = useState(null);
+  const [zoom, setZoom] = useState(null);
+  const [at, setAt] = useState(null);
   const [list, error] = useLoaded(() => get("traces/signals/" + path(name)), [name]);
   const bits = useMemo(() => list ? bitsOf(list.signals) : {}, [list]);
   const signals = paused || farm.signals;
@@ -36,24 +38,27 @@ function Live({farm, name}) {
   if (farm.signalsFull) return html`<p class="warn">The farm has no room for a live picture of one more drive: others are looked at, or traces fill its memory.</p>`;
   if (!signals || !signals.seconds.length) return html`<p class="dim">Waiting for the first samples…</p>`;
   // times are before now
-  const last = signals.seconds[signals.seconds.length - 1], range = [-seconds, 0];
-  const times = signals.seconds.map(at => at - last);
+  const last = signals.seconds[signals.seconds.length - 1], range = zoom || [-seconds, 0];
+  const times = signals.seconds.map(one => one - last);
+  // a picture that is zoomed stands still
+  const zoomTo = wanted => { setZoom(wanted); if (wanted && !paused) setPaused({...farm.signals}); };
+  const goOn = () => { setPaused(paused ? null : {...farm.signals}); setZoom(null); };
   return html`<div>
     <div class="bar">
-      <div role="group" aria-label="Time shown">${SECONDS.map(one => html`<button key=${one} type="button" aria-pressed=${one === seconds} onClick=${() => setSeconds(one)}>${one} s</button>`)}</div>
-      <button type="button" aria-pressed=${paused !== null} onClick=${() => setPaused(paused ? null : {...farm.signals})}>${paused ? "Go on" : "Pause"}</button>
-      <span class="dim">100 samples a second, each of the engine's own step. Drag to zoom, double-click to go back.</span>
+      <div role="group" aria-label="Time shown">${SECONDS.map(one => html`<button key=${one} type="button" aria-pressed=${one === seconds} onClick=${() => { setSeconds(one); setZoom(null); }}>${one} s</button>`)}</div>
+      <button type="button" aria-pressed=${paused !== null} onClick=${goOn}>${paused ? "Go on" : "Pause"}</button>
+      <span class="dim">100 samples a second, each of the engine's own step. Drag over a plot to zoom all, double-click to go back.</span>
     </div>
     ${PLOTS.map(plot => {
       const present = plot.filter(([signal]) => signal in signals.values);
       if (!present.length) return null;
-      return html`<${Plot} key=${present.map(([signal]) => signal).join()} height=${130} cursor="live" range=${range}
+      return html`<${Plot} key=${present.map(([signal]) => signal).join()} height=${124} cursor="live" range=${range} onZoom=${zoomTo} onCursor=${plot === PLOTS[0] ? setAt : null}
         label=${`${present.map(([signal]) => signal).join(" and ")} of the last ${seconds} s`}
         series=${present.map(([signal, unit]) => ({label: signal, unit}))} data=${[times, ...present.map(([signal]) => signals.values[signal])]}/>`;
     })}
     ${Object.keys(WORDS).filter(word => word in signals.values && bits[word]).map(word => html`<div key=${word}>
       <h3>${WORDS[word]}</h3>
-      <${LogicRows} times=${times} values=${signals.values[word]} bits=${bits[word]} range=${range} label=${`bits of ${word} over the last ${seconds} s`}/></div>`)}
+      <${LogicRows} times=${times} values=${signals.values[word]} bits=${bits[word]} range=${range} at=${at} label=${`bits of ${word} over the last ${seconds} s`}/></div>`)}
   </div>`;
 }
 
@@ -118,7 +123,7 @@ function Events({name, farm}) {
   const counts = Object.entries(found.fault_counts);
   return html`<div>
     <h3>Fault buffer</h3>
-    ${found.fault_memory.some(one => one.length) ? html`<table><thead><tr><th scope="col">Situation</th><th scope="col">Faults</th></tr></thead><tbody>${found.fault_memory.map((situation, place) => situation.length ? html`<tr key=${place}>
+    ${found.fault_memory.some(one => one.length) ? html`<table class="fit"><thead><tr><th scope="col">Situation</th><th scope="col">Faults</th></tr></thead><tbody>${found.fault_memory.map((situation, place) => situation.length ? html`<tr key=${place}>
       <td>${place === 0 ? "active" : place}</td><td>${situation.map(fault => html`<span class=${found.faults.some(one => one.number === fault.number) && place === 0 ? "bad" : ""}>${fault.label} ${fault.name} </span>`)}</td></tr>` : null)}</tbody></table>` : html`<p class="dim">The fault buffer is empty.</p>`}
     ${counts.length ? html`<p>Since the farm started: ${counts.map(([code, count]) => `${code} ${count === 1 ? "once" : count + " times"}`).join(", ")}.</p>` : null}
     <h3>Events</h3>
@@ -129,6 +134,24 @@ function Events({name, farm}) {
 
 function Facts({pairs}) {
   return html`<dl class="facts">${pairs.filter(([, value]) => value !== undefined && value !== null && value !== "").map(([key, value]) => html`<div key=${key}><dt>${key}</dt><dd>${value}</dd></div>`)}</dl>`;
+}
+
+/** What a bus has besides, key by key; lists of objects are shown as tables. */
+const plainFacts = found => Object.entries(found).filter(([, value]) => !Array.isArray(value) || typeof value[0] !== "object").map(([key, value]) =>
+  [sentence(key.replace(/_seconds$/, "")), value === null ? "" : Array.isArray(value) ? value.join(", ") : key.endsWith("_seconds") ? time(value) : value === true ? "yes" : value === false ? "no" : String(value)]);
+const sentence = key => (key[0].toUpperCase() + key.slice(1).replaceAll("_", " ")).replace(/\b(uuid|rpi|ip|ar)\b/gi, word => word.toUpperCase());
+const CHANNEL = {send_clock_factor: "Send clock factor", reduction_ratio: "Reduction ratio", phase: "Phase"};
+
+/** Identifications of a connection, and what is where in its frames. */
+function Relation({one}) {
+  const {channels, ...facts} = one;
+  const more = Object.keys(CHANNEL).filter(key => channels.some(channel => key in channel));
+  return html`<div><${Facts} pairs=${plainFacts(facts)}/>
+    ${channels.length ? html`<div class="scroll" tabindex="0" role="region" aria-label="Cyclic frames"><table><thead><tr><th scope="col">Frames</th><th scope="col">Identification</th><th scope="col" class="number">Octets</th><th scope="col" class="number">Cycle</th>
+      ${more.map(key => html`<th key=${key} scope="col" class="number">${CHANNEL[key]}</th>`)}<th scope="col" class="number">Watchdog</th><th scope="col">Offset: what is there</th></tr></thead>
+      <tbody>${channels.map(channel => html`<tr key=${channel.id + channel.direction}><th scope="row">${channel.direction} by the drive</th><td>${channel.id}</td><td class="number">${channel.octets}</td><td class="number">${time(channel.cycle_seconds)}</td>
+        ${more.map(key => html`<td key=${key} class="number">${channel[key]}</td>`)}<td class="number">${time(channel.timeout_seconds)}</td>
+        <td class="text small">${channel.places.map((place, i) => html`<div key=${i}><span class="offset">${place.offset}</span> ${place.what}${place.octets > 1 ? `, ${place.octets} octets` : ""} <span class="dim">${place.of}</span></div>`)}</td></tr>`)}</tbody></table></div>` : null}</div>`;
 }
 
 const joined = counts => Object.entries(counts).filter(([, count]) => count).map(([key, count]) => `${key} ${count}`).join(", ") || "none";
@@ -146,7 +169,7 @@ function Connection({name, drive}) {
       ["Connects", drive.connects], ["Lost connections", joined(drive.aborts)], ["of them by the farm's lateness", drive.aborts_by_farm || null],
       ["Watchdog expirations", drive.watchdog_expirations],
       ["Neighbours", drive.neighbours.map(one => `${one.station} ${one.port_id}`).join(", ") || "none heard"],
-      ...Object.entries(drive.details).map(([key, value]) => [key.replaceAll("_", " "), typeof value === "object" && value !== null ? JSON.stringify(value) : String(value ?? "")]),
+      ...plainFacts(drive.details),
     ]}/>` : null}
     ${seen ? html`<${Facts} pairs=${[["Late frames, the controller's", seen.late_frames.controller], ["Late frames, the farm's", seen.late_frames.farm], ["Missed updates", seen.missed_updates],
         ["Attempts", seen.attempts], ["Refused", seen.refused], ["Sign-of-life errors", seen.sign_of_life ? seen.sign_of_life.errors : null]]}/>
@@ -154,6 +177,7 @@ function Connection({name, drive}) {
         <div><h3>Interval between the controller's frames</h3>${seen.intervals.buckets.length ? html`<p>mean ${time(seen.intervals.mean_seconds)}</p><${Histogram} buckets=${seen.intervals.buckets} text=${time} label="Intervals"/>` : html`<p class="dim">no frame yet</p>`}</div>
         <div><h3>Deviation from the cycle</h3>${seen.jitter.buckets.length ? html`<p>mean ${time(seen.jitter.mean_seconds)}</p><${Histogram} buckets=${seen.jitter.buckets} text=${time} label="Deviations"/>` : html`<p class="dim">this bus has no agreed cycle, or no frame came yet</p>`}</div>
       </div>
+      ${drive && (drive.details.connections || []).length ? html`<h3>What was agreed</h3>${drive.details.connections.map((one, i) => html`<${Relation} key=${i} one=${one}/>`)}` : null}
       <h3>Start-ups</h3>
       <table><thead><tr><th scope="col">Controller</th><th scope="col" class="number">Attempts</th><th scope="col">Complete</th><th scope="col" class="number">After the loss</th><th scope="col">Phases</th></tr></thead>
         <tbody>${[...seen.start_ups].reverse().map((one, place) => html`<tr key=${place}><td>${one.controller || "–"}</td><td class="number">${one.attempts}</td><td>${one.complete ? "yes" : "no"}</td>
@@ -167,9 +191,9 @@ function Modules({name, bus}) {
   if (bus && bus !== "profinet") return html`<p class="dim">A drive on ${bus} has no modules that could be pulled.</p>`;
   const where = slot => path("drives", name, "modules", String(slot));
   return html`<div><${Problem} text=${error}/>
-    ${list ? html`<table><thead><tr><th scope="col">Slot</th><th scope="col">Module</th><th scope="col">Telegram</th><th scope="col">Submodules: subslot, ident, octets in and out, owner</th><td></td></tr></thead>
+    ${list ? html`<table><thead><tr><th scope="col">Slot</th><th scope="col">Module</th><th scope="col">Telegram</th><th scope="col"><div class="submodule"><span>Subslot</span><span>Submodule</span><span>In, out</span><span>Owner</span></div></th><td></td></tr></thead>
       <tbody>${list.modules.map(one => html`<tr key=${one.slot}><th scope="row">${one.slot}</th><td>${one.module_ident || html`<span class="warn">empty</span>`}${one.substitute ? html` <span class="warn">substitute</span>` : null}</td><td>${one.telegram ?? ""}</td>
-        <td class="text small">${one.submodules.map(sub => html`<div>${sub.subslot} ${sub.submodule_ident} ${sub.input_bytes}/${sub.output_bytes} ${sub.owner || ""}${sub.awaits_parameters ? " awaits parameters" : ""}</div>`)}</td>
+        <td class="text">${one.submodules.map(sub => html`<div class="submodule"><span>${sub.subslot}</span><span>${sub.submodule_ident}</span><span>${sub.input_bytes}, ${sub.output_bytes}</span><span>${sub.owner || "–"}${sub.awaits_parameters ? ", awaits parameters" : ""}</span></div>`)}</td>
         <td>${one.slot === 0 ? null : one.module_ident
           ? html`<${Act} title="pull this module" label=${`Pull the module in slot ${one.slot}`} onClick=${async () => { await act(() => call("DELETE", where(one.slot)), `slot ${one.slot} pulled`); again(); }}>Pull<//>`
           : html`<span class="nowrap"><${Act} title="plug what was pulled" label=${`Plug the module of slot ${one.slot}`} onClick=${async () => { await act(() => call("PUT", where(one.slot), {}), `slot ${one.slot} plugged`); again(); }}>Plug<//>
@@ -203,18 +227,18 @@ export function Drive({name, tab}) {
       ${place < others.length - 1 ? html`<a class="button" href=${link(others[place + 1].name)} title=${others[place + 1].name}>next ›</a>` : null}
     </div>
     <div class="bar">
-      <span>${number(row.velocity)} rpm of ${number(row.setpoint)}</span>
-      <span class=${row.connected ? "good" : "dim"}>${row.ar_state}${row.controller ? ` with ${row.controller}, ${time(row.cycle_seconds)}` : ""}</span>
+      <span>${number(row.velocity)} rpm${row.state > 0 ? ` of ${number(row.setpoint)}` : ""}</span>
+      <span class=${row.connected ? "good" : "dim"}>${row.ar_state}${row.controller ? ` with ${controllerOf(row)}, ${time(row.cycle_seconds)}` : ""}</span>
       ${drive ? html`<span class="dim">${drive.status.join(", ").replaceAll("_", " ")}</span>` : null}
-      ${row.injected.map(id => html`<span key=${id} class="warn">${id} <${Act} title="end this fault" label=${"Clear " + id} onClick=${() => act(() => call("DELETE", path("faults", id)), `${id} cleared`)}>clear<//></span>`)}
+      ${row.injected.map(([id, kind]) => html`<span key=${id} class="warn" title=${id}>${kind} <${Act} title="end this fault" label=${`Clear ${kind}, ${id}`} onClick=${() => act(() => call("DELETE", path("faults", id)), `${id} cleared`)}>clear<//></span>`)}
       <span class="gap"></span>
+      <div class="bar" role="group" aria-label="Usual faults, and the supply">
       <${Act} kind="hot" title="fall silent until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
       <${Act} kind="hot" title="raise fault 702" onClick=${() => inject({kind: "f702", ...on})}>f702<//>
       <${Act} kind="hot" title="the sign of life stands still for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
       <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => inject({kind: "link-down", for: "2s", ...on})}>cable 2 s<//>
       <a class="button" href=${"#/faults?on=" + encodeURIComponent(name)}>other fault…</a>
-      <${Act} title="cut the supply" onClick=${() => power("power-off")} disabled=${row.state === -1}>Power off<//>
-      <${Act} title="switch the supply on" onClick=${() => power("power-on")} disabled=${row.state !== -1}>Power on<//>
+      ${row.state === -1 ? html`<${Act} title="switch the supply on" onClick=${() => power("power-on")}>Power on<//>` : html`<${Act} title="cut the supply" onClick=${() => power("power-off")}>Power off<//>`}</div>
     </div>
     <${Tabs} label="Views of the drive" tabs=${TABS.filter(([id]) => id !== "modules" || row.bus === "profinet")} chosen=${tab} link=${which => link(name, which)}/>
     ${tab === "live" ? html`<${Live} farm=${farm} name=${name} key=${name}/>`

@@ -42,9 +42,12 @@ function specOf(kind, form) {
   return spec;
 }
 
+/** Text whose words between backticks are shown as code. */
+const coded = text => text.split("`").map((part, i) => i % 2 ? html`<code>${part}</code>` : part);
+
 function Parameter({name, parameter, value, onInput}) {
   const id = "param-" + name;
-  const hint = [parameter.doc, parameter.allowed && `Allowed: ${parameter.allowed}.`].filter(Boolean).join(" ");
+  const hint = [parameter.doc, parameter.allowed && !parameter.words.length && `Allowed: ${parameter.allowed}.`].filter(Boolean).join(" ");
   const words = parameter.type === "yes or no" ? ["yes", "no"] : parameter.words;
   const shown = parameter.default === null || parameter.default === "" ? "" : typeof parameter.default === "boolean" ? (parameter.default ? "yes" : "no") : String(parameter.default);
   return html`<div class="field"><label for=${id}>${name.replaceAll("_", " ")}${parameter.required ? html` <span class="bad" title="required">*</span>` : null}</label>
@@ -52,7 +55,7 @@ function Parameter({name, parameter, value, onInput}) {
       ? html`<select id=${id} value=${value ?? ""} onChange=${event => onInput(event.target.value)}>
           <option value="">${shown ? `as usual (${shown})` : "choose"}</option>${words.map(word => html`<option key=${word} value=${word} selected=${word === value}>${word}</option>`)}</select>`
       : html`<input id=${id} value=${value ?? ""} placeholder=${shown} aria-describedby=${id + "-hint"} onInput=${event => onInput(event.target.value)}/>`}
-    <span class="dim">${parameter.unit}</span><p id=${id + "-hint"} class="hint dim">${hint}</p></div>`;
+    <span class="dim">${parameter.unit}</span><p id=${id + "-hint"} class="hint dim">${coded(hint)}</p></div>`;
 }
 
 function Reach({spec}) {
@@ -103,15 +106,14 @@ function Form({kinds, on, again, names}) {
       <div class="kindlist" tabindex="0" role="region" aria-label="Kinds of faults">${families.map(([family, members]) => html`<div key=${family}><h3 class="family">${family}</h3>
         ${members.map(one => html`<button key=${one.kind} type="button" class="kind" aria-pressed=${one.kind === form.kind} onClick=${() => setForm({...blank(form.on), kind: one.kind})}>${one.kind}</button>`)}</div>`)}</div></div>
     <div>${kind ? html`<form class="panel" onSubmit=${submit}>
-      <h3>${kind.kind}</h3><p>${kind.doc}</p>
+      <h3>${kind.kind}</h3><p>${coded(kind.doc)}</p>
       <div class="field"><label for="on">on</label><input id="on" list="drive-names" value=${form.on} size="36" onInput=${event => setForm({...form, on: event.target.value})}/>
         <datalist id="drive-names">${names.slice(0, 200).map(name => html`<option key=${name} value=${name}/>`)}</datalist><p class="hint dim">drive names with * and ?, model:NAME, or all; several with commas</p></div>
       ${Object.entries(kind.params).map(([name, parameter]) => html`<${Parameter} key=${kind.kind + name} name=${name} parameter=${parameter} value=${form.params[name]} onInput=${value => setForm({...form, params: {...form.params, [name]: value}})}/>`)}
       ${kind.directions.length ? html`<div class="field"><label for="direction">direction</label><select id="direction" value=${form.direction} onChange=${event => setForm({...form, direction: event.target.value})}><option value="">${kind.directions[0]} (usual)</option>
         ${kind.directions.slice(1).map(one => html`<option key=${one} value=${one} selected=${one === form.direction}>${one}</option>`)}</select><p class="hint dim">seen from the drive</p></div>` : null}
       <fieldset><legend>When and how long</legend><div class="checks">${Object.entries(COMMON).filter(([key]) => kind.takes.includes(key)).map(([key, [label, hint, size]]) => html`<label key=${key} title=${hint}>${label} <input size=${size} value=${form.common[key] || ""} placeholder=${hint.split(",")[0].length < 14 ? hint.split(",")[0] : ""} onInput=${event => setForm({...form, common: {...form.common, [key]: event.target.value}})}/></label>`)}</div></fieldset>
-      <${Reach} spec=${spec}/>
-      <div class="bar"><${SubmitButton} kind=${kind}/></div>
+      <div class="bar send"><${SubmitButton} kind=${kind}/><${Reach} spec=${spec}/></div>
       <dl class="facts"><div><dt>On the wire</dt><dd>${kind.wire}</dd></div><div><dt>Controllers report</dt><dd>${kind.reports}</dd></div>
         ${Object.entries(kind.buses).map(([bus, one]) => html`<div key=${bus}><dt>${bus}</dt><dd>${one.refused || [one.wire, one.reports].filter(Boolean).join(" ") || "as above"}</dd></div>`)}</dl>
     </form>` : html`<p class="dim">Choose a kind of fault: it tells what a capture shows and what controllers report.</p>`}</div></div>`;
@@ -144,7 +146,7 @@ export function Faults({on}) {
     <div class="bar"><h2>In force</h2><span class="gap"></span><${Act} title="end every fault" disabled=${!active || !active.faults.length} onClick=${reset}>Clear all faults<//></div>
     <${Problem} text=${problem || error}/>
     ${active && active.faults.length ? html`<div class="scroll" tabindex="0" role="region" aria-label="Faults in force"><table><thead><tr><th scope="col">Id</th><th scope="col">Kind</th><th scope="col">Drives</th><th scope="col">State</th><th scope="col" class="number">Activations</th><th scope="col">On the wire</th><td></td></tr></thead>
-      <tbody>${active.faults.map(fault => html`<${Active} key=${fault.id} fault=${fault} again=${again}/>`)}</tbody></table></div>` : html`<p class="dim">No fault is pending or active.</p>`}
+      <tbody>${active.faults.map(fault => html`<${Active} key=${fault.id} fault=${fault} again=${again}/>`)}</tbody></table></div>` : active ? html`<p class="dim">No fault is pending or active.</p>` : null}
     <h2>Inject</h2>
     ${kinds ? html`<${Form} key=${on} kinds=${kinds.kinds} on=${on} again=${again} names=${names}/>` : null}
   </section>`;

@@ -3,7 +3,7 @@ import {call, path} from "../lib/api.js";
 import {html, useEffect, useMemo, useRef, useState} from "../lib/html.js";
 import {faultOf} from "../lib/live.js";
 import {Act, FaultText, Spark, State, act, inject, useFarm} from "../lib/ui.js";
-import {number, plural, stateOf, time} from "../lib/words.js";
+import {controllerOf, number, plural, stateOf, time} from "../lib/words.js";
 
 const ROW = 34, TILE_WIDTH = 224, TILE_HEIGHT = 112, BEYOND = 6;
 const COLUMNS = [
@@ -13,7 +13,7 @@ const COLUMNS = [
   ["setpoint", "set rpm", drive => drive.setpoint],
   ["curve", "6 s", null],
   ["current", "A", drive => drive.current],
-  ["controller", "Controller", drive => drive.controller || ""],
+  ["controller", "Controller", controllerOf],
   ["cycle", "Cycle", drive => drive.cycle_seconds || 0],
   ["connection", "Connection", drive => drive.ar_state || ""],
   ["address", "Address", drive => drive.ip || String(drive.address ?? "")],
@@ -34,7 +34,7 @@ function matches(drive, {text, model, bus, state}) {
   if (state === "disconnected" ? drive.connected : state === "injected" ? !drive.injected.length : state === "away" ? drive.state !== -2 : state && stateOf(drive).kind !== state) return false;
   if (!text) return true;
   const wanted = text.toLowerCase();
-  return [drive.name, drive.station_name, drive.ip, drive.mac, drive.controller].some(one => one && one.toLowerCase().includes(wanted));
+  return [drive.name, drive.station_name, drive.ip, drive.mac, drive.controller, drive.controller_ip].some(one => one && one.toLowerCase().includes(wanted));
 }
 
 function ordered(drives, [key, sign]) {
@@ -74,13 +74,18 @@ function Selection({selected, select, shown}) {
     <button type="button" onClick=${() => select(new Set(shown.map(drive => drive.name)))}>Select all ${shown.length} shown</button>
     <button type="button" onClick=${() => select(new Set())}>Select none</button>
     <span class="gap"></span>
+    <div class="bar" role="group" aria-label="Faults for the selected drives">
     <${Act} kind="hot" title="fall silent until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
     <${Act} kind="hot" title="raise fault 702" onClick=${() => inject({kind: "f702", ...on})}>f702<//>
     <${Act} kind="hot" title="the sign of life stands still for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
     <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => inject({kind: "link-down", for: "2s", ...on})}>cable 2 s<//>
     <a class="button" href=${"#/faults?on=" + encodeURIComponent(names.join(","))}>other fault…</a>
-    <${Act} title="off and on again" onClick=${() => each("power-cycle", `${plural(names.length, "drive")} power-cycled`)}>Power-cycle<//>
+    <${Act} title="off and on again" onClick=${() => each("power-cycle", `${plural(names.length, "drive")} power-cycled`)}>Power-cycle<//></div>
   </div>`;
+}
+
+function Injected({drive}) {
+  return drive.injected.length ? html`<span title=${drive.injected.map(([id, kind]) => `${kind} (${id})`).join(", ")}>${drive.injected.map(([, kind]) => kind).join(", ")}</span>` : null;
 }
 
 function Row({drive, selected, toggle}) {
@@ -89,15 +94,15 @@ function Row({drive, selected, toggle}) {
     <th scope="row"><a href=${"#/drive/" + encodeURIComponent(drive.name)}>${drive.name}</a>${drive.station_name && drive.station_name !== drive.name ? html` <span class="dim">${drive.station_name}</span>` : null}</th>
     <td><${State} drive=${drive}/></td>
     <td class="number">${number(drive.velocity)}</td>
-    <td class="number">${number(drive.setpoint)}</td>
+    <td class="number">${drive.state > 0 ? number(drive.setpoint) : "–"}</td>
     <td><${Spark} drive=${drive}/></td>
     <td class="number">${number(drive.current, 2)}</td>
-    <td>${drive.controller || "–"}</td>
+    <td title=${drive.controller}>${controllerOf(drive) || "–"}</td>
     <td class="number">${time(drive.cycle_seconds)}</td>
     <td class=${drive.connected ? "good" : "dim"}>${drive.ar_state}</td>
-    <td>${drive.ip || (drive.address ?? "–")}</td>
+    <td title=${drive.ip}>${drive.ip ? drive.ip.split("/")[0] : drive.address ?? "–"}</td>
     <td class="wide"><${FaultText} drive=${drive}/></td>
-    <td class="wide warn">${drive.injected.join(" ")}</td>
+    <td class="wide warn"><${Injected} drive=${drive}/></td>
   </tr>`;
 }
 
@@ -107,8 +112,8 @@ function Tile({drive, selected, toggle}) {
     <div class="line"><input type="checkbox" aria-label=${"select " + drive.name} checked=${selected} onChange=${() => toggle(drive.name)}/>
       <a href=${"#/drive/" + encodeURIComponent(drive.name)}>${drive.name}</a><span class="gap"></span><${State} drive=${drive}/></div>
     <div class="line"><span class="number">${number(drive.velocity)} rpm</span><span class="gap"></span><${Spark} drive=${drive}/></div>
-    <div class="line small"><span class=${drive.connected ? "good" : "dim"} title=${long}>${drive.ar_state}</span><span class="dim">${drive.controller || ""} ${drive.cycle_seconds ? time(drive.cycle_seconds) : ""}</span></div>
-    <div class="line small cut"><${FaultText} drive=${drive}/> <span class="warn">${drive.injected.join(" ")}</span></div>
+    <div class="line small"><span class=${drive.connected ? "good" : "dim"} title=${long}>${drive.ar_state}</span><span class="dim">${controllerOf(drive)} ${drive.cycle_seconds ? time(drive.cycle_seconds) : ""}</span><span class="gap"></span><span class="warn"><${Injected} drive=${drive}/></span></div>
+    <div class="line small cut"><${FaultText} drive=${drive}/></div>
   </li>`;
 }
 
@@ -137,7 +142,7 @@ export function Overview() {
     return () => observer.disconnect();
   }, []);
   const toggle = name => {
-    const next = new Set(selected);
+    const next = new Set(kept.selected);
     if (!next.delete(name)) next.add(name);
     change({selected: next});
   };
@@ -168,14 +173,14 @@ export function Overview() {
             ${visible.map(drive => html`<${Tile} key=${drive.name} drive=${drive} selected=${selected.has(drive.name)} toggle=${toggle}/>`)}</ul>
           <div style=${{height: `${part.after}px`}}></div>`
         : html`<table class="drives" aria-rowcount=${shown.length + 1}>
-          <thead><tr><th class="pick"><span class="hidden">Selected</span></th>
+          <thead><tr><th class="pick"><input type="checkbox" aria-label="select all shown" checked=${shown.length > 0 && shown.every(drive => selected.has(drive.name))} onChange=${event => change({selected: new Set(event.target.checked ? shown.map(drive => drive.name) : [])})}/></th>
             ${COLUMNS.map(([id, text, value]) => html`<th key=${id} scope="col" class=${NUMBERS.has(id) ? "number" : ""}
               aria-sort=${wanted.order[0] === id ? (wanted.order[1] > 0 ? "ascending" : "descending") : null}>
               ${value ? html`<button type="button" class="sort" onClick=${() => sort(id)}>${text}${wanted.order[0] === id ? (wanted.order[1] > 0 ? " ▲" : " ▼") : ""}</button>` : text}</th>`)}</tr></thead>
           <tbody>
-            <tr class="space" aria-hidden="true"><td colspan=${COLUMNS.length + 1} style=${{height: `${part.before}px`}}></td></tr>
+            <tr class="space" aria-hidden="true"><td style=${{height: `${part.before}px`}}></td></tr>
             ${visible.map(drive => html`<${Row} key=${drive.name} drive=${drive} selected=${selected.has(drive.name)} toggle=${toggle}/>`)}
-            <tr class="space" aria-hidden="true"><td colspan=${COLUMNS.length + 1} style=${{height: `${part.after}px`}}></td></tr>
+            <tr class="space" aria-hidden="true"><td style=${{height: `${part.after}px`}}></td></tr>
           </tbody></table>`}
       ${shown.length || !farm.drives.length ? null : html`<p class="dim">No drive fits the filter.</p>`}
     </div>

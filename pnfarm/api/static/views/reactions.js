@@ -27,7 +27,7 @@ function Timeline({one}) {
   const first = Math.min(0, ...one.steps.map(step => step.seconds)), last = Math.max(0.001, ...one.steps.map(step => step.seconds));
   const place = seconds => 100 * (seconds - first) / (last - first);
   return html`<div class="timeline" aria-hidden="true">${one.steps.map((step, i) => html`<span key=${i} class=${"mark " + step.what} style=${{left: `${place(step.seconds)}%`}} title=${`${step.text}, ${time(step.seconds)}`}>${SHAPES[step.what] || "●"}</span>`)}</div>
-    <ol class="steps">${one.steps.map((step, i) => html`<li key=${i}><span class="number">${step.seconds >= 0 ? "+" : ""}${time(step.seconds)}</span> <span aria-hidden="true">${SHAPES[step.what]}</span> ${step.text}</li>`)}</ol>`;
+    <ol class="steps">${one.steps.map((step, i) => html`<li key=${i}><span class="number">${step.seconds >= 0 ? "+" : ""}${time(step.seconds)}</span><span aria-hidden="true">${SHAPES[step.what]}</span><span>${step.text}</span></li>`)}</ol>`;
 }
 
 export function Reactions() {
@@ -47,7 +47,7 @@ export function Reactions() {
     <div class="columns three">${summary("Fault until the enable was withdrawn", reacted)}${summary("Fault until it was acknowledged", acknowledged)}${summary("Loss of the connection until data flow again", back)}</div>
     ${all.length ? html`<div class="scroll" tabindex="0" role="region" aria-label="Reactions"><table><thead><tr><th scope="col">Drive</th><th scope="col">What</th><th scope="col">Injected</th><th scope="col" class="number">Ago</th><th scope="col" class="number">Reaction</th><th scope="col" class="number">Recovered</th><th scope="col">What the PLC did</th></tr></thead>
       <tbody>${all.slice(0, 100).map((one, i) => html`<tr key=${one.drive + one.what + i}><th scope="row"><a href=${"#/drive/" + encodeURIComponent(one.drive) + "/events"}>${one.drive}</a></th>
-        <td class=${one.what === "fault" ? "bad" : "warn"}>${one.what === "fault" ? `fault ${one.code} ${one.name}` : `connection lost${one.name ? ` by ${one.name}` : ""}`}</td><td>${one.what === "fault" ? (one.kind === "none" ? "–" : one.kind) : one.kind || "–"}</td>
+        <td class=${"text " + (one.what === "fault" ? "bad" : "warn")}>${one.what === "fault" ? `fault ${one.code} ${one.name}` : `connection lost${one.name ? ` by ${one.name}` : ""}`}</td><td>${one.what === "fault" ? (one.kind === "none" ? "–" : one.kind) : one.kind || "–"}</td>
         <td class="number dim">${time(Math.round(one.seconds_ago))}</td><td class="number">${time(one.reaction_seconds)}</td>
         <td class=${"number " + (one.recovered_seconds === null ? "bad" : "good")}>${one.recovered_seconds === null ? "not yet" : time(one.recovered_seconds)}</td><td class="wide"><${Timeline} one=${one}/></td></tr>`)}</tbody></table></div>`
       : html`<p class="dim">No fault and no loss of a connection has been seen. Inject one, and look here at what the PLC does.</p>`}

@@ -1,5 +1,5 @@
 // Scenarios that the farm carries out: start one, watch its steps, read its verdict.
-import {call, get, path} from "../lib/api.js";
+import {call, get, path, url} from "../lib/api.js";
 import {html, useState} from "../lib/html.js";
 import {Act, Problem, act, useFarm, useLoaded} from "../lib/ui.js";
 import {time} from "../lib/words.js";
@@ -34,8 +34,8 @@ function Report({id}) {
     URL.revokeObjectURL(link.href);
   };
   return html`<div class="panel" aria-label=${"Scenario " + found.scenario} role="region">
-    <div class="bar"><h3>${found.scenario}</h3><${Verdict} found=${found}/><span class="dim">${time(found.seconds)}, ${Object.entries(found.counts).filter(([, count]) => count).map(([verdict, count]) => `${count} ${verdict}`).join(", ")}</span>
-      <span class="gap"></span>${found.state === "running" ? html`<${Act} title="end it: its faults are cleared" onClick=${stop}>Stop<//>` : record ? html`<button type="button" onClick=${save}>Record as JSON</button>` : null}</div>
+    <div class="bar"><h3>${found.scenario}</h3><${Verdict} found=${found}/><span class="dim">${found.seconds ? time(found.seconds) + (Object.values(found.counts).some(count => count) ? ", " : "") : ""}${Object.entries(found.counts).filter(([, count]) => count).map(([verdict, count]) => `${count} ${verdict}`).join(", ")}</span>
+      <span class="gap"></span>${found.state === "running" ? html`<${Act} title="end it: its faults are cleared" onClick=${stop}>Stop<//>` : html`<a class="button" href=${url(path("scenarios", id, "report"))} target="_blank" rel="noopener">Open the report</a> ${record ? html`<button type="button" onClick=${save}>Record as JSON</button>` : null}`}</div>
     ${found.ended_early ? html`<p class="warn">${found.ended_early}</p>` : null}
     ${found.state === "running" ? html`<p role="status">Step ${found.steps_begun} of ${found.steps}: ${found.step}; at most ${time(found.left_seconds)} more for it <progress max=${found.steps} value=${found.steps_begun}></progress></p>` : null}
     ${cases.length ? html`<div class="scroll" tabindex="0" role="region" aria-label="Expectations"><table><thead><tr><th scope="col">Line</th><th scope="col">Expectation</th><th scope="col">Verdict</th><th scope="col">Allowed</th><th scope="col">Measured</th><th scope="col">Message</th></tr></thead>
@@ -68,11 +68,11 @@ export function Scenarios({id}) {
   return html`<section aria-label="Scenarios">
     <div class="columns"><div>
       <div class="bar"><h2>Start one</h2><span class="gap"></span><label class="button">From a file<input type="file" class="hidden" accept=".yml,.yaml" onChange=${load}/></label></div>
-      <textarea rows="16" spellcheck="false" aria-label="The scenario's text" value=${value} onInput=${event => change(event.target.value)}></textarea>
+      <textarea rows="16" wrap="off" spellcheck="false" aria-label="The scenario's text" value=${value} onInput=${event => change(event.target.value)}></textarea>
       <div class="bar"><button type="button" class="main" disabled=${!farm.writes} onClick=${start}>Check and start</button></div>
       <${Problem} text=${issues || error}/></div>
       <div><h2>Runs</h2>${all.length ? html`<table><thead><tr><th scope="col">Scenario</th><th scope="col">Verdict</th><th scope="col" class="number">Time</th></tr></thead>
-        <tbody>${all.map(one => html`<tr key=${one.id} class=${one.id === shown ? "selected" : ""}><th scope="row"><a href=${"#/scenarios/" + encodeURIComponent(one.id)}>${one.scenario}</a></th><td><${Verdict} found=${one}/></td><td class="number">${time(one.seconds)}</td></tr>`)}</tbody></table>` : html`<p class="dim">None has run since the farm started.</p>`}</div></div>
+        <tbody>${all.map(one => html`<tr key=${one.id} class=${one.id === shown ? "selected" : ""}><th scope="row"><a href=${"#/scenarios/" + encodeURIComponent(one.id)}>${one.scenario}</a></th><td><${Verdict} found=${one}/></td><td class="number">${one.seconds ? time(one.seconds) : "–"}</td></tr>`)}</tbody></table>` : html`<p class="dim">None has run since the farm started.</p>`}</div></div>
     ${shown ? html`<${Report} key=${shown} id=${shown}/>` : null}
   </section>`;
 }

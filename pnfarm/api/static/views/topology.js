@@ -3,7 +3,7 @@ import {html} from "../lib/html.js";
 import {Act, State, act, inject, useFarm} from "../lib/ui.js";
 import {call, get, path} from "../lib/api.js";
 import {useLoaded} from "../lib/ui.js";
-import {plural, time} from "../lib/words.js";
+import {controllerOf, plural, time} from "../lib/words.js";
 
 const MOST = 400;
 
@@ -20,7 +20,7 @@ function pulled(faults) {
 function groupsOf(drives) {
   const found = new Map();
   for (const drive of drives) {
-    const key = drive.controller || "";
+    const key = controllerOf(drive);
     if (!found.has(key)) found.set(key, []);
     found.get(key).push(drive);
   }
@@ -29,6 +29,12 @@ function groupsOf(drives) {
 
 export function Topology() {
   const farm = useFarm();
+  // what lies between a controller and its drives: the link with its interface, or a line
+  const placesOf = members => [...new Set(members.map(drive => drive.bus))].map(bus => {
+    const line = Object.keys(farm.lines).includes(bus) ? farm.lines[bus] : null;
+    if (line) return line.way === "memory" ? `${bus}, in memory` : `${bus}, ${line.way} ${line.where}`;
+    return farm.link === "memory" ? `${bus}, in memory` : farm.parent ? `${bus}, ${farm.link} on ${farm.parent}` : `${bus}, ${farm.link}`;
+  });
   const [active, , again] = useLoaded(() => get("faults"), [], 1);
   const down = pulled(active ? active.faults : []);
   const drives = farm.drives.filter(drive => drive.known);
@@ -39,14 +45,15 @@ export function Topology() {
     again();
   };
   return html`<section aria-label="Topology">
-    <p>${plural(drives.length, "drive")} on a ${farm.link} link${Object.entries(farm.lines).map(([name, line]) => `; ${name}: ${line.way} at ${line.where}`).join("")}. Press a cable to pull it, and again to plug it.</p>
+    <p>${plural(drives.length, "drive")}. Press a cable to pull it, and again to plug it.</p>
     ${groupsOf(drives).map(([controller, members]) => html`<div key=${controller} class="net">
-      <div class=${"controller " + (controller ? "" : "none")}><strong>${controller || "no controller"}</strong><div class="dim">${plural(members.length, "drive")}</div></div>
+      <div class="above"><div class=${"controller " + (controller ? "" : "none")}><strong>${controller || "no controller"}</strong><div class="dim">${plural(members.length, "drive")}</div></div>
+        ${controller ? html`<div class="stem" aria-hidden="true"></div><div class="between">${placesOf(members).map(one => html`<div key=${one}>${one}</div>`)}</div>` : null}</div>
       <ul class="ports">${members.slice(0, MOST).map(drive => html`<li key=${drive.name} class=${down.has(drive.name) ? "cut" : ""}>
         <${Act} kind=${"cable " + (down.has(drive.name) ? "open" : drive.connected ? "live" : "idle")} title=${down.has(drive.name) ? "plug the cable" : "pull the cable"} label=${`${down.has(drive.name) ? "Plug" : "Pull"} the cable of ${drive.name}`} onClick=${() => pull(drive)}>${down.has(drive.name) ? "✕ pulled" : drive.connected ? "━ " + time(drive.cycle_seconds) : "┄ no data"}<//>
-        <a href=${"#/drive/" + encodeURIComponent(drive.name)}>${drive.name}</a> <${State} drive=${drive}/>
-        <span class="dim">${drive.ip || (drive.address ?? "")} ${drive.mac.startsWith("00:00:00") ? "" : drive.mac}</span>
-        <span class="dim">${drive.neighbours.length ? "LLDP: " + drive.neighbours.join(", ") : ""}</span></li>`)}</ul>
+        <div><div class="line"><a href=${"#/drive/" + encodeURIComponent(drive.name)}>${drive.name}</a> <${State} drive=${drive}/></div>
+          <div class="dim small">${[drive.ip || (drive.address === null ? "no address" : `station ${drive.address}`), drive.mac.startsWith("00:00:00") ? "" : drive.mac,
+            drive.neighbours.length ? `hears ${drive.neighbours.join(", ")} by LLDP` : ""].filter(Boolean).join(" · ")}</div></div></li>`)}</ul>
       ${members.length > MOST ? html`<p class="dim">and ${members.length - MOST} more, see the overview</p>` : null}</div>`)}
   </section>`;
 }

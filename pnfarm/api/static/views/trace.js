@@ -24,14 +24,17 @@ function grouped(columns) {
 
 function Picture({recording, signals}) {
   const [plots, words] = useMemo(() => grouped(recording.columns), [recording]);
-  const times = recording.time, range = [times[0] || 0, times[times.length - 1] || 1];
+  const [zoom, setZoom] = useState(null);
+  const [at, setAt] = useState(null);
+  const times = recording.time, range = zoom || [times[0] || 0, times[times.length - 1] || 1];
   const bitsOf = word => signals.filter(one => one.signal.startsWith(word + ".")).map((one, bit) => ({bit, name: one.signal.split(".")[1]}));
   return html`<div>
-    ${plots.map(columns => html`<${Plot} key=${columns.map(one => one.signal).join()} height=${columns[0].form === "real" ? 190 : 110} cursor="trace" range=${range}
+    ${times.length ? html`<p class="dim small">Drag over a plot to zoom all, double-click to go back. The cursor's values stand beside each plot, and each bit's at its row.</p>` : null}
+    ${plots.map((columns, place) => html`<${Plot} key=${recording.time[0] + columns.map(one => one.signal).join()} height=${columns[0].form === "real" ? 190 : 110} cursor="trace" range=${range} onZoom=${setZoom} onCursor=${place === 0 ? setAt : null}
       label=${`${columns.map(one => one.signal).join(", ")} from ${range[0].toFixed(3)} to ${range[1].toFixed(3)} s`}
       series=${columns.map(one => ({label: one.signal, unit: one.unit, stepped: one.form !== "real", names: one.labels}))} data=${[times, ...columns.map(one => one.values)]}/>`)}
     ${words.map(column => html`<div key=${column.signal}><h3>${column.signal}</h3>
-      <${LogicRows} times=${times} values=${column.values} range=${range} bits=${bitsOf(column.signal)} label=${"bits of " + column.signal}/></div>`)}
+      <${LogicRows} times=${times} values=${column.values} range=${range} at=${at} bits=${bitsOf(column.signal)} label=${"bits of " + column.signal}/></div>`)}
     ${times.length ? html`<details><summary>As a table (${plural(times.length, "sample")})</summary><div class="scroll" tabindex="0" role="region" aria-label="Samples"><table>
       <thead><tr><th scope="col" class="number">s</th>${recording.columns.map(one => html`<th key=${one.signal} scope="col" class="number">${one.signal} ${one.unit}</th>`)}</tr></thead>
       <tbody>${times.slice(0, 200).map((at, place) => html`<tr key=${place}><td class="number">${at.toFixed(4)}</td>${recording.columns.map(one => html`<td key=${one.signal} class="number">${+(+one.values[place]).toPrecision(6)}</td>`)}</tr>`)}</tbody></table></div>

@@ -23,7 +23,7 @@ from pnfarm.buses.ethernetip.device.objects.values import CipValues
 from pnfarm.buses.ethernetip.device.offers import assemblies_of, connection_settings
 from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.buses.ethernetip.device.traffic import Traffic
-from pnfarm.buses.ethernetip.device.view import connection_of, losses_in_words, view_of
+from pnfarm.buses.ethernetip.device.view import connection_of, details_of, losses_in_words, view_of
 from pnfarm.errors import InternalError
 from pnfarm.protocols.enip.adapter import Adapter, AdapterData
 from pnfarm.protocols.enip.encapsulation import EncapsulationSettings, SendDatagram, SendStream
@@ -445,6 +445,10 @@ class EthernetIpDevice:
         """See :class:`pnfarm.station.device.Device`."""
         del now
         return view_of(self)
+
+    def details(self) -> dict[str, Any]:
+        """See :class:`pnfarm.station.device.Device`."""
+        return details_of(self)
 
     def originator_name(self, connection: Connection) -> str:
         """Vendor and serial number of a connection's originator: it has no name."""

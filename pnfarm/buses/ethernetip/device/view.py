@@ -13,8 +13,9 @@ from pnfarm.wire.mac import format_mac
 if TYPE_CHECKING:
     from pnfarm.buses.ethernetip.device.channels import IoChannels
     from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
+    from pnfarm.protocols.enip.connection import Connection
 
-__all__ = ["CONNECTION_STATES", "USUAL_LOSSES", "connection_of", "losses_in_words", "view_of"]
+__all__ = ["CONNECTION_STATES", "USUAL_LOSSES", "connection_of", "details_of", "losses_in_words", "view_of"]
 
 #: States of a connection in the order of their numbers, from 1.
 CONNECTION_STATES = tuple(state.value for state in ConnectionState)
@@ -62,25 +63,70 @@ def losses_in_words(device: EthernetIpDevice) -> dict[str, int]:
 
 
 def view_of(device: EthernetIpDevice) -> dict[str, Any]:
-    """Address, sessions, connections: a drive's data that only EtherNet/IP has."""
+    """Name and address: a drive's data that only EtherNet/IP has."""
     config = device.config
     return {
         "station_name": device.name,
         "ip": str(config.ip) if config.ip is not None else None,
         "gateway": str(config.gateway) if config.gateway is not None else None,
         "ip_conflict": format_mac(mac) if (mac := device.address.conflict_mac) is not None else None,
+    }
+
+
+def details_of(device: EthernetIpDevice) -> dict[str, Any]:
+    """Sessions, and each row of the Connection Manager's table."""
+    return {
         "sessions": device.adapter.encapsulation.sessions,
         "connections": [
             {
                 "kind": connection.kind.value,
                 "ip": str(connection.originator),
                 "originator": device.originator_name(connection),
+                "serial": f"0x{connection.triad.serial:04X}",
                 "state": connection.state.value,
                 "rpi_seconds": connection.o_to_t_api_us / 1e6,
                 "production_seconds": connection.t_to_o_api_us / 1e6,
                 "timeout_seconds": connection.timeout_ns / 1e9,
                 "multicast": connection.multicast,
+                "channels": list(_channels(connection)),
             }
             for connection in device.adapter.manager.connections.values()
         ],
     }
+
+
+def _channels(connection: Connection) -> list[dict[str, Any]]:
+    """Both directions of a connection; none of an explicit one."""
+    offer = connection.offer
+    if offer is None:
+        return []
+    received = _places(offer.consumed, offer.consumed_octets, header=offer.consumed_header)
+    sent = _places(offer.produced, offer.produced_octets, header=offer.produced_header)
+    return [
+        {
+            "direction": "received",
+            "id": f"0x{connection.o_to_t_id:08X}",
+            "octets": connection.o_to_t_size,
+            "cycle_seconds": connection.o_to_t_api_us / 1e6,
+            "timeout_seconds": connection.timeout_ns / 1e9,
+            "places": received,
+        },
+        {
+            "direction": "sent",
+            "id": f"0x{connection.t_to_o_id:08X}",
+            "octets": connection.t_to_o_size,
+            "cycle_seconds": connection.t_to_o_api_us / 1e6,
+            "timeout_seconds": None,
+            "places": sent,
+        },
+    ]
+
+
+def _places(assembly: int, octets: int, *, header: bool) -> list[dict[str, Any]]:
+    """What is where in a connected data item: sequence count, run/idle header, data of the assembly."""
+    found: list[dict[str, Any]] = [{"of": "", "what": "sequence count", "offset": 0, "octets": 2}]
+    if header and octets:
+        found.append({"of": "", "what": "run/idle header", "offset": 2, "octets": 4})
+    if octets:
+        found.append({"of": f"assembly {assembly}", "what": "data", "offset": 2 + 4 * header, "octets": octets})
+    return found

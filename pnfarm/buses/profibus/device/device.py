@@ -15,7 +15,7 @@ from pnfarm.buses.profibus.device.kept_values import check_kept
 from pnfarm.buses.profibus.device.product import Product
 from pnfarm.buses.profibus.device.station_address import DEFAULT_ADDRESS, station_address
 from pnfarm.buses.profibus.device.user import DriveUser
-from pnfarm.buses.profibus.device.view import connection_of, losses_in_words, view_of
+from pnfarm.buses.profibus.device.view import connection_of, details_of, losses_in_words, view_of
 from pnfarm.drives.network import NoNetwork
 from pnfarm.errors import DecodeError
 from pnfarm.firmware.interpolation import POSITION_MODE
@@ -439,6 +439,10 @@ class ProfibusDevice:
         """See :class:`pnfarm.station.device.Device`."""
         del now
         return view_of(self)
+
+    def details(self) -> dict[str, Any]:
+        """See :class:`pnfarm.station.device.Device`."""
+        return details_of(self)
 
     def note(self, now: int, event: Event) -> None:
         """Something happened to this drive."""

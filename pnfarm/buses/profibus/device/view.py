@@ -20,7 +20,7 @@ from pnfarm.station.device import ConnectionView
 if TYPE_CHECKING:
     from pnfarm.buses.profibus.device.device import ProfibusDevice
 
-__all__ = ["CONNECTION_STATES", "USUAL_LOSSES", "connection_of", "lamps_of", "losses_in_words", "view_of"]
+__all__ = ["CONNECTION_STATES", "USUAL_LOSSES", "connection_of", "details_of", "lamps_of", "losses_in_words", "view_of"]
 
 _STATES = {
     DpState.WAIT_PRM: "WAIT_PRM",
@@ -88,13 +88,18 @@ def view_of(device: ProfibusDevice) -> dict[str, Any]:
         "station_name": device.name,
         "lamps": lamps_of(device),
         "station_address": slave.address,
-        "details": {
-            "address_from": device.address_from,
-            "master": None if slave.master == NO_MASTER else slave.master,
-            "state": _STATES[slave.state],
-            "baud": device.baud if slave.found else None,
-            "clear": slave.clear,
-            "class_2_masters": [master for master, _ in slave.class_two.open],
-            "repeated_requests": slave.repeated,
-        },
+    }
+
+
+def details_of(device: ProfibusDevice) -> dict[str, Any]:
+    """What is set on its line, and by whom."""
+    slave = device.slave
+    return {
+        "address_from": device.address_from,
+        "master": None if slave.master == NO_MASTER else slave.master,
+        "state": _STATES[slave.state],
+        "baud": device.baud if slave.found else None,
+        "clear": slave.clear,
+        "class_2_masters": [master for master, _ in slave.class_two.open],
+        "repeated_requests": slave.repeated,
     }

@@ -29,7 +29,7 @@ from pnfarm.buses.profinet.device.record_memory import records_of
 from pnfarm.buses.profinet.device.snmp import snmp_view
 from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
 from pnfarm.buses.profinet.device.traffic import PortTraffic
-from pnfarm.buses.profinet.device.view import connection_of, losses_in_words, losses_of, view_of
+from pnfarm.buses.profinet.device.view import connection_of, details_of, losses_in_words, losses_of, view_of
 from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError, InternalError
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
@@ -473,6 +473,10 @@ class ProfinetDevice:
     def view(self, now: int) -> dict[str, Any]:
         """See :class:`pnfarm.station.device.Device`."""
         return view_of(self, now)
+
+    def details(self) -> dict[str, Any]:
+        """See :class:`pnfarm.station.device.Device`."""
+        return details_of(self)
 
     # -- inside ------------------------------------------------------------------------------------------------------
 

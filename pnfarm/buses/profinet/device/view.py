@@ -7,16 +7,26 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.protocols.profinet.ar import CmdevState
 from pnfarm.protocols.profinet.errors import abort_label, abort_status, describe_status
+from pnfarm.protocols.profinet.wire.blocks_connect import ArType
 from pnfarm.station.device import ConnectionView
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from pnfarm.buses.profinet.device.channels import ArChannels
     from pnfarm.buses.profinet.device.parts import DeviceParts
+    from pnfarm.protocols.profinet.ar import IocrLayout
 
-__all__ = ["CONNECTION_STATES", "USUAL_LOSSES", "connection_of", "losses_in_words", "losses_of", "view_of"]
+__all__ = [
+    "CONNECTION_STATES",
+    "USUAL_LOSSES",
+    "connection_of",
+    "details_of",
+    "losses_in_words",
+    "losses_of",
+    "view_of",
+]
 
 #: States of a connection in the order of their numbers in ``pnfarm_ar_state``, from 1.
 CONNECTION_STATES = tuple(state.value for state in CmdevState)
@@ -97,3 +107,58 @@ def _neighbours(station: DeviceParts, now: int) -> list[dict[str, Any]]:
         }
         for neighbour in station.neighbours.lldp.neighbours
     ]
+
+
+def details_of(station: DeviceParts) -> dict[str, Any]:
+    """Each AR as its Connect has it, and the layout of its frames."""
+    return {
+        "connections": [
+            {
+                "controller": ar.initiator_name,
+                "ip": str(ar.peer_ip),
+                "state": ar.state.value,
+                "ar_type": _AR_TYPES.get(ar.ar_type, f"0x{ar.ar_type:04X}"),
+                "ar_uuid": str(ar.uuid),
+                "session_key": ar.session_key,
+                "start_up": "advanced" if ar.advanced_startup else "legacy",
+                "channels": [_channel(channel) for channel in ar.iocrs],
+            }
+            for ar in station.cm.ars
+        ]
+    }
+
+
+_AR_TYPES: Mapping[int, str] = {
+    ArType.IOCAR_SINGLE: "IO controller",
+    ArType.IOSAR: "IO supervisor",
+    ArType.IOCAR_SINGLE_RT_CLASS_3: "IO controller, RT class 3",
+    ArType.IOCAR_SR: "IO controller, system redundancy",
+}
+
+
+def _channel(channel: IocrLayout) -> dict[str, Any]:
+    """One IO CR; offsets are those of the C_SDU, behind the frame id."""
+    return {
+        "direction": "sent" if channel.is_input else "received",
+        "id": f"0x{channel.frame_id:04X}",
+        "octets": channel.data_length,
+        "cycle_seconds": channel.cycle_ns / 1e9,
+        "timeout_seconds": None if channel.is_input else channel.data_hold_ns / 1e9,
+        "send_clock_factor": channel.send_clock_factor,
+        "reduction_ratio": channel.reduction_ratio,
+        "phase": channel.phase,
+        "places": sorted(_places(channel), key=lambda place: int(place["offset"])),
+    }
+
+
+def _places(channel: IocrLayout) -> Iterator[dict[str, Any]]:
+    for data in channel.data:
+        place = f"slot {data.slot}, subslot 0x{data.subslot:04X}"
+        if data.data_length:
+            yield {"of": place, "what": "data", "offset": data.data_offset, "octets": data.data_length}
+        if data.iops_offset is not None:
+            yield {"of": place, "what": "provider status", "offset": data.iops_offset, "octets": 1}
+    for status in channel.iocs:
+        if status.iocs_offset is not None:
+            place = f"slot {status.slot}, subslot 0x{status.subslot:04X}"
+            yield {"of": place, "what": "consumer status", "offset": status.iocs_offset, "octets": 1}
