@@ -10,6 +10,7 @@ import json
 import os
 import tempfile
 import time
+from functools import partial
 from ipaddress import IPv4Address, IPv4Interface
 from pathlib import Path
 from typing import Annotated, Any
@@ -101,7 +102,7 @@ def command(
     from pnfarm.cli.demo_run import Demo
     from pnfarm.cli.running import compile_ahead
 
-    anyio.run(compile_ahead)
+    anyio.run(partial(compile_ahead, in_memory=where == "memory"))
     # the times that are shown do not include compilation
     begin = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="pnfarm-demo-") as folder:

@@ -143,7 +143,7 @@ async def _run(
         try:
             with running:
                 controller.check_rights()  # checked before compiling, which may take a minute
-                await compile_ahead()
+                await compile_ahead(in_memory=False)
                 await controller.open()
                 keep_what_is_loaded()
                 opened = True

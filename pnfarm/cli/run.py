@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
@@ -291,11 +292,13 @@ async def _started(
     traced: bool,
 ) -> Outcome:
     from pnfarm.cli.running import compile_ahead, keep_what_is_loaded
+    from pnfarm.config.links import MemoryLink
     from pnfarm.scenario.started import run_started
 
+    compiling = partial(compile_ahead, in_memory=isinstance(config.link, MemoryLink))
     return await run_started(
         binding, config, tell, capture, passing,
-        traced=traced, before=compile_ahead, opened=keep_what_is_loaded,
+        traced=traced, before=compiling, opened=keep_what_is_loaded,
     )  # fmt: skip
 
 

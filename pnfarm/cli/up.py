@@ -287,6 +287,7 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
     from pnfarm.api.server import listen
     from pnfarm.api.token import token_of
     from pnfarm.cli.running import compile_ahead, keep_what_is_loaded, stop_on_signals
+    from pnfarm.config.links import MemoryLink
     from pnfarm.controller.beside import ControllerBeside
     from pnfarm.farm.capture import prepare
     from pnfarm.farm.farm import Farm
@@ -302,7 +303,7 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
         try:
             with running:
                 farm.check_rights()  # checked before compiling, which may take a minute
-                await compile_ahead()
+                await compile_ahead(in_memory=isinstance(config.link, MemoryLink))
                 if capture is not None:
                     prepare()
                 with _starting(len(farm.drives)):

@@ -92,7 +92,7 @@ def _factory_values(firmware: tuple[tuple[str, float], ...]) -> Patch:
 class AxisFields:
     """Writes the axis record of ``handle`` from the drive's stored values and its telegram."""
 
-    __slots__ = ("_generator_set", "_handle", "_positions", "_selection", "_values", "_written")
+    __slots__ = ("_generator_set", "_handle", "_positions", "_records", "_selection", "_values", "_written")
 
     def __init__(self, values: StoredValues, selection: TelegramSelection, handle: AxisHandle) -> None:
         self._values = values
@@ -102,6 +102,8 @@ class AxisFields:
         self._positions: dict[int, tuple[int, float]] = {}
         #: Set points that were written by their PNU: slot -> raw number.
         self._written: dict[int, int] = {}
+        #: Records inside the axis while all fields are written: names that lead there -> record.
+        self._records: dict[tuple[str, ...], Any] = {}
         #: How often a parameter wrote ``ramp_generator``.
         self._generator_set = 0
 
@@ -120,6 +122,7 @@ class AxisFields:
         """Write every field from the values in force."""
         axis, model = self._handle.axis, self._values.model
         self._positions.clear()
+        self._records.clear()
         _factory_values(tuple(model.firmware.items())).apply(axis)
         self._convert_defaults()
         if model.factor_group is not None:
@@ -128,6 +131,7 @@ class AxisFields:
             apply_control_limits(model.control_limits, self._values, axis)
         for parameter in model.axis_parameters:
             self._apply(parameter)
+        self._records.clear()
         self._apply_communication_loss()
         self._apply_fault_actions()
         if model.profidrive.sign_of_life is not None:
@@ -168,37 +172,36 @@ class AxisFields:
     def apply_telegram(self) -> None:
         """Write what comes with the telegram in force: operation mode, tasks, velocity set point, bit of ZSW2."""
         axis, telegram = self._handle.axis, self._selection.telegram
+        settings = axis.profidrive.settings
         if telegram.opmode is not None:
             axis.drive.settings.opmode = telegram.opmode
         slots = self._mapped_slots()
-        axis.profidrive.settings.task_form = telegram.tasks
+        settings.task_form = telegram.tasks
         if telegram.tasks == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
-            axis.profidrive.settings.task_form = TASKS_TABLE
-        axis.profidrive.settings.torque_signals = (TORQUE_LIMIT_POSITIVE in slots) | (
-            TORQUE_LIMIT_NEGATIVE in slots
-        ) << 1
-        axis.profidrive.settings.jog_signals = (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1
+            settings.task_form = TASKS_TABLE
+        settings.torque_signals = (TORQUE_LIMIT_POSITIVE in slots) | (TORQUE_LIMIT_NEGATIVE in slots) << 1
+        settings.jog_signals = (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1
         axis.interpolation.settings.servo_control = XERR in slots and KPC in slots
-        axis.profidrive.settings.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
-        axis.profidrive.settings.feedrate_signal = MT_FEEDRATE in slots
-        axis.profidrive.settings.spare_acceleration = self.fallback(MDI_ACC)
-        axis.profidrive.settings.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
-        axis.profidrive.settings.parameter_channel = self._selection.frame.parameter_words > 0
+        settings.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
+        settings.feedrate_signal = MT_FEEDRATE in slots
+        settings.spare_acceleration = self.fallback(MDI_ACC)
+        settings.pulses_enabled = 0 if telegram.pulses_enabled is None else 1 << telegram.pulses_enabled
+        settings.parameter_channel = self._selection.frame.parameter_words > 0
         self._apply_shown()
-        axis.profidrive.settings.velocity_signal = (
+        settings.velocity_signal = (
             VELOCITY_NSOLL_B if NSOLL_B in slots else VELOCITY_REF_SPEED if REF_SPEED in slots else VELOCITY_NSOLL_A
         )
 
     def _apply_shown(self) -> None:
         """Mapped words that are not actual values: set points echoed as received, and stored parameters."""
-        axis, values = self._handle.axis, self._values
+        values, settings = self._values, self._handle.axis.profidrive.settings
         shown = {signal for signal in self._selection.mapping(setpoint=False) if signal is not None}
         stored = [signal for signal in shown if signal.stored]
-        axis.profidrive.settings.shows = any(signal.readable for signal in shown) | bool(stored) << 1
+        settings.shows = any(signal.readable for signal in shown) | bool(stored) << 1
         for signal in stored:
             parameter = values.model.parameters[signal.number]
             raw = values.array(parameter)[signal.element] if parameter.elements else values.raw(signal.number)
-            axis.profidrive.settings.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >= 1 << 31 else raw
+            settings.shown[signal.slot - FIRST_SHOWN] = raw - (1 << 32) if raw >= 1 << 31 else raw
 
     def fallback(self, slot: int) -> int:
         """The set point that was written as a parameter and applies while the telegram's word is 0; 0 for none."""
@@ -274,9 +277,22 @@ class AxisFields:
             return AXIS.fields[parameter.argument].default
         return raw * self._factor(parameter)
 
+    def _place(self, key: str) -> tuple[Any, str]:
+        """The record that a field is in, and its name there: each record on the way to it takes a microsecond."""
+        *parts, name = AXIS.path(key)
+        way = tuple(parts)
+        record = self._records.get(way)
+        if record is None:
+            record = self._handle.axis
+            for part in parts:
+                record = record[part]
+            self._records[way] = record
+        return record, name
+
     def _apply(self, parameter: Parameter) -> None:
+        record, name = self._place(parameter.argument)
         if parameter.elements:
-            field = AXIS.read(self._handle.axis, parameter.argument)
+            field = record[name]
             for index, raw in enumerate(self._values.array(parameter)):
                 field[index] = self.physical(parameter, raw)
             return
@@ -285,9 +301,9 @@ class AxisFields:
             self._handle.axis.ramp.settings.generator_set = self._generator_set
         value = self.physical(parameter, self._values.raw(parameter.pnu))
         if parameter.index >= 0:
-            AXIS.read(self._handle.axis, parameter.argument)[parameter.index] = value
+            record[name][parameter.index] = value
         else:
-            AXIS.write(self._handle.axis, parameter.argument, value)
+            record[name] = value
 
     def _apply_communication_loss(self) -> None:
         loss = self._values.model.communication_loss

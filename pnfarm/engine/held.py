@@ -11,7 +11,7 @@ from typing import Any
 from pnfarm.engine.signed import signed
 from pnfarm.table.compiled import compiled
 
-__all__ = ["forget", "free_slot", "put", "release_all", "sent_length", "sent_port", "take_first"]
+__all__ = ["copy_octets", "forget", "free_slot", "put", "release_all", "sent_length", "sent_port", "take_first"]
 
 
 @compiled
@@ -26,6 +26,16 @@ def sent_port(ppm: Any, held: Any, row: int) -> int:
     if row >= ppm.shape[0]:
         return signed(held[row - ppm.shape[0]].port)
     return signed(ppm[row].exit) if ppm[row].exit != 0 else signed(ppm[row].port)
+
+
+@compiled
+def copy_octets(place: Any, frame: Any, length: int) -> None:
+    """Copy the first ``length`` octets of a frame into another row of the store.
+
+    A slice would do the same, but with it comes the text of an error about shapes: a second of the compiler's time.
+    """
+    for i in range(min(length, place.shape[0], frame.shape[0])):
+        place[i] = frame[i]
 
 
 @compiled

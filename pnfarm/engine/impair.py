@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.engine import framing
-from pnfarm.engine.held import free_slot, put
+from pnfarm.engine.held import copy_octets, free_slot, put
 from pnfarm.engine.signed import signed
 from pnfarm.table.channel import IOXS_BAD, STATUS_RUN, STATUS_VALID
 from pnfarm.table.compiled import compiled
@@ -289,7 +289,7 @@ def impair_received(
         if slot < 0:
             impairments[owner - 1].overflows += 1
             return IS_LOST if due > now else outcome
-        frames[store + slot, :length] = frame[:length]
+        copy_octets(frames[store + slot], frame, length)
         _hold(
             engine, impairments, held, order, int(engine.held_in), 0, slot, owner, due, number,
             int(consumer.generation), length, place, 0,
@@ -343,7 +343,7 @@ def impair_sent(
                 if slot < 0:
                     row.overflows += 1
                     return IS_LOST
-                frames[store + slot, :length] = frame[:length]
+                copy_octets(frames[store + slot], frame, length)
                 frame = frames[store + slot]
             if kind == LOSS:
                 lost = True
@@ -390,7 +390,7 @@ def impair_sent(
                 impairments[owner - 1].overflows += 1
             return IS_LOST if whole else GOES_ON
         # the first one may be the copy that was changed, in its own slot
-        frames[store + slot, :length] = frame[:length]
+        copy_octets(frames[store + slot], frame, length)
         _hold(
             engine, impairments, held, order, int(engine.held_out), int(engine.busy_out), slot, owner, due, number, 0,
             length, 0, int(provider.port),

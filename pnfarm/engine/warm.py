@@ -4,7 +4,9 @@ For images and installations: the machine code goes to :func:`~pnfarm.table.code
 farm that starts later loads it in half a second.  Nothing is sent, no privilege is needed, and nothing is run.
 
 Numba's compiler is written in Python, so that threads would not help: one process compiles the loops, another one the
-drive's step, which the loops call by its address, and the sending half of a tick.
+drive's step, which the loops call by its address, and the impairment of frames that are sent.  What exchanges frames in
+memory, in virtual time, comes last, and is left out where a farm is to start in real time (``--real-time``): what needs
+it compiles it later.
 
 Machine code is kept per processor type.  Where it is made on one machine and used on another, set
 ``NUMBA_CPU_NAME=generic`` for both.
@@ -28,15 +30,17 @@ import numpy as np
 from numba import typeof
 from numba.core import event
 
-from pnfarm.engine.columns import allocate, lookup_rebuild
+from pnfarm.engine.columns import Columns, allocate, lookup_rebuild
+from pnfarm.engine.impair import impair_sent
 from pnfarm.engine.realtime import run_loop
 from pnfarm.engine.rings import make_ring
-from pnfarm.engine.tick import next_due, next_step, tick, transmit
+from pnfarm.engine.tick import next_due, next_step, tick
 from pnfarm.engine.virtual import run_alone, run_virtual
 from pnfarm.errors import InternalError
 from pnfarm.table.by_address import promise
 from pnfarm.table.compiled import (
     IS_COMPILED,
+    REAL_TIME,
     cache_directory,
     function_count,
     is_cached,
@@ -51,6 +55,10 @@ __all__ = ["Warmed", "main", "warm"]
 
 #: Arguments of the two processes: the loops, and what they call by its address.
 LOOPS, STEP = HALVES = ("--loops", "--step")
+#: Argument: only what a farm needs in real time over interfaces.
+ONLY_REAL_TIME = f"--{REAL_TIME}"
+#: Without colours in its messages: the compiler makes those of all overloads that do not match, and shows none.
+PLAIN = {"NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING": "1"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,37 +101,39 @@ class _Count:
                 self._progress(len(self._done), function_count())
 
 
-def warm(progress: Callable[[int, int], None] | None = None, *, load: bool = True) -> Warmed:
+def warm(progress: Callable[[int, int], None] | None = None, *, load: bool = True, part: str = "") -> Warmed:
     """Compile, or load from the cache, each function that Python calls, with all that it calls.
 
     ``progress`` is called with the number of functions compiled so far, and their total.  Without ``load`` what
-    was just compiled is not loaded into this process.
+    was just compiled is not loaded into this process.  ``part``: only this part of it (:data:`REAL_TIME`).
     """
     started = time.monotonic()
     tell = _Count(progress or (lambda _done, _of: None))
-    cached = is_cached()
+    cached = is_cached(part)
     if IS_COMPILED and not cached:
-        _compile_in_processes(tell)
+        _compile_in_processes(tell, part)
     if load or cached:
         # where something of a complete cache is missing after all, it is compiled here
         with event.install_listener("numba:compile", _Compiled(tell)):
-            _compile_loops()
+            _compile_loops(part)
     directory = cache_directory()
     functions = 0
     if IS_COMPILED:
-        mark_cached()
+        mark_cached(part)
         functions = kept_functions()
     return Warmed(directory, functions, time.monotonic() - started)
 
 
-def _compile_in_processes(tell: Callable[[str], None]) -> None:
+def _compile_in_processes(tell: Callable[[str], None], part: str) -> None:
     """Both halves at once, or one after the other where there is one CPU."""
     at_once = len(os.sched_getaffinity(0)) > 1
     with contextlib.ExitStack() as stack:
         running: list[tuple[subprocess.Popen[str], threading.Thread]] = []
         for half in HALVES:
-            program = [sys.executable, "-m", "pnfarm.engine.warm", half]
-            process = stack.enter_context(subprocess.Popen(program, stdout=subprocess.PIPE, text=True))
+            program = [sys.executable, "-m", "pnfarm.engine.warm", half, *([f"--{part}"] if part else ())]
+            process = stack.enter_context(
+                subprocess.Popen(program, stdout=subprocess.PIPE, text=True, env={**os.environ, **PLAIN})
+            )
             # called before the process is waited for, also when an exception passes
             stack.callback(process.kill)
             assert process.stdout is not None
@@ -147,7 +157,7 @@ def _hear(lines: Iterable[str], tell: Callable[[str], None]) -> None:
         tell(line.strip())
 
 
-def _compile_half(half: str) -> None:
+def _compile_half(half: str, part: str) -> None:
     """What one of the two processes does; it tells the names of functions, a line for each."""
 
     def tell(name: str) -> None:
@@ -159,14 +169,22 @@ def _compile_half(half: str) -> None:
     gc.disable()
     with event.install_listener("numba:compile", _Compiled(tell)):
         if half == LOOPS:
-            _compile_loops()
+            _compile_loops(part)
         else:
-            # the other process needs it at the end of its first function
-            _compile(transmit, allocate(stations=1, axes=1, channels=1), 0)
+            # the other process needs it before its first function is complete
+            _compile_impairment(allocate(stations=1, axes=1, channels=1))
             step()
 
 
-def _compile_loops() -> None:
+def _compile_impairment(columns: Columns) -> None:
+    """What half of sending is: changes to frames and copies of them, for the arguments that a tick calls it with."""
+    _compile(
+        impair_sent, columns.engine[0], columns.impairment, columns.ppm[0], columns.held, columns.held_order,
+        columns.frames, 0, np.int32(0), 0,
+    )  # fmt: skip
+
+
+def _compile_loops(part: str) -> None:
     farm = allocate(stations=1, axes=1, channels=1)
     controller = allocate(stations=1, programs=1, channels=1)
     addresses, ports = np.zeros(0, np.int64), np.zeros(0, np.int32)
@@ -178,6 +196,8 @@ def _compile_loops() -> None:
     near, far = socket.socketpair()
     with near, far:
         _compile(run_loop, farm, make_ring(farm, near), 0, np.ones(1, np.uint64), 1)
+    if part == REAL_TIME:
+        return
     _compile(run_alone, farm, 1, 0)
     _compile(run_virtual, farm, controller, addresses, ports, addresses, ports, 1, 0)
 
@@ -196,16 +216,18 @@ def _say(done: int, functions: int) -> None:
 def main(arguments: Sequence[str] = ()) -> int:
     """Compile everything, and print one line; returns 1 if nothing was compiled because compilation is switched off.
 
-    With ``--progress`` there is a line ``N of M`` for each function that was compiled, before the last one.
+    With ``--real-time`` only what a farm over interfaces needs is compiled; with ``--progress`` there is a line
+    ``N of M`` for each function that was compiled, before the last one.
     """
     if not IS_COMPILED:
         sys.stderr.write("NUMBA_DISABLE_JIT is set, so nothing was compiled: unset it and run this again\n")
         return 1
+    part = REAL_TIME if ONLY_REAL_TIME in arguments else ""
     half = next((half for half in HALVES if half in arguments), "")
     if half:
-        _compile_half(half)
+        _compile_half(half, part)
         return 0
-    done = warm(_say if "--progress" in arguments else None, load=False)
+    done = warm(_say if "--progress" in arguments else None, load=False, part=part)
     sys.stdout.write(f"{done.functions} compiled functions in {done.directory}, {done.seconds:.1f} s\n")
     return 0
 

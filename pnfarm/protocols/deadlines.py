@@ -3,11 +3,30 @@
 from __future__ import annotations
 
 import heapq
-from typing import Final
+from typing import Final, Protocol
 
-__all__ = ["Deadlines"]
+__all__ = ["Deadlines", "Timed", "earliest"]
 
 _SLACK: Final = 64
+
+
+class Timed(Protocol):
+    """What has something to do at a time of its own."""
+
+    def next_deadline(self) -> int | None:
+        """When, nanoseconds; None while it waits for nothing."""
+        ...
+
+
+def earliest(*machines: Timed) -> int | None:
+    """The earliest deadline of some machines."""
+    # a plain loop: this is asked of each drive after each frame
+    first = None
+    for machine in machines:
+        due = machine.next_deadline()
+        if due is not None and (first is None or due < first):
+            first = due
+    return first
 
 
 class Deadlines:

@@ -22,7 +22,10 @@ import numba
 import numpy as np
 from numba.core import caching
 
-__all__ = ["DigestLocator", "cache_directory", "is_cached", "kept_functions", "mark_cached"]
+__all__ = ["REAL_TIME", "DigestLocator", "cache_directory", "is_cached", "kept_functions", "mark_cached"]
+
+#: What a farm in real time over interfaces needs: all but what exchanges frames in memory.
+REAL_TIME = "real-time"
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 #: Packages whose files hold compiled functions.
@@ -120,21 +123,21 @@ def _compiled_files() -> tuple[Path, ...]:
     return tuple(sorted(path for room in _COMPILED_ROOMS for path in (_PACKAGE / room).rglob("*.py")))
 
 
-def _mark() -> Path:
-    """A file that exists when all machine code of these sources, this Numba and this type of processor is cached."""
+def _mark(part: str) -> Path:
+    """A file that exists when the machine code of these sources, this Numba and this type of processor is cached."""
     processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
-    return cache_directory() / f"complete-{_digest(_compiled_files())}-{processor}"
+    return cache_directory() / f"{part or 'complete'}-{_digest(_compiled_files())}-{processor}"
 
 
-def is_cached() -> bool:
-    """Whether all machine code is cached, so that a start needs no compilation."""
-    return _mark().exists()
+def is_cached(part: str = "") -> bool:
+    """Whether all machine code, or all of ``part`` (:data:`REAL_TIME`), is cached: a start needs no compilation."""
+    return any(_mark(one).exists() for one in {"", part})
 
 
-def mark_cached() -> None:
-    """Mark everything as compiled; does nothing where the folder cannot be written."""
+def mark_cached(part: str = "") -> None:
+    """Mark everything, or ``part``, as compiled; does nothing where the folder cannot be written."""
     with contextlib.suppress(OSError):
-        _mark().touch()
+        _mark(part).touch()
 
 
 def kept_functions() -> int:

@@ -18,13 +18,13 @@ from typing import Any, TypeVar, cast
 import numba
 from numba import types
 
-from pnfarm.table.code_cache import cache_directory, is_cached, kept_functions, mark_cached
+from pnfarm.table.code_cache import REAL_TIME, cache_directory, is_cached, kept_functions, mark_cached
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 __all__ = [
-    "IS_COMPILED", "cache_directory", "compiled", "compiled_apart", "function_count", "is_cached", "kept_functions",
-    "mark_cached",
+    "IS_COMPILED", "REAL_TIME", "cache_directory", "compiled", "compiled_apart", "function_count", "is_cached",
+    "kept_functions", "mark_cached",
 ]  # fmt: skip
 
 

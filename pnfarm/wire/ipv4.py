@@ -5,11 +5,13 @@ Options are skipped on reception and never sent.
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
+from functools import lru_cache
 from ipaddress import IPv4Address
 
 from pnfarm.errors import DecodeError
-from pnfarm.wire.octets import Reader, Writer
+from pnfarm.wire.octets import Reader, pack
 
 __all__ = [
     "HEADER_LENGTH",
@@ -29,6 +31,11 @@ PROTOCOL_UDP = 17
 HEADER_LENGTH = 20
 #: Octets of the longest packet, header included.
 MAXIMUM_LENGTH = 0xFFFF
+
+#: Version and header length, TOS, total length, identification, flags, TTL, protocol, checksum, the two addresses.
+_HEADER = struct.Struct(">BBHHHBBHII")
+#: Addresses as objects; those of one network come again and again.
+_address = lru_cache(4096)(IPv4Address)
 
 _DONT_FRAGMENT = 0x4000
 _MORE_FRAGMENTS = 0x2000
@@ -70,22 +77,18 @@ def parse_ipv4(data: bytes | bytearray | memoryview, *, verify_checksum: bool = 
     header_length = (first & 0x0F) * 4
     if first >> 4 != 4:
         raise DecodeError("bad-version", f"version {first >> 4}")
-    tos = reader.u8()
+    reader.skip(1)
     total_length = reader.u16()
     if header_length < HEADER_LENGTH or total_length < header_length:
         raise DecodeError("bad-length", f"header {header_length}, total {total_length} octets")
-    identification = reader.u16()
-    flags = reader.u16()
-    ttl, protocol = reader.u8(), reader.u8()
-    reader.skip(2)  # the checksum, which covers itself
-    source, destination = IPv4Address(reader.u32()), IPv4Address(reader.u32())
-    reader.skip(header_length - HEADER_LENGTH)
+    reader.skip(header_length - reader.position)
+    _, tos, _, identification, flags, ttl, protocol, _, source, destination = _HEADER.unpack_from(view)
     payload = reader.bytes(total_length - header_length)
     if verify_checksum and internet_checksum(view[:header_length]):
         raise DecodeError("bad-checksum", "IPv4 header")
     return Ipv4Packet(
-        source=source,
-        destination=destination,
+        source=_address(source),
+        destination=_address(destination),
         protocol=protocol,
         payload=payload,
         ttl=ttl,
@@ -103,8 +106,7 @@ def emit_ipv4(packet: Ipv4Packet) -> bytes:
         raise ValueError(f"a fragment offset is a multiple of 8 up to 65528, not {packet.fragment_offset}")
     flags = packet.fragment_offset // 8
     flags |= _DONT_FRAGMENT * packet.dont_fragment | _MORE_FRAGMENTS * packet.more_fragments
-    writer = Writer().u8(0x45).u8(packet.tos).u16(HEADER_LENGTH + len(packet.payload))
-    writer.u16(packet.identification).u16(flags).u8(packet.ttl).u8(packet.protocol).u16(0)
-    writer.bytes(packet.source.packed).bytes(packet.destination.packed)
-    writer.patch_u16(10, internet_checksum(writer.getvalue()))
-    return writer.bytes(packet.payload).getvalue()
+    length, addresses = HEADER_LENGTH + len(packet.payload), (int(packet.source), int(packet.destination))
+    about = 0x45, packet.tos, length, packet.identification, flags, packet.ttl, packet.protocol
+    checksum = internet_checksum(pack(_HEADER, *about, 0, *addresses))
+    return pack(_HEADER, *about, checksum, *addresses) + packet.payload

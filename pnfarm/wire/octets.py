@@ -13,7 +13,15 @@ import struct
 
 from pnfarm.errors import DecodeError
 
-__all__ = ["Reader", "Writer"]
+__all__ = ["Reader", "Writer", "pack"]
+
+
+def pack(layout: struct.Struct, *fields: int | builtins.bytes) -> builtins.bytes:
+    """A header of fixed layout, at once; :class:`ValueError` when a field does not fit, as of :class:`Writer`."""
+    try:
+        return layout.pack(*fields)
+    except struct.error as exc:
+        raise ValueError(f"a field does not fit into its place in a header: {exc}") from exc
 
 
 class Reader:

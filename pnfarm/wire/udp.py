@@ -7,13 +7,14 @@ a caller can drop damaged datagrams.
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
 from pnfarm.wire.ipv4 import PROTOCOL_UDP, internet_checksum
-from pnfarm.wire.octets import Reader, Writer
+from pnfarm.wire.octets import Reader, pack
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 __all__ = ["HEADER_LENGTH", "ChecksumState", "UdpDatagram", "emit_udp", "parse_udp", "udp_checksum"]
 
 HEADER_LENGTH = 8
+#: Source and destination port, length, checksum.
+_HEADER = struct.Struct(">HHHH")
+#: The two addresses, a zero, the protocol, the length.
+_PSEUDO_HEADER = struct.Struct(">II2BH")
 
 
 class ChecksumState(Enum):
@@ -45,9 +50,8 @@ class UdpDatagram:
 def parse_udp(data: bytes | bytearray | memoryview) -> UdpDatagram:
     """Datagram from an IPv4 payload; reasons ``short`` and ``bad-length``. The checksum is not checked."""
     reader = Reader(data)
-    source_port, destination_port = reader.u16(), reader.u16()
-    length = reader.u16()
-    reader.skip(2)
+    reader.skip(HEADER_LENGTH)
+    source_port, destination_port, length, _ = _HEADER.unpack_from(data)
     if length < HEADER_LENGTH:
         raise DecodeError("bad-length", f"{length} octets, a header alone has {HEADER_LENGTH}")
     return UdpDatagram(source_port, destination_port, reader.bytes(length - HEADER_LENGTH))
@@ -56,9 +60,10 @@ def parse_udp(data: bytes | bytearray | memoryview) -> UdpDatagram:
 def emit_udp(datagram: UdpDatagram, source: IPv4Address, destination: IPv4Address) -> bytes:
     """Octets of a datagram with its checksum, which covers the two IPv4 addresses as well."""
     length = HEADER_LENGTH + len(datagram.data)
-    writer = Writer().u16(datagram.source_port).u16(datagram.destination_port).u16(length).u16(0).bytes(datagram.data)
-    checksum = internet_checksum(_pseudo_header(length, source, destination) + writer.getvalue())
-    return writer.patch_u16(6, checksum or 0xFFFF).getvalue()  # 0 on the wire means: no checksum
+    about = datagram.source_port, datagram.destination_port, length
+    summed = _pseudo_header(length, source, destination) + pack(_HEADER, *about, 0) + datagram.data
+    # 0 on the wire means: no checksum
+    return pack(_HEADER, *about, internet_checksum(summed) or 0xFFFF) + datagram.data
 
 
 def udp_checksum(data: bytes | bytearray | memoryview, source: IPv4Address, destination: IPv4Address) -> ChecksumState:
@@ -77,4 +82,4 @@ def udp_checksum(data: bytes | bytearray | memoryview, source: IPv4Address, dest
 
 
 def _pseudo_header(length: int, source: IPv4Address, destination: IPv4Address) -> bytes:
-    return Writer().bytes(source.packed).bytes(destination.packed).u8(0).u8(PROTOCOL_UDP).u16(length).getvalue()
+    return pack(_PSEUDO_HEADER, int(source), int(destination), 0, PROTOCOL_UDP, length)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 
 import anyio
 import pytest
@@ -16,17 +17,17 @@ from pnfarm.table import compiled
 def uncompiled(monkeypatch, tmp_path):
     """A machine whose cache is empty, and whose compiler is a script of the test."""
     monkeypatch.setattr(compiled, "IS_COMPILED", True)
-    monkeypatch.setattr(compiled, "is_cached", lambda: False)
+    monkeypatch.setattr(compiled, "is_cached", lambda _part: False)
     monkeypatch.setattr(compiled, "cache_directory", lambda: tmp_path)
     monkeypatch.setattr(running.settings, "log_format", "json")
 
-    def compiler(body):
+    def compiler(body, *, in_memory=True):
         script = tmp_path / "compiler"
         script.write_text(f"#!/bin/sh\n{body}\n")
         script.chmod(0o755)
         monkeypatch.setattr(running.sys, "executable", str(script))
         with structlog.testing.capture_logs() as lines:
-            anyio.run(running.compile_ahead)
+            anyio.run(partial(running.compile_ahead, in_memory=in_memory))
         return lines
 
     return compiler
@@ -67,7 +68,8 @@ def test_the_demo_counts_from_after_the_compilation(monkeypatch):
     clock = [5.0]
     begun = []
 
-    async def compile_ahead():
+    async def compile_ahead(*, in_memory):
+        assert in_memory
         clock[0] = 65.0
 
     class Demo:
@@ -94,6 +96,24 @@ def test_machine_code_is_ready_only_when_all_of_it_is(monkeypatch, tmp_path):
     # other sources, another version, another bounds check
     monkeypatch.setenv("NUMBA_BOUNDSCHECK", "other")
     assert not compiled.is_cached()
+
+
+def test_what_real_time_needs_can_be_ready_without_the_rest(monkeypatch, tmp_path):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    compiled.mark_cached(compiled.REAL_TIME)
+    assert compiled.is_cached(compiled.REAL_TIME)
+    assert not compiled.is_cached()
+    (tmp_path / "all").mkdir()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "all"))
+    compiled.mark_cached()
+    assert compiled.is_cached(compiled.REAL_TIME)
+
+
+def test_only_a_farm_in_memory_waits_for_what_exchanges_frames_in_memory(uncompiled, tmp_path):
+    asked = tmp_path / "compiler.asked"
+    for in_memory, arguments in ((True, "--progress"), (False, "--progress --real-time")):
+        uncompiled('echo "$@" > "$0.asked"', in_memory=in_memory)
+        assert asked.read_text().strip() == f"-m pnfarm.engine.warm {arguments}"
 
 
 def test_a_missing_cache_folder_is_no_error(monkeypatch, tmp_path):

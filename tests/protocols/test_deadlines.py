@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.protocols.deadlines import Deadlines
+from pnfarm.protocols.deadlines import Deadlines, earliest
 
 
 def test_the_earliest_is_taken_first_and_once():
@@ -45,3 +45,16 @@ def test_any_settings_give_what_a_scan_gives(settings):
     taken = deadlines.take(25)
     assert sorted(taken) == sorted(key for key, due in plain.items() if due <= 25)
     assert [plain[key] for key in taken] == sorted(plain[key] for key in taken)
+
+
+class Machine:
+    def __init__(self, due):
+        self.due = due
+
+    def next_deadline(self):
+        return self.due
+
+
+@given(st.lists(st.none() | st.integers(0, 50), max_size=8))
+def test_the_earliest_of_some_machines_is_the_least_of_those_that_wait(dues):
+    assert earliest(*map(Machine, dues)) == min((due for due in dues if due is not None), default=None)

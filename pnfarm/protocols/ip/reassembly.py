@@ -99,10 +99,12 @@ class Reassembler:
 
     def next_deadline(self) -> int | None:
         """When the oldest packet in progress is given up."""
-        return min((partial.deadline for partial in self._partials.values()), default=None)
+        return min(partial.deadline for partial in self._partials.values()) if self._partials else None
 
     def handle_timeout(self, now: int) -> None:
         """Give up packets that are incomplete for too long."""
+        if not self._partials:
+            return
         for key in [key for key, partial in self._partials.items() if partial.deadline <= now]:
             del self._partials[key]
             self._dropped["fragment-timeout"] += 1

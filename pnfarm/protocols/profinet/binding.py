@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.deadlines import earliest
 from pnfarm.protocols.profinet.description import (
     MAX_REDUCTION,
     REDUCTION_RATIOS,
@@ -192,7 +193,7 @@ class DriveRecords:
 
     def next_deadline(self) -> int | None:
         """When a request is to be carried out."""
-        return min((due for c in self.channels.values() if (due := c.next_deadline()) is not None), default=None)
+        return earliest(*self.channels.values())
 
     def handle_timeout(self, now: int) -> None:
         for channel in self.channels.values():

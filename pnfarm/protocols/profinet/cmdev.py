@@ -164,8 +164,9 @@ class CmDevice:
         return self.alarms.to_send()
 
     def next_deadline(self) -> int | None:
-        deadlines = (min(self._deadlines.values(), default=None), self.alarms.next_deadline())
-        return min((d for d in deadlines if d is not None), default=None)
+        first = min(self._deadlines.values()) if self._deadlines else None
+        alarm = self.alarms.next_deadline()
+        return first if alarm is None or (first is not None and first < alarm) else alarm
 
     def handle_timeout(self, now: int) -> None:
         """Abort every AR whose controller was inactive too long during start-up; repeat alarms."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.deadlines import earliest
 from pnfarm.protocols.profinet.alarm import (
     AlarmAcknowledged,
     AlarmChannel,
@@ -245,8 +246,7 @@ class DeviceAlarms:
         return drained
 
     def next_deadline(self) -> int | None:
-        deadlines = (line.channel.next_deadline() for line in self._lines.values())
-        return min((d for d in deadlines if d is not None), default=None)
+        return earliest(*(line.channel for line in self._lines.values())) if self._lines else None
 
     def handle_timeout(self, now: int) -> None:
         for key, line in list(self._lines.items()):

@@ -378,7 +378,7 @@ class PhysicalDevice:
 
     def next_deadline(self) -> int | None:
         """When a neighbour that was never heard counts as missing."""
-        return min(self._grace_until.values(), default=None)
+        return min(self._grace_until.values()) if self._grace_until else None
 
     def handle_timeout(self, now: int) -> None:
         self.evaluate(now)

@@ -99,6 +99,14 @@ class RpcServer:
         own = () if self._mapper is None else (Interface(UUID_EPM, self._mapper.opnums, self._mapper.version),)
         self._offer = Offer((*config.interfaces, *own), config.endpoints, config.boot_time)
         self._activities = ActivityTable(config.activities_max, config.held_octets_max, self.dropped)
+        self._waits: dict[ServerState, int] = {
+            ServerState.IDLE: config.idle_ns,
+            ServerState.RECEIVING: config.reassembly_ns,
+            ServerState.EXECUTING: config.execution_ns,
+            ServerState.ORPHANED: config.execution_ns,
+            ServerState.REPLYING: config.fragment_retry_ns,
+            ServerState.REPLIED: config.reply_ns,
+        }
         self._out: list[Datagram] = []
         self._events: list[ServerEvent] = []
         self.late: LateAnswers | None = None
@@ -306,19 +314,11 @@ class RpcServer:
 
     def _enter(self, activity: Activity, state: ServerState, now: int) -> None:
         """Move a row to a state and set its deadline; no other place does."""
-        stays = state is activity.state
-        if stays and state in {ServerState.EXECUTING, ServerState.ORPHANED, ServerState.REPLYING}:
+        if state is not activity.state:
+            self._activities.move(activity, state)
+        elif state is ServerState.EXECUTING or state is ServerState.ORPHANED or state is ServerState.REPLYING:
             return
-        self._activities.move(activity, state)
-        waits = {
-            ServerState.IDLE: self.config.idle_ns,
-            ServerState.RECEIVING: self.config.reassembly_ns,
-            ServerState.EXECUTING: self.config.execution_ns,
-            ServerState.ORPHANED: self.config.execution_ns,
-            ServerState.REPLYING: self.config.fragment_retry_ns,
-            ServerState.REPLIED: self.config.reply_ns,
-        }
-        activity.deadline = now + waits[state]
+        activity.deadline = now + self._waits[state]
 
     # receiving
 

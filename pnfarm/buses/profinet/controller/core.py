@@ -453,8 +453,8 @@ class ControllerCore:
             self._tail = head - size
             self._expired_unseen(now)
         while self._tail < head:
-            event = self.columns.events[self._tail % size]
-            kind, row, when, value = int(event.kind), int(event.row), int(event.now_ns), int(event.value)
+            # as a tuple, in the order of the layout: each attribute would take a microsecond
+            kind, row, when, value = self.columns.events[self._tail % size].item()
             self._tail += 1
             if kind == engine_row.EXPIRED:
                 self._expired(self.sessions[int(self.columns.cpm[row].image)], row, now)

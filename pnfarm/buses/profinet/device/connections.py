@@ -78,7 +78,7 @@ class StationConnections:
 
     def next_deadline(self) -> int | None:
         """When an ApplicationReady that is held back is due."""
-        return min((entry[0] for entry in self._ready_due), default=None)
+        return min(entry[0] for entry in self._ready_due) if self._ready_due else None
 
     def handle_timeout(self, now: int) -> None:
         for entry in [e for e in self._ready_due if e[0] <= now]:

@@ -32,6 +32,7 @@ from pnfarm.buses.profinet.device.traffic import PortTraffic
 from pnfarm.buses.profinet.device.view import connection_of, details_of, losses_in_words, losses_of, view_of
 from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError, InternalError
+from pnfarm.protocols.deadlines import earliest
 from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
 from pnfarm.protocols.profinet.binding import describe_device
 from pnfarm.protocols.profinet.cmdev import CmDevice
@@ -371,11 +372,7 @@ class ProfinetDevice:
 
     def next_deadline(self) -> int | None:
         """See :class:`pnfarm.station.device.Device`."""
-        deadlines = [machine.next_deadline() for machine in self._machines]
-        deadlines.append(self.connections.next_deadline())
-        deadlines.append(self.parameter_records.next_deadline())
-        deadlines.append(self.parameter_words.next_deadline())
-        return min((d for d in deadlines if d is not None), default=None)
+        return earliest(*self._machines, self.connections, self.parameter_records, self.parameter_words)
 
     def handle_timeout(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""

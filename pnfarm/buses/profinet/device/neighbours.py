@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.device.events import NeighbourEvent, NeighbourLost, PortCheckFailed, PortCheckPassed
+from pnfarm.protocols.deadlines import earliest
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.lldp import (
     LldpPort,
@@ -120,8 +121,7 @@ class StationNeighbours:
         return self.lldp.dropped
 
     def next_deadline(self) -> int | None:
-        deadlines = (self.lldp.next_deadline(), self.pdev.next_deadline())
-        return min((d for d in deadlines if d is not None), default=None)
+        return earliest(self.lldp, self.pdev)
 
     def handle_timeout(self, now: int) -> None:
         self.lldp.handle_timeout(now)

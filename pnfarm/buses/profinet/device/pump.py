@@ -24,6 +24,8 @@ from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pnfarm.buses.profinet.device.device import ProfinetDevice
 
 __all__ = ["CALL_PORT", "DevicePump"]
@@ -43,6 +45,10 @@ class DevicePump:
         self._calls: dict[int, int] = {}
         #: A reset that restarts the drive was requested, and its response is still to be sent.
         self._reboot_due = False
+        self._steps: tuple[Callable[[int], bool], ...] = (
+            self._dcp, self._neighbours, self._ip, self._rpc, self._context_management, self._snmp,
+            device.station.pump_drive,
+        )  # fmt: skip
 
     def forget_calls(self) -> None:
         """The machines are recreated: no open call is left."""
@@ -57,10 +63,7 @@ class DevicePump:
         moved = True
         while moved:
             moved = False
-            for step in (
-                self._dcp, self._neighbours, self._ip, self._rpc, self._context_management, self._snmp,
-                device.station.pump_drive,
-            ):  # fmt: skip
+            for step in self._steps:
                 moved = step(now) or moved
         for datagram in (*device.rpc.to_send(now), *device.client.to_send(now), *device.snmp.to_send(now)):
             device.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
@@ -197,7 +200,10 @@ class DevicePump:
             device.connections.take(event, now)
             for listener in device.connections.listeners:
                 listener(event, now)
-        for call_id in [call_id for call_id, token in self._calls.items() if not device.cm.awaits(token)]:
+        ended = (
+            [call_id for call_id, token in self._calls.items() if not device.cm.awaits(token)] if self._calls else ()
+        )
+        for call_id in ended:
             # its connection ended: a controller that reconnects would assign it to the new connection
             device.client.forget(call_id, now)
             del self._calls[call_id]

@@ -100,7 +100,7 @@ class ParameterChannel:
 
     def next_deadline(self) -> int | None:
         """When a request's time is over."""
-        return min((due for due, _ in self._working.values()), default=None)
+        return min(due for due, _ in self._working.values()) if self._working else None
 
     def handle_timeout(self, now: int) -> None:
         """Carry out the requests whose time is over, in the order in which it ended."""

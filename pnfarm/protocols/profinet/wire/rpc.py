@@ -10,13 +10,15 @@ big-endian always and stay opaque here.
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
+from functools import lru_cache
 from typing import Final
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
-from pnfarm.wire.octets import Reader, Writer
+from pnfarm.wire.octets import Reader, Writer, pack
 
 __all__ = [
     "ARGS_HEADER_LENGTH",
@@ -181,7 +183,13 @@ def read_u32(reader: Reader, *, little: bool) -> int:
 
 
 def read_uuid(reader: Reader, *, little: bool) -> UUID:
-    return UUID(bytes_le=reader.bytes(16)) if little else UUID(bytes=reader.bytes(16))
+    return _uuid(reader.bytes(16), little=little)
+
+
+@lru_cache(4096)
+def _uuid(octets: bytes, *, little: bool) -> UUID:
+    """Interfaces, objects and activities come in each PDU of a call."""
+    return UUID(bytes_le=octets) if little else UUID(bytes=octets)
 
 
 def write_u16(writer: Writer, value: int, *, little: bool) -> None:
@@ -200,6 +208,12 @@ def write_u32(writer: Writer, value: int, *, little: bool) -> None:
 
 def write_uuid(writer: Writer, value: UUID, *, little: bool) -> None:
     writer.bytes(value.bytes_le if little else value.bytes)
+
+
+_LAYOUT: Final = "4B3sB16s16s16s3I5H2B"
+"""The header from the version to the lower half of the serial number (C706 12.5.1)."""
+_HEADERS: Final = (struct.Struct(f">{_LAYOUT}"), struct.Struct(f"<{_LAYOUT}"))
+"""Big-endian and little-endian."""
 
 
 # --- the PDU (C706 12.5.1) ---------------------------------------------------------------------------------
@@ -266,22 +280,22 @@ def parse_rpc(data: bytes) -> RpcPdu:
     version = reader.u8()
     if version != RPC_VERSION:
         raise DecodeError("bad-version", f"RPC version {version}, {RPC_VERSION} is the connectionless one")
-    packet_type, flags1, flags2 = reader.u8(), reader.u8(), reader.u8()
+    reader.skip(3)
     representation = reader.bytes(3)
     if representation[0] >> 4 > 1:
         raise DecodeError("bad-drep", f"integer format {representation[0] >> 4}")
     little = representation[0] >> 4 == 1
-    serial_high = reader.u8()
-    object_, interface, activity = (read_uuid(reader, little=little) for _ in range(3))
-    boot_time, interface_version, sequence = (read_u32(reader, little=little) for _ in range(3))
-    opnum, interface_hint, activity_hint, length, fragment = (read_u16(reader, little=little) for _ in range(5))
-    auth_protocol, serial_low = reader.u8(), reader.u8()
+    reader.skip(HEADER_LENGTH - reader.position)
+    (
+        _, packet_type, flags1, flags2, _, serial_high, object_, interface, activity, boot_time, interface_version,
+        sequence, opnum, interface_hint, activity_hint, length, fragment, auth_protocol, serial_low,
+    ) = _HEADERS[little].unpack_from(data)  # fmt: skip
     body = reader.bytes(length)
     return RpcPdu(
         packet_type=packet_type,
-        interface=interface,
-        activity=activity,
-        object_uuid=object_,
+        interface=_uuid(interface, little=little),
+        activity=_uuid(activity, little=little),
+        object_uuid=_uuid(object_, little=little),
         sequence=sequence,
         opnum=opnum,
         body=body,
@@ -304,16 +318,16 @@ def emit_rpc(pdu: RpcPdu) -> bytes:
     little = pdu.little_endian
     if len(pdu.drep) != 3:
         raise ValueError(f"data representation has {len(pdu.drep)} octets, 3 are expected")
-    writer = Writer()
-    writer.u8(RPC_VERSION).u8(pdu.packet_type).u8(pdu.flags1).u8(pdu.flags2).bytes(pdu.drep).u8(pdu.serial >> 8)
-    for identifier in (pdu.object_uuid, pdu.interface, pdu.activity):
-        write_uuid(writer, identifier, little=little)
-    for word in (pdu.server_boot_time, pdu.interface_version, pdu.sequence):
-        write_u32(writer, word, little=little)
-    for half in (pdu.opnum, pdu.interface_hint, pdu.activity_hint, len(pdu.body), pdu.fragment_number):
-        write_u16(writer, half, little=little)
-    writer.u8(pdu.auth_protocol).u8(pdu.serial & 0xFF).bytes(pdu.body).bytes(pdu.trailer)
-    return writer.getvalue()
+    identifiers = pdu.object_uuid, pdu.interface, pdu.activity
+    header = pack(
+        _HEADERS[little],
+        RPC_VERSION, pdu.packet_type, pdu.flags1, pdu.flags2, pdu.drep, pdu.serial >> 8,
+        *(identifier.bytes_le if little else identifier.bytes for identifier in identifiers),
+        pdu.server_boot_time, pdu.interface_version, pdu.sequence,
+        pdu.opnum, pdu.interface_hint, pdu.activity_hint, len(pdu.body), pdu.fragment_number,
+        pdu.auth_protocol, pdu.serial & 0xFF,
+    )  # fmt: skip
+    return header + pdu.body + pdu.trailer
 
 
 # --- PNIOStatus (IEC 61158-6-10, 5.2.6) --------------------------------------------------------------------
