@@ -18,8 +18,8 @@ from pnfarm.errors import InternalError
 
 __all__ = ["LIMIT_CORES", "Load", "Mark", "Process", "cpu_times", "load_between", "process_of", "used_by_tree"]
 
-#: Above it a figure judges nothing, in cores.  A process that takes a twentieth of a core also takes cache, and delays a
-#: tick in twenty: as much as a goal of 0.95 x the floor has to give.  What the kernel does by itself stays below it.
+#: Above it a figure judges nothing, in cores.  A process that takes a twentieth of a core also takes cache, and delays
+#: a tick in twenty: as much as a goal of 0.95 x the floor has to give.  What the kernel does by itself stays below it.
 LIMIT_CORES = 0.05
 #: The kernel counts in steps of 10 ms, several of them: a short measurement is not called disturbed for that, s.
 RESOLUTION_SECONDS = 0.05
@@ -127,4 +127,5 @@ class Load:
     @property
     def disturbing(self) -> float | None:
         """Cores of others if they are more than a figure stands, None otherwise."""
-        return self.cores if self.seconds > LIMIT_CORES * self.wall + RESOLUTION_SECONDS else None
+        cores = self.cores
+        return cores if self.seconds > LIMIT_CORES * self.wall + RESOLUTION_SECONDS else None

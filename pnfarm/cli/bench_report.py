@@ -93,8 +93,8 @@ def _reading(results: Sequence[Result]) -> list[str]:
         "## How to read them",
         "",
         f"- `beside load`: others used more than {LIMIT_CORES:g} of a core during the windows of that benchmark.",
-        "  It is what all CPUs did and what the hypervisor took, less what the benchmark's own processes used. Such a row",
-        "  judges nothing; if nothing else missed its goal, `pnfarm bench` ends with 3.",
+        "  It is what all CPUs did and what the hypervisor took, less what the benchmark's own processes used. Such a",
+        "  row judges nothing; if nothing else missed its goal, `pnfarm bench` ends with 3.",
     ]
     few, many = values.get("cpu-16-drives"), values.get("cpu-512-drives")
     if few is not None and many is not None:
