@@ -105,7 +105,8 @@ def _storm(seconds: float, realtime: dict[str, int], load: Load) -> _Storm:
             plc.ask("connected 120")
             connected = plc.answer()
             took = time.monotonic() - start
-        during, quiet = difference(begin, _marks(farm)), difference(before, begin)
+            end = _marks(farm)
+        during, quiet = difference(begin, end), difference(before, begin)
         lost = during["expirations"] + _marks(calm)["expirations"]
     if not connected["connected"]:
         raise InternalError("256 drives did not connect within 120 s")
