@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 import struct
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.cli.bench_line import (
     FARM_CPU,
@@ -13,11 +13,16 @@ from pnfarm.cli.bench_line import (
     PEER,
     PEER_CPU,
     Child,
-    Result,
     both_ends,
+    cores,
+    expirations,
     measure,
     settled_floor,
 )
+from pnfarm.cli.bench_result import Result, Windows
+
+if TYPE_CHECKING:
+    from pnfarm.cli.bench_load import Load
 
 __all__ = ["cyclic_packet", "enip_64"]
 
@@ -74,20 +79,21 @@ class _Production:
     skipped: int
 
 
-def _exchanged(farm: Child, plc: Child, seconds: float) -> tuple[dict[str, Any], dict[str, Any], _Production]:
-    """What both ends counted meanwhile."""
+def _exchanged(farm: Child, plc: Child, seconds: float, load: Load) -> tuple[Windows, _Production]:
+    """The farm's cores meanwhile, and how punctual it was."""
 
     def punctuality(child: Child) -> dict[str, Any]:
         child.ask("punctuality")
         return child.answer()
 
     skipped, before = punctuality(farm)["skipped"], punctuality(plc)
-    ours, theirs = measure(farm, plc, seconds)
+    ours, _ = measure(farm, plc, seconds, load)
     after, skipped = punctuality(plc), punctuality(farm)["skipped"] - skipped
     took = [b - a for a, b in zip(before["interval_ns"], after["interval_ns"], strict=True)]
     intervals = sum(after["intervals"]) - sum(before["intervals"])
     moved = [(one + RPI_NS // 2) % RPI_NS - RPI_NS // 2 for one in took if one]
-    return ours, theirs, _Production(sum(took) / (intervals + skipped), statistics.median(map(abs, moved)), skipped)
+    production = _Production(sum(took) / (intervals + skipped), statistics.median(map(abs, moved)), skipped)
+    return cores(ours), production
 
 
 def _memory() -> float:
@@ -100,25 +106,25 @@ def _memory() -> float:
     return float(sizes[MANY] - sizes[FEW]) / (MANY - FEW) / 1000
 
 
-def enip_64(seconds: float) -> list[Result]:
+def enip_64(seconds: float, load: Load) -> list[Result]:
     """64 drives on EtherNet/IP at 10 ms on one core."""
     packet, groups = cyclic_packet(), RPI_NS // TICK_NS
 
-    def floor() -> float:
-        found = settled_floor(DRIVES, groups, TICK_NS, min(10.0, seconds), packet)
-        return float(found["cpu"]) / float(found["wall"])
+    def floor() -> list[dict[str, Any]]:
+        return settled_floor(DRIVES, groups, TICK_NS, min(5.0, seconds), load, packet=packet)
 
     first = floor()
     with both_ends(DRIVES, _file(DRIVES, FARM_CPU), _file(DRIVES, PEER_CPU)) as (farm, plc):
-        answer, other, production = _exchanged(farm, plc, seconds)
-    low = (first + floor()) / 2
-    core = answer["cpu"] / answer["wall"]
-    lost = answer["expirations"] + other["expirations"]
-    ratio, off, memory = core / low, (production.mean_ns / RPI_NS - 1) * 100, _memory()
+        before = expirations(farm, plc)
+        used, production = _exchanged(farm, plc, seconds, load)
+        lost = expirations(farm, plc) - before
+    low = cores(first + floor())
+    core, ratio = used.median, used.over(low)
+    off, memory = (production.mean_ns / RPI_NS - 1) * 100, _memory()
     drift = production.drift_ns / 1e6
     return [
-        Result("enip-64-cpu", core, "cores", ratio, "< 0.15", core < 0.15),
-        Result("enip-64-floor", low, "cores", 1.0, "none", True),
+        used.row("enip-64-cpu", "cores", ratio, "< 0.15", core < 0.15),
+        low.row("enip-64-floor", "cores", 1.0),
         Result("enip-64-ratio", ratio, "cores of farm over floor", None, "<= 1.3", ratio <= 1.3),
         Result("enip-64-interval", off, "% off the RPI, mean", None, "within 0.1", abs(off) <= 0.1),
         Result("enip-64-drift", drift, f"ms in {seconds:g} s", None, "< 1", drift < 1),

@@ -8,6 +8,8 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.cli.bench_loops import compiled_loop
+from pnfarm.cli.bench_result import Windows
 from pnfarm.errors import InternalError
 from pnfarm.firmware.step import step
 from pnfarm.table.compiled import compiled
@@ -15,12 +17,14 @@ from pnfarm.table.compiled import compiled
 if TYPE_CHECKING:
     from pnfarm.controller.line import VirtualLine
 
-__all__ = ["POSITION", "SPEED", "cost_of_a_step"]
+__all__ = ["POSITION", "SPEED", "cost_of_a_step", "costs_of_a_step"]
 
 MS = 1_000_000
 #: Firmware steps of each copy, and how often a copy is taken.
 STEPS = 20
 COPIES = 25
+#: Rounds of the compiled loop beside each copy, about as long as its steps, and the frames of a round.
+LOOPS, FRAMES = 100, 128
 
 _DRIVES = """
 farm: bench
@@ -60,6 +64,11 @@ def _moving(line: VirtualLine) -> bool:
 
 def cost_of_a_step(text: str, *, motor_step_ns: int = 0) -> float:
     """ns of CPU for one drive and one step of 1 ms, all models mixed; ``motor_step_ns`` in place of the usual one."""
+    return costs_of_a_step(text, motor_step_ns=motor_step_ns)[0].median
+
+
+def costs_of_a_step(text: str, *, motor_step_ns: int = 0) -> tuple[Windows, Windows]:
+    """The same for each copy, and in turn with it ns of CPU for copying and reading one frame, compiled as well."""
     import anyio
 
     from pnfarm.controller.line import VirtualLine
@@ -68,7 +77,7 @@ def cost_of_a_step(text: str, *, motor_step_ns: int = 0) -> float:
     line = anyio.run(VirtualLine.create, parse_farm(text))
     if not line.world.run(60.0, until=lambda: line.plc.all_connected and _moving(line)):
         raise InternalError("not every drive moves in virtual time")
-    spent = 0
+    spent, loops = [], []
     columns = line.farm.columns
     for turn in range(COPIES + 1):
         line.world.run(0.1)
@@ -77,7 +86,10 @@ def cost_of_a_step(text: str, *, motor_step_ns: int = 0) -> float:
             axes.motor.settings.step_ns = motor_step_ns
         begin = time.process_time_ns()
         step_all(axes, images, line.world.now, MS, STEPS)
+        took = time.process_time_ns() - begin
+        loop = compiled_loop(LOOPS)
         if turn:
             # the first one may have been compiled
-            spent += time.process_time_ns() - begin
-    return spent / (COPIES * STEPS * len(columns.axis))
+            spent.append(took / (STEPS * len(columns.axis)))
+            loops.append(loop / (LOOPS * FRAMES) * 1e9)
+    return Windows(spent), Windows(loops)

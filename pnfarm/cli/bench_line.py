@@ -12,10 +12,13 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from pnfarm.cli.bench_result import WINDOWS, Windows
 from pnfarm.errors import InternalError
+
+if TYPE_CHECKING:
+    from pnfarm.cli.bench_load import Load
 
 __all__ = [
     "FARM_CPU",
@@ -23,11 +26,12 @@ __all__ = [
     "PEER",
     "PEER_CPU",
     "Child",
-    "Result",
     "both_ends",
+    "cores",
+    "expirations",
     "farm_and_plc",
     "farm_file",
-    "interpreter_loop",
+    "lateness",
     "measure",
     "per_frame",
     "percentile",
@@ -37,18 +41,6 @@ __all__ = [
 
 FARM_CPU, PEER_CPU = 0, 1
 PARENT, PEER = "pnbench0", "pnbench1"
-
-
-@dataclass(frozen=True, slots=True)
-class Result:
-    """One figure.  ``ratio_to_floor`` is None if there is no floor; ``ok``: ``value`` meets ``goal``."""
-
-    name: str
-    value: float
-    unit: str
-    ratio_to_floor: float | None
-    goal: str
-    ok: bool
 
 
 FILE = """
@@ -70,18 +62,6 @@ controller:
   watchdog_factor: {watchdog}
   program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 100ms}}
 """
-
-
-def interpreter_loop() -> float:
-    """Milliseconds of CPU for a fixed loop in Python: how fast the interpreter is on this machine, at this time."""
-    best = float("inf")
-    for _ in range(3):
-        begin = time.thread_time()
-        value = 0
-        for i in range(1_000_000):
-            value = (value * 31 + i) & 0xFFFF
-        best = min(best, time.thread_time() - begin)
-    return best * 1000
 
 
 def farm_file(drives: int, cycle: str, watchdog: int, cpu: int, api: str = "off") -> str:
@@ -173,10 +153,39 @@ def both_ends(drives: int, ours: str, theirs: str) -> Iterator[tuple[Child, Chil
         yield farm, plc
 
 
-def measure(farm: Child, peer: Child, seconds: float) -> tuple[dict[str, Any], dict[str, Any]]:
-    farm.ask(f"measure {seconds}")
-    peer.ask(f"measure {seconds}")
-    return farm.answer(), peer.answer()
+def measure(
+    farm: Child, peer: Child, seconds: float, load: Load, windows: int = WINDOWS
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """What both counted in each of so many windows, together of so many seconds."""
+    ours, theirs = [], []
+    for _ in range(windows):
+        with load:
+            farm.ask(f"measure {seconds / windows}")
+            peer.ask(f"measure {seconds / windows}")
+            ours.append(farm.answer())
+            theirs.append(peer.answer())
+    return ours, theirs
+
+
+def expirations(*children: Child) -> int:
+    """Connections of both ends that were lost since their start; between two windows as well."""
+    for child in children:
+        child.ask("mark")
+    return sum(int(child.answer()["expirations"]) for child in children)
+
+
+def cores(answers: list[dict[str, Any]]) -> Windows:
+    return Windows(float(answer["cpu"]) / float(answer["wall"]) for answer in answers)
+
+
+def per_frame(answers: list[dict[str, Any]]) -> Windows:
+    """Microseconds of CPU."""
+    return Windows(float(answer["cpu"]) / max(1, int(answer["frames"])) * 1e6 for answer in answers)
+
+
+def lateness(answers: list[dict[str, Any]], share: float) -> Windows:
+    """Microseconds that this share of the ticks stays below."""
+    return Windows(percentile(answer["lateness"], share) for answer in answers)
 
 
 @contextmanager
@@ -226,11 +235,16 @@ def percentile(histogram: list[int], share: float) -> float:
     return lower / 1000
 
 
-def per_frame(answer: dict[str, Any]) -> float:
-    """Microseconds of CPU."""
-    return float(answer["cpu"]) / max(1, int(answer["frames"])) * 1e6
-
-
-def settled_floor(drives: int, groups: int, period_ns: int, seconds: float, packet: bytes = b"") -> dict[str, Any]:
+def settled_floor(
+    drives: int,
+    groups: int,
+    period_ns: int,
+    seconds: float,
+    load: Load,
+    *,
+    packet: bytes = b"",
+    windows: int = WINDOWS // 2,
+) -> list[dict[str, Any]]:
+    """What the loop in the farm's place counted in each window.  Usually it runs before the farm and behind it."""
     with _floor(drives, groups, period_ns, packet) as (farm, peer):
-        return measure(farm, peer, seconds)[0]
+        return measure(farm, peer, seconds, load, windows)[0]

@@ -2,7 +2,7 @@
 
 ``python -m pnfarm.cli.bench_profibus poll`` is the master: it writes its telegrams octet by octet, and waits for each
 answer.  ``... echo`` is the floor: a loop that answers every request with the same octets.  Both read one JSON line of
-settings and answer with one.
+settings, and answer each line that follows: the master with what it measured meanwhile, the echo with its time.
 """
 
 from __future__ import annotations
@@ -17,11 +17,17 @@ import tempfile
 import time
 import tty
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pnfarm.cli.bench_line import FARM_CPU, PEER_CPU, Child, Result
+from pnfarm.cli.bench_child import difference
+from pnfarm.cli.bench_line import FARM_CPU, PEER_CPU, Child, cores
+from pnfarm.cli.bench_result import WINDOWS, Result, Windows
 from pnfarm.errors import InternalError
+
+if TYPE_CHECKING:
+    from pnfarm.cli.bench_load import Load
 
 __all__ = ["profibus_32"]
 
@@ -76,7 +82,7 @@ class _Line:
         return found
 
 
-def _poll(settings: dict[str, Any]) -> dict[str, Any]:
+def _poll(settings: dict[str, Any]) -> None:
     line = _Line(settings["path"])
     addresses = range(FIRST, FIRST + DRIVES)
     identifiers, ident = bytes.fromhex(settings["identifiers"]), settings["ident"]
@@ -92,47 +98,53 @@ def _poll(settings: dict[str, Any]) -> dict[str, Any]:
     octets = answer + 9
     bits = (len(polls[0][0]) + octets) * OCTET_BITS + LEAST_TSDR_BITS + SYN_BITS
     slot_ns = bits * 1_000_000_000 // BAUD
-    sys.stdout.write('{"ready": true}\n')
-    sys.stdout.flush()
-    sys.stdin.readline()
-    times: list[int] = []
-    missed = 0
-    begin = time.monotonic_ns()
-    end, due, cycles = begin + round(settings["seconds"] * 1e9), begin, 0
-    while due < end:
-        for poll in polls[cycles & 1]:
-            while (now := time.monotonic_ns()) < due:
-                pass
-            if line.ask(poll, octets) is None:
-                missed += 1
-            times.append(time.monotonic_ns() - now)
-            due = max(due + slot_ns, time.monotonic_ns())
-        cycles += 1
-    took = time.monotonic_ns() - begin
-    times.sort()
-    return {
-        "p50": times[len(times) // 2] / 1000, "p99": times[len(times) * 99 // 100] / 1000, "missed": missed,
-        "cycle_ms": took / cycles / 1e6, "bus_cycle_ms": slot_ns * DRIVES / 1e6,
-    }  # fmt: skip
+    _say({"ready": True})
+    while sys.stdin.readline():
+        times: list[int] = []
+        missed = 0
+        begin = time.monotonic_ns()
+        end, due, cycles = begin + round(settings["seconds"] * 1e9), begin, 0
+        while due < end:
+            for poll in polls[cycles & 1]:
+                while (now := time.monotonic_ns()) < due:
+                    pass
+                if line.ask(poll, octets) is None:
+                    missed += 1
+                times.append(time.monotonic_ns() - now)
+                due = max(due + slot_ns, time.monotonic_ns())
+            cycles += 1
+        took = time.monotonic_ns() - begin
+        times.sort()
+        _say({
+            "p50": times[len(times) // 2] / 1000, "p99": times[len(times) * 99 // 100] / 1000, "missed": missed,
+            "cycle_ms": took / cycles / 1e6, "bus_cycle_ms": slot_ns * DRIVES / 1e6,
+        })  # fmt: skip
 
 
-def _echo(settings: dict[str, Any]) -> dict[str, Any]:
+def _echo(settings: dict[str, Any]) -> None:
     near, far = os.openpty()
     tty.setraw(far)
     Path(settings["path"]).symlink_to(os.ttyname(far))
-    sys.stdout.write('{"ready": true}\n')
-    sys.stdout.flush()
+    _say({"ready": True})
     answer = _telegram(MASTER, 0x08, bytes(settings["answer"]))
     poller = select.poll()
     poller.register(near, select.POLLIN)
     poller.register(sys.stdin, select.POLLIN)
-    start, began = time.monotonic(), resource.getrusage(resource.RUSAGE_SELF)
-    while all(fd == near for fd, _ in poller.poll()):
-        os.read(near, 255)
-        os.write(near, answer)
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    cpu = used.ru_utime + used.ru_stime - began.ru_utime - began.ru_stime
-    return {"cpu": cpu, "wall": time.monotonic() - start}
+    while True:
+        for fd, _ in poller.poll():
+            if fd == near:
+                os.read(near, 255)
+                os.write(near, answer)
+            elif sys.stdin.readline():
+                used = resource.getrusage(resource.RUSAGE_SELF)
+                _say({"cpu": used.ru_utime + used.ru_stime, "wall": time.monotonic()})
+            else:
+                return
+
+
+def _say(answer: dict[str, Any]) -> None:
+    sys.stdout.write(json.dumps(answer) + "\n")
+    sys.stdout.flush()
 
 
 class _Role:
@@ -177,55 +189,85 @@ def _telegram_of_model() -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _floor(folder: Path, facts: dict[str, Any], seconds: float) -> tuple[dict[str, Any], float]:
-    """What the poller saw of the echo, and the echo's cores."""
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What the poller saw in each window, and the cores of who answered."""
+
+    polls: list[dict[str, Any]]
+    used: list[dict[str, Any]]
+
+    def each(self, key: str) -> Windows:
+        return Windows(float(poll[key]) for poll in self.polls)
+
+    def __add__(self, other: _Seen) -> _Seen:
+        return _Seen(self.polls + other.polls, self.used + other.used)
+
+
+def _floor(folder: Path, facts: dict[str, Any], seconds: float, load: Load) -> _Seen:
+    """The poller at the echo."""
+    windows = WINDOWS // 2
     path = str(folder / "echo")
+    polls, used = [], []
     with ExitStack() as stack:
         echo = _Role("echo", FARM_CPU, path=path, **facts)
         stack.callback(echo.close)
-        poller = _Role("poll", PEER_CPU, path=path, echo=True, seconds=seconds, **facts)
+        poller = _Role("poll", PEER_CPU, path=path, echo=True, seconds=seconds / windows, **facts)
         stack.callback(poller.close)
-        poller.say("go")
-        seen = poller.answer()
-        echo.say("enough")
-        cost = echo.answer()
-    return seen, cost["cpu"] / cost["wall"]
+        for _ in range(windows):
+            with load:
+                echo.say("mark")
+                before = echo.answer()
+                poller.say("go")
+                polls.append(poller.answer())
+                echo.say("mark")
+                used.append(difference(before, echo.answer()))
+    Path(path).unlink()
+    return _Seen(polls, used)
 
 
-def _farm(folder: Path, facts: dict[str, Any], seconds: float) -> tuple[dict[str, Any], float]:
-    """What the poller saw of the drives, and the farm's cores."""
+def _farm(folder: Path, facts: dict[str, Any], seconds: float, load: Load) -> _Seen:
+    """The poller at the drives."""
     path = str(folder / "line")
+    polls, used = [], []
     with ExitStack() as stack:
         text = FILE.format(path=path, baud=BAUD, cpu=FARM_CPU, drives=DRIVES, model=MODEL, first=FIRST)
         farm = Child("farm", FARM_CPU, file=text)
         stack.callback(farm.close)
         farm.answer()
         time.sleep(1.0)  # the drives boot
-        poller = _Role("poll", PEER_CPU, path=path, echo=False, seconds=seconds, **facts)
+        poller = _Role("poll", PEER_CPU, path=path, echo=False, seconds=seconds / WINDOWS, **facts)
         stack.callback(poller.close)
-        farm.ask(f"measure {seconds}")
-        poller.say("go")
-        seen, cost = poller.answer(), farm.answer()
-    return seen, cost["cpu"] / cost["wall"]
+        for _ in range(WINDOWS):
+            with load:
+                farm.ask(f"measure {seconds / WINDOWS}")
+                poller.say("go")
+                polls.append(poller.answer())
+                used.append(farm.answer())
+    return _Seen(polls, used)
 
 
-def profibus_32(seconds: float) -> list[Result]:
+def profibus_32(seconds: float, load: Load) -> list[Result]:
     """32 drives on one pty at the bus's own cycle for 1.5 Mbit/s."""
     facts = _telegram_of_model()
     with tempfile.TemporaryDirectory(prefix="pnfarm-bench-") as name:
-        low, low_core = _floor(Path(name), facts, min(10.0, seconds))
-        seen, core = _farm(Path(name), facts, seconds)
-    p99, cycle, wanted = seen["p99"], seen["cycle_ms"], seen["bus_cycle_ms"]
-    late = cycle / wanted
+        low = _floor(Path(name), facts, min(5.0, seconds), load)
+        seen = _farm(Path(name), facts, seconds, load)
+        low += _floor(Path(name), facts, min(5.0, seconds), load)
+    used, echo = cores(seen.used), cores(low.used)
+    p50, p99, cycle = seen.each("p50"), seen.each("p99"), seen.each("cycle_ms")
+    low_p50, low_p99 = low.each("p50"), low.each("p99")
+    wanted, missed = seen.polls[0]["bus_cycle_ms"], sum(poll["missed"] for poll in seen.polls)
+    late, worst = cycle.median / wanted, p99.median
+    way = "us, there and back"
     return [
-        Result("profibus-32-cpu", core, "cores", core / low_core, "< 0.3", core < 0.3),
-        Result("profibus-32-reply-p50", seen["p50"], "us, there and back", seen["p50"] / low["p50"], "none", True),
-        Result("profibus-32-reply-p99", p99, "us, there and back", p99 / low["p99"], "<= 1000", p99 <= 1000),
-        Result("profibus-32-cycle", cycle, f"ms; the bus: {wanted:.3g}", None, "<= 1.1 of the bus", late <= 1.1),
-        Result("profibus-32-missed", seen["missed"], f"answers in {seconds:g} s", None, "0", seen["missed"] == 0),
-        Result("profibus-32-floor-p50", low["p50"], "us, there and back", 1.0, "none", True),
-        Result("profibus-32-floor-p99", low["p99"], "us, there and back", 1.0, "none", True),
-        Result("profibus-32-floor-cpu", low_core, "cores", 1.0, "none", True),
+        used.row("profibus-32-cpu", "cores", used.over(echo), "< 0.3", used.median < 0.3),
+        p50.row("profibus-32-reply-p50", way, p50.over(low_p50)),
+        p99.row("profibus-32-reply-p99", way, p99.over(low_p99), "<= 1000", worst <= 1000),
+        cycle.row("profibus-32-cycle", f"ms; the bus: {wanted:.3g}", None, "<= 1.1 of the bus", late <= 1.1),
+        Result("profibus-32-missed", missed, f"answers in {seconds:g} s", None, "0", missed == 0),
+        low_p50.row("profibus-32-floor-p50", way, 1.0),
+        low_p99.row("profibus-32-floor-p99", way, 1.0),
+        echo.row("profibus-32-floor-cpu", "cores", 1.0),
     ]
 
 
@@ -233,8 +275,7 @@ def main() -> None:
     """See the module's head."""
     settings = json.loads(sys.stdin.readline())
     os.sched_setaffinity(0, {settings["cpu"]})
-    found = _poll(settings) if sys.argv[1] == "poll" else _echo(settings)
-    sys.stdout.write(json.dumps(found) + "\n")
+    _poll(settings) if sys.argv[1] == "poll" else _echo(settings)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
+from pnfarm.cli.bench_result import Windows
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ __all__ = ["SIGNALS", "cost_of_a_trace"]
 
 #: Eight signals of each drive, of every kind.
 SIGNALS = ("setpoint", "velocity", "position", "current", "stw1", "zsw1", "state", "frame_age")
-#: Farm time of one measurement, s, and how many there are of each kind; the shortest counts.
+#: Farm time of one measurement, s, and how many there are of each kind.
 SECONDS, TURNS = 1.0, 25
 
 
@@ -24,7 +25,7 @@ def _measured(line: VirtualLine) -> float:
     return (time.process_time() - begin) / SECONDS
 
 
-def cost_of_a_trace(line: VirtualLine) -> tuple[float, float]:
+def cost_of_a_trace(line: VirtualLine) -> tuple[Windows, Windows]:
     """CPU seconds per second of farm time: without a trace, and with one of all drives that waits for its trigger.
 
     Waiting costs most: each tick takes a sample and watches the trigger on every drive.
@@ -48,4 +49,4 @@ def cost_of_a_trace(line: VirtualLine) -> tuple[float, float]:
             raise InternalError(f"the trace took {taken} samples in {SECONDS:g} s at 1 ms")
         line.farm.traces.delete(trace.id, line.world.now)
         line.world.run(0.02)
-    return min(plain), min(traced)
+    return Windows(plain), Windows(traced)

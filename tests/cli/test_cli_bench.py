@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
 import pytest
 
 from pnfarm.cli.bench import BENCHMARKS, Benchmark, chosen, measured
-from pnfarm.cli.bench_line import Result
+from pnfarm.cli.bench_result import Result
 from pnfarm.errors import ConfigError, InternalError
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "bench.md"
@@ -44,7 +45,8 @@ def test_an_unknown_name_is_told_with_the_nearest(pnfarm):
 
 
 def test_only_the_figures_that_were_asked_for_are_shown(monkeypatch):
-    def run(seconds):
+    def run(seconds, load):
+        load.add(1.0, 0.0)
         return [Result(name, seconds, "s", None, "none", True) for name in ("some-a", "some-b")]
 
     monkeypatch.setitem(BENCHMARKS, "some", Benchmark(run, 3.0, ("some-a", "some-b")))
@@ -53,3 +55,28 @@ def test_only_the_figures_that_were_asked_for_are_shown(monkeypatch):
     monkeypatch.setitem(BENCHMARKS, "some", Benchmark(run, 3.0, ("some-a",)))
     with pytest.raises(InternalError, match="some-b"):
         measured("some", frozenset(("some-a",)), None)
+
+
+def test_others_work_in_the_measurement_shows_in_every_figure(monkeypatch):
+    def run(seconds, load):
+        load.add(seconds, 0.5 * seconds)
+        return [Result("some-a", 1.0, "s", None, "<= 2", True)]
+
+    monkeypatch.setitem(BENCHMARKS, "some", Benchmark(run, 3.0, ("some-a",)))
+    (row,) = measured("some", frozenset(("some-a",)), None)
+    assert (row.ok, row.beside_load) == (None, 0.5)
+
+
+def test_a_short_run_has_spread_ratio_and_a_verdict_that_its_exit_code_tells(process, tmp_path):
+    figures = tmp_path / "figures.json"
+    done = process("bench", "profibus-32-cpu", "profibus-32-floor-cpu", "--seconds", "0.8", "--json", figures)
+    assert done.code in (0, 1, 3), done.err
+    farm, floor = json.loads(figures.read_text("utf-8"))
+    assert floor["ratio_to_floor"] == 1.0
+    assert farm["ratio_to_floor"] == pytest.approx(farm["value"] / floor["value"])
+    for row in (farm, floor):
+        low, high = row["spread"]
+        assert 0 < low <= row["value"] <= high
+        assert row["name"] in done.out
+        assert (row["ok"] is None) is (row["beside_load"] is not None)
+    assert done.code == {True: 0, False: 1, None: 3}[farm["ok"]]
