@@ -30,7 +30,7 @@ export function Plot({data, series, height = 160, cursor = null, range, label, o
       width: Math.max(320, element.clientWidth), height, padding: [8, RIGHT, 0, 0],
       cursor: {sync: cursor ? {key: cursor} : undefined, drag: {x: true, y: false, setScale: false}},
       legend: {live: true},
-      scales: {x: {time: false, range: () => now.current.range}, ...(numbers.length ? {y: {range: span}} : {})},
+      scales: {x: {time: false, range: () => now.current.range}, y: {range: numbers.length ? span : (_, low, high) => low === high ? [low - 1, high + 1] : uPlot.rangeNum(low, high, 0.1, true)}},
       axes: [{...axis, size: 26, space: 70, values: (_, ticks) => ticks.map(tick => `${+tick.toFixed(4)} s`)},
         {...axis, size: () => namesWidth(element), space: numbers.length ? 9 : 22, gap: 6, ...(stepped ? {incrs: [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000, 20000, 50000]} : {}),
           values: (_, ticks) => ticks.map(tick => names ? names[tick] ?? "" : +tick.toPrecision(6))}],
