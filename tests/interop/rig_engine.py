@@ -98,6 +98,10 @@ class Engine:
             command = ["unshare", "-n", "sh", "-c", 'ip link set lo up && exec "$@"', "sh", *command]
         else:
             command += ["--iptables=false", "--ip-forward=false"]
+        self.launch(command)
+
+    def launch(self, command):
+        """Run the engine by ``command`` and wait until it answers."""
         log = (self.folder / "dockerd.log").open("ab")
         with log:
             self._process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
