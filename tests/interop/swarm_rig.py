@@ -102,6 +102,12 @@ class Node(Engine):
         self.kill()
         self._kill_supervisors()
 
+    def revive(self):
+        """The machine starts again, its cables plugged."""
+        for switch in SWITCHES:
+            self.cable(switch, "up")
+        self.start()
+
     def _kill_supervisors(self):
         """containerd and the shims of this engine, with what they supervise."""
         supervisors = []
@@ -183,7 +189,15 @@ class Swarm:
         self.ids = ids
         self.manager.docker("node", "update", "--label-add", "pnfarm.base=true", ids[1])
         self.manager.docker(
-            "network", "create", "--driver", "macvlan", "--scope", "swarm", "--config-from", "pnfarm_card", "pnfarm_wire"
+            "network",
+            "create",
+            "--driver",
+            "macvlan",
+            "--scope",
+            "swarm",
+            "--config-from",
+            "pnfarm_card",
+            "pnfarm_wire",
         )
 
     def secret(self, name, value):
