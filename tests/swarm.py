@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / "support"))
 
 
 def main() -> int:
-    from swarm_world import SwarmWorld, simulate  # noqa: PLC0415 - the path above
+    from swarm_world import SwarmWorld, simulate
 
     parser = argparse.ArgumentParser(prog="python -m tests.swarm", description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--drives", type=int, default=1000, help="default: 1000")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import itertools
 import json
 import os
 import re
@@ -101,7 +102,7 @@ class Capture:
         """The longest time between the last frame at one port and the first at the next, s."""
         with self._lock:
             runs = [self.runs[mac] for mac in macs]
-        return max(after[1] - before[2] for each in runs for before, after in zip(each, each[1:], strict=False))
+        return max(after[1] - before[2] for each in runs for before, after in itertools.pairwise(each))
 
 
 @contextlib.contextmanager

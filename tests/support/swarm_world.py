@@ -27,7 +27,7 @@ FILE = """
 farm: swarm
 link: {{kind: memory}}
 drives:
-  - {{name: "axis-{{n:05}}", count: {count}, model: akd-profinet, ip: 10.77.1.1/16}}
+{groups}
 controller:
   name: plc
   ip: 10.77.0.200/16
@@ -35,6 +35,8 @@ controller:
   program: {{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}}
   reconnect: {{after: 1s}}
 """
+GROUP = '  - {{name: "axis-{place:02}-{{n:04}}", count: {count}, model: akd-profinet, ip: 10.77.{net}.1/16}}'
+GROUP_SIZE = 1000
 STEP_SECONDS = 1.0
 #: What the drives of the shard to be lost save beforehand.
 SAVED = "DRV.ACC"
@@ -87,6 +89,10 @@ class SwarmShard(MemoryShard):
         if self.line is None and self.lease.may_speak(now):
             self.boot()
 
+    @property
+    def names(self) -> list[str]:
+        return [station.configured_name for station in self.farm.stations]
+
     def boot(self) -> None:
         world: Any = self.world
         self.log = EventLog(quiet=True)
@@ -131,7 +137,9 @@ class SwarmWorld(HubWorld):
 
     def __init__(self, drives: int, count: int, *, cycle: int = 16) -> None:
         self.count = count
-        self.config = parse_farm(FILE.format(count=drives, cycle=cycle), "swarm.pnfarm.yml")
+        sizes = [min(GROUP_SIZE, drives - first) for first in range(0, drives, GROUP_SIZE)]
+        groups = (GROUP.format(place=place, count=size, net=1 + 4 * place) for place, size in enumerate(sizes))
+        self.config = parse_farm(FILE.format(groups="\n".join(groups), cycle=cycle), "swarm.pnfarm.yml")
         self.names = [drive.name for drive in expand(self.config)]
         self.memory = VolatileMemory()
         self.claims = {number: Claim() for number in range(1, count + 1)}
@@ -205,8 +213,8 @@ def _storm(world: SwarmWorld, report: Report, faults: int, choices: random.Rando
     before = world.drives()
     hit: set[str] = set()
     for _ in range(faults):
-        # a last digit is in every shard: drives are dealt out in turn
-        glob = f"*{choices.randrange(10)}"
+        # any last digit: as drives are dealt out in turn, these are in all shards, as far as there are ten or fewer
+        glob = f"*{choices.randrange(min(10, report.drives // 10))}?"
         kind = choices.choice(("timeout", "f702"))
         answer = world.post("faults", {"kind": kind, "on": glob})
         wanted = {name for name in world.names if fnmatch(name, glob)}
@@ -217,6 +225,8 @@ def _storm(world: SwarmWorld, report: Report, faults: int, choices: random.Rando
         starts = [run["started_seconds"] for run in fault["drives"].values()]
         if max(starts) - min(starts) > 0.003:
             report.wrong.append(f"{kind} on {glob} began within {max(starts) - min(starts):.4f} s, not at one moment")
+        if any(wanted.isdisjoint(shard.names) for shard in world.shards.values()):
+            report.wrong.append(f"{kind} on {glob} is not over all shards")
         report.faults += 1
         report.hits += len(wanted)
         hit |= wanted
@@ -235,7 +245,7 @@ def _storm(world: SwarmWorld, report: Report, faults: int, choices: random.Rando
 def _loss(world: SwarmWorld, report: Report) -> None:
     number = world.count // 2 + 1
     (lost,) = world.copies(number)
-    names = [station.configured_name for station in lost.farm.stations]
+    names = lost.names
     report.lost = len(names)
     kept = {}
     for place, name in enumerate(names):
