@@ -138,11 +138,11 @@ class Node(Engine):
         return self.docker("ps", "-q", "--filter", f"label=com.docker.swarm.service.name={service}").split()
 
     def close(self):
-        if self._process is not None and self._process.poll() is not None:
-            # it was killed
-            self._process = None
-        if self._process is None:
-            self._kill_supervisors()
+        # nothing of it is wanted any more: containers need no time to stop
+        if self.alive:
+            self.kill()
+        self._process = None
+        self._kill_supervisors()
         try:
             super().close()
         finally:

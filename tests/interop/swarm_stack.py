@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import errno
 import itertools
 import json
 import os
 import re
 import socket
+import tempfile
 import threading
 import time
 from pathlib import Path
 
+import pytest
+from rig_engine import BUILT, Engine, why_not
 from swarm_rig import Swarm
 
 from pnfarm.cli.files import read
@@ -75,6 +79,11 @@ class Capture:
             try:
                 _, (_, _, kind, _, _) = sock.recvfrom_into(frame)
             except TimeoutError:
+                continue
+            except OSError as exc:
+                # the cable was pulled; the socket hears more once it is plugged
+                if exc.errno != errno.ENETDOWN:
+                    raise
                 continue
             if kind == socket.PACKET_OUTGOING:
                 continue
@@ -139,6 +148,10 @@ class Stack:
         """Each drive's ports of the switch, in the order in which it spoke there."""
         return {name: self.capture.places(self.macs[name]) for name in names}
 
+    def spoke_twice(self):
+        """Drives that spoke at one port, then at another, and then at the first one again."""
+        return {name: found for name, found in self.places(self.names).items() if len(found) != len(set(found))}
+
     def silence(self, names):
         """The longest time between a drive's last frame at one port and its first at the next, s."""
         return self.capture.silence([self.macs[name] for name in names])
@@ -193,3 +206,25 @@ class Stack:
     def state_of(self, node):
         said = self.swarm.manager.docker("node", "inspect", "-f", "{{.Status.State}}", self.swarm.ids[node.number])
         return said.strip()
+
+
+def made_stack():
+    """A stack that was deployed, gone at the end; as a generator, for fixtures."""
+    if reason := why_not():
+        pytest.skip(reason)
+    given = os.environ.get("PNFARM_RIG")
+    images = Engine(Path(given or tempfile.mkdtemp(prefix="pnfarm-rig-")))
+    # paths of unix sockets are short: not under pytest's own folder
+    stack = Stack(Path(tempfile.mkdtemp(prefix="pnfarm-sw-")), images.folder)
+    try:
+        if given is None:
+            images.prepare()
+        else:
+            said = (images.folder / BUILT).read_text("utf-8")
+            assert not said, said
+        stack.up()
+        yield stack
+    finally:
+        stack.close()
+        if given is None:
+            images.close()

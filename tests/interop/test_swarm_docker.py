@@ -7,12 +7,9 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
-from pathlib import Path
 
 import pytest
-from rig_engine import BUILT, Engine, why_not
-from swarm_stack import SHARDS, Stack, eventually
+from swarm_stack import SHARDS, eventually, made_stack
 
 pytestmark = [
     pytest.mark.slow,
@@ -20,28 +17,6 @@ pytestmark = [
 ]
 #: A test is repeated with the swarm as it is.
 KEEPS_FIXTURES = True
-
-
-def made_stack():
-    """A stack that was deployed, gone at the end; as a generator, for fixtures."""
-    if reason := why_not():
-        pytest.skip(reason)
-    given = os.environ.get("PNFARM_RIG")
-    images = Engine(Path(given or tempfile.mkdtemp(prefix="pnfarm-rig-")))
-    # paths of unix sockets are short: not under pytest's own folder
-    stack = Stack(Path(tempfile.mkdtemp(prefix="pnfarm-sw-")), images.folder)
-    try:
-        if given is None:
-            images.prepare()
-        else:
-            said = (images.folder / BUILT).read_text("utf-8")
-            assert not said, said
-        stack.up()
-        yield stack
-    finally:
-        stack.close()
-        if given is None:
-            images.close()
 
 
 @pytest.fixture(scope="module")
@@ -55,20 +30,17 @@ def tell(capsys):
 
     def say(what, seconds):
         with capsys.disabled():
-            sys.stdout.write(f"\n  {what}: {seconds:.1f} s\n")
+            sys.stdout.write(f"\n  {what}: {seconds:.4g} s\n")
 
     return say
-
-
-def spoke_twice(stack):
-    """Drives that spoke at one port, then at another, and then at the first one again."""
-    return {name: found for name, found in stack.places(stack.names).items() if len(found) != len(set(found))}
 
 
 def test_every_drive_of_every_shard_is_run_by_the_controller(stack, tell):
     _, seconds = eventually(stack.all_work, 240)
     tell("from the deployed stack until all drives are in operation", seconds)
     assert sorted(stack.shards()) == list(range(1, SHARDS + 1))
+    clocks = [shard["offset_uncertainty_seconds"] for shard in stack.ask("health")["shards"]]
+    tell("the hub knows the shards' clocks to within", max(clocks))
     drives = stack.drives()
     for shard in range(1, SHARDS + 1):
         assert {drives[name]["controller"]["name"] for name in stack.names_of(shard)} == {"plc"}
@@ -107,7 +79,8 @@ def test_prometheus_finds_the_shards_and_the_hub_by_their_names(stack):
 def test_a_killed_engine_stops_no_drive_and_as_it_comes_back_another_node_has_them(stack, tell):
     eventually(stack.all_work)
     shards = stack.shards()
-    number, node = next((n, node) for n, node in sorted(shards.items()) if node not in _kept(stack))
+    kept = (stack.swarm.manager, stack.node_of_hub())
+    number, node = next((n, node) for n, node in sorted(shards.items()) if node not in kept)
     names = stack.names_of(number)
     drive = names[0]
     accelerated = stack.param(drive, "DRV.ACC") + 1000
@@ -127,7 +100,7 @@ def test_a_killed_engine_stops_no_drive_and_as_it_comes_back_another_node_has_th
     eventually(lambda: {found[-1] for found in stack.places(names).values()} == {place.number})
     assert stack.param(drive, "DRV.ACC") == accelerated
     tell("silent on the wire meanwhile, at most", stack.silence(names))
-    assert spoke_twice(stack) == {}
+    assert stack.spoke_twice() == {}
 
 
 def test_a_lost_machines_drives_are_back_elsewhere_with_their_memory(stack, tell):
@@ -153,8 +126,3 @@ def test_a_lost_machines_drives_are_back_elsewhere_with_their_memory(stack, tell
         # one place more, and it stays there
         assert len(after[name]) == len(before[name]) + 1, after[name]
         assert after[name][-1] != node.number
-
-
-def _kept(stack):
-    """Nodes that a test does not stop: the manager, and the hub's."""
-    return [stack.swarm.manager, stack.node_of_hub()]

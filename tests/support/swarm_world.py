@@ -18,13 +18,13 @@ from hub_world import TOKEN, HubWorld, MemoryShard
 from pnfarm.api import make_app
 from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.memory import VolatileMemory
-from pnfarm.farm.file.reading import expand, parse_farm
+from pnfarm.farm.file.reading import FarmConfig, expand, parse_farm
 from pnfarm.farm.lease import DEFAULT_TTL_NS, Lease, LeaseState
 from pnfarm.farm.shard import Shard
 from pnfarm.station.event_log import EventLog
 
 FILE = """
-farm: swarm
+farm: swarm-{farm}
 link: {{kind: memory}}
 drives:
 {groups}
@@ -37,9 +37,19 @@ controller:
 """
 GROUP = '  - {{name: "axis-{place:02}-{{n:04}}", count: {count}, model: akd-profinet, ip: 10.77.{net}.1/16}}'
 GROUP_SIZE = 1000
+#: Of one farm file.
+MAX_DRIVES = 4094
 STEP_SECONDS = 1.0
 #: What the drives of the shard to be lost save beforehand.
 SAVED = "DRV.ACC"
+
+
+def _farm(number: int, drives: int, cycle: int) -> FarmConfig:
+    """A farm file: names and addresses go on from one to the next."""
+    sizes = [min(GROUP_SIZE, drives - first) for first in range(0, drives, GROUP_SIZE)]
+    places = range(number * len(sizes), (number + 1) * len(sizes))
+    groups = [GROUP.format(place=at, count=size, net=1 + 4 * at) for at, size in zip(places, sizes, strict=True)]
+    return parse_farm(FILE.format(farm=number + 1, groups="\n".join(groups), cycle=cycle), "swarm.pnfarm.yml")
 
 
 @dataclass
@@ -96,8 +106,9 @@ class SwarmShard(MemoryShard):
     def boot(self) -> None:
         world: Any = self.world
         self.log = EventLog(quiet=True)
-        shard = Shard(self.number, world.count)
-        made = VirtualLine.create(world.config, memory=world.memory, log=self.log, shard=shard)
+        farm, part = divmod(self.number - 1, world.parts)
+        shard = Shard(part + 1, world.parts)
+        made = VirtualLine.create(world.configs[farm], memory=world.memory, log=self.log, shard=shard)
         self.line = asyncio.run(made)
         self.farm = self.line.farm
         virtual = self.line.world
@@ -137,10 +148,11 @@ class SwarmWorld(HubWorld):
 
     def __init__(self, drives: int, count: int, *, cycle: int = 16) -> None:
         self.count = count
-        sizes = [min(GROUP_SIZE, drives - first) for first in range(0, drives, GROUP_SIZE)]
-        groups = (GROUP.format(place=place, count=size, net=1 + 4 * place) for place, size in enumerate(sizes))
-        self.config = parse_farm(FILE.format(groups="\n".join(groups), cycle=cycle), "swarm.pnfarm.yml")
-        self.names = [drive.name for drive in expand(self.config)]
+        # a farm file has so many drives at most: then they are several farms, each in equal shards
+        farms = next(n for n in range(1, count + 1) if count % n == 0 and drives % n == 0 and drives // n <= MAX_DRIVES)
+        self.parts = count // farms
+        self.configs = [_farm(number, drives // farms, cycle) for number in range(farms)]
+        self.names = [drive.name for config in self.configs for drive in expand(config)]
         self.memory = VolatileMemory()
         self.claims = {number: Claim() for number in range(1, count + 1)}
         self.clock_ns = 1_000_000_000
