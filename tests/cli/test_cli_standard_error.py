@@ -43,8 +43,9 @@ def test_a_full_pipe_loses_lines_and_the_next_one_says_how_many():
         with piped() as pipe:
             configure(as_json=True)
             log = structlog.get_logger()
-            for number in range(200):
-                log.info(f"event {number}", text="x" * 1000)
+            events = [f"event {number}" for number in range(200)]
+            for event in events:
+                log.info(event, text="x" * 1000)
             kept = [json.loads(line) for line in drain(pipe).splitlines()]
             log.info("read again")
             log.info("once only")
@@ -53,7 +54,7 @@ def test_a_full_pipe_loses_lines_and_the_next_one_says_how_many():
         configure(as_json=False)
         structlog.reset_defaults()
     assert 0 < len(kept) < 200
-    assert [line["event"] for line in kept] == [f"event {number}" for number in range(len(kept))]
+    assert [line["event"] for line in kept] == events[: len(kept)]
     assert [line.get("lines_lost") for line in after] == [200 - len(kept), None]
 
 
