@@ -5,8 +5,8 @@ Two runs of pytest at once:
 - what lives in memory and virtual time, spread over the cores, with the scheduler's idle policy: it takes what the
   other leaves;
 - what uses real time or the kernel's network (the marker ``exclusive``): mostly waiting, one file at a time, because
-  what two of them do at once is late on two cores; behind it, with ``PNFARM_DOCKER=1``, the rig under a Docker engine,
-  whose images are built meanwhile, with the idle policy as well.
+  what two of them do at once is late on two cores; behind it, with ``PNFARM_DOCKER=1``, a swarm and the rig under
+  Docker engines, whose images are built meanwhile, with the idle policy as well.
 
 The replay comes last, because it takes what all others kept (:mod:`stepping`).  Where machine code is missing, one
 process makes it first, and the tests that need none (the marker ``uncompiled``) run beside it.
@@ -32,8 +32,9 @@ from tests.conftest import EXCLUSIVE, MIXED, TESTS, UNCOMPILED
 PASSED, NOTHING = 0, 5
 CORES = os.cpu_count() or 1
 REPLAY = TESTS / "engine" / "test_engine_replay.py"
-#: The tests of the rig under a Docker engine, and what builds its images.
-RIG, BUILD = TESTS / "interop" / "test_rig_docker.py", TESTS / "interop" / "rig_engine.py"
+#: The tests under Docker engines, in this order, as the last one removes the images; and what builds these.
+RIGS = (TESTS / "interop" / "test_swarm_docker.py", TESTS / "interop" / "test_rig_docker.py")
+BUILD = TESTS / "interop" / "rig_engine.py"
 
 
 def _environment(steps: str) -> dict[str, str]:
@@ -94,10 +95,10 @@ def _places(options: list[str]) -> list[str]:
     return [] if _chosen(options) else [str(path) for name in (*EXCLUSIVE, *MIXED) if (path := TESTS / name) != REPLAY]
 
 
-def _only(path: Path, options: list[str]) -> list[str]:
-    """The options for the tests of one file alone."""
+def _only(paths: list[Path], options: list[str]) -> list[str]:
+    """The options for the tests of these files alone, in their order."""
     chosen = _chosen(options)
-    return [*(option for option in options if not (chosen and _chosen([option]))), str(path)]
+    return [*(option for option in options if not (chosen and _chosen([option]))), *map(str, paths)]
 
 
 def _wanted(path: Path, options: list[str]) -> bool:
@@ -135,8 +136,8 @@ def main(options: list[str]) -> int:
     codes: list[int] = []
     with contextlib.ExitStack() as stack:
         environment = _environment(stack.enter_context(tempfile.TemporaryDirectory(prefix="pnfarm-steps-")))
-        has_rig = environment.get("PNFARM_DOCKER") == "1" and _wanted(RIG, options)
-        images = stack.enter_context(_images(environment)) if has_rig else None
+        rigs = [path for path in RIGS if environment.get("PNFARM_DOCKER") == "1" and _wanted(path, options)]
+        images = stack.enter_context(_images(environment)) if rigs else None
         in_memory = "not exclusive"
         if _needs_code(options):
             codes += _warmed(options, environment)
@@ -144,7 +145,7 @@ def main(options: list[str]) -> int:
                 return codes[-1]
             in_memory = "not uncompiled and not exclusive"
         spread = ["-n", str(CORES), "--dist", "worksteal"]
-        apart = [f"--ignore={path}" for path in ((REPLAY,) if images is None else (REPLAY, RIG))]
+        apart = [f"--ignore={path}" for path in (REPLAY, *rigs)]
         beside = Run([*spread, "-m", in_memory, *options], environment, idle=True)
         alone = ["-m", "exclusive", *apart, *options, *_places(options)]
         in_real_time = Run(alone, environment, quiet=True)
@@ -153,10 +154,10 @@ def main(options: list[str]) -> int:
         if images is not None:
             # what went wrong is told by the tests that need the images
             images.wait()
-            running.append(Run(_only(RIG, options), environment, quiet=True))
+            running.append(Run(_only(rigs, options), environment, quiet=True))
         codes += [run.end() for run in running]
         if _wanted(REPLAY, options):
-            codes.append(Run(_only(REPLAY, options), environment).end())
+            codes.append(Run(_only([REPLAY], options), environment).end())
     if all(code == NOTHING for code in codes):
         return NOTHING
     return next((code for code in codes if code not in {PASSED, NOTHING}), PASSED)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import atexit
 import logging
-import sys
 
 import structlog
 
 from pnfarm.cli.log_limit import LineLimit
+from pnfarm.cli.standard_error import StandardError
 
 __all__ = ["configure"]
 
@@ -31,28 +31,16 @@ def _flush() -> None:
         limit.flush()
 
 
-class _StandardError:
-    """Standard error, looked up for each line: a live table on the terminal replaces ``sys.stderr`` while it runs."""
-
-    def write(self, text: str) -> int:
-        return sys.stderr.write(text)
-
-    def flush(self) -> None:
-        sys.stderr.flush()
-
-    def isatty(self) -> bool:
-        return sys.stderr.isatty()
-
-
 def configure(*, as_json: bool, level: str = "info") -> None:
     """``level`` is ``debug``, ``info``, ``warning`` or ``error``; calling it again replaces the set-up."""
     number: int = getattr(logging, level.upper())
-    error = _StandardError()
+    error = StandardError()
     limit = LineLimit()
     _replace(limit)
     shared: list[structlog.typing.Processor] = [
         structlog.contextvars.merge_contextvars,
         structlog.processors.add_log_level,
+        error.tell_lost,
         structlog.processors.TimeStamper(fmt="iso", utc=True) if as_json else _clock,
     ]
     last: list[structlog.typing.Processor]

@@ -110,10 +110,12 @@ class Leaseholder:
     def stop(self) -> None:
         """Look no more."""
         self._core = None
+        self.state.attended(watched=False)
         if self._handle is not None:
             self._handle.cancel()
 
     def _tick(self) -> None:
+        self.state.attended()
         self._look()
         self._handle = self._loop.call_later(LOOK_SECONDS, self._tick)
 

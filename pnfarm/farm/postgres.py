@@ -42,6 +42,8 @@ START_SECONDS = 10.0
 STUCK_SECONDS = 4.0
 #: Between two looks at whether the database is there, without a lease.
 ALIVE_SECONDS = 1.0
+#: Times the lease's time to live: a farm whose event loop stands for longer does not renew its claims.
+ABSENT_FACTOR = 2
 #: Before another try to connect, the first and the longest.
 AGAIN_SECONDS, AGAIN_MOST_SECONDS = 0.25, 2.0
 
@@ -120,6 +122,8 @@ class PostgresState:
         #: Stations of which the database may have other rows than are held.
         self._unsure: dict[str, None] = {}
         self._saves: deque[_Save] = deque()
+        #: When the event loop was last seen to run, by the clock; None: it is not watched.
+        self._attended_ns: int | None = None
         self._closing = False
         self._fatal: EnvironmentError_ | None = None
         self._thread: threading.Thread | None = None
@@ -157,6 +161,10 @@ class PostgresState:
         with self.changed:
             self.lease.handle_timeout(self._clock())
             return self.lease.changes()
+
+    def attended(self, *, watched: bool = True) -> None:
+        """The event loop runs: claims are renewed for so long as it is seen to.  Not ``watched``: whether it does or not."""
+        self._attended_ns = self._clock() if watched else None
 
     @property
     def lease_state(self) -> str:
@@ -245,7 +253,8 @@ class PostgresState:
             "tcp_user_timeout": int(STUCK_SECONDS * 1000),
             "application_name": f"pnfarm {self._farm}",
         }
-        return str(self._driver.conninfo.make_conninfo(**(usual | given)))
+        # whatever the database has: without an encoding the driver gives octets for text
+        return str(self._driver.conninfo.make_conninfo(**(usual | given), client_encoding="UTF8"))
 
     def _run(self) -> None:
         again = AGAIN_SECONDS
@@ -348,6 +357,12 @@ class PostgresState:
         with self.changed:
             now = self._clock()
             if lease.next_request(now) > now:
+                return
+            attended = self._attended_ns
+            if attended is not None and now - attended > ABSENT_FACTOR * lease.ttl_ns:
+                # its drives answer no request: let another run them, which can
+                lease.asked(now)
+                lease.handle_timeout(now)
                 return
             sent = lease.asked(now)
         answer = tables.claim(owner)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import sys
 import time
 
@@ -12,7 +13,7 @@ from pnfarm.config.database import redacted
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm import postgres
 from pnfarm.farm.lease import Lease, LeaseChanged, LeaseState
-from pnfarm.farm.postgres import SAVE_SECONDS, PostgresState
+from pnfarm.farm.postgres import ABSENT_FACTOR, SAVE_SECONDS, PostgresState
 
 VALUES = {
     "ip": {"address": "10.77.0.11", "gateway": None},
@@ -253,6 +254,38 @@ def test_a_holder_without_its_database_is_mute_in_time_and_comes_back(fresh, ope
     assert until(state.may_speak)
     # nobody had them meanwhile
     assert state.check() == [LeaseChanged(LeaseState.HELD)]
+
+
+def test_a_farm_whose_event_loop_stands_still_gives_its_claims_up(fresh, open_state):
+    first = leased(open_state, fresh)
+    first.attended()
+    second = leased(open_state, fresh)
+    assert second.lease_state == "waiting"
+    # nobody calls `attended` any more; the thread that renews goes on
+    assert until(lambda: held(second), ABSENT_FACTOR * TTL / 1e9 + 5)
+    assert not first.may_speak()
+    second.close()
+    first.attended()
+    assert until(lambda: held(first), 5)
+
+
+def test_text_comes_back_as_text_from_a_database_without_an_encoding(fresh, open_state):
+    fresh.ask("CREATE DATABASE plain ENCODING 'SQL_ASCII' LC_COLLATE 'C' LC_CTYPE 'C' TEMPLATE template0")
+    plain = fresh.url.replace("/postgres?", "/plain?")
+    first = PostgresState(plain, "line-1", NAMES, lease=Lease(TTL), shard="1/2")
+    second = PostgresState(plain, "line-1", NAMES, lease=Lease(TTL), shard="1/2")
+    try:
+        first.start()
+        first.save("axis-01", {"name": "Kälte"})
+        second.start()
+        assert second.standing.waiting_for.host == socket.gethostname()
+        first.close()
+        assert until(lambda: held(second), 5)
+        assert second.load("axis-01") == {"name": "Kälte"}
+    finally:
+        first.close()
+        second.close()
+        fresh.ask("DROP DATABASE plain WITH (FORCE)")
 
 
 def test_whoever_lost_its_claims_writes_nothing_more(fresh, open_state):

@@ -39,6 +39,28 @@ RUN mkdir /prometheus && chown nobody /prometheus
 USER nobody
 ENTRYPOINT ["/bin/prometheus"]
 """
+#: The database of compose.swarm.yaml, from its package.
+POSTGRES = f"""\
+FROM {BASE}
+RUN apt-get update && apt-get install -y --no-install-recommends postgresql \\
+ && install -d -o postgres -g postgres -m 0700 /var/lib/postgresql/data
+ENV PATH=/usr/lib/postgresql/15/bin:$PATH
+COPY entry /entry
+USER postgres
+STOPSIGNAL SIGINT
+ENTRYPOINT ["sh", "/entry"]
+"""
+#: What the image that the stack names does at its first start, in short.
+POSTGRES_ENTRY = """\
+set -eu
+data=/var/lib/postgresql/data
+if [ ! -s "$data/PG_VERSION" ]; then
+  initdb -D "$data" -U "$POSTGRES_USER" --pwfile="$POSTGRES_PASSWORD_FILE" -A scram-sha-256 --no-sync
+  echo "host all all all scram-sha-256" >> "$data/pg_hba.conf"
+  echo "CREATE DATABASE $POSTGRES_DB" | postgres --single -D "$data" postgres
+fi
+exec postgres -D "$data" -c listen_addresses='*' -c unix_socket_directories=/tmp
+"""
 #: Asks one URL in the engine's namespace: URL, method, token, body.
 ASK = """
 import json, sys, urllib.error, urllib.request
@@ -98,6 +120,10 @@ class Engine:
             command = ["unshare", "-n", "sh", "-c", 'ip link set lo up && exec "$@"', "sh", *command]
         else:
             command += ["--iptables=false", "--ip-forward=false"]
+        self.launch(command)
+
+    def launch(self, command):
+        """Run the engine by ``command`` and wait until it answers."""
         log = (self.folder / "dockerd.log").open("ab")
         with log:
             self._process = subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
@@ -179,7 +205,7 @@ class Engine:
         self.stop()
 
     def build(self):
-        """The base image from the distribution, pnfarm's on it by its Dockerfile, and Prometheus's from its package."""
+        """The base image from the distribution, pnfarm's on it by its Dockerfile, others from their packages."""
         tree = self.folder / "base"
         run("debootstrap", "--variant=minbase", "bookworm", tree)
         authorities = os.environ.get("SSL_CERT_FILE", "/etc/ssl/certs/ca-certificates.crt")
@@ -200,6 +226,11 @@ class Engine:
             if "prom/prometheus" in line
         )
         self.docker("build", "--network=host", "-t", tag, context, timeout=1200)
+        context = self.folder / "postgres"
+        context.mkdir()
+        (context / "Dockerfile").write_text(POSTGRES, "utf-8")
+        (context / "entry").write_text(POSTGRES_ENTRY, "utf-8")
+        self.docker("build", "--network=host", "-t", "postgres:16", context, timeout=1200)
 
     def build_image(self, *, base=None, tag="pnfarm:local"):
         """pnfarm's image by its Dockerfile, on ``base`` or on what the Dockerfile names."""

@@ -1,0 +1,77 @@
+"""Standard error as the log's destination: it never makes the program wait for whoever reads it.
+
+A pipe that nobody reads is full after 64 KB: the supervisor of a container may have died, and the container runs on.
+Then lines are lost, and the next one that is written says how many.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import stat
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import MutableMapping
+
+__all__ = ["StandardError"]
+
+#: So many octets go into a pipe without waiting once it takes any (PIPE_BUF of Linux).
+PIECE = 4096
+
+
+class StandardError:
+    """Looked up for each line: a live table on the terminal replaces ``sys.stderr`` while it runs."""
+
+    def __init__(self) -> None:
+        #: Lines lost since the last one that was written.
+        self.lost = 0
+        self._is_torn = False
+
+    def write(self, text: str) -> int:
+        pipe = self._pipe()
+        if pipe is None:
+            return sys.stderr.write(text)
+        octets = text.encode("utf-8", "backslashreplace")
+        if self._is_torn:
+            octets = b"\n" + octets
+        for start in range(0, len(octets), PIECE):
+            if not _takes_more(pipe):
+                self.lost += 1
+                self._is_torn = self._is_torn or start > 0
+                return len(text)
+            os.write(pipe, octets[start : start + PIECE])
+        self.lost, self._is_torn = 0, False
+        return len(text)
+
+    def flush(self) -> None:
+        sys.stderr.flush()
+
+    def isatty(self) -> bool:
+        return sys.stderr.isatty()
+
+    def tell_lost(self, _logger: Any, _method: str, line: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
+        """A step of structlog's: ``lines_lost`` in the line."""
+        if self.lost:
+            line["lines_lost"] = self.lost
+        return line
+
+    @staticmethod
+    def _pipe() -> int | None:
+        """The descriptor, if standard error is a pipe or a socket."""
+        if sys.stderr is not sys.__stderr__:
+            return None
+        try:
+            number = sys.stderr.fileno()
+            mode = os.fstat(number).st_mode
+        except (OSError, ValueError):
+            return None
+        return number if stat.S_ISFIFO(mode) or stat.S_ISSOCK(mode) else None
+
+
+def _takes_more(pipe: int) -> bool:
+    """Whether a piece is taken at once.  A reader that is gone is told by the write itself."""
+    poll = select.poll()
+    poll.register(pipe, select.POLLOUT)
+    return bool(poll.poll(0))

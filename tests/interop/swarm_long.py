@@ -1,0 +1,104 @@
+"""What of a swarm takes longer than the suite may: ``PNFARM_DOCKER=1 python -m pytest tests/interop/swarm_long.py``.
+
+The database is restarted and cut off, the hub is killed, and nodes are cut off from each other by their cables.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+
+import pytest
+from swarm_stack import eventually, made_stack
+
+KEEPS_FIXTURES = True
+CUT_SECONDS = 30
+
+
+@pytest.fixture(scope="module")
+def stack():
+    yield from made_stack()
+
+
+@pytest.fixture
+def tell(capsys):
+    """Print a measured time, also of a test that passes."""
+
+    def say(what, seconds):
+        with capsys.disabled():
+            sys.stdout.write(f"\n  {what}: {seconds:.4g} s\n")
+
+    return say
+
+
+@pytest.fixture(autouse=True)
+def all_work(stack):
+    eventually(stack.all_work, 240)
+
+
+def test_a_killed_hub_is_back_and_knows_the_faults_in_force(stack, tell):
+    made = stack.ask("faults", "POST", {"kind": "silence", "on": "axis-01*", "as": "quiet"})
+    node = stack.node_of_hub()
+    (container,) = node.containers("pnfarm_hub")
+    before = stack.drives()
+    node.docker("kill", container)
+    fault, seconds = eventually(lambda: stack.ask("faults/quiet"))
+    tell("from the hub's death until it answers again", seconds)
+    assert sorted(fault["drives"]) == sorted(made["drives"])
+    stack.ask("faults/quiet", "DELETE")
+    eventually(stack.all_work)
+    after = stack.drives()
+    others = [name for name in stack.names if name not in made["drives"]]
+    # a stalled machine may lose one: those are the farm's own
+    for name in others:
+        lost = after[name]["aborts_by_farm"] - before[name]["aborts_by_farm"]
+        assert after[name]["connects"] - before[name]["connects"] <= lost
+
+
+def test_a_restarted_database_is_found_again(stack, tell):
+    drive = stack.names[0]
+    value = stack.param(drive, "DRV.ACC") + 1000
+    (container,) = stack.swarm.manager.containers("pnfarm_db")
+    stack.swarm.manager.docker("kill", container)
+
+    def saved():
+        stack.param(drive, "DRV.ACC", value)
+        stack.param(drive, "DRV.NVSAVE", 1)
+        return stack.all_work()
+
+    _, seconds = eventually(saved, 90)
+    tell("from the database's death until saves succeed and all drives are in operation", seconds)
+    assert stack.param(drive, "DRV.ACC") == value
+
+
+def test_a_database_that_is_cut_off_mutes_the_drives_and_they_come_back_with_it(stack, tell):
+    manager = stack.swarm.manager
+    (container,) = manager.containers("pnfarm_db")
+    began = time.monotonic()
+    # no answer, and no end of any connection
+    manager.docker("pause", container)
+    try:
+        eventually(lambda: not stack.working(), 30)
+        tell("from the database's last answer until all drives are mute", time.monotonic() - began)
+        places = stack.shards()
+        time.sleep(max(0.0, CUT_SECONDS - (time.monotonic() - began)))
+    finally:
+        manager.docker("unpause", container)
+    _, seconds = eventually(stack.all_work, 90)
+    tell(f"from its return after {CUT_SECONDS} s until all drives are in operation", seconds)
+    # nothing was started elsewhere, and no shard was killed for its silence
+    assert stack.shards() == places
+    assert stack.spoke_twice() == {}
+
+
+def test_a_machine_without_the_others_is_mute_before_its_drives_are_elsewhere(stack, tell):
+    number, node = next((n, node) for n, node in stack.shards().items() if node is not stack.swarm.manager)
+    names = stack.names_of(number)
+    node.cable("mgmt", "down")
+    _, seconds = eventually(lambda: stack.shards()[number] is not node and stack.all_work(), 120)
+    tell("from the cut between the machines until all drives are in operation elsewhere", seconds)
+    tell("silent on the wire meanwhile, at most", stack.silence(names))
+    node.cable("mgmt", "up")
+    eventually(lambda: stack.state_of(node) == "ready")
+    eventually(stack.all_work)
+    assert stack.spoke_twice() == {}
