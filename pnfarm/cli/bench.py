@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -51,6 +51,22 @@ def frame_cost(seconds: float, load: Load) -> list[Result]:
         floor.row("frame-cost-192-floor", unit, 1.0),
         per_frame(theirs).row("frame-cost-192-controller", unit),
     ]
+
+
+#: Ways of the loops of `ways`: whether frames are received from a ring, and sent through the parent.
+WAYS = {"batch": (False, False), "ring": (True, False), "parent": (False, True), "ring-parent": (True, True)}
+
+
+def ways(seconds: float, load: Load) -> list[Result]:
+    """CPU of a frame in the minimal loop: received by system calls or from a ring, sent by macvlan or parent."""
+    turn = seconds / TURNS
+    answers: dict[str, list[dict[str, Any]]] = {name: [] for name in WAYS}
+    for _ in range(TURNS):
+        for name, (ring, parent) in WAYS.items():
+            answers[name] += settled_floor(192, 1, 1_000_000, turn, load, ring=ring, parent=parent)
+    floor = per_frame(answers["batch"])
+    found = {name: per_frame(windows) for name, windows in answers.items()}
+    return [windows.row(f"ways-{name}", "us of CPU per frame", windows.over(floor)) for name, windows in found.items()]
 
 
 def full_port(seconds: float, load: Load) -> list[Result]:
@@ -218,6 +234,7 @@ def _figures(head: str, *rest: str) -> tuple[str, ...]:
 #: By name on the command line; each figure can be named there as well.
 BENCHMARKS: dict[str, Benchmark] = {
     "frame-cost": Benchmark(frame_cost, 10.0, ("frame-cost-192", "frame-cost-192-floor", "frame-cost-192-controller")),
+    "ways": Benchmark(ways, 10.0, _figures("ways", *WAYS)),
     "full-port": Benchmark(
         full_port, 60.0, _figures("full-port", "expirations", "lateness-p50", "lateness-p99", "cpu")
     ),

@@ -189,10 +189,13 @@ def lateness(answers: list[dict[str, Any]], share: float) -> Windows:
 
 
 @contextmanager
-def _floor(drives: int, groups: int, period_ns: int, packet: bytes = b"") -> Iterator[tuple[Child, Child]]:
+def _floor(
+    drives: int, groups: int, period_ns: int, packet: bytes = b"", *, ring: bool = False, parent: bool = False
+) -> Iterator[tuple[Child, Child]]:
     """Two minimal loops over the same kind of interfaces: macvlans on one side, one interface on the other.
 
-    They send RT frames, or ``packet`` from its EtherType on.
+    They send RT frames, or ``packet`` from its EtherType on.  With ``ring`` both receive as the engine does, with
+    ``parent`` the side with the macvlans sends through their parent.
     """
     with wire(), ExitStack() as stack:
         lines, macs = [], []
@@ -207,8 +210,9 @@ def _floor(drives: int, groups: int, period_ns: int, packet: bytes = b"") -> Ite
         links = {entry["ifname"]: entry for entry in json.loads(listed)}
         index = {name: entry["ifindex"] for name, entry in links.items()}
         peer_mac = bytes.fromhex(links[PEER]["address"].replace(":", ""))
-        common = {"groups": groups, "period": period_ns, "packet": packet.hex()}
-        ours = [(index[f"pnfl{i}"], mac.hex(), peer_mac.hex()) for i, mac in enumerate(macs)]
+        common = {"groups": groups, "period": period_ns, "packet": packet.hex(), "ring": ring}
+        exits = [index[PARENT if parent else f"pnfl{i}"] for i in range(drives)]
+        ours = [(out, mac.hex(), peer_mac.hex()) for out, mac in zip(exits, macs, strict=True)]
         # an interface keeps its index when it moves into an empty namespace
         theirs = [(index[PEER], peer_mac.hex(), mac.hex()) for mac in macs]
         farm = Child("floor", FARM_CPU, addresses=ours, interface="", **common)
@@ -244,7 +248,9 @@ def settled_floor(
     *,
     packet: bytes = b"",
     windows: int = WINDOWS // 2,
+    ring: bool = False,
+    parent: bool = False,
 ) -> list[dict[str, Any]]:
     """What the loop in the farm's place counted in each window.  Usually it runs before the farm and behind it."""
-    with _floor(drives, groups, period_ns, packet) as (farm, peer):
+    with _floor(drives, groups, period_ns, packet, ring=ring, parent=parent) as (farm, peer):
         return measure(farm, peer, seconds, load, windows)[0]

@@ -60,7 +60,7 @@ class StandardError:
     @staticmethod
     def _pipe() -> int | None:
         """The descriptor, if standard error is a pipe or a socket."""
-        if sys.stderr is not sys.__stderr__:
+        if sys.stderr is None or sys.stderr is not sys.__stderr__:
             return None
         try:
             number = sys.stderr.fileno()
