@@ -60,10 +60,11 @@ class StandardError:
     @staticmethod
     def _pipe() -> int | None:
         """The descriptor, if standard error is a pipe or a socket."""
-        if sys.stderr is None or sys.stderr is not sys.__stderr__:
+        real = sys.__stderr__
+        if real is None or sys.stderr is not real:
             return None
         try:
-            number = sys.stderr.fileno()
+            number = real.fileno()
             mode = os.fstat(number).st_mode
         except (OSError, ValueError):
             return None

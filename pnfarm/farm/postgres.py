@@ -163,7 +163,7 @@ class PostgresState:
             return self.lease.changes()
 
     def attended(self, *, watched: bool = True) -> None:
-        """The event loop runs: claims are renewed for so long as it is seen to; not ``watched``, whether it does or not."""
+        """The event loop runs; claims are renewed only while it does.  Not ``watched``: they are in any case."""
         self._attended_ns = self._clock() if watched else None
 
     @property

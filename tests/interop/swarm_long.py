@@ -1,6 +1,6 @@
 """What of a swarm takes longer than the suite may: ``PNFARM_DOCKER=1 python -m pytest tests/interop/swarm_long.py``.
 
-The database is restarted and cut off, the hub is killed, and nodes are cut off from each other by their cables.
+The database is restarted and cut off, and the hub is killed.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def test_a_killed_hub_is_back_and_knows_the_faults_in_force(stack, tell):
     (container,) = node.containers("pnfarm_hub")
     before = stack.drives()
     node.docker("kill", container)
-    fault, seconds = eventually(lambda: stack.ask("faults/quiet"))
-    tell("from the hub's death until it answers again", seconds)
-    assert sorted(fault["drives"]) == sorted(made["drives"])
+    # it finds the shards one after another
+    _, seconds = eventually(lambda: sorted(stack.ask("faults/quiet")["drives"]) == sorted(made["drives"]))
+    tell("from the hub's death until it has the fault with all its drives again", seconds)
     stack.ask("faults/quiet", "DELETE")
     eventually(stack.all_work)
     after = stack.drives()
@@ -88,17 +88,4 @@ def test_a_database_that_is_cut_off_mutes_the_drives_and_they_come_back_with_it(
     tell(f"from its return after {CUT_SECONDS} s until all drives are in operation", seconds)
     # nothing was started elsewhere, and no shard was killed for its silence
     assert stack.shards() == places
-    assert stack.spoke_twice() == {}
-
-
-def test_a_machine_without_the_others_is_mute_before_its_drives_are_elsewhere(stack, tell):
-    number, node = next((n, node) for n, node in stack.shards().items() if node is not stack.swarm.manager)
-    names = stack.names_of(number)
-    node.cable("mgmt", "down")
-    _, seconds = eventually(lambda: stack.shards()[number] is not node and stack.all_work(), 120)
-    tell("from the cut between the machines until all drives are in operation elsewhere", seconds)
-    tell("silent on the wire meanwhile, at most", stack.silence(names))
-    node.cable("mgmt", "up")
-    eventually(lambda: stack.state_of(node) == "ready")
-    eventually(stack.all_work)
     assert stack.spoke_twice() == {}
