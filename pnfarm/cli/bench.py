@@ -92,6 +92,7 @@ def memory(seconds: float, load: Load) -> list[Result]:
     del seconds
     sizes = {}
     for drives in (16, 272):
+        # the watch lasts as long as the question: others' work does not change what is resident
         with farm_and_plc(drives, "16ms", 16) as (farm, _), load:
             farm.ask("rss")
             sizes[drives] = farm.answer()["rss"]
