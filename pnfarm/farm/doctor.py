@@ -106,7 +106,7 @@ def _compiler_cache() -> Finding:
     return Finding(
         "compiled engine",
         None,
-        f"not compiled yet: the first start does it, in a minute or several ({directory})",
+        f"not compiled yet: the first start does it, in half a minute or longer ({directory})",
         f"{sys.executable} -m pnfarm.engine.warm",
     )
 
