@@ -1,13 +1,13 @@
 """Through which interface a drive's cyclic frames leave: the kernel's own answers, in a namespace of the test's own."""
 
 import asyncio
+import contextlib
 import os
 import struct
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_links_kernel import PLC, opened, specs
 
 from pnfarm.links.base import MULTICAST_DCP_IDENTIFY, PortSpec
 from pnfarm.links.exits import _link_layer_address, _messages, addresses_taken, exits_of
@@ -15,7 +15,21 @@ from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.veth import VethLink
 
 FAR = bytes.fromhex("0a0000000001")
+PLC = bytes.fromhex("02cc00000001")
 SIBLING = bytes.fromhex("02cc000000aa")
+
+
+def specs(count):
+    return [PortSpec(f"axis-{n:02}", b"\x02\x00\x00\x00" + struct.pack(">H", n)) for n in range(1, count + 1)]
+
+
+@contextlib.asynccontextmanager
+async def opened(link, wanted):
+    ports = await link.open(wanted)
+    try:
+        yield ports
+    finally:
+        await link.close()
 
 
 def parent_index(ip, name):
