@@ -101,7 +101,7 @@ class Exits:
         self._ports: frozenset[int] = frozenset()
         self._down: set[int] = set()
         self._taken: frozenset[bytes] = frozenset()
-        self._asked = 0.0
+        self._asked: float | None = None
         self._changes: socket.socket | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._changed: Callable[[int], None] | None = None
@@ -133,9 +133,7 @@ class Exits:
         """The interface through which the frames of ``port`` to ``destination`` leave; 0: its own."""
         if port not in self._ports or port in self._down or destination[0] & 1:
             return 0
-        if self._choice == "auto" and destination in self._siblings():
-            return 0
-        return self._parent
+        return 0 if self._choice == "auto" and self._is_sibling(destination) else self._parent
 
     def set_pulled(self, port: int, pulled: bool) -> None:
         """The port's cable, before the kernel tells it."""
@@ -143,12 +141,17 @@ class Exits:
             (self._down.add if pulled else self._down.discard)(port)
             self._tell(port)
 
-    def _siblings(self) -> frozenset[bytes]:
+    def _is_sibling(self, destination: bytes) -> bool:
+        """Whether another macvlan has this address; where the kernel does not tell, it is taken for one."""
         now = time.monotonic()
-        if not self._taken or now - self._asked > TRUSTED_SECONDS:
-            self._taken = addresses_taken(self._parent)
+        if self._asked is None or now - self._asked > TRUSTED_SECONDS:
+            try:
+                self._taken = addresses_taken(self._parent)
+            except EnvironmentError_:
+                self._asked = None
+                return True
             self._asked = now
-        return self._taken
+        return destination in self._taken
 
     def _tell(self, port: int) -> None:
         if self._changed is not None:

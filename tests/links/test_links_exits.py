@@ -9,6 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pnfarm.errors import EnvironmentError_
+from pnfarm.links import exits as exits_module
 from pnfarm.links.base import MULTICAST_DCP_IDENTIFY, PortSpec
 from pnfarm.links.exits import _link_layer_address, _messages, addresses_taken, exits_of
 from pnfarm.links.macvlan import MacvlanLink
@@ -124,6 +126,20 @@ async def test_an_interface_that_somebody_sets_down_sends_nothing_through_the_pa
         assert exits_of(link).exit_for(port.index, FAR) == 0
         ip("link", "set", port.name, "up")
         assert await told.next() == port.index
+        assert exits_of(link).exit_for(port.index, FAR) == parent_index(ip, nic)
+
+
+@pytest.mark.asyncio
+async def test_where_the_kernel_does_not_tell_addresses_a_drive_sends_by_its_own_interface(cable, ip, monkeypatch):
+    def refused(index):
+        raise EnvironmentError_(f"the kernel does not tell the addresses of interface {index}")
+
+    nic, _ = cable
+    link = MacvlanLink("line-1", nic, send="auto")
+    async with opened(link, specs(1)) as (port,):
+        with monkeypatch.context() as patched:
+            patched.setattr(exits_module, "addresses_taken", refused)
+            assert exits_of(link).exit_for(port.index, FAR) == 0
         assert exits_of(link).exit_for(port.index, FAR) == parent_index(ip, nic)
 
 
