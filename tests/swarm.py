@@ -1,7 +1,6 @@
 """``python -m tests.swarm``: a farm in shards behind a hub, in virtual time: start, a storm of faults, a lost shard.
 
-The exit code is 0 if everything held, 1 if not.  A thousand drives take a minute.  10,000 in ten shards do not start:
-why was not found; perhaps the hub's time limits, which are of real time, are too short for such shards here.
+The exit code is 0 if everything held, 1 if not.  A thousand drives take a minute.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def read(shard: Shard, answer: Answer, *keys: str) -> dict[str, Any]:
 
 
 class Hub:
-    """``now`` is the hub's clock, ns; ``transport`` gives what a shard is reached by, for tests."""
+    """``now`` is the hub's clock, ns.  For tests: what a shard is reached by, and how long an answer may take."""
 
     def __init__(
         self,
@@ -70,6 +70,7 @@ class Hub:
         wall: Callable[[], float] = time.time,
         sleep: Callable[[float], Awaitable[None]] = anyio.sleep,
         transport: Callable[[str], httpx.AsyncBaseTransport] | None = None,
+        request_seconds: float = REQUEST_SECONDS,
     ) -> None:
         self.now = now
         self.wall = wall
@@ -89,6 +90,7 @@ class Hub:
         self.discovery: dict[str, str] = {}
         self._token = token
         self._transport = transport
+        self._request_seconds = request_seconds
         self._clients: dict[str, ShardClient] = {}
         self._own = 0
         self._known: deque[str] = deque()
@@ -146,13 +148,14 @@ class Hub:
         *,
         body: Mapping[str, Any] | bytes | None = None,
         query: Mapping[str, Any] | str | None = None,
-        seconds: float = REQUEST_SECONDS,
+        seconds: float | None = None,
     ) -> Answer:
         """One request; ``path`` below ``/api/v1``.  Raises :class:`AwayError`, for one that is away at once."""
         if not shard.asked:
             raise shard.away()
+        patience = self._request_seconds if seconds is None else seconds
         try:
-            return await self.client(shard).ask(method, f"{PREFIX}/{path}", body=body, query=query, seconds=seconds)
+            return await self.client(shard).ask(method, f"{PREFIX}/{path}", body=body, query=query, seconds=patience)
         except AwayError as exc:
             shard.errors[exc.slug] += 1
             raise

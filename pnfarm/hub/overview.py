@@ -106,7 +106,8 @@ class HubOverview:
             for key, (places, values) in (message.get("values") or {}).items():
                 if key not in self._values:
                     continue
-                for place, value in zip(places, values, strict=True):
+                # null: all drives of the shard
+                for place, value in zip(range(len(names)) if places is None else places, values, strict=True):
                     here = self._places[names[place]]
                     self._values[key][here] = max(-LARGEST, min(LARGEST, value))
                     self._changed[key][here] = version

@@ -76,6 +76,9 @@ async def drives_view(hub: Hub) -> dict[str, Any]:
     views = [shard.view for shard in fresh]
     return {
         "farm": hub.shards.farm,
+        # all of them; each shard tells its own
+        "shard": None,
+        "standing": None,
         "link": "+".join(dict.fromkeys(str(view["link"]) for view in views)) or "unreachable",
         "lines": [
             {**line, "shard": shard.label} if len(hub.shards) > 1 else line

@@ -12,6 +12,7 @@ from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.memory import VolatileMemory
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.hub import Hub, make_hub_app
+from pnfarm.hub.client import REQUEST_SECONDS
 from pnfarm.station.event_log import EventLog
 
 BASE = "http://127.0.0.1:8702"
@@ -82,6 +83,9 @@ class MemoryShard(httpx.AsyncBaseTransport):
 class HubWorld:
     """``shards`` by name: each is (name of its drives, how many); ``names`` as ``axis-{n:02}`` or one without."""
 
+    #: How long an answer may take; of real time.
+    request_seconds = REQUEST_SECONDS
+
     def __init__(
         self,
         *drives: tuple[str, int],
@@ -108,6 +112,7 @@ class HubWorld:
             wall=lambda: 1.7e9 + self.clock_ns / 1e9,
             sleep=self.sleep,
             transport=lambda url: self.shards[url],
+            request_seconds=self.request_seconds,
         )
         self.app = make_hub_app(self.hub, **self.tokens)
         for url in self.shards:

@@ -146,6 +146,9 @@ class Report:
 class SwarmWorld(HubWorld):
     """``drives`` in ``count`` shards."""
 
+    #: All shards answer in one process, one after the other.
+    request_seconds = 120.0
+
     def __init__(self, drives: int, count: int, *, cycle: int = 16) -> None:
         self.count = count
         # a farm file has so many drives at most: then they are several farms, each in equal shards
