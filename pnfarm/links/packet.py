@@ -97,6 +97,17 @@ class _Mmsghdr(ctypes.Structure):
     _fields_ = (("header", _Msghdr), ("length", ctypes.c_uint))
 
 
+def _raw_socket() -> socket.socket:
+    """A non-blocking raw socket that receives nothing yet.  Raises :class:`EnvironmentError_` without CAP_NET_RAW."""
+    try:
+        return socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC, 0)
+    except PermissionError as exc:
+        raise EnvironmentError_(
+            "raw Ethernet sockets need CAP_NET_RAW in this network namespace: run as root, or try `pnfarm demo`, "
+            "which brings a namespace of its own"
+        ) from exc
+
+
 def open_packet_socket(
     ethertype: int, filter_code: bytes, receive_buffer: int = RECEIVE_BUFFER, *, index: int = 0
 ) -> socket.socket:
@@ -108,13 +119,7 @@ def open_packet_socket(
     It is bound only after the filter is in place, so no foreign frame ever enters its queue.
     Raises :class:`~pnfarm.errors.EnvironmentError_` without CAP_NET_RAW.
     """
-    try:
-        sock = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK | socket.SOCK_CLOEXEC, 0)
-    except PermissionError as exc:
-        raise EnvironmentError_(
-            "raw Ethernet sockets need CAP_NET_RAW in this network namespace: run as root, or try `pnfarm demo`, "
-            "which brings a namespace of its own"
-        ) from exc
+    sock = _raw_socket()
     try:
         bpf.attach(sock, filter_code)
         with contextlib.suppress(OSError):  # before Linux 4.20: the filter drops outgoing frames as well
@@ -222,7 +227,7 @@ class PacketSockets:
         lowest, highest = min(self._names), max(self._names)
         try:
             # protocol 0: this one never receives
-            self._sender = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
+            self._sender = _raw_socket()
             self._choose_ear(shared)
             self._profinet = profinet = self._watch(
                 ETHERTYPE_PROFINET, lambda ear: bpf.acyclic_filter(lowest, highest, ear)
