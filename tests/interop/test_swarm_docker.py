@@ -71,7 +71,8 @@ def test_prometheus_finds_the_shards_and_the_hub_by_their_names(stack):
     def up():
         query = "sum by (job) (up)"
         said = manager.docker("exec", container, "promtool", "query", "instant", "http://127.0.0.1:9090", query)
-        return {line.split()[0]: line.split()[2] for line in said.splitlines()}
+        # before the first scrape there is nothing
+        return {words[0]: words[2] for words in map(str.split, said.splitlines()) if len(words) > 2}
 
     eventually(lambda: up() == {'{job="pnfarm"}': str(SHARDS), '{job="pnfarm-hub"}': "1"})
 
