@@ -90,6 +90,8 @@ async def _commands(core: Any, connected: Any) -> None:
             _answer(_counters(core))
         elif word == "punctuality":
             _answer(_punctuality(core))
+        elif word == "exits":
+            _answer({"e": [(int(r["exit"]),int(r["active"])) for r in core.columns.ppm], "p": sorted({int(r["port"]) for r in core.columns.ppm})[:3]})
         elif word == "rss":
             _answer({"rss": _rss()})
         else:

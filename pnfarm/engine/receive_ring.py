@@ -37,13 +37,13 @@ _PACKET_VERSION = 10
 _TPACKET_V2 = 1
 
 #: Octets of a slot: header, address and the longest frame, rounded up to what divides a page.
-SLOT = 2048
+SLOT = 256
 SLOT_WORDS = SLOT // 4
 #: Octets that the kernel allocates at once.
 BLOCK = 64 * 1024
 #: Slots for each channel, so that a machine that stalls for some cycles loses nothing, and the limits of all.
-SLOTS_PER_CHANNEL = 32
-FEWEST_SLOTS = 512
+SLOTS_PER_CHANNEL = 4
+FEWEST_SLOTS = 1024
 MOST_SLOTS = 16_384
 
 STATUS, LENGTH, CAPTURED, OFFSETS, SECONDS, NANOSECONDS = range(6)
@@ -108,7 +108,7 @@ def take_batch(columns: Columns, ring: ReceiveRing, now: int, offset: int) -> in
         acquire()
         length = int(words[head + LENGTH])
         begin = int(words[head + OFFSETS]) & 0xFFFF
-        if length != words[head + CAPTURED] or begin < HEAD or length > FRAME_SLOT or begin + length > SLOT:
+        if length != words[head + CAPTURED] or begin < HEAD or begin + length > SLOT:
             length = 0
             begin = HEAD
         stamp = int(words[head + SECONDS]) * 1_000_000_000 + int(words[head + NANOSECONDS])

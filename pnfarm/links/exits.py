@@ -9,6 +9,7 @@ through the parent either: the kernel reports changes.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import socket
 import struct
@@ -34,11 +35,14 @@ _NEIGHBOUR = struct.Struct("=BxxxiHBB")  # family, interface, state, flags, type
 _INTERFACE = struct.Struct("=BxHiII")  # family, type, index, flags, change
 _ATTRIBUTE = struct.Struct("=HH")  # length, type
 _REQUEST_DUMP = 0x301
-_ERROR, _DONE, _NEW_LINK, _DELETED_LINK, _GET_NEIGHBOUR = 2, 3, 16, 17, 30
+_ERROR, _DONE, _NEW_LINK, _DELETED_LINK, _GET_LINK, _GET_NEIGHBOUR = 2, 3, 16, 17, 18, 30
 _LINK_LAYER_ADDRESS = 2
 _RTMGRP_LINK = 1
 _IFF_UP = 1
 _RECEIVE = 256 * 1024
+#: Room for what the kernel reports when the parent's carrier changes: some messages of 2 kB for each of 1,024 macvlans.
+_REPORTS = 8 * 1024 * 1024
+_SO_RCVBUFFORCE = 33
 
 #: How long a list of addresses is trusted, seconds: in a storm of connections it is asked for once.
 TRUSTED_SECONDS = 1.0
@@ -66,30 +70,47 @@ def _link_layer_address(attributes: memoryview) -> bytes | None:
     return None
 
 
+def _dump(kind: int, request: bytes) -> Iterator[tuple[int, memoryview]]:
+    """What the kernel lists.  Raises OSError where it does not answer."""
+    with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, socket.NETLINK_ROUTE) as asking:
+        asking.settimeout(1.0)
+        asking.send(_HEADER.pack(_HEADER.size + len(request), kind, _REQUEST_DUMP, 1, 0) + request)
+        while True:
+            for answer, content in _messages(asking.recv(_RECEIVE)):
+                if answer == _DONE:
+                    return
+                if answer == _ERROR:
+                    (code,) = struct.unpack_from("=i", content)
+                    raise OSError(-code, os.strerror(-code))
+                yield answer, content
+
+
 def addresses_taken(index: int) -> frozenset[bytes]:
     """Addresses that the interface ``index`` takes beside its own: those of its macvlans that are up, and groups.
 
     Raises :class:`EnvironmentError_` where the kernel does not answer.
     """
     found: set[bytes] = set()
-    request = _NEIGHBOUR.pack(socket.AF_BRIDGE, index, 0, 0, 0)
     try:
-        with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, socket.NETLINK_ROUTE) as asking:
-            asking.settimeout(1.0)
-            asking.send(_HEADER.pack(_HEADER.size + len(request), _GET_NEIGHBOUR, _REQUEST_DUMP, 1, 0) + request)
-            while True:
-                for kind, content in _messages(asking.recv(_RECEIVE)):
-                    if kind == _DONE:
-                        return frozenset(found)
-                    if kind == _ERROR:
-                        (code,) = struct.unpack_from("=i", content)
-                        raise OSError(-code, os.strerror(-code))
-                    if len(content) >= _NEIGHBOUR.size and _NEIGHBOUR.unpack_from(content)[1] == index:
-                        address = _link_layer_address(content[_NEIGHBOUR.size :])
-                        if address is not None:
-                            found.add(address)
+        for _, content in _dump(_GET_NEIGHBOUR, _NEIGHBOUR.pack(socket.AF_BRIDGE, index, 0, 0, 0)):
+            if len(content) >= _NEIGHBOUR.size and _NEIGHBOUR.unpack_from(content)[1] == index:
+                address = _link_layer_address(content[_NEIGHBOUR.size :])
+                if address is not None:
+                    found.add(address)
     except OSError as exc:
         raise EnvironmentError_(f"the kernel does not tell the addresses of interface {index}: {exc}") from exc
+    return frozenset(found)
+
+
+def _interfaces_up() -> set[int]:
+    """Raises OSError where the kernel does not answer."""
+    return {
+        index
+        for kind, content in _dump(_GET_LINK, _INTERFACE.pack(socket.AF_UNSPEC, 0, 0, 0, 0))
+        if kind == _NEW_LINK and len(content) >= _INTERFACE.size
+        for _family, _type, index, flags, _change in (_INTERFACE.unpack_from(content),)
+        if flags & _IFF_UP
+    }
 
 
 class Exits:
@@ -112,6 +133,8 @@ class Exits:
             return
         self._parent, self._ports = parent, frozenset(ports)
         self._changes = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.NETLINK_ROUTE)
+        with contextlib.suppress(PermissionError):  # a smaller one only loses reports earlier
+            self._changes.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _REPORTS)
         self._changes.bind((0, _RTMGRP_LINK))
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(self._changes.fileno(), self._read_changes)
@@ -166,10 +189,8 @@ class Exits:
         except BlockingIOError:
             return
         except OSError:
-            # reports were lost (ENOBUFS): each port's own way is always right
-            ports, self._ports = self._ports, frozenset()
-            for port in ports:
-                self._tell(port)
+            # the kernel had no room for its reports (ENOBUFS)
+            self._look_again(self._changes)
             return
         for kind, content in _messages(data):
             if kind not in {_NEW_LINK, _DELETED_LINK} or len(content) < _INTERFACE.size:
@@ -177,6 +198,27 @@ class Exits:
             _family, _type, index, flags, _change = _INTERFACE.unpack_from(content)
             if index in self._ports:
                 self.set_pulled(index, kind == _DELETED_LINK or not flags & _IFF_UP)
+
+    def _look_again(self, changes: socket.socket) -> None:
+        """Ask which interfaces are up: reports were lost."""
+        # what is still in the queue is older than the answer
+        for _ in range(_REPORTS // 256):
+            try:
+                changes.recv(_RECEIVE)
+            except BlockingIOError:
+                break
+            except OSError:  # more was lost
+                continue
+        try:
+            up = _interfaces_up()
+        except OSError:
+            # each port's own way is always right
+            ports, self._ports = self._ports, frozenset()
+            for port in ports:
+                self._tell(port)
+            return
+        for port in self._ports:
+            self.set_pulled(port, port not in up)
 
 
 def exits_of(link: Link) -> Exits | None:

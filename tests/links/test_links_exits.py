@@ -130,6 +130,42 @@ async def test_an_interface_that_somebody_sets_down_sends_nothing_through_the_pa
 
 
 @pytest.mark.asyncio
+async def test_reports_that_the_kernel_had_no_room_for_are_asked_for(cable, ip, monkeypatch):
+    monkeypatch.setattr(exits_module, "_REPORTS", 4096)
+    nic, _ = cable
+    link = MacvlanLink("line-1", nic, send="auto")
+    told = Told(link)
+    async with opened(link, specs(4)) as ports:
+        # nobody reads while these are reported
+        for _ in range(10):
+            ip("link", "set", ports[0].name, "down")
+            ip("link", "set", ports[0].name, "up")
+        ip("link", "set", ports[1].name, "down")
+        while await told.next() != ports[1].index:
+            pass
+        parent = parent_index(ip, nic)
+        assert [exits_of(link).exit_for(port.index, FAR) for port in ports] == [parent, 0, parent, parent]
+
+
+@pytest.mark.asyncio
+async def test_reports_lost_where_the_kernel_lists_nothing_leave_each_drive_its_own_interface(cable, ip, monkeypatch):
+    def refused():
+        raise OSError("no answer")
+
+    monkeypatch.setattr(exits_module, "_REPORTS", 4096)
+    monkeypatch.setattr(exits_module, "_interfaces_up", refused)
+    nic, _ = cable
+    link = MacvlanLink("line-1", nic, send="auto")
+    told = Told(link)
+    async with opened(link, specs(2)) as ports:
+        for _ in range(20):
+            ip("link", "set", ports[0].name, "down")
+            ip("link", "set", ports[0].name, "up")
+        assert {await told.next(), await told.next()} == {port.index for port in ports}
+        assert [exits_of(link).exit_for(port.index, FAR) for port in ports] == [0, 0]
+
+
+@pytest.mark.asyncio
 async def test_where_the_kernel_does_not_tell_addresses_a_drive_sends_by_its_own_interface(cable, ip, monkeypatch):
     def refused(index):
         raise EnvironmentError_(f"the kernel does not tell the addresses of interface {index}")
