@@ -90,8 +90,6 @@ async def _commands(core: Any, connected: Any) -> None:
             _answer(_counters(core))
         elif word == "punctuality":
             _answer(_punctuality(core))
-        elif word == "exits":
-            _answer({"e": [(int(r["exit"]),int(r["active"])) for r in core.columns.ppm], "p": sorted({int(r["port"]) for r in core.columns.ppm})[:3]})
         elif word == "rss":
             _answer({"rss": _rss()})
         else:
@@ -169,6 +167,7 @@ def _floor(settings: dict[str, Any]) -> None:
             until = time.monotonic_ns() + int(seconds * 1e9)
             run_floor(
                 sock.fileno(), ring, vectors.rx, vectors.tx, settings["groups"], vectors.counts, vectors.lateness,
+                vectors.times,
                 settings["period"], until,
             )  # fmt: skip
 

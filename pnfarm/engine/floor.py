@@ -47,6 +47,8 @@ class FloorVectors:
         #: Frames received, frames sent, a sum of octets.
         self.counts = np.zeros(3, np.int64)
         self.lateness = np.zeros(len(LATENESS_EDGES_NS) + 1, np.int64)
+        #: For the kernel: the time now, and when the loop goes on.
+        self.times = np.zeros((2, 2), np.int64)
 
 
 def make_vectors(addresses: list[tuple[int, bytes, bytes]], packet: bytes = b"") -> FloorVectors:
@@ -118,6 +120,7 @@ def run_floor(
     groups: int,
     counts: Any,
     lateness: Any,
+    times: Any,
     period: int,
     until: int,
 ) -> None:
@@ -125,8 +128,7 @@ def run_floor(
 
     Frames are received from ``ring``, if it has slots.
     """
-    clock = np.zeros(2, np.int64)
-    target = np.zeros(2, np.int64)
+    clock, target = times[0], times[1]
     now = time_ns(CLOCK_MONOTONIC, clock)
     due = now - now % period + period
     turn = 0

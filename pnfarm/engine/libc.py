@@ -19,6 +19,7 @@ __all__ = [
     "CLOCK_REALTIME",
     "MSG_DONTWAIT",
     "clock_nanosleep",
+    "recv",
     "recvmmsg",
     "sendmmsg",
     "time_ns",
@@ -36,6 +37,7 @@ if IS_COMPILED:
 
     _int = types.int32
     _word = types.intp
+    recv: Any = types.ExternalFunction("recv", _word(_int, _word, _word, _int))
     recvmmsg: Any = types.ExternalFunction("recvmmsg", _int(_int, _word, types.uint32, _int, _word))
     sendmmsg: Any = types.ExternalFunction("sendmmsg", _int(_int, _word, types.uint32, _int))
     clock_gettime: Any = types.ExternalFunction("clock_gettime", _int(_int, _word))
@@ -52,6 +54,7 @@ else:
         function.argtypes = arguments
         return function
 
+    recv = _function("recv", _word, _int, _word, _word, _int)
     recvmmsg = _function("recvmmsg", _int, _int, _word, ctypes.c_uint, _int, _word)
     sendmmsg = _function("sendmmsg", _int, _int, _word, ctypes.c_uint, _int)
     clock_gettime = _function("clock_gettime", _int, _int, _word)

@@ -41,16 +41,15 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
     ``wake`` is an eventfd for the event loop, ``one`` an uint64[1] that holds 1.
     """
     engine = columns.engine[0]
-    sleep_until = np.zeros(2, np.int64)
     told = engine.event_head
     now = time_ns(CLOCK_MONOTONIC, ring.clock)
     due = next_due(columns, now)
     engine.due_ns = due
     while engine.stop == 0 and (until == 0 or now < until):
         if due > now:
-            sleep_until[0] = due // 1_000_000_000
-            sleep_until[1] = due % 1_000_000_000
-            clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, sleep_until.ctypes.data, 0)
+            ring.target[0] = due // 1_000_000_000
+            ring.target[1] = due % 1_000_000_000
+            clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, ring.target.ctypes.data, 0)
         now = time_ns(CLOCK_MONOTONIC, ring.clock)
         engine.due_ns = max(now, due)
         late = max(0, now - due)

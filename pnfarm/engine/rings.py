@@ -46,6 +46,8 @@ class Ring(NamedTuple):
     tx_iov: Any
     tx_address: Any
     clock: Any
+    #: The time at which the loop goes on, as the kernel is told it.
+    target: Any
 
 
 def make_ring(
@@ -69,6 +71,7 @@ def make_ring(
         tx_iov=np.zeros((frames, 2), np.int64),
         tx_address=np.zeros((frames, ADDRESS_SLOT // 4), np.int32),
         clock=np.zeros(2, np.int64),
+        target=np.zeros(2, np.int64),
     )
     ring.tx_vector[:, NAME_LENGTH] = SOCKADDR_LL
     ring.tx_vector[:, IOV_LENGTH] = 1

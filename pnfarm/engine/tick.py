@@ -166,7 +166,7 @@ def receive(columns: Columns, count: int) -> None:
 
 @compiled
 def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None:
-    """Take ``count`` frames, which begin at ``places`` in ``octets``."""
+    """Take ``count`` frames, which begin at ``places`` in ``octets``, or below 0 in the receive slots."""
     engine = columns.engine[0]
     engine.received += count
     table = columns.lookup[engine.lookup]
@@ -176,7 +176,10 @@ def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None
     for i in range(count):
         if engine.held_in > 0:
             _release_received(columns, columns.rx_ns[i])
-        frame = octets[places[i] : places[i] + FRAME_SLOT]
+        if places[i] >= 0:
+            frame = octets[places[i] : places[i] + FRAME_SLOT]
+        else:
+            frame = columns.rx_octets[-1 - places[i] : FRAME_SLOT - 1 - places[i]]
         length = int(columns.rx_length[i])
         place = framing.locate(frame, length)
         if place == 0:

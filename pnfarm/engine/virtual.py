@@ -42,7 +42,8 @@ def _place(
                 high = middle
         if low >= addresses.shape[0] or addresses[low] != destination:
             continue
-        slots[waiting, :length] = frame[:length]
+        for k in range(length):
+            slots[waiting, k] = frame[k]
         lengths[waiting] = length
         places[waiting] = ports[low]
         times[waiting] = now

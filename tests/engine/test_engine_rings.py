@@ -14,6 +14,7 @@ from pnfarm.engine.receive_ring import (
     HEAD,
     SLOT,
     SLOT_WORDS,
+    STATUS_COPY,
     STATUS_USER,
     give_back,
     receive_ring,
@@ -105,7 +106,7 @@ def test_a_full_ring_is_taken_once_and_no_batch_is_larger_than_the_receive_slots
 
 def test_a_frame_that_was_cut_or_lies_outside_of_its_slot_has_no_octets():
     columns, ring = allocate(stations=1), receive_ring(8)
-    put(ring, 0, bytes(1000), length=4000)
+    put(ring, 0, bytes(100), length=4000)
     put(ring, 1, bytes(60), begin=HEAD - 4)
     put(ring, 2, bytes(60), length=SLOT, captured=SLOT)
     put(ring, 3, bytes(60), length=-5, captured=-5)
@@ -113,6 +114,27 @@ def test_a_frame_that_was_cut_or_lies_outside_of_its_slot_has_no_octets():
     assert list(columns.rx_length[:3]) == [0, 0, 0]
     receive_from(columns, ring.octets, columns.rx_place, 4)
     assert columns.engine[0].malformed == 4
+
+
+def test_a_frame_too_long_for_its_slot_is_taken_whole_and_in_its_order():
+    columns = allocate(stations=1)
+    near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with near, far:
+        ring = receive_ring(8)._replace(descriptor=near.fileno())
+        long = [bytes([n]) * size for n, size in ((1, 600), (2, FRAME_SLOT), (3, FRAME_SLOT + 80))]
+        for slot, frame in zip((1, 2, 4), long, strict=True):
+            far.send(frame)
+            put(ring, slot, frame[: SLOT - BEGIN], port=20 + slot, length=len(frame))
+            ring.words[slot * SLOT_WORDS] |= STATUS_COPY
+        put(ring, 0, bytes(60), port=20)
+        put(ring, 3, bytes(60), port=23)
+        # the kernel's queue was full
+        put(ring, 5, bytes(SLOT - BEGIN), port=25, length=700)
+        assert take_batch(columns, ring, 5, 0) == 6
+    assert list(columns.rx_port[:6]) == [20, 21, 22, 23, 24, 25]
+    assert list(columns.rx_length[:6]) == [60, 600, FRAME_SLOT, 60, 0, 0]
+    taken = [-1 - int(place) for place in columns.rx_place[:6]]
+    assert [bytes(columns.rx_octets[taken[n] : taken[n] + len(long[n - 1])]) for n in (1, 2)] == long[:2]
 
 
 def test_no_content_of_a_ring_breaks_the_engine():
