@@ -122,7 +122,9 @@ def mute_once(view: View) -> None:
 
 
 def flapping(view: View) -> None:
-    assert sum(gap > 0.6 for gap in view.gaps(view.during(view.sent))) >= 2
+    # two gaps of 0.7 s, or one: on a busy machine the drive may not be connected anew between them
+    gaps = view.gaps(view.during(view.sent))
+    assert sum(gap for gap in gaps if gap > 0.6) >= 1.3, gaps
 
 
 def another_mac(view: View) -> None:
