@@ -167,8 +167,7 @@ def _floor(settings: dict[str, Any]) -> None:
             until = time.monotonic_ns() + int(seconds * 1e9)
             run_floor(
                 sock.fileno(), ring, vectors.rx, vectors.tx, settings["groups"], vectors.counts, vectors.lateness,
-                vectors.times,
-                settings["period"], until,
+                vectors.times, settings["period"], until,
             )  # fmt: skip
 
         run(0.001)

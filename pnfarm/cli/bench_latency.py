@@ -140,6 +140,7 @@ def _measured(seconds: float, load: Load) -> tuple[list[int], list[int]]:
                         faults.append(tap.first(begin, runs=False) - begin)
                         _call(api, "DELETE", f"faults/{injected['id']}")
                         tap.first(time.time_ns(), runs=True)
+                        # as for the fault
                         time.sleep(rng.uniform(0.005, 0.015))
                         begin = time.time_ns()
                         _call(api, "POST", "faults?dry_run=true", fault)

@@ -99,6 +99,7 @@ def _storm(seconds: float, realtime: dict[str, int], load: Load) -> _Storm:
         time.sleep(2.0)
         with load:
             before = _marks(farm)
+            # nothing to wait for: the quiet period itself
             time.sleep(seconds)
             begin = _marks(farm)
             start = time.monotonic()

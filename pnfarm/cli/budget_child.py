@@ -48,17 +48,9 @@ def _frame_ns() -> float:
         def run(seconds: float) -> None:
             until = time.monotonic_ns() + int(seconds * 1e9)
             run_floor(
-                sock.fileno(),
-                ring,
-                vectors.rx,
-                vectors.tx,
-                1,
-                vectors.counts,
-                vectors.lateness,
-                vectors.times,
-                PERIOD_NS,
-                until,
-            )
+                sock.fileno(), ring, vectors.rx, vectors.tx, 1, vectors.counts, vectors.lateness, vectors.times,
+                PERIOD_NS, until,
+            )  # fmt: skip
 
         # may compile
         run(0.001)

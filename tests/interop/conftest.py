@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from shutil import which
 
 import pytest
@@ -21,6 +22,17 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if "interop" in item.path.parts:
             item.add_marker(pytest.mark.interop)
+
+
+@pytest.fixture
+def tell(capsys):
+    """Print a measured time, also of a test that passes."""
+
+    def say(what, seconds):
+        with capsys.disabled():
+            sys.stdout.write(f"\n  {what}: {seconds:.4g} s\n")
+
+    return say
 
 
 @pytest.fixture(scope="module")

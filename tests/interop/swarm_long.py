@@ -5,7 +5,6 @@ The database is restarted and cut off, and the hub is killed.
 
 from __future__ import annotations
 
-import sys
 import time
 
 import pytest
@@ -18,17 +17,6 @@ CUT_SECONDS = 30
 @pytest.fixture(scope="module")
 def stack():
     yield from made_stack()
-
-
-@pytest.fixture
-def tell(capsys):
-    """Print a measured time, also of a test that passes."""
-
-    def say(what, seconds):
-        with capsys.disabled():
-            sys.stdout.write(f"\n  {what}: {seconds:.4g} s\n")
-
-    return say
 
 
 @pytest.fixture(autouse=True)
@@ -81,6 +69,7 @@ def test_a_database_that_is_cut_off_mutes_the_drives_and_they_come_back_with_it(
         eventually(lambda: not stack.working(), 30)
         tell("from the database's last answer until all drives are mute", time.monotonic() - began)
         places = stack.shards()
+        # the database has to be away for the whole time
         time.sleep(max(0.0, CUT_SECONDS - (time.monotonic() - began)))
     finally:
         manager.docker("unpause", container)

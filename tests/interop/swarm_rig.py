@@ -11,43 +11,11 @@ import signal
 import subprocess
 from pathlib import Path
 
-from rig_engine import BASE, ROOT, Engine, run
+from rig_engine import ROOT, Engine, run
 
-#: The images of compose.swarm.yaml that a node needs; Grafana's cannot be made from the distribution.
-POSTGRES = "postgres:16"
-POSTGRES_FILE = f"""\
-FROM {BASE}
-RUN apt-get update && apt-get install -y --no-install-recommends postgresql \\
- && install -d -o postgres -g postgres -m 0700 /var/lib/postgresql/data
-ENV PATH=/usr/lib/postgresql/15/bin:$PATH
-COPY entry /entry
-USER postgres
-STOPSIGNAL SIGINT
-ENTRYPOINT ["sh", "/entry"]
-"""
-#: What the image that the stack names does at its first start, in short.
-POSTGRES_ENTRY = """\
-set -eu
-data=/var/lib/postgresql/data
-if [ ! -s "$data/PG_VERSION" ]; then
-  initdb -D "$data" -U "$POSTGRES_USER" --pwfile="$POSTGRES_PASSWORD_FILE" -A scram-sha-256 --no-sync
-  echo "host all all all scram-sha-256" >> "$data/pg_hba.conf"
-  echo "CREATE DATABASE $POSTGRES_DB" | postgres --single -D "$data" postgres
-fi
-exec postgres -D "$data" -c listen_addresses='*' -c unix_socket_directories=/tmp
-"""
 #: Networks of the stack on a node: the management card is eth0, the fieldbus's is eth1.
 MANAGEMENT, FIELDBUS = "10.99.0.{}", "10.77.0.0/16"
 SWITCHES = ("mgmt", "wire")
-
-
-def build_postgres(engine):
-    """The database's image from the distribution's package, under the name that the stack has."""
-    context = engine.folder / "postgres"
-    context.mkdir(exist_ok=True)
-    (context / "Dockerfile").write_text(POSTGRES_FILE, "utf-8")
-    (context / "entry").write_text(POSTGRES_ENTRY, "utf-8")
-    engine.docker("build", "--network=host", "-t", POSTGRES, context, timeout=1200)
 
 
 class Node(Engine):

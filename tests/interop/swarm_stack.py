@@ -51,6 +51,7 @@ def eventually(what, seconds=60.0):
                 return found, time.monotonic() - began
         except AssertionError as exc:
             last = exc
+        # other machines are asked: nothing here tells when their answer changes
         time.sleep(0.3)
     raise AssertionError(f"not within {seconds} s; {last}")
 
@@ -119,7 +120,7 @@ def _in_space(name):
     """This thread in a network namespace: sockets stay in the one where they were made."""
     # Python 3.11 has no call of its own
     libc = ctypes.CDLL(None, use_errno=True)
-    with open("/proc/thread-self/ns/net") as here, open(f"/var/run/netns/{name}") as there:  # noqa: PTH123
+    with open("/proc/thread-self/ns/net") as here, open(f"/var/run/netns/{name}") as there:  # noqa: PTH123 - names of kernel objects
         try:
             if libc.setns(there.fileno(), 0):
                 raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))

@@ -6,7 +6,6 @@ What takes longer is in swarm_long.py, which is run by its name.
 from __future__ import annotations
 
 import os
-import sys
 
 import pytest
 from swarm_stack import SHARDS, eventually, made_stack
@@ -22,17 +21,6 @@ KEEPS_FIXTURES = True
 @pytest.fixture(scope="module")
 def stack():
     yield from made_stack()
-
-
-@pytest.fixture
-def tell(capsys):
-    """Print a measured time, also of a test that passes."""
-
-    def say(what, seconds):
-        with capsys.disabled():
-            sys.stdout.write(f"\n  {what}: {seconds:.4g} s\n")
-
-    return say
 
 
 def test_every_drive_of_every_shard_is_run_by_the_controller(stack, tell):

@@ -1,13 +1,13 @@
 """Through which interface a drive's cyclic frames leave: the kernel's own answers, in a namespace of the test's own."""
 
 import asyncio
-import contextlib
 import os
 import struct
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from opened_link import opened
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.links import exits as exits_module
@@ -23,15 +23,6 @@ SIBLING = bytes.fromhex("02cc000000aa")
 
 def specs(count):
     return [PortSpec(f"axis-{n:02}", b"\x02\x00\x00\x00" + struct.pack(">H", n)) for n in range(1, count + 1)]
-
-
-@contextlib.asynccontextmanager
-async def opened(link, wanted):
-    ports = await link.open(wanted)
-    try:
-        yield ports
-    finally:
-        await link.close()
 
 
 def parent_index(ip, name):

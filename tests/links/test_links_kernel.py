@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import pytest
+from opened_link import opened
 
 from pnfarm.errors import ConfigError, EnvironmentError_, InternalError
 from pnfarm.farm.files import open_files
@@ -55,15 +56,6 @@ class Inbox:
         before = len(self.frames)
         await asyncio.sleep(0.05)
         return len(self.frames) == before
-
-
-@contextlib.asynccontextmanager
-async def opened(link, wanted):
-    ports = await link.open(wanted)
-    try:
-        yield ports
-    finally:
-        await link.close()
 
 
 def sysctl(name):

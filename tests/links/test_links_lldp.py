@@ -5,6 +5,7 @@ import contextlib
 import struct
 
 import pytest
+from opened_link import opened
 
 from pnfarm.links.base import MULTICAST_LLDP, PortSpec
 from pnfarm.links.macvlan import MacvlanLink
@@ -47,15 +48,6 @@ class Inbox:
         await asyncio.sleep(0.05)
         heard, self.frames = self.frames, []
         return sorted(heard) == sorted((port.index, lldp(tail=b"last")) for port in ports)
-
-
-@contextlib.asynccontextmanager
-async def opened(link, wanted):
-    ports = await link.open(wanted)
-    try:
-        yield ports
-    finally:
-        await link.close()
 
 
 @pytest.fixture
