@@ -10,6 +10,7 @@ the exit code is 1 then, 2 for a wrong argument.
 from __future__ import annotations
 
 import argparse
+import gc
 import sys
 import time
 import traceback
@@ -63,6 +64,9 @@ class Run:
         corpus = gather()
         self.own, self.captured = len(corpus.to_drive) + len(corpus.to_controller), len(corpus.captured)
         self.layers = {**corpus.layers, **enip_layers()}
+        # else a collection of all that the corpus left, 0.1 s, falls into the time of one input
+        gc.collect()
+        gc.freeze()
         wanted = options.target
         self.parsers = [parser for parser in parsers(self.layers) if fnmatchcase(parser.name, wanted)]
         self.machines = [machine for machine in (*MACHINES, *MORE, *ENIP) if fnmatchcase(machine.name, wanted)]
@@ -74,7 +78,7 @@ class Run:
 
     def parser_turn(self, parser, chunk, inputs):
         rng = self.rng(parser.name, chunk)
-        self.turn(parser.name, chunk, inputs, PARSER_SECONDS, lambda: parser.next_input(rng), parser.feed)
+        self.turn(parser.name, chunk, inputs, PARSER_SECONDS, lambda: parser.next_input(rng), parser.feed, repeats=2)
 
     def machine_turn(self, kind, chunk, inputs):
         rng = self.rng(kind.name, chunk)
@@ -88,7 +92,8 @@ class Run:
             lambda data: machine.feed(rng, data),
         )
 
-    def turn(self, name, chunk, inputs, limit, make, feed):
+    def turn(self, name, chunk, inputs, limit, make, feed, repeats=0):
+        """``repeats``: how often an input that took too long is given again; a machine's state allows none."""
         tally = self.tallies.setdefault(name, Tally())
         clock = time.thread_time_ns
         for number in range(inputs):
@@ -98,6 +103,13 @@ class Run:
                 start = clock()
                 outcome = feed(data)
                 took = clock() - start
+                for _ in range(repeats):
+                    if took <= limit * 1e9:
+                        break
+                    # on a virtual machine, time taken by others counts as the thread's own
+                    start = clock()
+                    feed(data)
+                    took = min(took, clock() - start)
             except Exception as exc:  # noqa: BLE001 - whatever it is, it is the finding
                 self.failed(name, chunk, number, data, exc)
             if took > limit * 1e9:
