@@ -415,15 +415,17 @@ def _overview_lines(board: Board) -> None:
         8,
     )
     requests, dropped = farm("pnfarm_line_requests_total"), farm("pnfarm_line_dropped_total")
+    withheld = farm("pnfarm_line_answers_withheld_total")
     board.add(
         timeseries(
             "Repetitions, diagnoses, wrong telegrams",
             targets(
                 (f"sum by (line, kind) (rate({requests}[{RATE}]))", "{{line}} {{kind}}"),
+                (f"sum by (line) (rate({withheld}[{RATE}]))", "{{line}} withheld"),
                 (f"sum(rate({dropped}[{RATE}])) or vector(0)", "wrong"),
             ),
-            "Requests that came again (same FCB), diagnoses that were read, set-ups that were refused; what came and "
-            "was no telegram.",
+            "Requests that came again (same FCB), diagnoses that were read, set-ups that were refused; answers that "
+            "would have been too late; what came and was no telegram.",
             unit="cps",
             minimum=0,
             no_value="no serial line",

@@ -261,6 +261,7 @@ class LineView(Schema):
     interruptions: dict[str, int] = Field(description="How often the way broke or could not be opened, by reason.")
     dropped: dict[str, int] = Field(description="What came and was no telegram, by reason; garbage counts octets.")
     counts: dict[str, int] = Field(description="Requests of some kinds: repeated, diagnosis, refused.")
+    answers_withheld: int = Field(description="Answers that would have begun later than allowed.")
     reply_seconds_mean: float | None = Field(description="From a request's last octet to its answer, in this process.")
 
 

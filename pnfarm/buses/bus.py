@@ -296,6 +296,10 @@ class LineSegment(Protocol):
         """Port of the one drive that these octets poll for its cyclic data; None for anything else."""
         ...
 
+    def answered(self, port: int, now: int) -> None:
+        """What this port had to send is on the line: what its requests changed may follow."""
+        ...
+
     def poll(self, port: int, octets: bytes, now: int) -> bytes | None:
         """The drive's answer to a poll, where nothing but its cyclic data changes by it.
 

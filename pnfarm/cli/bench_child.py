@@ -20,6 +20,7 @@ import anyio
 import anyio.to_thread
 
 from pnfarm.cli.running import keep_what_is_loaded
+from pnfarm.links.looks import LOOKING
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
 PR_SET_TIMERSLACK = 29
@@ -223,7 +224,7 @@ def main() -> None:
     if role == "floor":
         _floor(settings)
     else:
-        anyio.run(_farm if role == "farm" else _plc, settings)
+        anyio.run(_farm if role == "farm" else _plc, settings, backend_options=LOOKING)
 
 
 if __name__ == "__main__":

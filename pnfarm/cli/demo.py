@@ -101,6 +101,7 @@ def command(
 
     from pnfarm.cli.demo_run import Demo
     from pnfarm.cli.running import compile_ahead
+    from pnfarm.links.looks import LOOKING
 
     anyio.run(partial(compile_ahead, in_memory=where == "memory"))
     # the times that are shown do not include compilation
@@ -110,7 +111,7 @@ def command(
         demo = Demo(
             text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file, pcap=pcap, report=html
         )
-        summary: dict[str, Any] = anyio.run(demo.run)
+        summary: dict[str, Any] = anyio.run(demo.run, backend_options=LOOKING)
     if json_file is not None:
         json_file.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
     if not summary["ok"]:

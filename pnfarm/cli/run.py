@@ -266,9 +266,11 @@ def _local(
         else:
             import anyio
 
+            from pnfarm.links.looks import LOOKING
+
             tell = keep_failures(progress.tell, ring, time.time_ns) if ring is not None else progress.tell
             settings = CaptureSettings(ring.current, sink=ring) if ring is not None else None
-            outcome = anyio.run(_started, binding, config, tell, settings, passing, traced)
+            outcome = anyio.run(_started, binding, config, tell, settings, passing, traced, backend_options=LOOKING)
             record, epoch, failure = outcome.record, outcome.epoch_ns, outcome.failure
         if pcap is not None and ring is not None:
             record["pcap_packets"] = 0

@@ -207,6 +207,7 @@ def up(
     import anyio
 
     from pnfarm.cli.files import check_impairments, read, shard_option
+    from pnfarm.links.looks import LOOKING
 
     require_address_space(ENGINE)
     given = {
@@ -222,7 +223,7 @@ def up(
     config = _overridden(context, read(file), given)
     check_impairments(config)
     capture = capture_settings(pcap, pcap_drives, pcap_only, pcap_size, pcap_files)
-    anyio.run(_run, config, shard_option(context, shard), capture)
+    anyio.run(_run, config, shard_option(context, shard), capture, backend_options=LOOKING)
 
 
 def capture_settings(

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Discriminator, Field, model_validator
 
 from pnfarm.config.section import Section
-from pnfarm.config.values import Interface
+from pnfarm.config.values import Duration, Interface
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
@@ -59,6 +59,13 @@ class LineWay(Section):
         description="Bits per second; a pty and TCP have none of their own, and count by it.  `auto`: what the master "
         "has, found by trying; of a port.",
     )
+    latest_answer: Literal["auto", "tsdr", "any"] | Duration = Field(
+        default="auto",
+        description="A drive's answer that would begin later behind its request is withheld and counted. `tsdr`: what "
+        "the bus permits at this rate; `any`: none is withheld. `auto`: `tsdr` on a port at 1.5 Mbit/s or less, where "
+        "the master may be sending again by then, `any` on other lines.",
+        examples=["auto", "5ms"],
+    )
 
     @property
     def rate(self) -> int:
@@ -70,6 +77,8 @@ class LineWay(Section):
         given = [key for key in ("pty", "port", "connect", "listen", "rfc2217") if getattr(self, key) is not None]
         if len(given) > 1:
             raise Problem(f"has {' and '.join(given)}", "one of pty, port, connect, listen, rfc2217")
+        if self.latest_answer == 0:
+            raise Problem("has `latest_answer: 0`, and no answer takes no time", "tsdr, any, or such as 5ms")
         if self.baud == "auto" and self.port is None and self.rfc2217 is None:
             raise Problem("has `baud: auto`, and no port whose rate could be tried", "port or rfc2217, or a rate")
         return self

@@ -228,7 +228,7 @@ class FarmCore:
         for carrier in lines_of(link).values():
             carrier.set_line_audience(self._line_audience)
             if self._line_segment is not None:
-                carrier.set_least_reply_bits(self._line_segment.least_reply_bits)
+                carrier.set_slaves(self._line_segment.least_reply_bits)
         if isinstance(innermost, MemoryLink):
             innermost.set_line_audience(self._line_audience)
 
@@ -368,6 +368,8 @@ class FarmCore:
         self._segment_of[station.port.index].settled(station.port.index)
         for frame in frames:
             self.link.send(station.port.index, frame)
+        if frames and self._line_segment is not None:
+            self._line_segment.answered(station.port.index, now)
         if station.has_sockets:
             self._carry(station, now)
         self._deadlines.set(station.index, station.next_deadline())

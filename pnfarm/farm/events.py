@@ -9,6 +9,7 @@ from pnfarm.station.events import Event, Level
 
 __all__ = [
     "AddressNotRestored",
+    "AnswersWithheld",
     "ApiListening",
     "CaptureEnded",
     "CaptureFailed",
@@ -69,6 +70,17 @@ class LineOpened(Event):
 
     TEXT = "serial line opened"
     where: str
+
+
+@dataclass(frozen=True, slots=True)
+class AnswersWithheld(Event):
+    """So many answers on a serial line would have begun too late; told at the first, the second, the fourth ..."""
+
+    TEXT = "answers withheld as too late: see latest_answer"
+    LEVEL = "warning"
+    where: str
+    count: int
+    latest_seconds: float
 
 
 @dataclass(frozen=True, slots=True)

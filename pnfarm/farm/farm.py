@@ -27,6 +27,7 @@ from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.capture import CaptureSettings, FarmCapture
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.events import (
+    AnswersWithheld,
     CaptureStarted,
     FarmFileNote,
     FarmStarted,
@@ -362,12 +363,16 @@ class Farm:
         for link in lines_of(self.link).values():
             self.log.record(now, "", LineReady(link.line.kind, link.line.where, link.baud))
             link.line.set_news(self._line_news)
+            link.set_withheld_news(self._answers_withheld)
         if self.capture is not None:
             self.log.record(now, "", CaptureStarted(str(self.capture.path)))
         asked = self.config.realtime.model_fields_set
         for what, why in refused.items():
             by_default = what.startswith("nice") and "nice" not in asked
             self.log.record(now, "", RealTimeOptionRefused(what, why, asked=not by_default))
+
+    def _answers_withheld(self, where: str, count: int, latest_ns: int) -> None:
+        self.log.record(self.now(), "", AnswersWithheld(where, count, latest_ns / 1e9))
 
     def _line_news(self, up: bool, text: str) -> None:
         self.log.record(self.now(), "", LineOpened(text) if up else LineInterrupted(text))

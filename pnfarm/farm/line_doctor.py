@@ -63,7 +63,8 @@ def _line(name: str, way: LineWay, bus: LineBus, measured: ReplyTime, folder: Pa
     detail = f"answers within {_told(measured)} on {where}; a master waits {limit}"
     if measured.slow_ns <= longest:
         return [Finding(label, True, detail)]
-    return [Finding(label, None, f"{detail} unless it is told to wait longer", "a longer slot time in the master")]
+    remedy = "a longer slot time in the master, and as `latest_answer` of the line"
+    return [Finding(label, None, f"{detail} unless it is told to wait longer", remedy)]
 
 
 def _told(measured: ReplyTime) -> str:

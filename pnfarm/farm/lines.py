@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,8 @@ __all__ = ["line_bus", "line_ways", "make_line", "make_lines"]
 
 #: A pseudo terminal has neither rate nor parity; drivers want one that they know.
 _PTY_BAUD = 38_400
+#: Above this rate this process cannot keep what the bus permits, 0.1 ms and less: its user decides.
+FASTEST_KEPT = 1_500_000
 
 
 def line_bus(name: str) -> LineBus:
@@ -49,7 +52,21 @@ def make_line(way: LineWay, bus: LineBus) -> SerialLink:
     search = () if way.baud != "auto" else (way.rate, *(rate for rate in bus.baud_rates if rate != way.rate))
     # pieces of a telegram are apart by most at the lowest rate
     slowest = min(search, default=way.rate)
-    return SerialLink(_way(way), bus.splitter(slowest), way.rate, search)
+    return SerialLink(_way(way), bus.splitter(slowest), way.rate, search, partial(_latest_ns, way, bus))
+
+
+def _latest_ns(way: LineWay, bus: LineBus, baud: int) -> int | None:
+    """How late an answer may begin at this rate; None: any time."""
+    match way.latest_answer:
+        case "any":
+            return None
+        case "tsdr":
+            return bus.longest_reply_ns(baud)
+        case "auto":
+            keeps = way.port is not None and not _is_pty(way.port) and baud <= FASTEST_KEPT
+            return bus.longest_reply_ns(baud) if keeps else None
+        case latest:
+            return latest
 
 
 def make_lines(ways: Mapping[str, LineWay]) -> dict[str, SerialLink]:
@@ -59,7 +76,7 @@ def make_lines(ways: Mapping[str, LineWay]) -> dict[str, SerialLink]:
 
 def _way(way: LineWay) -> Line:
     if way.port is not None:
-        if Path(way.port).resolve().parts[:3] == ("/", "dev", "pts"):
+        if _is_pty(way.port):
             return PortLine(way.port, _PTY_BAUD, LineFormat((_PTY_BAUD,)))
         return PortLine(way.port, way.rate, LineFormat((way.rate,), "even"))
     if way.connect is not None:
@@ -72,6 +89,11 @@ def _way(way: LineWay) -> Line:
     if way.listen is not None:
         return ListenLine(*_place(way.listen), baud=way.rate)
     return PtyLine(None if way.pty in {None, "auto"} else Path(str(way.pty)), baud=way.rate)
+
+
+def _is_pty(port: str) -> bool:
+    """Whether a port is the far end of a pseudo terminal, which has no rate."""
+    return Path(port).resolve().parts[:3] == ("/", "dev", "pts")
 
 
 def _place(text: str) -> tuple[str, int]:

@@ -188,6 +188,7 @@ def line_snapshot(core: FarmCore, name: str) -> dict[str, Any]:
         "interruptions": dict(octets.interruptions),
         "dropped": dict(line.dropped),
         "counts": dict(core.line_counts(name)),
+        "answers_withheld": line.withheld,
         "reply_seconds_mean": replies.sum_ns / 1e9 / replies.count if replies.count else None,
     }
 

@@ -116,6 +116,10 @@ class LineTally(Protocol):
 
     @property
     def replies(self) -> ReplyTimes: ...
+    @property
+    def withheld(self) -> int:
+        """Answers that would have begun too late, and were not given."""
+        ...
 
 
 class Line(Protocol):

@@ -52,6 +52,7 @@ class _Tally:
     """See :class:`pnfarm.links.line.LineTally`: what one link says, and hears of all others."""
 
     way, where, is_up = "memory", "in memory", True
+    withheld = 0
 
     def __init__(self, line: _Line) -> None:
         self._line = line

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 from pnfarm.errors import InternalError
 from pnfarm.links.base import LinkCounters, Port
 from pnfarm.links.line import ReplyTimes
+from pnfarm.links.looks import LookingLoop
 
 if TYPE_CHECKING:
     from collections import Counter
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     Watcher = Callable[[int, bytes, int, Direction], None]
     #: ``poll(octets, now_ns)``: port and answer of the station that is polled, None where nothing was done.
     Poll = Callable[[bytes, int], tuple[int, bytes] | None]
+    #: ``news(where, count, latest_ns)``: so many answers were withheld by now.
+    WithheldNews = Callable[[str, int, int], None]
 
 __all__ = ["FIRST_PORT", "SerialLink", "Splitter"]
 
@@ -59,12 +62,21 @@ class SerialLink:
     """A :class:`~pnfarm.links.base.Link` over ``line``; ``baud`` is told to its stations.
 
     ``search``: rates that are tried in turn while octets come and no telegram is among them.
+    ``latest_ns``: how late a slave's answer may begin at a rate, ns; None for a rate without such a limit.
     """
 
     kind = "serial"
 
-    def __init__(self, line: Line, splitter: Splitter, baud: int, search: Sequence[int] = ()) -> None:
+    def __init__(
+        self,
+        line: Line,
+        splitter: Splitter,
+        baud: int,
+        search: Sequence[int] = (),
+        latest_ns: Callable[[int], int | None] | None = None,
+    ) -> None:
         self.line = line
+        self._latest_ns = latest_ns
         self._search = list(search)
         self._look: asyncio.TimerHandle | None = None
         #: Octets and telegrams at the last look.
@@ -74,14 +86,23 @@ class SerialLink:
         self._counters = LinkCounters()
         #: From octets that came to the telegram that was sent next.
         self.replies = ReplyTimes()
+        #: Answers that would have begun too late, and were not given.
+        self.withheld = 0
+        self._withheld_news: WithheldNews | None = None
         self._heard_ns = 0
+        #: When what is being answered came, at the earliest; 0 while nothing is.
+        self._came_ns = 0
+        #: More came behind what is being answered: its master has given it up.
+        self._is_passed = False
+        self._loop: asyncio.AbstractEventLoop | None = None
         self._receiver: Receiver | None = None
         self._audience: Callable[[bytes], Collection[int] | None] | None = None
         self._watcher: Watcher | None = None
         self._poll: Poll | None = None
         self._least_bits: Callable[[int], int] | None = None
-        #: Answers that would begin too soon.
-        self._held: deque[tuple[int, bytes]] = deque()
+        self._is_slave = False
+        #: Answers that would begin too soon: port, telegram, and when its request came.
+        self._held: deque[tuple[int, bytes, int]] = deque()
         self._hold: asyncio.TimerHandle | None = None
         self._ports: dict[int, Port] = {}
         self._pulled: set[int] = set()
@@ -123,6 +144,7 @@ class SerialLink:
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         if self._ports:
             raise InternalError("this serial link is already open")
+        self._loop = asyncio.get_running_loop()
         await self.line.open()
         ports = [
             Port(spec.station, FIRST_PORT + index, b"", self.baud, spec.link_type, self._rate)
@@ -172,22 +194,43 @@ class SerialLink:
         else:
             if self._least_bits is not None and self._too_soon(port_index, frame, self._least_bits(port_index)):
                 return
-            self._send(port_index, frame)
+            self._send(port_index, frame, self._came_ns)
 
-    def _send(self, port_index: int, frame: bytes) -> None:
+    def _send(self, port_index: int, frame: bytes, came_ns: int) -> None:
+        if came_ns and self._is_slave and self._too_late(came_ns):
+            self._heard_ns = 0
+            self._withhold()
+            return
         self._counters.sent += 1
         self.line.send(frame)
         if self._heard_ns:
-            took, self._heard_ns = max(0, time.monotonic_ns() - self._heard_ns), 0
+            took, self._heard_ns = max(0, time.monotonic_ns() - (came_ns or self._heard_ns)), 0
             self.replies.add(took)
         if self._watcher is not None:
             self._watcher(port_index, frame, time.monotonic_ns(), "out")
+
+    def _too_late(self, came_ns: int) -> bool:
+        """Whether an answer must not begin any more: its master may be sending again by now (max T_SDR).
+
+        What a fault delays is no answer that this machine made late: it is sent.
+        """
+        latest = self._latest()
+        return latest is not None and (self._is_passed or time.monotonic_ns() - came_ns > latest)
+
+    def _latest(self) -> int | None:
+        return None if self._latest_ns is None else self._latest_ns(self.baud)
+
+    def _withhold(self) -> None:
+        self.withheld += 1
+        # a line that is always late must not fill the log
+        if self._withheld_news is not None and self.withheld & (self.withheld - 1) == 0:
+            self._withheld_news(self.where, self.withheld, self._latest() or 0)
 
     def _too_soon(self, port_index: int, frame: bytes, bits: int) -> bool:
         """Whether an answer must not begin yet: it leaves then when it may (4.7.1, min T_SDR)."""
         if self._held:
             # what one line sends stays in order
-            self._held.append((port_index, frame))
+            self._held.append((port_index, frame, self._came_ns))
             return True
         left = self._heard_ns + bits * 1_000_000_000 // self.baud - time.monotonic_ns() if self._heard_ns else 0
         if left <= 0:
@@ -196,7 +239,7 @@ class SerialLink:
             # the event loop's timers are coarser than that
             time.sleep(left / 1e9)
             return False
-        self._held.append((port_index, frame))
+        self._held.append((port_index, frame, self._came_ns))
         self._hold = asyncio.get_running_loop().call_later(left / 1e9, self._release)
         return True
 
@@ -212,9 +255,17 @@ class SerialLink:
         """Set the short way of polls: whoever answers most telegrams at once, without splitting and handing on."""
         self._poll = poll
 
-    def set_least_reply_bits(self, least_bits: Callable[[int], int]) -> None:
-        """Set how many bit times a port lets pass before an answer, where the line has a rate of its own."""
+    def set_slaves(self, least_bits: Callable[[int], int]) -> None:
+        """The ports are slaves from now on: what they send while they hear a telegram is an answer, due in time.
+
+        ``least_bits``: how many bit times a port lets pass before one, where the line has a rate of its own.
+        """
+        self._is_slave = True
         self._least_bits = least_bits if self.line.has_rate else None
+
+    def set_withheld_news(self, news: WithheldNews) -> None:
+        """Set who is told of withheld answers: of the first, and whenever there are twice as many."""
+        self._withheld_news = news
 
     def set_watcher(self, watcher: Watcher | None) -> None:
         """Set who sees each telegram that a port receives or sends."""
@@ -236,6 +287,15 @@ class SerialLink:
 
     def _received(self, octets: bytes, now: int) -> None:
         self._heard_ns = now
+        loop = self._loop
+        self._came_ns = min(now, loop.earliest_ns) if isinstance(loop, LookingLoop) else now
+        self._is_passed = False
+        try:
+            self._hand_on(octets, now)
+        finally:
+            self._came_ns = 0
+
+    def _hand_on(self, octets: bytes, now: int) -> None:
         if self._poll is not None and self._watcher is None and not self._pulled and self.splitter.is_whole:
             found = self._poll(octets, now)
             if found is not None:
@@ -249,8 +309,10 @@ class SerialLink:
         receiver = self._receiver
         if receiver is None:
             return
-        for telegram in telegrams:
+        last = len(telegrams) - 1
+        for place, telegram in enumerate(telegrams):
             self._counters.received += 1
+            self._is_passed = place < last or not self.splitter.is_whole
             wanted = None if self._audience is None else self._audience(telegram)
             for index in tuple(self._ports) if wanted is None else wanted:
                 if index in self._pulled:

@@ -36,6 +36,12 @@ class LineFamilies:
         self._lost = counter("octets_lost", "Octets that the farm could not send.", "reason")
         self._interruptions = counter("interruptions", "How often the way to the other end broke.", "reason")
         self._requests = counter("requests", "Requests of the master of some kinds.", "kind")
+        self._withheld = Family(
+            "pnfarm_line_answers_withheld_total",
+            "counter",
+            "Answers that would have begun later than the line's limit, and were not given.",
+            ("line",),
+        )
         self._reply = Histogram(
             "pnfarm_line_reply_seconds",
             "From the last octet of a request to its answer, in this process (part of T_SDR).",
@@ -44,6 +50,7 @@ class LineFamilies:
         )
         for name in self._lines:
             self._up.add(name)
+            self._withheld.add(name)
             self._reply.add(name)
             for way in _WAYS:
                 self._telegrams.add(name, way)
@@ -73,6 +80,7 @@ class LineFamilies:
             (self._lost, _in_order(self._lost, lost)),
             (self._interruptions, _in_order(self._interruptions, broken)),
             (self._requests, _in_order(self._requests, kinds)),
+            (self._withheld, [one.withheld for one in self._lines.values()]),
             (self._reply, self._reply.values(buckets, sums)),
         ]
 

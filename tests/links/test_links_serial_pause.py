@@ -6,54 +6,17 @@ import asyncio
 import time
 
 import pytest
+from noted_line import NotedLine, Whole
 
 from pnfarm.links.base import PortSpec
-from pnfarm.links.line import LineCounters
 from pnfarm.links.serial_link import SerialLink
 
 pytestmark = pytest.mark.asyncio
 
 
-class Port:
-    """A line that notes when octets left."""
-
-    kind, where, is_up = "port", "/dev/ttyS7", True
-
-    def __init__(self, *, has_rate: bool) -> None:
-        self.has_rate, self.baud = has_rate, None
-        self.counters = LineCounters()
-        self.left: list[tuple[int, bytes]] = []
-        self.sent = asyncio.Event()
-
-    async def open(self):
-        pass
-
-    async def close(self):
-        pass
-
-    def send(self, octets):
-        self.left.append((time.monotonic_ns(), octets))
-        self.sent.set()
-
-    def set_receiver(self, receiver):
-        self.came = receiver
-
-
-class Whole:
-    """Every piece is a telegram."""
-
-    dropped, is_whole = {}, True
-
-    def split(self, octets, now):
-        return [octets]
-
-    def next_deadline(self):
-        return None
-
-
 async def heard(baud, bits, *, has_rate=True, answers=(b"one", b"two")):
     """When the answers left after their request came, ns, and what."""
-    line = Port(has_rate=has_rate)
+    line = NotedLine(has_rate=has_rate)
     link = SerialLink(line, Whole(), baud)
     (port,) = await link.open([PortSpec("axis", b"")])
 
@@ -62,7 +25,7 @@ async def heard(baud, bits, *, has_rate=True, answers=(b"one", b"two")):
             link.send(index, octets)
 
     link.set_receiver(answer)
-    link.set_least_reply_bits(lambda index: bits if index == port.index else 0)
+    link.set_slaves(lambda index: bits if index == port.index else 0)
     came = time.monotonic_ns()
     line.came(b"request", came)
     async with asyncio.timeout(10):
@@ -88,21 +51,21 @@ async def test_a_line_without_a_rate_of_its_own_answers_at_once():
 
 
 async def test_what_no_request_asked_for_leaves_at_once():
-    line = Port(has_rate=True)
+    line = NotedLine(has_rate=True)
     link = SerialLink(line, Whole(), 9_600)
     (port,) = await link.open([PortSpec("axis", b"")])
-    link.set_least_reply_bits(lambda _: 255)
+    link.set_slaves(lambda _: 255)
     link.send(port.index, b"noise")
     assert [octets for _, octets in line.left] == [b"noise"]
     await link.close()
 
 
 async def test_an_answer_that_waits_when_the_line_closes_never_leaves():
-    line = Port(has_rate=True)
+    line = NotedLine(has_rate=True)
     link = SerialLink(line, Whole(), 9_600)
     (port,) = await link.open([PortSpec("axis", b"")])
     link.set_receiver(lambda index, telegram, now: link.send(index, telegram))
-    link.set_least_reply_bits(lambda _: 255)
+    link.set_slaves(lambda _: 255)
     line.came(b"request", time.monotonic_ns())
     await link.close()
     await asyncio.sleep(0.03)

@@ -33,7 +33,7 @@ class SlaveUser(Protocol):
         ...
 
     def check_configuration(self, identifiers: bytes) -> bool:
-        """Whether these identifiers fit; they are in force from now on if so."""
+        """Whether these identifiers fit; if so, they are in force once the answer has left."""
         ...
 
     def configuration(self) -> bytes:

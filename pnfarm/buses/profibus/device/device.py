@@ -202,11 +202,19 @@ class ProfibusDevice:
 
     def pump(self, now: int) -> list[bytes]:
         """See :class:`pnfarm.station.device.Device`."""
+        if not self._answers:
+            self.follow(now)
+            return []
+        # the chip acknowledges before its application looks at a Set_Prm or Chk_Cfg: :meth:`follow` is called behind
+        answers, self._answers = self._answers, []
+        return answers
+
+    def follow(self, now: int) -> None:
+        """Carry out what requests changed; it is not part of the time that an answer takes."""
+        self.user.plug()
         while self.station.pump_drive(now):
             self._only_polled = False
         self._settle(now)
-        answers, self._answers = self._answers, []
-        return answers
 
     def next_deadline(self) -> int | None:
         """See :class:`pnfarm.station.device.Device`."""

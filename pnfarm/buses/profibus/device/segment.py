@@ -82,6 +82,12 @@ class ProfibusSegment:
             self.heard_ns = now
         return answer
 
+    def answered(self, port: int, now: int) -> None:
+        """See :class:`pnfarm.buses.bus.LineSegment`."""
+        device = self._devices.get(port)
+        if device is not None:
+            device.follow(now)
+
     def least_reply_bits(self, port: int) -> int:
         """See :class:`pnfarm.buses.bus.LineSegment`: min T_SDR, as the master set it."""
         return self._devices[port].slave.min_tsdr_bits

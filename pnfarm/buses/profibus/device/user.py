@@ -57,6 +57,7 @@ class DriveUser:
         #: Diagnosis that an injection adds: octets of a block, and whether data exchange makes no sense.
         self.further_diagnosis = b""
         self.static_diagnosis = False
+        self._to_plug: int | None = None
         self.layout()
 
     # -- cyclic data -------------------------------------------------------------------------------------------------
@@ -94,9 +95,15 @@ class DriveUser:
         number = self._by_identifiers.get(identifiers)
         if number is None:
             return False
-        self._store.plug_telegram(number)
-        self.layout()
+        self._to_plug = number
         return True
+
+    def plug(self) -> None:
+        """The telegram that the last Chk_Cfg named is in force from now on."""
+        number, self._to_plug = self._to_plug, None
+        if number is not None:
+            self._store.plug_telegram(number)
+            self.layout()
 
     def configuration(self) -> bytes:
         return self._store.telegram.identifiers
