@@ -296,6 +296,13 @@ class LineSegment(Protocol):
         """Port of the one drive that these octets poll for its cyclic data; None for anything else."""
         ...
 
+    def answer(self, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
+        """Port and answer of a drive whose poll is like the one before; None, and nothing done, for anything else.
+
+        ``octets``: an array of bytes, of which so many count.  The answer is overwritten by the next one.
+        """
+        ...
+
     def answered(self, port: int, now: int) -> None:
         """What this port had to send is on the line: what its requests changed may follow."""
         ...

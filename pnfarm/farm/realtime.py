@@ -12,7 +12,7 @@ import os
 import threading
 import time
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.engine.class1 import CLASS1_PORT
 from pnfarm.engine.columns import RX_BATCH
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.farm.core import Node
-    from pnfarm.links.serial_link import Poll
+    from pnfarm.links.serial_link import Poll, RepeatedPoll
     from pnfarm.wire.endpoint import SocketEvent
 
 __all__ = ["RealTimeDriver"]
@@ -90,7 +90,7 @@ class RealTimeDriver:
         self.node.link.set_receiver(self._received)
         if isinstance(self.node, LineNode):
             for line in lines_of(self.node.link).values():
-                line.set_poll(partial(self._polled, self.node.poll))
+                line.set_poll(partial(self._polled, self.node.poll), partial(self._repeated, self.node.answer))
         sockets = sockets_of(self.node.link)
         if sockets is not None and isinstance(self.node, SocketNode):
             sockets.set_user(self._socket_event)
@@ -160,6 +160,13 @@ class RealTimeDriver:
     def _polled(self, poll: Poll, octets: bytes, now: int) -> tuple[int, bytes] | None:
         try:
             return poll(octets, now)
+        except Exception as exc:  # noqa: BLE001 - as in _guard
+            self.fail(exc)
+            return None
+
+    def _repeated(self, answer: RepeatedPoll, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
+        try:
+            return answer(octets, length, now)
         except Exception as exc:  # noqa: BLE001 - as in _guard
             self.fail(exc)
             return None

@@ -222,6 +222,11 @@ class GatedLink:
         )
 
     @property
+    def is_idle(self) -> bool:
+        """Whether the frames of all ports pass as they are, unheard."""
+        return not (self._waiting or self._rules or self._delays or self._held or self._listeners)
+
+    @property
     def engaged(self) -> set[int]:
         """Ports with rules or listeners: they are to see each frame, whomever it concerns."""
         return {*self._rules, *self._delays, *self._held, *self._listeners}

@@ -11,16 +11,19 @@ from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Protocol, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias
 
 __all__ = [
-    "REPLY_EDGES_NS", "Line", "LineCounters", "LineFormat", "LineNews", "LineReceiver", "LineTally", "Parity",
+    "REPLY_EDGES_NS", "AtOnce", "Line", "LineCounters", "LineFormat", "LineNews", "LineReceiver", "LineTally", "Parity",
     "ReplyTimes",
 ]  # fmt: skip
 
 Parity: TypeAlias = Literal["none", "even", "odd"]
 #: ``receiver(octets, now_ns)``: what came since the last call; its end was on the line at ``now_ns`` at the latest.
 LineReceiver: TypeAlias = Callable[[bytes, int], None]
+#: ``at_once(octets, length, now_ns)``: whether all is done that the first octets of this array ask for; if not, nothing
+#: is.
+AtOnce: TypeAlias = Callable[[Any, int, int], bool]
 #: ``news(up, text)``: whether the line carries octets from now on, and where or why.
 LineNews: TypeAlias = Callable[[bool, str], None]
 
@@ -166,12 +169,16 @@ class Line(Protocol):
         """Give the way back.  Closing twice, or a line that was never opened, does nothing."""
         ...
 
-    def send(self, octets: bytes) -> None:
+    def send(self, octets: bytes | memoryview) -> None:
         """Put octets on the line now; never blocks, never raises: what cannot go is counted."""
         ...
 
     def set_receiver(self, receiver: LineReceiver) -> None:
         """Set who hears the line; it is called in the event loop."""
+        ...
+
+    def set_at_once(self, at_once: AtOnce) -> None:
+        """Set who is asked before the receiver, where the event loop has a way to do so before its next turn."""
         ...
 
     def set_news(self, news: LineNews) -> None:

@@ -19,14 +19,17 @@ import tty
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.line import LineCounters
+from pnfarm.links.looks import LookingLoop
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.links.base import Clock
-    from pnfarm.links.line import LineFormat, LineNews, LineReceiver
+    from pnfarm.links.line import AtOnce, LineFormat, LineNews, LineReceiver
 
 __all__ = [
     "MOST_WAITING",
@@ -67,6 +70,10 @@ class FdLine(ABC):
         self._clock = clock
         self._counters = LineCounters()
         self._receiver: LineReceiver | None = None
+        self._at_once: AtOnce | None = None
+        #: Octets that were read and are still to be given to the receiver.
+        self._kept = b""
+        self._came: Any = np.zeros(_READ, np.uint8)
         self._news: LineNews | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._fd: int | None = None
@@ -95,6 +102,9 @@ class FdLine(ABC):
 
     def set_receiver(self, receiver: LineReceiver) -> None:
         self._receiver = receiver
+
+    def set_at_once(self, at_once: AtOnce) -> None:
+        self._at_once = at_once
 
     def set_news(self, news: LineNews) -> None:
         self._news = news
@@ -150,6 +160,8 @@ class FdLine(ABC):
         self._pause = _FIRST_PAUSE_SECONDS
         self._counters.opened += 1
         self._loop.add_reader(fd, self._readable)
+        if isinstance(self._loop, LookingLoop):
+            self._loop.set_eager(fd, self._eagerly)
         self._tell(True, self.where)
 
     def _detach(self) -> None:
@@ -157,6 +169,9 @@ class FdLine(ABC):
         if fd is not None and self._loop is not None and not self._loop.is_closed():
             self._loop.remove_reader(fd)
             self._loop.remove_writer(fd)
+            if isinstance(self._loop, LookingLoop):
+                self._loop.set_eager(fd, None)
+        self._kept = b""
         if self._queue:
             self._counters.lost["cut-off"] += len(self._queue)
             self._queue.clear()
@@ -183,7 +198,30 @@ class FdLine(ABC):
             self._news(up, text)
         self._told = (up, text)
 
+    def _eagerly(self) -> bool:
+        """Read what came, and have it answered at once; what cannot be is left to :meth:`_readable`."""
+        if self._at_once is None or self._fd is None or self._kept or self._queue:
+            return False
+        try:
+            length = os.readv(self._fd, (self._came,))
+        except OSError:
+            # it is found, and told, once more
+            return False
+        if not self._at_once(self._came, length, self._clock()):
+            self._kept = self._came[:length].tobytes()
+            return False
+        self._counters.received += length
+        # an answer that waits, and a way that broke, are the event loop's
+        return self._fd is not None and not self._queue
+
     def _readable(self) -> None:
+        if kept := self._kept:
+            self._kept = b""
+            self._counters.received += len(kept)
+            if self._receiver is not None:
+                self._receiver(kept, self._clock())
+            if len(kept) < _READ:
+                return
         for _ in range(_READS):
             if self._fd is None:
                 return
@@ -203,7 +241,7 @@ class FdLine(ABC):
             if len(octets) < _READ:
                 return
 
-    def send(self, octets: bytes) -> None:
+    def send(self, octets: bytes | memoryview) -> None:
         counters = self._counters
         if self._fd is None:
             counters.lost["not-open"] += len(octets)
@@ -221,7 +259,7 @@ class FdLine(ABC):
             counters.sent += written
         if written == len(octets):
             return
-        rest = memoryview(octets)[written:]
+        rest = octets[written:]
         if len(self._queue) + len(rest) > MOST_WAITING:
             counters.lost["queue-full"] += len(rest)
             return

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.errors import InternalError
 from pnfarm.links.base import LinkCounters, Port
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     Watcher = Callable[[int, bytes, int, Direction], None]
     #: ``poll(octets, now_ns)``: port and answer of the station that is polled, None where nothing was done.
     Poll = Callable[[bytes, int], tuple[int, bytes] | None]
+    #: ``answer(octets, length, now_ns)``: of an array's first octets; the next answer overwrites it.
+    RepeatedPoll = Callable[[Any, int, int], tuple[int, memoryview] | None]
     #: ``news(where, count, latest_ns)``: so many answers were withheld by now.
     WithheldNews = Callable[[str, int, int], None]
 
@@ -76,12 +78,12 @@ class SerialLink:
         latest_ns: Callable[[int], int | None] | None = None,
     ) -> None:
         self.line = line
-        self._latest_ns = latest_ns
+        self._limit = latest_ns
         self._search = list(search)
         self._look: asyncio.TimerHandle | None = None
         #: Octets and telegrams at the last look.
         self._seen = (0, 0)
-        self.baud = baud
+        self._set_baud(baud)
         self.splitter = splitter
         self._counters = LinkCounters()
         #: From octets that came to the telegram that was sent next.
@@ -99,6 +101,7 @@ class SerialLink:
         self._audience: Callable[[bytes], Collection[int] | None] | None = None
         self._watcher: Watcher | None = None
         self._poll: Poll | None = None
+        self._answer: RepeatedPoll | None = None
         self._least_bits: Callable[[int], int] | None = None
         self._is_slave = False
         #: Answers that would begin too soon: port, telegram, and when its request came.
@@ -108,6 +111,7 @@ class SerialLink:
         self._pulled: set[int] = set()
         self._timer: asyncio.TimerHandle | None = None
         line.set_receiver(self._received)
+        line.set_at_once(self._at_once)
 
     @property
     def counters(self) -> LinkCounters:
@@ -168,7 +172,7 @@ class SerialLink:
         self._seen = seen
         if octets and not telegrams:
             tried = self._search.index(self.baud) if self.baud in self._search else -1
-            self.baud = self._search[(tried + 1) % len(self._search)]
+            self._set_baud(self._search[(tried + 1) % len(self._search)])
             self.line.set_baud(self.baud)
         self._look_later()
 
@@ -183,10 +187,11 @@ class SerialLink:
             self._hold.cancel()
             self._hold = None
         self._held.clear()
+        self._loop = None
         self._ports = {}
         await self.line.close()
 
-    def send(self, port_index: int, frame: bytes) -> None:
+    def send(self, port_index: int, frame: bytes | memoryview) -> None:
         if port_index not in self._ports:
             self._counters.dropped["unknown-port"] += 1
         elif port_index in self._pulled:
@@ -196,7 +201,7 @@ class SerialLink:
                 return
             self._send(port_index, frame, self._came_ns)
 
-    def _send(self, port_index: int, frame: bytes, came_ns: int) -> None:
+    def _send(self, port_index: int, frame: bytes | memoryview, came_ns: int) -> None:
         if came_ns and self._is_slave and self._too_late(came_ns):
             self._heard_ns = 0
             self._withhold()
@@ -207,30 +212,32 @@ class SerialLink:
             took, self._heard_ns = max(0, time.monotonic_ns() - (came_ns or self._heard_ns)), 0
             self.replies.add(took)
         if self._watcher is not None:
-            self._watcher(port_index, frame, time.monotonic_ns(), "out")
+            self._watcher(port_index, bytes(frame), time.monotonic_ns(), "out")
 
     def _too_late(self, came_ns: int) -> bool:
         """Whether an answer must not begin any more: its master may be sending again by now (max T_SDR).
 
         What a fault delays is no answer that this machine made late: it is sent.
         """
-        latest = self._latest()
+        latest = self.latest_ns
         return latest is not None and (self._is_passed or time.monotonic_ns() - came_ns > latest)
 
-    def _latest(self) -> int | None:
-        return None if self._latest_ns is None else self._latest_ns(self.baud)
+    def _set_baud(self, baud: int) -> None:
+        self.baud = baud
+        #: How late an answer may begin, None: any time.
+        self.latest_ns = None if self._limit is None else self._limit(baud)
 
     def _withhold(self) -> None:
         self.withheld += 1
         # a line that is always late must not fill the log
         if self._withheld_news is not None and self.withheld & (self.withheld - 1) == 0:
-            self._withheld_news(self.where, self.withheld, self._latest() or 0)
+            self._wake(self._withheld_news, self.where, self.withheld, self.latest_ns or 0)
 
-    def _too_soon(self, port_index: int, frame: bytes, bits: int) -> bool:
+    def _too_soon(self, port_index: int, frame: bytes | memoryview, bits: int) -> bool:
         """Whether an answer must not begin yet: it leaves then when it may (4.7.1, min T_SDR)."""
         if self._held:
             # what one line sends stays in order
-            self._held.append((port_index, frame, self._came_ns))
+            self._held.append((port_index, bytes(frame), self._came_ns))
             return True
         left = self._heard_ns + bits * 1_000_000_000 // self.baud - time.monotonic_ns() if self._heard_ns else 0
         if left <= 0:
@@ -239,9 +246,18 @@ class SerialLink:
             # the event loop's timers are coarser than that
             time.sleep(left / 1e9)
             return False
-        self._held.append((port_index, frame, self._came_ns))
-        self._hold = asyncio.get_running_loop().call_later(left / 1e9, self._release)
+        self._held.append((port_index, bytes(frame), self._came_ns))
+        self._wake(self._hold_for, left / 1e9)
         return True
+
+    def _wake(self, action: Callable[..., None], *values: object) -> None:
+        """Have something done in the event loop's next turn, also where this is called while it waits."""
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(action, *values)
+
+    def _hold_for(self, seconds: float) -> None:
+        if self._loop is not None and self._held:
+            self._hold = self._loop.call_later(seconds, self._release)
 
     def _release(self) -> None:
         self._hold = None
@@ -251,9 +267,12 @@ class SerialLink:
     def set_receiver(self, receiver: Receiver) -> None:
         self._receiver = receiver
 
-    def set_poll(self, poll: Poll) -> None:
-        """Set the short way of polls: whoever answers most telegrams at once, without splitting and handing on."""
-        self._poll = poll
+    def set_poll(self, poll: Poll, answer: RepeatedPoll) -> None:
+        """Set the short ways of polls: whoever answers most telegrams at once, without splitting and handing on.
+
+        ``answer`` is asked first, where the event loop has a way to do so before its next turn.
+        """
+        self._poll, self._answer = poll, answer
 
     def set_slaves(self, least_bits: Callable[[int], int]) -> None:
         """The ports are slaves from now on: what they send while they hear a telegram is an answer, due in time.
@@ -261,6 +280,8 @@ class SerialLink:
         ``least_bits``: how many bit times a port lets pass before one, where the line has a rate of its own.
         """
         self._is_slave = True
+        if self._limit is not None and self.latest_ns is not None and isinstance(self._loop, LookingLoop):
+            self._loop.ask_for_age()
         self._least_bits = least_bits if self.line.has_rate else None
 
     def set_withheld_news(self, news: WithheldNews) -> None:
@@ -286,24 +307,53 @@ class SerialLink:
         """A line has no hardware addresses."""
 
     def _received(self, octets: bytes, now: int) -> None:
+        if self._polled(octets, now):
+            return
+        self._hear(now)
+        try:
+            self._deliver(self.splitter.split(octets, now), now)
+            self._arm()
+        finally:
+            self._came_ns = 0
+
+    def _hear(self, now: int) -> None:
         self._heard_ns = now
         loop = self._loop
         self._came_ns = min(now, loop.earliest_ns) if isinstance(loop, LookingLoop) else now
         self._is_passed = False
-        try:
-            self._hand_on(octets, now)
-        finally:
-            self._came_ns = 0
 
-    def _hand_on(self, octets: bytes, now: int) -> None:
-        if self._poll is not None and self._watcher is None and not self._pulled and self.splitter.is_whole:
-            found = self._poll(octets, now)
-            if found is not None:
-                self._counters.received += 1
-                self.send(*found)
-                return
-        self._deliver(self.splitter.split(octets, now), now)
-        self._arm()
+    def _at_once(self, octets: Any, length: int, now: int) -> bool:
+        """A poll that is like the one before; False, and nothing done, for all else."""
+        if self._answer is None or self._watcher is not None or self._pulled or not self.splitter.is_whole:
+            return False
+        found = self._answer(octets, length, now)
+        if found is None:
+            return False
+        if self.latest_ns is not None or self._least_bits is not None:
+            self._give(*found, now)
+            return True
+        # nothing else is to be looked at: thousands of times a second, each call counts
+        self._counters.received += 1
+        self._counters.sent += 1
+        self.line.send(found[1])
+        self.replies.add(time.monotonic_ns() - now)
+        return True
+
+    def _polled(self, octets: bytes, now: int) -> bool:
+        """The short way of a poll; False, and nothing done, for all else."""
+        if self._poll is None or self._watcher is not None or self._pulled or not self.splitter.is_whole:
+            return False
+        found = self._poll(octets, now)
+        if found is None:
+            return False
+        self._give(*found, now)
+        return True
+
+    def _give(self, port_index: int, answer: bytes | memoryview, now: int) -> None:
+        self._hear(now)
+        self._counters.received += 1
+        self.send(port_index, answer)
+        self._came_ns = 0
 
     def _deliver(self, telegrams: list[bytes], now: int) -> None:
         receiver = self._receiver

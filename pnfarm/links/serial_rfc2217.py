@@ -20,7 +20,7 @@ from pnfarm.links.serial import MOST_WAITING, import_serial
 
 if TYPE_CHECKING:
     from pnfarm.links.base import Clock
-    from pnfarm.links.line import LineFormat, LineNews, LineReceiver
+    from pnfarm.links.line import AtOnce, LineFormat, LineNews, LineReceiver
 
 __all__ = ["Rfc2217Line"]
 
@@ -96,7 +96,7 @@ class Rfc2217Line:
             await asyncio.to_thread(thread.join)
         self._loop = None
 
-    def send(self, octets: bytes) -> None:
+    def send(self, octets: bytes | memoryview) -> None:
         if self._port is None:
             self._counters.lost["not-open"] += len(octets)
             return
@@ -104,12 +104,15 @@ class Rfc2217Line:
             fits = self._waiting + len(octets) <= MOST_WAITING
             self._waiting += len(octets) if fits else 0
         if fits:
-            self._out.put(octets)
+            self._out.put(bytes(octets))
         else:
             self._counters.lost["queue-full"] += len(octets)
 
     def set_receiver(self, receiver: LineReceiver) -> None:
         self._receiver = receiver
+
+    def set_at_once(self, at_once: AtOnce) -> None:
+        """What comes over its thread has a turn of the event loop for itself."""
 
     def set_news(self, news: LineNews) -> None:
         self._news = news

@@ -115,12 +115,14 @@ async def test_a_line_that_is_always_late_is_told_at_each_doubling():
     async with Slave(1) as slave:
         for _ in range(100):
             slave.hear(b"late", age_ns=SECOND)
+        # they are told in the event loop's next turn
+        await asyncio.sleep(0)
         assert slave.told == [("/dev/ttyS7", count, 1) for count in (1, 2, 4, 8, 16, 32, 64)]
 
 
 def latest(text_of_baud, **way):
     way = LineWay(baud=text_of_baud, **way)
-    return make_line(way, bus("profibus"))._latest()
+    return make_line(way, bus("profibus")).latest_ns
 
 
 @pytest.mark.parametrize(
@@ -164,6 +166,8 @@ def on_looking_loop(task):
 def test_octets_that_a_loop_waited_for_came_just_now():
     async def task():
         loop, (reading, writing) = asyncio.get_running_loop(), os.pipe()
+        loop.ask_for_age()
+        loop.set_eager(reading, lambda: False)
         found = loop.create_future()
         loop.add_reader(reading, lambda: found.done() or found.set_result(loop.earliest_ns))
         written = []
@@ -186,6 +190,8 @@ def test_octets_that_a_loop_waited_for_came_just_now():
 def test_octets_that_came_while_a_loop_was_busy_are_as_old_as_its_last_look():
     async def task():
         loop, (reading, writing) = asyncio.get_running_loop(), os.pipe()
+        loop.ask_for_age()
+        loop.set_eager(reading, lambda: False)
         found = loop.create_future()
         loop.add_reader(reading, lambda: found.done() or found.set_result((loop.earliest_ns, time.monotonic_ns())))
         await asyncio.sleep(0)

@@ -41,6 +41,9 @@ class Port:
     def set_receiver(self, receiver):
         self.receiver = receiver
 
+    def set_at_once(self, at_once):
+        pass
+
     def set_baud(self, baud):
         self.baud = baud
         self.tried.append(baud)

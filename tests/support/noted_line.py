@@ -34,6 +34,9 @@ class NotedLine:
     def set_receiver(self, receiver):
         self.came = receiver
 
+    def set_at_once(self, at_once):
+        pass
+
 
 class Whole:
     """Every piece is a telegram; a semicolon is between two."""

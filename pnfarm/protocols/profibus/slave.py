@@ -200,6 +200,8 @@ class Slave:
         self._events: list[SlaveEvent] = []
         self._min_tsdr_bits = LEAST_TSDR_BITS
         self._new_address: int | None = None
+        #: Called when the next poll may not be like the one before.
+        self.changed: Callable[[], None] = lambda: None
 
     # -- state for the drive -----------------------------------------------------------------------------------------
 
@@ -246,10 +248,12 @@ class Slave:
 
     def note(self, event: SlaveEvent) -> None:
         """Something happened."""
+        self.changed()
         self._events.append(event)
 
     def diagnosis_changed(self) -> None:
         """There is something new to tell: the master is asked to read the diagnosis."""
+        self.changed()
         self._pending_diagnosis = True
 
     def leave(self, now: int, why: str = LEFT) -> None:
@@ -263,6 +267,7 @@ class Slave:
     def search(self) -> None:
         """Forget the baud rate: the next good telegram finds it again."""
         if self.found:
+            self.changed()
             self.found = False
             self._events.append(BaudLost())
 
@@ -291,6 +296,7 @@ class Slave:
 
     def receive(self, telegram: Line, now: int) -> Line | None:
         """The answer, None for a telegram that gets none."""
+        self.changed()
         self._heard_ns = now
         if not self.found:
             self.found = self.was_found = True
@@ -346,13 +352,18 @@ class Slave:
         known, fcb = self._remembered.get(source), function & FCB
         if known is None or (function & FCV and known.fcb == fcb):
             return None
-        self._heard_ns = cyclic.heard_ns = now
-        cyclic.held = data
         self.user.take_outputs(data, now)
         inputs = self.user.inputs()
+        self.polled(source, fcb, data, inputs, now)
+        return inputs
+
+    def polled(self, source: int, fcb: int, outputs: bytes, inputs: bytes, now: int) -> None:
+        """Such a Data_Exchange was answered with these inputs."""
+        self._heard_ns = self._cyclic.heard_ns = now
+        self._cyclic.held = outputs
+        known = self._remembered[source]
         known.fcb = fcb
         known.answer = Telegram(source, self.address, Answer.DL, None, None, inputs)
-        return inputs
 
     def _once(self, telegram: Telegram, now: int) -> Line | None:
         """A repeated request is answered as before (4.7.1.2: FCB, FCV)."""
@@ -638,6 +649,7 @@ class Slave:
 
     def _leave(self, why: str, now: int, *, sign: _Sign = _Sign.LEAVE) -> None:
         del now
+        self.changed()
         cyclic, before = self._cyclic, self.state
         self._go(sign)
         self._cyclic = _Cyclic()

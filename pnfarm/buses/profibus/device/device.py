@@ -13,6 +13,7 @@ from pnfarm.buses.profibus.device import events as happened
 from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.buses.profibus.device.kept_values import check_kept
 from pnfarm.buses.profibus.device.product import Product
+from pnfarm.buses.profibus.device.short_way import READY
 from pnfarm.buses.profibus.device.station_address import DEFAULT_ADDRESS, station_address
 from pnfarm.buses.profibus.device.user import DriveUser
 from pnfarm.buses.profibus.device.view import connection_of, details_of, losses_in_words, view_of
@@ -22,7 +23,7 @@ from pnfarm.firmware.interpolation import POSITION_MODE
 from pnfarm.protocols.profibus import slave_user as dp
 from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave, SlaveOptions
 from pnfarm.protocols.profibus.wire.dp import DpState
-from pnfarm.protocols.profibus.wire.telegram import SD2, Answer, Telegram, emit_data, emit_telegram, parse_telegram
+from pnfarm.protocols.profibus.wire.telegram import FCB, SD2, Answer, Telegram, emit_data, emit_telegram, parse_telegram
 from pnfarm.station.events import ControllerModeChanged, WatchdogExpired
 from pnfarm.station.lateness import budget_ns
 from pnfarm.station.parameter_words import StationParameterWords
@@ -125,6 +126,10 @@ class ProfibusDevice:
                 silence_ns=product.silence_ns,
             ),
         )
+        self.slave.changed = self._not_as_before
+        self._not_as_before()
+        # of the slave before
+        self.image.repeated()
         self._due, self._only_polled = None, False
         self.slave.address_locked = bool(kept.get("address_locked", False))
         self.connected_ns = 0
@@ -149,6 +154,8 @@ class ProfibusDevice:
 
     def stop(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`: the slave is silent at once."""
+        self.catch_up_polls()
+        self._not_as_before()
         self._answers.clear()
         if self.slave.state is not DpState.WAIT_PRM:
             self.slave.leave(now)
@@ -158,6 +165,7 @@ class ProfibusDevice:
 
     def leave(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`: a slave has no word for it; its master sees it fall silent."""
+        self.catch_up_polls()
         if self.slave.state is not DpState.WAIT_PRM:
             self.slave.leave(now, UNLOCKED)
         self._settle(now)
@@ -166,6 +174,7 @@ class ProfibusDevice:
 
     def receive(self, data: bytes, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`: one telegram of the line."""
+        self.catch_up_polls()
         if self.deaf:
             self.drop("garbage")
             return
@@ -193,8 +202,21 @@ class ProfibusDevice:
             return None
         begin = 4 if octets[0] == SD2 else 1
         source, function = octets[begin + 1], octets[begin + 2]
+        self.catch_up_polls()
         inputs = self.slave.poll(source, function, octets[begin + 3 : -2], now)
-        return None if inputs is None else emit_data(source, self.slave.address, Answer.DL, inputs)
+        if inputs is None:
+            return None
+        self.image.repeat(source, function & FCB)
+        return emit_data(source, self.slave.address, Answer.DL, inputs)
+
+    def _not_as_before(self) -> None:
+        self.image.cells[READY] = 0
+
+    def catch_up_polls(self) -> None:
+        """Tell the slave of the polls that the short way has answered (:mod:`.short_way`)."""
+        last = self.image.repeated()
+        if last is not None:
+            self.slave.polled(*last)
 
     def put_on_line(self, octets: bytes) -> None:
         """Octets that are no answer, for an injection."""
@@ -218,6 +240,7 @@ class ProfibusDevice:
 
     def next_deadline(self) -> int | None:
         """See :class:`pnfarm.station.device.Device`."""
+        self.catch_up_polls()
         if self._only_polled:
             self._only_polled = False
             return self._due
@@ -230,6 +253,8 @@ class ProfibusDevice:
 
     def handle_timeout(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
+        self.catch_up_polls()
+        self._not_as_before()
         self._due, self._only_polled = None, False
         if self.line is not None:
             # telegrams for others are not given to it, and keep the rate as well

@@ -10,14 +10,17 @@ import struct
 from bisect import bisect_left
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.profibus.device import short_way as short
 from pnfarm.engine.closed_channels import ClosedChannels
 from pnfarm.table.channel import INTERVAL_EDGES_NS
 from pnfarm.table.image import LOST_NOT, LOST_STOP
-from pnfarm.table.record_fields import field_views
+from pnfarm.table.record_fields import field_views, row_number
 from pnfarm.table.signals import PART_HIGH, PART_LOW, STW1, WORD_NONE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+
+    from pnfarm.buses.profibus.device.short_way import ShortWay
 
 __all__ = ["CyclicImage"]
 
@@ -52,6 +55,11 @@ class _Words:
         #: (place of the high half, of the low half or -1, slot) of double words.
         self.doubles = [(place, low.get(slot, -1), slot) for slot, place in high.items()]
 
+    def as_compiled(self) -> short.Words:
+        """As the short way has them, in the order in which they are written."""
+        doubles = [(slot, place, low if low >= 0 else short.LOW_NONE) for place, low, slot in self.doubles]
+        return doubles + [(slot, place, short.LOW_SINGLE) for place, slot in self.whole]
+
 
 class CyclicImage:
     """``image``: the drive's record of the process image.  The counters survive connections and power cycles.
@@ -66,27 +74,74 @@ class CyclicImage:
         ) = field_views(
             image, "received", "sent", "frames", "filled", "frame_ns", "interval_ns", "valid", "lost"
         )  # fmt: skip
-        #: Counters, as of the engine's channels; there is no agreed cycle, so jitter stays empty.
-        self.counts = ClosedChannels()
+        self._row = row_number(image)
+        self._counts = ClosedChannels()
         #: Of NumPy, whose own way to one element takes three times as long.
-        self._intervals = memoryview(self.counts.intervals)
-        self._last_ns = 0
-        #: When inputs were last sent.
-        self.sent_ns = 0
+        self._intervals = memoryview(self._counts.intervals)
+        #: What the short way works on as well (:mod:`pnfarm.buses.profibus.device.short_way`).
+        self.cells: Any = [0] * short.CELLS
+        self.cells[short.LEFT] = AVERAGED
+        self._short: tuple[ShortWay, int] | None = None
         self._on_cycle = on_cycle
-        #: When the intervals that are averaged began, and how many are left.
-        self._since_ns, self._left = 0, AVERAGED
         self.layout((), ())
+
+    def join(self, way: ShortWay, row: int) -> None:
+        """Polls of this drive may be answered there, in this row, from now on."""
+        way.place(row, self._row)
+        cells = way.cells(row)
+        for place in range(short.CELLS):
+            cells[place] = self.cells[place]
+        self.cells, self._short = cells, (way, row)
+        way.layout(row, self._outputs.as_compiled(), self._inputs.as_compiled())
+
+    @property
+    def counts(self) -> ClosedChannels:
+        """Counters, as of the engine's channels; there is no agreed cycle, so jitter stays empty."""
+        counts, cells = self._counts, self.cells
+        if cells[short.RECEIVED]:
+            counts.received += cells[short.RECEIVED]
+            counts.sent += cells[short.SENT]
+            counts.interval_sum_ns += cells[short.INTERVAL_SUM]
+            for place in range(len(self._intervals)):
+                self._intervals[place] += cells[short.FIRST_INTERVAL + place]
+            for place in range(short.RECEIVED, short.CELLS):
+                cells[place] = 0
+        return counts
+
+    @property
+    def sent_ns(self) -> int:
+        """When inputs were last sent."""
+        return int(self.cells[short.SENT_NS])
+
+    def repeat(self, master: int, fcb: int) -> None:
+        """The next poll of this master is as the last one was: the short way may answer it."""
+        cells = self.cells
+        cells[short.MASTER], cells[short.FCB_CELL] = master, fcb
+        cells[short.OUTPUTS], cells[short.INPUTS] = self.output_octets, self.input_octets
+        cells[short.READY] = 1
+
+    def repeated(self) -> tuple[int, int, bytes, bytes, int] | None:
+        """Master, FCB, outputs, inputs and time of the last poll that the short way answered since the last call."""
+        if self._short is None or not self.cells[short.CHANGED]:
+            return None
+        self.cells[short.CHANGED] = 0
+        way, row = self._short
+        cells = self.cells
+        return (int(cells[short.MASTER]), int(cells[short.FCB_CELL]), *way.last(row), int(cells[short.SENT_NS]))
 
     def layout(self, output_codes: Sequence[int], input_codes: Sequence[int]) -> None:
         """Another telegram is in force: codes of its words (:mod:`pnfarm.table.signals`)."""
         self._outputs, self._inputs = _Words(output_codes), _Words(input_codes)
         self.output_octets, self.input_octets = self._outputs.octets, self._inputs.octets
+        self.cells[short.READY] = 0
+        if self._short is not None:
+            way, row = self._short
+            way.layout(row, self._outputs.as_compiled(), self._inputs.as_compiled())
 
     def begin(self) -> None:
         """A connection begins: the first interval counts from its first data."""
-        self._last_ns = 0
-        self._left = AVERAGED
+        self.cells[short.LAST] = 0
+        self.cells[short.LEFT] = AVERAGED
 
     def take(self, data: bytes, now: int) -> None:
         """Outputs of the length of the telegram."""
@@ -102,7 +157,8 @@ class CyclicImage:
 
     def note(self, now: int) -> None:
         """Valid data came, whatever they are."""
-        self._interval_ns[0] = now - self._last_ns if self._last_ns else 0
+        last = self.cells[short.LAST]
+        self._interval_ns[0] = now - last if last else 0
         self._valid[0] = 1
         self._lost[0] = LOST_NOT
         self._count(now)
@@ -119,7 +175,7 @@ class CyclicImage:
         self._valid[0] = 0
         self._zero()
         self._lost[0] = why
-        self._last_ns = 0
+        self.cells[short.LAST] = 0
 
     def fill(self) -> bytes:
         """Inputs as they are now."""
@@ -133,8 +189,8 @@ class CyclicImage:
             if low >= 0:
                 words[low] = value & 0xFFFF
         self._filled[0] = (self._filled[0] + 1) & 0xFFFFFFFF
-        self.counts.sent += 1
-        self.sent_ns = self._frame_ns[0]
+        self._counts.sent += 1
+        self.cells[short.SENT_NS] = self._frame_ns[0]
         return inputs.coding.pack(*words)
 
     def _zero(self) -> None:
@@ -145,21 +201,22 @@ class CyclicImage:
         """A telegram with outputs came."""
         self._frame_ns[0] = now
         self._frames[0] = (self._frames[0] + 1) & 0xFFFFFFFF
-        counts = self.counts
+        counts, cells = self._counts, self.cells
         counts.received += 1
-        if self._last_ns:
-            interval = now - self._last_ns
+        last = cells[short.LAST]
+        if last:
+            interval = now - last
             counts.interval_sum_ns += interval
             self._intervals[bisect_left(INTERVAL_EDGES_NS, interval)] += 1
-            self._left -= 1
-            if not self._left:
+            cells[short.LEFT] -= 1
+            if cells[short.LEFT] <= 0:
                 self._averaged(now)
         else:
-            self._since_ns = now
-        self._last_ns = now
+            cells[short.SINCE] = now
+        cells[short.LAST] = now
 
     def _averaged(self, now: int) -> None:
-        mean = (now - self._since_ns) // AVERAGED
-        self._since_ns, self._left = now, AVERAGED
+        mean = (now - self.cells[short.SINCE]) // AVERAGED
+        self.cells[short.SINCE], self.cells[short.LEFT] = now, AVERAGED
         if self._on_cycle is not None:
             self._on_cycle(mean)

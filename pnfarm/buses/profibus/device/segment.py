@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.profibus.device.short_way import ShortWay
 from pnfarm.protocols.profibus.wire.telegram import BROADCAST, EXTENDED, SD1, SD2, SD3, body_of_data
 
 if TYPE_CHECKING:
@@ -33,6 +34,13 @@ class ProfibusSegment:
         self._by_address: dict[int | None, list[int]] = {}
         #: When a telegram came last.
         self.heard_ns = 0
+        self._ports = [device.port.index for device in devices]
+        self._short: ShortWay | None = None
+        if devices:
+            self._short = ShortWay(len(devices), devices[0].station.handle.image.base)
+            for row, device in enumerate(devices):
+                device.image.join(self._short, row)
+        self._are_addressed = False
         for device in devices:
             device.line = self
 
@@ -59,6 +67,7 @@ class ProfibusSegment:
     def changed(self) -> None:
         """A slave has another address, or found or lost the baud rate."""
         self._by_address.clear()
+        self._are_addressed = False
 
     def counts(self) -> Mapping[str, int]:
         """See :class:`pnfarm.buses.bus.LineSegment`."""
@@ -74,6 +83,34 @@ class ProfibusSegment:
             return None
         found = self._by_address.get(octets[begin])
         return found[0] if found is not None and len(found) == 1 else None
+
+    def answer(self, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
+        """See :class:`pnfarm.buses.bus.LineSegment`."""
+        short = self._short
+        if short is None:
+            return None
+        if not self._are_addressed:
+            self._address(short)
+        found = short.answer(octets, length, now)
+        if found is None:
+            return None
+        self.heard_ns = now
+        row, answer = found
+        return self._ports[row], answer
+
+    def _address(self, short: ShortWay) -> None:
+        """Addresses that one slave alone has; none while a slave seeks the rate, as any telegram concerns it."""
+        devices = list(self._devices.values())
+        count = Counter(device.slave.address for device in devices)
+        seeking = any(not device.slave.found for device in devices)
+        short.addresses(
+            [
+                (device.slave.address, row)
+                for row, device in enumerate(devices)
+                if not seeking and count[device.slave.address] == 1
+            ]
+        )
+        self._are_addressed = True
 
     def poll(self, port: int, octets: bytes, now: int) -> bytes | None:
         """See :class:`pnfarm.buses.bus.LineSegment`."""
