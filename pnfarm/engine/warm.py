@@ -6,7 +6,7 @@ farm that starts later loads it in half a second.  Nothing is sent, no privilege
 Numba's compiler is written in Python, so that threads would not help: one process compiles the loops, another one the
 drive's step, which the loops call by its address, and the impairment of frames that are sent.  What exchanges frames in
 memory, in virtual time, comes last, and is left out where a farm is to start in real time (``--real-time``): what needs
-it compiles it later.
+it compiles it later.  A bus with compiled code of its own has a module ``warm`` with a function of that name.
 
 Machine code is kept per processor type.  Where it is made on one machine and used on another, set
 ``NUMBA_CPU_NAME=generic`` for both.
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import importlib
 import os
 import socket
 import subprocess
@@ -108,6 +109,7 @@ def warm(progress: Callable[[int, int], None] | None = None, *, load: bool = Tru
     was just compiled is not loaded into this process.  ``part``: only this part of it (:data:`REAL_TIME`).
     """
     started = time.monotonic()
+    of_buses = _of_buses()
     tell = _Count(progress or (lambda _done, _of: None))
     cached = is_cached(part)
     if IS_COMPILED and not cached:
@@ -116,6 +118,8 @@ def warm(progress: Callable[[int, int], None] | None = None, *, load: bool = Tru
         # where something of a complete cache is missing after all, it is compiled here
         with event.install_listener("numba:compile", _Compiled(tell)):
             _compile_loops(part)
+            for compile_bus in of_buses:
+                compile_bus()
     directory = cache_directory()
     functions = 0
     if IS_COMPILED:
@@ -174,6 +178,15 @@ def _compile_half(half: str, part: str) -> None:
             # the other process needs it before its first function is complete
             _compile_impairment(allocate(stations=1, axes=1, channels=1))
             step()
+            for compile_bus in _of_buses():
+                compile_bus()
+
+
+def _of_buses() -> list[Callable[[], None]]:
+    """What compiles the code of each bus that has some; the engine knows no bus, so they are looked for."""
+    root = Path(__file__).parents[1]
+    names = sorted(path.parent.name for path in root.glob("buses/*/warm.py"))
+    return [importlib.import_module(f"pnfarm.buses.{name}.warm").warm for name in names]
 
 
 def _compile_impairment(columns: Columns) -> None:

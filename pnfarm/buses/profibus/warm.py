@@ -1,0 +1,13 @@
+"""What of this bus is compiled; see :mod:`pnfarm.engine.warm`."""
+
+from __future__ import annotations
+
+from pnfarm.buses.profibus.device.short_way import ShortWay
+from pnfarm.table.image import IMAGE
+
+__all__ = ["warm"]
+
+
+def warm() -> None:
+    """Compile it, or load it from the cache."""
+    ShortWay(1, IMAGE.allocate(1))
