@@ -75,8 +75,7 @@ class LatenessRecord:
         if self.sample is not None:
             self.sample()
         engine_ns, receive_ns = self._engine(begin, end)
-        loop = max((min(late, end - (now - late)) for now, late in self._loop if _overlap(now - late, now, begin, end)),
-                   default=0)  # fmt: skip
+        loop = self._loop_between(begin, end)
         stolen = self._stolen_between(begin, end)
         return Lateness(budget_ns, engine_ns, receive_ns, max(loop, loop_ns, 0), stolen, by_loop)
 
@@ -100,14 +99,24 @@ class LatenessRecord:
             total += end - max(due, begin, counted)
         return total, max(0, waited)
 
+    def _loop_between(self, begin: int, end: int) -> int:
+        """The longest delay of the event loop.  From the newest entry on: a storm asks for each of its connections."""
+        longest = 0
+        for now, late in reversed(self._loop):
+            if now <= begin:
+                break
+            if _overlap(now - late, now, begin, end):
+                longest = max(longest, min(late, end - (now - late)))
+        return longest
+
     def _stolen_between(self, begin: int, end: int) -> int:
         """From the last sample before ``begin`` to the first one after ``end``: at least what was stolen."""
         first = last = None
-        for when, total in self._stolen:
-            if when <= begin or first is None:
-                first = total
-            last = total
-            if when >= end:
+        for when, total in reversed(self._stolen):
+            if when >= end or last is None:
+                last = total
+            first = total
+            if when <= begin:
                 break
         return last - first if first is not None and last is not None else 0
 
