@@ -247,7 +247,9 @@ BENCHMARKS: dict[str, Benchmark] = {
     ),
     "start": Benchmark(start, 0.0, ("start-64", "start-64-interpreter")),
     "start-1024": Benchmark(
-        start_1024, 0.0, ("start-1024", *_figures("start-1024", "farm", "farm-64", "ratio", "interpreter"))
+        start_1024,
+        0.0,
+        ("start-1024", *_figures("start-1024", "farm", "farm-64", "ratio", "frames", "frames-64", "interpreter")),
     ),
     "connect-storm": Benchmark(
         connect_storm,

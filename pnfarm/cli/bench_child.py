@@ -53,6 +53,9 @@ def _counters(core: Any) -> dict[str, Any]:
         "loop_cpu": time.thread_time(),
         "wall": time.monotonic(),
         "send_errors": int(engine.send_errors),
+        # to and from the event loop
+        "heard": core.link.counters.received,
+        "said": core.link.counters.sent,
     }
 
 
@@ -78,11 +81,25 @@ def difference(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+async def _settled(core: Any, seconds: float) -> dict[str, Any]:
+    """The counters once the event loop hears no more than what goes on for ever, at the latest after so long."""
+    few = len(core.stations) // 10 + 5
+    with anyio.move_on_after(seconds):
+        while True:
+            before = core.link.counters.received
+            await anyio.sleep(0.5)
+            if core.link.counters.received - before < few:
+                break
+    return _counters(core)
+
+
 async def _commands(core: Any, connected: Any) -> None:
     while line := await anyio.to_thread.run_sync(sys.stdin.readline):
         word, _, argument = line.strip().partition(" ")
         if word == "connected":
             _answer({"connected": await connected(float(argument))})
+        elif word == "settled":
+            _answer(await _settled(core, float(argument)))
         elif word == "measure":
             before = _counters(core)
             await anyio.sleep(float(argument))
@@ -109,7 +126,7 @@ async def _farm(settings: dict[str, Any]) -> None:
 
             await tasks.start(serve_farm, farm)
         keep_what_is_loaded()
-        _answer({"up": True})
+        _answer({"up": True, **_counters(farm.core)})
 
         async def connected(seconds: float) -> bool:
             with anyio.move_on_after(seconds):
