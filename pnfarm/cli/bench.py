@@ -34,20 +34,23 @@ TURNS = 2
 
 
 def frame_cost(seconds: float, load: Load) -> list[Result]:
-    """CPU of one cyclic frame at 192 drives and 1 ms; floor and farm in turn, twice."""
+    """CPU of one cyclic frame at 192 drives and 1 ms; floor, farm and a farm that sends by AF_XDP in turn, twice."""
     turn = seconds / TURNS
     low = settled_floor(192, 1, 1_000_000, turn, load)
-    ours, theirs = [], []
+    ours, theirs, express = [], [], []
     for _ in range(TURNS):
         with farm_and_plc(192, "1ms", 64) as (farm, plc):
             answers = measure(farm, plc, turn, load, WINDOWS // TURNS)
         ours += answers[0]
         theirs += answers[1]
         low += settled_floor(192, 1, 1_000_000, turn, load)
+        with farm_and_plc(192, "1ms", 64, send="xdp") as (farm, plc):
+            express += measure(farm, plc, turn, load, WINDOWS // TURNS)[0]
     value, floor = per_frame(ours), per_frame(low)
     ratio, unit = value.over(floor), "us of CPU per frame"
     return [
         value.row("frame-cost-192", unit, ratio, "ratio <= 0.95", ratio <= 0.95),
+        per_frame(express).row("frame-cost-192-xdp", unit, per_frame(express).over(floor)),
         floor.row("frame-cost-192-floor", unit, 1.0),
         per_frame(theirs).row("frame-cost-192-controller", unit),
     ]
@@ -234,7 +237,9 @@ def _figures(head: str, *rest: str) -> tuple[str, ...]:
 
 #: By name on the command line; each figure can be named there as well.
 BENCHMARKS: dict[str, Benchmark] = {
-    "frame-cost": Benchmark(frame_cost, 10.0, ("frame-cost-192", "frame-cost-192-floor", "frame-cost-192-controller")),
+    "frame-cost": Benchmark(
+        frame_cost, 10.0, ("frame-cost-192", *_figures("frame-cost-192", "xdp", "floor", "controller"))
+    ),
     "ways": Benchmark(ways, 10.0, _figures("ways", *WAYS)),
     "full-port": Benchmark(
         full_port, 60.0, _figures("full-port", "expirations", "lateness-p50", "lateness-p99", "cpu")

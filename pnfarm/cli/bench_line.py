@@ -45,7 +45,7 @@ PARENT, PEER = "pnbench0", "pnbench1"
 
 FILE = """
 farm: bench
-link: {{kind: macvlan, parent: {parent}}}
+link: {{kind: macvlan, parent: {parent}, send: {send}}}
 api: {api}
 realtime: {{cpu: {cpu}}}
 drives:
@@ -64,8 +64,10 @@ controller:
 """
 
 
-def farm_file(drives: int, cycle: str, watchdog: int, cpu: int, api: str = "off") -> str:
-    return FILE.format(parent=PARENT, peer=PEER, drives=drives, cycle=cycle, watchdog=watchdog, cpu=cpu, api=api)
+def farm_file(drives: int, cycle: str, watchdog: int, cpu: int, api: str = "off", send: str = "auto") -> str:
+    return FILE.format(
+        parent=PARENT, peer=PEER, drives=drives, cycle=cycle, watchdog=watchdog, cpu=cpu, api=api, send=send
+    )
 
 
 class Child:
@@ -128,10 +130,12 @@ def wire() -> Iterator[None]:
 
 
 @contextmanager
-def farm_and_plc(drives: int, cycle: str, watchdog: int, api: str = "off") -> Iterator[tuple[Child, Child]]:
+def farm_and_plc(
+    drives: int, cycle: str, watchdog: int, api: str = "off", send: str = "auto"
+) -> Iterator[tuple[Child, Child]]:
     """A farm, with its API at ``api``, and the built-in controller, connected."""
     theirs = farm_file(drives, cycle, watchdog, PEER_CPU)
-    with both_ends(drives, farm_file(drives, cycle, watchdog, FARM_CPU, api), theirs) as children:
+    with both_ends(drives, farm_file(drives, cycle, watchdog, FARM_CPU, api, send), theirs) as children:
         yield children
 
 

@@ -22,6 +22,7 @@ __all__ = [
     "recv",
     "recvmmsg",
     "sendmmsg",
+    "sendto",
     "time_ns",
     "write",
 ]
@@ -40,6 +41,7 @@ if IS_COMPILED:
     recv: Any = types.ExternalFunction("recv", _word(_int, _word, _word, _int))
     recvmmsg: Any = types.ExternalFunction("recvmmsg", _int(_int, _word, types.uint32, _int, _word))
     sendmmsg: Any = types.ExternalFunction("sendmmsg", _int(_int, _word, types.uint32, _int))
+    sendto: Any = types.ExternalFunction("sendto", _word(_int, _word, _word, _int, _word, types.uint32))
     clock_gettime: Any = types.ExternalFunction("clock_gettime", _int(_int, _word))
     clock_nanosleep: Any = types.ExternalFunction("clock_nanosleep", _int(_int, _int, _word, _word))
     write: Any = types.ExternalFunction("write", _word(_int, _word, _word))
@@ -57,6 +59,7 @@ else:
     recv = _function("recv", _word, _int, _word, _word, _int)
     recvmmsg = _function("recvmmsg", _int, _int, _word, ctypes.c_uint, _int, _word)
     sendmmsg = _function("sendmmsg", _int, _int, _word, ctypes.c_uint, _int)
+    sendto = _function("sendto", _word, _int, _word, _word, _int, _word, ctypes.c_uint)
     clock_gettime = _function("clock_gettime", _int, _int, _word)
     clock_nanosleep = _function("clock_nanosleep", _int, _int, _int, _word, _word)
     write = _function("write", _word, _int, _word, _word)

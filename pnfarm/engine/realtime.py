@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from pnfarm.engine.columns import Columns
+from pnfarm.engine.express import Express
 from pnfarm.engine.lateness import LATE_NS, note_late
 from pnfarm.engine.libc import CLOCK_MONOTONIC, CLOCK_REALTIME, TIMER_ABSTIME, clock_nanosleep, time_ns, write
 from pnfarm.engine.receive_ring import give_back, take_batch
@@ -202,7 +203,8 @@ def _apply(settings: RealTimeSettings, report: RealTimeReport) -> None:
 class RealTimeEngine:
     """Runs :func:`run_loop` in a thread between :meth:`start` and :meth:`stop`.
 
-    ``beside`` is a second socket to receive from: frames of another EtherType.
+    ``beside`` is a second socket to receive from: frames of another EtherType.  ``express``: how frames leave through
+    one interface, where that has a way of its own.
     ``wake_fd`` becomes readable whenever the engine has written events; the reader drains it with
     ``os.eventfd_read``.
     """
@@ -214,13 +216,14 @@ class RealTimeEngine:
         settings: RealTimeSettings | None = None,
         *,
         beside: socket.socket | None = None,
+        express: Express | None = None,
     ) -> None:
         self.columns = columns
         self.settings = settings or RealTimeSettings()
         self.report = RealTimeReport()
         self.wake_fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._socket = channel_socket
-        self._ring = make_ring(columns, channel_socket, beside, timestamps=self.settings.timestamps)
+        self._ring = make_ring(columns, channel_socket, beside, express=express, timestamps=self.settings.timestamps)
         self._one = np.ones(1, np.uint64)
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pnfarm.engine.columns import Columns
+from pnfarm.engine.express import Express, forget_placed, no_express, place_frame, room, send_placed
 from pnfarm.engine.held import sent_length, sent_port
 from pnfarm.engine.libc import CLOCK_BOOTTIME, MSG_DONTWAIT, sendmmsg, time_ns
 from pnfarm.engine.receive_ring import ReceiveRing, open_receive_ring, receive_ring
@@ -42,6 +43,8 @@ class Ring(NamedTuple):
     beside: ReceiveRing
     #: 1: frames count as arrived when the kernel stamped them, 0: when the engine looks.
     stamped: int
+    #: What leaves through one interface may have a way of its own.
+    express: Express
     tx_vector: Any
     tx_iov: Any
     tx_address: Any
@@ -51,7 +54,12 @@ class Ring(NamedTuple):
 
 
 def make_ring(
-    columns: Columns, channel_socket: socket.socket, beside: socket.socket | None = None, *, timestamps: bool = True
+    columns: Columns,
+    channel_socket: socket.socket,
+    beside: socket.socket | None = None,
+    *,
+    express: Express | None = None,
+    timestamps: bool = True,
 ) -> Ring:
     """Lay out the vectors for ``columns`` over an open, bound AF_PACKET socket, and one more to receive from.
 
@@ -67,6 +75,7 @@ def make_ring(
         received=_received(channel_socket, channels),
         beside=_received(beside, channels),
         stamped=1 if timestamps else 0,
+        express=express or no_express(),
         tx_vector=np.zeros((columns.tx_row.shape[0], 8), np.int64),
         tx_iov=np.zeros((frames, 2), np.int64),
         tx_address=np.zeros((frames, ADDRESS_SLOT // 4), np.int32),
@@ -99,22 +108,36 @@ def send_batch(columns: Columns, ring: Ring, count: int) -> None:
     engine = columns.engine[0]
     vector, iov, addresses = ring.tx_vector, ring.tx_iov, ring.tx_address
     iov_base, address_base = iov.ctypes.data, addresses.ctypes.data
-    for i in range(count):
+    express = ring.express
+    places = room(express) if express.interface >= 0 else 0
+    number = 0
+    for k in range(count):
         # a plain integer: interpreted, address arithmetic with the array's int32 would overflow
-        row = int(columns.tx_row[i])
-        iov[row, 1] = sent_length(columns.ppm, columns.held, row)
+        row = int(columns.tx_row[k])
+        length, port = sent_length(columns.ppm, columns.held, row), sent_port(columns.ppm, columns.held, row)
+        if places > 0 and port == express.interface:
+            place_frame(express, columns.frames[row], length)
+            places -= 1
+            continue
+        i = number
+        number += 1
+        iov[row, 1] = length
         # the EtherType, for what looks at a frame on its way; a tagged frame is PROFINET's
         addresses[row, 0] = _IPV4 if columns.frames[row, 12] == 0x08 else _REAL_TIME
-        addresses[row, 1] = sent_port(columns.ppm, columns.held, row)
+        addresses[row, 1] = port
         vector[i, NAME] = address_base + row * ADDRESS_SLOT
         vector[i, IOV] = iov_base + row * 16
     # looked at last: the process may have been frozen since the tick began
     if engine.lease_until_ns != 0 and time_ns(CLOCK_BOOTTIME, ring.clock) >= engine.lease_until_ns:
         engine.muted += count
+        if express.interface >= 0:
+            forget_placed(express)
         return
+    if express.interface >= 0:
+        engine.send_errors += send_placed(express)
     done = 0
-    while done < count:
-        sent = sendmmsg(ring.descriptor, vector.ctypes.data + done * 64, count - done, MSG_DONTWAIT)
+    while done < number:
+        sent = sendmmsg(ring.descriptor, vector.ctypes.data + done * 64, number - done, MSG_DONTWAIT)
         if sent <= 0:
             # the first frame of the rest was refused (interface down, queue full): skip it, try the others
             engine.send_errors += 1

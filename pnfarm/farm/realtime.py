@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.engine.class1 import CLASS1_PORT
 from pnfarm.engine.columns import RX_BATCH
+from pnfarm.engine.express import open_express
 from pnfarm.engine.held import sent_length, sent_port
 from pnfarm.engine.lateness import note_late
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
@@ -24,6 +25,7 @@ from pnfarm.errors import InternalError
 from pnfarm.farm.core import LineNode, SocketNode
 from pnfarm.farm.lateness import StolenTime
 from pnfarm.links.base import EngineLink, unwrap
+from pnfarm.links.exits import exits_of
 from pnfarm.links.joined import lines_of
 from pnfarm.links.linux import PacketLink
 from pnfarm.links.serial_link import SerialLink
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     import socket
     from collections.abc import Callable
 
+    from pnfarm.engine.express import Express
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.farm.core import Node
     from pnfarm.links.serial_link import Poll, RepeatedPoll
@@ -65,6 +68,7 @@ class RealTimeDriver:
         self.engine: RealTimeEngine | None = None
         self._socket: socket.socket | None = None
         self._beside: socket.socket | None = None
+        self._express_socket: socket.socket | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._timer_due: int | None = None
         self._failed: asyncio.Future[None] | None = None
@@ -79,7 +83,9 @@ class RealTimeDriver:
         if isinstance(link, EngineLink):
             self._socket = link.engine_socket()
             self._beside = link.engine_datagrams(CLASS1_PORT) if isinstance(link, PacketLink) else None
-            self.engine = RealTimeEngine(self.node.columns, self._socket, self.settings, beside=self._beside)
+            self.engine = RealTimeEngine(
+                self.node.columns, self._socket, self.settings, beside=self._beside, express=self._express()
+            )
             self.engine.start()
             loop.add_reader(self.engine.wake_fd, self._guard, self._woken)
         elif isinstance(link, (TapLink, SerialLink)):
@@ -100,6 +106,13 @@ class RealTimeDriver:
             self._heartbeat.start()
         self._guard(self._service)
         self._check(loop)
+
+    def _express(self) -> Express | None:
+        exits = exits_of(self.node.link)
+        if exits is None or not exits.express:
+            return None
+        express, self._express_socket = open_express(exits.express, self.node.columns.ppm.shape[0])
+        return express
 
     async def wait(self) -> None:
         """Wait until something fails; raises its exception."""
@@ -122,10 +135,10 @@ class RealTimeDriver:
             loop.remove_reader(self.engine.wake_fd)
             self.engine.close()
             self.engine = None
-        for sock in (self._socket, self._beside):
+        for sock in (self._socket, self._beside, self._express_socket):
             if sock is not None:
                 sock.close()
-        self._socket = self._beside = None
+        self._socket = self._beside = self._express_socket = None
         if self._failed is not None and not self._failed.done():
             self._failed.cancel()
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["ExitChoice", "Exits", "addresses_taken", "exits_of"]
 
 #: The farm file's `link: {send: ...}`.
-ExitChoice = Literal["auto", "parent", "own"]
+ExitChoice = Literal["auto", "parent", "own", "xdp"]
 
 # linux/netlink.h, linux/rtnetlink.h, linux/neighbour.h, linux/if_link.h
 _HEADER = struct.Struct("=IHHII")  # length, type, flags, sequence, port
@@ -148,6 +148,11 @@ class Exits:
             self._changes = None
         self._ports = frozenset()
 
+    @property
+    def express(self) -> int:
+        """The interface that is sent through past its queue and its captures, 0 for none."""
+        return self._parent if self._choice == "xdp" else 0
+
     def set_listener(self, changed: Callable[[int], None]) -> None:
         """Set who is told a port whose exit may be another one from now on."""
         self._changed = changed
@@ -156,7 +161,7 @@ class Exits:
         """The interface through which the frames of ``port`` to ``destination`` leave; 0: its own."""
         if port not in self._ports or port in self._down or destination[0] & 1:
             return 0
-        return 0 if self._choice == "auto" and self._is_sibling(destination) else self._parent
+        return 0 if self._choice in {"auto", "xdp"} and self._is_sibling(destination) else self._parent
 
     def set_pulled(self, port: int, pulled: bool) -> None:
         """The port's cable, before the kernel tells it."""
