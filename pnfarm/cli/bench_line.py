@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
@@ -42,6 +41,9 @@ __all__ = [
 FARM_CPU, PEER_CPU = 0, 1
 PARENT, PEER = "pnbench0", "pnbench1"
 
+
+#: After which all of a start is over: addresses, parameters, neighbours, and what the drives report of it.
+SETTLED_SECONDS = 30
 
 FILE = """
 farm: bench
@@ -152,8 +154,9 @@ def both_ends(drives: int, ours: str, theirs: str) -> Iterator[tuple[Child, Chil
         plc.ask("connected 120")
         if not plc.answer()["connected"]:
             raise InternalError(f"{drives} drives did not connect within 120 s")
-        # let the start-up (DCP, ARP, records) finish before measuring
-        time.sleep(1.0)
+        # let the start-up (DCP, ARP, records, neighbours) finish before measuring
+        farm.ask(f"settled {SETTLED_SECONDS}")
+        farm.answer()
         yield farm, plc
 
 

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.cli.bench_line import FARM_CPU, PEER, PEER_CPU, Child, farm_file, wire
+from pnfarm.cli.bench_line import FARM_CPU, PEER, PEER_CPU, SETTLED_SECONDS, Child, farm_file, wire
 from pnfarm.cli.bench_loops import interpreter_loop
 from pnfarm.cli.bench_result import Result, Windows
 from pnfarm.errors import InternalError
@@ -19,10 +19,6 @@ __all__ = ["start_64", "start_1024"]
 
 #: The start of few drives takes seconds, and is repeated.
 STARTS = 3
-
-
-#: After which all of a start is over: addresses, parameters, neighbours, and what the drives report of it.
-SETTLED_SECONDS = 30
 
 
 @dataclass(frozen=True, slots=True)

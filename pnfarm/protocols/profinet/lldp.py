@@ -70,6 +70,8 @@ __all__ = [
 #: IEC 61158-6-10, LLDP: message transmit interval, and time to live in seconds.
 SEND_INTERVAL_NS = 5_000_000_000
 TIME_TO_LIVE = 20
+#: Agents with a phase send at multiples of this: those of a farm share the turns of its event loop.
+_TOGETHER_NS = 100_000_000
 #: Changes of the own data that follow each other faster wait (IEEE 802.1AB: txDelay).
 _SHORTEST_GAP_NS = 1_000_000_000
 #: Default number of neighbours that one port keeps.
@@ -317,7 +319,8 @@ class LldpPort:
     def to_send(self, now: int) -> list[bytes]:
         """Whole frames that are due."""
         if self._sending and self._next_ns is None:
-            self._next_ns = now + self._phase_ns
+            due = now + self._phase_ns
+            self._next_ns = due if not self._phase_ns else due + -due % _TOGETHER_NS
         if self._next_ns is not None and self._next_ns <= now:
             if self._frame is None:
                 self._frame = self._emit(local_lldpdu(self._system, self.port))
