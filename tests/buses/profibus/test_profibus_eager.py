@@ -7,7 +7,7 @@ import os
 import random
 
 import anyio
-from test_profibus_line import config, master, states, until
+from serial_farm import config, master, states, until
 
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.snapshot import line_snapshot

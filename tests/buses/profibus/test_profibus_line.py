@@ -6,19 +6,17 @@ import asyncio
 import json
 import os
 import random
-from contextlib import asynccontextmanager
 
 import pytest
+from serial_farm import config, master, states, until
 
 from pnfarm.api.schemas import LineView
 from pnfarm.buses import registry
 from pnfarm.captures.reading import FrameReader
 from pnfarm.cli.main import main
-from pnfarm.controller.runtime import Plc
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.capture import CaptureSettings
 from pnfarm.farm.farm import Farm
-from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.snapshot import line_snapshot
 from pnfarm.links.joined import lines_of
 from pnfarm.metrics import FarmCollector
@@ -26,45 +24,8 @@ from pnfarm.protocols.profibus.wire.telegram import Request, Telegram, emit_tele
 from pnfarm.station.event_log import EventLog
 
 pytestmark = pytest.mark.asyncio
-FARM = """
-farm: dpline{number}
-link: {{kind: serial, {way}}}
-api: off
-realtime: {{nice: 0}}
-drives:
-  - {{name: 'axis-{{n:02}}', count: {count}, model: moog-msd-dp, address: 11}}
-controller:
-  name: plc
-  cycle: 10ms
-  watchdog: 500ms
-  program: {{kind: constant, speed_rpm: 300, acknowledge_after: 100ms}}
-  reconnect: {{after: 200ms}}
-"""
 NOISE = 1_000_000
 PLC_MODE = model("moog-msd-dp").parameters[1256].name
-
-
-def config(way: str, count: int = 4):
-    return parse_farm(FARM.format(number=os.getpid(), way=way, count=count))
-
-
-@asynccontextmanager
-async def master(config):
-    async with Plc(config, log=EventLog(quiet=True)) as plc:
-        try:
-            yield plc
-        finally:
-            await plc.release()
-
-
-async def until(condition, seconds=20.0):
-    async with asyncio.timeout(seconds):
-        while not condition():  # noqa: ASYNC110 - a condition of the other end's has no event
-            await asyncio.sleep(0.01)
-
-
-def states(farm):
-    return [(int(s.handle.axis.drive.state), s.device.slave.state, s.device.connects) for s in farm.core.stations]
 
 
 async def poured(fd: int, octets: bytes) -> None:
