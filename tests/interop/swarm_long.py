@@ -1,6 +1,6 @@
 """What of a swarm takes longer than the suite may: ``PNFARM_DOCKER=1 python -m pytest tests/interop/swarm_long.py``.
 
-The database is restarted and cut off, and the hub is killed.
+The database is restarted and cut off, the hub is killed, and a node is cut off from the others.
 """
 
 from __future__ import annotations
@@ -77,4 +77,31 @@ def test_a_database_that_is_cut_off_mutes_the_drives_and_they_come_back_with_it(
     tell(f"from its return after {CUT_SECONDS} s until all drives are in operation", seconds)
     # nothing was started elsewhere, and no shard was killed for its silence
     assert stack.shards() == places
+    assert stack.spoke_twice() == {}
+
+
+def test_a_node_that_is_cut_off_from_the_others_is_mute_before_another_one_has_its_drives(stack, tell):
+    kept = (stack.swarm.manager, stack.node_of_hub())
+    number, node = next((n, node) for n, node in sorted(stack.shards().items()) if node not in kept)
+    names = stack.names_of(number)
+    before = stack.places(names)
+    began = time.monotonic()
+    # the fieldbus stays plugged: nothing but the lease keeps its containers from speaking on
+    node.cable("mgmt", "down")
+    try:
+        eventually(lambda: not set(names) & set(stack.working()), 60)
+        eventually(lambda: stack.state_of(node) == "down")
+        tell("from the cut until the swarm says so", time.monotonic() - began)
+        eventually(stack.all_work, 120)
+        tell(f"from the cut until its {len(names)} drives are in operation elsewhere", time.monotonic() - began)
+        assert node.containers("pnfarm_farm"), "its own container runs on, and is mute"
+    finally:
+        node.cable("mgmt", "up")
+    eventually(lambda: stack.state_of(node) == "ready")
+    eventually(stack.all_work)
+    after = stack.places(names)
+    for name in names:
+        assert len(after[name]) == len(before[name]) + 1, after[name]
+        assert after[name][-1] != node.number
+    tell("silent on the wire meanwhile, at most", stack.silence(names))
     assert stack.spoke_twice() == {}
