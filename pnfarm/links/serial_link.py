@@ -197,13 +197,15 @@ class SerialLink:
         elif port_index in self._pulled:
             self._counters.dropped["cable-pulled"] += 1
         else:
+            if self._came_ns and self._is_slave and self._is_passed and self.latest_ns is not None:
+                self._withhold()
+                return
             if self._least_bits is not None and self._too_soon(port_index, frame, self._least_bits(port_index)):
                 return
             self._send(port_index, frame, self._came_ns)
 
     def _send(self, port_index: int, frame: bytes | memoryview, came_ns: int) -> None:
         if came_ns and self._is_slave and self._too_late(came_ns):
-            self._heard_ns = 0
             self._withhold()
             return
         self._counters.sent += 1
@@ -219,8 +221,7 @@ class SerialLink:
 
         What a fault delays is no answer that this machine made late: it is sent.
         """
-        latest = self.latest_ns
-        return latest is not None and (self._is_passed or time.monotonic_ns() - came_ns > latest)
+        return self.latest_ns is not None and time.monotonic_ns() - came_ns > self.latest_ns
 
     def _set_baud(self, baud: int) -> None:
         self.baud = baud
@@ -229,6 +230,7 @@ class SerialLink:
 
     def _withhold(self) -> None:
         self.withheld += 1
+        self._heard_ns = 0
         # a line that is always late must not fill the log
         if self._withheld_news is not None and self.withheld & (self.withheld - 1) == 0:
             self._wake(self._withheld_news, self.where, self.withheld, self.latest_ns or 0)

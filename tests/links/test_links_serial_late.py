@@ -111,6 +111,19 @@ async def test_an_answer_that_waited_for_min_tsdr_and_left_too_late_is_withheld(
 
 
 @pytest.mark.asyncio
+async def test_an_answer_that_waits_for_min_tsdr_leaves_whatever_comes_meanwhile():
+    async with Slave(PATIENT) as slave:
+        slave.link.set_slaves(lambda _: 255)
+        slave.hear(b"request")
+        slave.link.set_receiver(lambda *_: None)
+        # requests to other stations: only the last of them is the present one
+        slave.hear(b"two;three")
+        async with asyncio.timeout(10):
+            await slave.line.sent.wait()
+        assert (slave.said, slave.link.withheld) == ([b"tseuqer"], 0)
+
+
+@pytest.mark.asyncio
 async def test_a_line_that_is_always_late_is_told_at_each_doubling():
     async with Slave(1) as slave:
         for _ in range(100):
