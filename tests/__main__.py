@@ -33,7 +33,9 @@ PASSED, NOTHING = 0, 5
 CORES = os.cpu_count() or 1
 REPLAY = TESTS / "engine" / "test_engine_replay.py"
 #: The tests under Docker engines, in this order, as the last one removes the images; and what builds these.
-RIGS = (TESTS / "interop" / "test_swarm_docker.py", TESTS / "interop" / "test_rig_docker.py")
+RIGS = tuple(
+    TESTS / "interop" / name for name in ("test_swarm_docker.py", "test_swarm_lost_docker.py", "test_rig_docker.py")
+)
 BUILD = TESTS / "interop" / "rig_engine.py"
 
 

@@ -1,7 +1,4 @@
-"""compose.swarm.yaml as it is on three Docker engines: 96 drives in three shards, and what is lost and comes back.
-
-What takes longer is in swarm_long.py, which is run by its name.
-"""
+"""compose.swarm.yaml as it is on three Docker engines: 96 drives in three shards, machines lost and come back."""
 
 from __future__ import annotations
 

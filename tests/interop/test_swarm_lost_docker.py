@@ -1,15 +1,18 @@
-"""What of a swarm takes longer than the suite may: ``PNFARM_DOCKER=1 python -m pytest tests/interop/swarm_long.py``.
-
-The database is restarted and cut off, the hub is killed, and a node is cut off from the others.
-"""
+"""What a swarm goes on without: its database restarted and cut off, its hub killed, a node cut off from the others."""
 
 from __future__ import annotations
 
+import os
 import time
 
 import pytest
 from swarm_stack import eventually, made_stack
 
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(os.environ.get("PNFARM_DOCKER") != "1", reason="asked for with PNFARM_DOCKER=1: takes minutes"),
+]
+#: A test is repeated with the swarm as it is.
 KEEPS_FIXTURES = True
 CUT_SECONDS = 30
 
