@@ -61,7 +61,7 @@ _NEXT = 0xFFFFFFFF
 def _sum(octets: Any, begin: int, end: int) -> int:
     total = 0
     for place in range(begin, end):
-        total += octets[place]
+        total += int(octets[place])
     return total & 0xFF
 
 
