@@ -29,6 +29,11 @@ def test_waiting_for_a_disk_is_idle_and_stolen_time_is_told_apart():
 def test_a_process_is_read_although_its_name_has_blanks_and_brackets():
     fields = ["S", "7", *["0"] * 9, "250", "50", "30", "20", "20", "0"]
     assert process_of(f"42 (a) b (c)) {' '.join(fields)}", 100) == Process(42, 7, 3.5)
+    fields[1] = "2"
+    assert process_of(f"60 (kworker/u8:1-ev) {' '.join(fields)}", 100).is_worker
+    assert not process_of(f"61 (ksoftirqd/0) {' '.join(fields)}", 100).is_worker
+    fields[1] = "7"
+    assert not process_of(f"62 (kworker/0) {' '.join(fields)}", 100).is_worker
 
 
 def test_this_process_is_read_as_the_kernel_shows_it():
@@ -47,6 +52,8 @@ def test_children_and_their_children_are_the_benchmarks_own_and_neighbours_are_n
         Process(20, 1, 8.0),
     ]
     assert used_by_tree(processes, 10) == 7.0
+    # what the kernel's workers do is done for those who ask
+    assert used_by_tree([*processes, Process(60, 2, 0.5, is_worker=True)], 10) == 7.5
     assert used_by_tree(processes, 99) == 0.0
 
 
