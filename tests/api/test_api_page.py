@@ -208,7 +208,7 @@ def test_a_timeout_by_click_ends_the_connection_and_the_controller_comes_back(pa
 def test_a_parameter_is_found_by_its_name_and_written(page, farm):
     show(page, "#/drive/akd-01/parameters")
     page.until("text('main').includes('NSOLL_A')")
-    page.ask("type('Find a parameter by number, name or unit', 'il.limitp')")
+    page.until("type('Find a parameter by number, name or unit', 'il.limitp')")
     page.until("all('main tbody tr').length === 1")
     before = call(farm, "GET", "drives/akd-01/params/IL.LIMITP")["value"]
     page.until("press('button.value')")
