@@ -7,10 +7,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from pnfarm.buses.profibus.device.short_way import ShortWay, answer_poll
 from pnfarm.drives.catalogue import model
+from pnfarm.engine.columns import allocate
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.protocols.profibus.wire.dp import Parameters, PrmStatus, emit_parameters
 from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram
+from pnfarm.table.compiled import IS_COMPILED
+from pnfarm.table.image import IMAGE
 from pnfarm.testing import Line
 
 FARM = """
@@ -185,6 +189,16 @@ def test_polls_that_are_like_the_one_before_take_the_shortest_way():
     # the first interval counts from the second telegram: data exchange begins with the first one
     assert (counts.received, counts.sent, int(counts.intervals.sum())) == (100, 100, 98)
     bench.line.close()
+
+
+@pytest.mark.skipif(not IS_COMPILED, reason="nothing is compiled")
+def test_one_drive_and_many_have_the_same_machine_code():
+    # a container's image has it for one, and its user may not write more
+    ShortWay(1, IMAGE.allocate(1))
+    known = len(answer_poll.signatures)
+    for stations in (1, 2, 9):
+        ShortWay(1, allocate(stations=stations).image)
+    assert len(answer_poll.signatures) == known
 
 
 def test_the_diagnosis_that_a_drive_asks_for_is_not_lost_among_polls():

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pnfarm.errors import InternalError
 from pnfarm.protocols.profibus.wire.telegram import ED, EXTENDED, FCB, FCV, REQUEST, SD2, SD3, Answer, Request
 from pnfarm.table.channel import INTERVAL_BUCKETS, INTERVAL_EDGES_NS, MAX_WORDS
 from pnfarm.table.compiled import compiled
-from pnfarm.table.image import LOST_NOT
+from pnfarm.table.image import IMAGE, LOST_NOT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,6 +58,22 @@ _DL = int(Answer.DL)
 _NEXT = 0xFFFFFFFF
 
 
+def _place(field: str, octets: int) -> int:
+    """Where a field of the image begins, in numbers of so many octets."""
+    fields: Any = IMAGE.dtype.fields
+    offset = fields[field][1]
+    if offset % octets:
+        raise InternalError(f"image.{field} is not at a multiple of {octets} octets")
+    return int(offset) // octets
+
+
+#: Places of fields in a row of the images, as octets and as numbers of 32 and of 64 bits.
+_VALID, _LOST = _place("valid", 1), _place("lost", 1)
+_TAKEN_FROM, _GIVEN_FROM = _place("received", 4), _place("sent", 4)
+_FRAMES, _FILLED = _place("frames", 4), _place("filled", 4)
+_FRAME_NS, _INTERVAL_NS = _place("frame_ns", 8), _place("interval_ns", 8)
+
+
 @compiled
 def _sum(octets: Any, begin: int, end: int) -> int:
     total = 0
@@ -66,7 +83,7 @@ def _sum(octets: Any, begin: int, end: int) -> int:
 
 
 @compiled
-def _take(octets: Any, begin: int, words: Any, count: int, received: Any) -> None:
+def _take(octets: Any, begin: int, words: Any, count: int, image: Any) -> None:
     """Outputs into the image; a double word at once."""
     for k in range(count):
         slot, place, low = words[k, 0], begin + 2 * words[k, 1], words[k, 2]
@@ -78,15 +95,15 @@ def _take(octets: Any, begin: int, words: Any, count: int, received: Any) -> Non
                 value |= np.int64(octets[at]) << 8 | np.int64(octets[at + 1])
             if value >= 0x8000_0000:
                 value -= 0x1_0000_0000
-        received[slot] = value
+        image[_TAKEN_FROM + slot] = value
 
 
 @compiled
-def _give(answer: Any, begin: int, words: Any, count: int, sent: Any) -> None:
+def _give(answer: Any, begin: int, words: Any, count: int, image: Any) -> None:
     """Inputs out of the image."""
     for k in range(count):
         place, low = begin + 2 * words[k, 1], words[k, 2]
-        value = np.int64(sent[words[k, 0]])
+        value = np.int64(image[_GIVEN_FROM + words[k, 0]])
         if low >= 0:
             at = begin + 2 * low
             answer[at] = value >> 8 & 0xFF
@@ -95,6 +112,13 @@ def _give(answer: Any, begin: int, words: Any, count: int, sent: Any) -> None:
             value >>= 16
         answer[place] = value >> 8 & 0xFF
         answer[place + 1] = value & 0xFF
+
+
+@compiled
+def _next(count: int) -> int:
+    """Behind an unsigned number of 32 bits, as the signed one that the array has."""
+    following = (np.int64(count) + 1) & _NEXT
+    return int(following) - 0x1_0000_0000 if following >= 0x8000_0000 else int(following)
 
 
 @compiled
@@ -120,14 +144,9 @@ def answer_poll(
     words: Any,
     kept: Any,
     answer: Any,
-    received: Any,
-    sent: Any,
-    frames: Any,
-    filled: Any,
-    times: Any,
-    intervals: Any,
-    valid: Any,
-    lost: Any,
+    image_octets: Any,
+    image_words: Any,
+    image_longs: Any,
 ) -> int:
     """Octets of the answer, 0 where nothing was done; the slave's row is in ``answer``'s last octet."""
     if length < 10 or octets[length - 1] != ED:
@@ -159,12 +178,12 @@ def answer_poll(
     ):
         return 0
     image = cells[_IMAGE]
-    _take(octets, begin, words[row, 0], cells[_TAKEN], received[image])
-    intervals[image] = now - cells[LAST]
-    valid[image] = 1
-    lost[image] = LOST_NOT
-    times[image] = now
-    frames[image] = (np.int64(frames[image]) + 1) & _NEXT
+    _take(octets, begin, words[row, 0], cells[_TAKEN], image_words[image])
+    image_longs[image, _INTERVAL_NS] = now - cells[LAST]
+    image_octets[image, _VALID] = 1
+    image_octets[image, _LOST] = LOST_NOT
+    image_longs[image, _FRAME_NS] = now
+    image_words[image, _FRAMES] = _next(image_words[image, _FRAMES])
     _count(cells, now)
     for k in range(cells[OUTPUTS]):
         kept[row, 0, k] = octets[begin + k]
@@ -172,10 +191,10 @@ def answer_poll(
     first = 1 if inputs == 8 else 4
     for k in range(inputs):
         answer[first + 3 + k] = 0
-    _give(answer, first + 3, words[row, 1], cells[_GIVEN], sent[image])
+    _give(answer, first + 3, words[row, 1], cells[_GIVEN], image_words[image])
     for k in range(inputs):
         kept[row, 1, k] = answer[first + 3 + k]
-    filled[image] = (np.int64(filled[image]) + 1) & _NEXT
+    image_words[image, _FILLED] = _next(image_words[image, _FILLED])
     answer[0] = SD3
     if first == 4:
         answer[0] = answer[3] = SD2
@@ -205,9 +224,11 @@ class ShortWay:
         self._kept: Any = np.zeros((slaves, 2, _LONGEST), np.uint8)
         answer: Any = np.zeros(_LONGEST, np.uint8)
         self._answer, self._view = answer, memoryview(answer)
+        # the same memory thrice, each of a kind that is the same for one row and for many: else there would be two
+        # specialisations of the code, of which an image of a container has one
+        shape = (images.shape[0], -1)
         whole = images.view(np.ndarray)
-        names = ("received", "sent", "frames", "filled", "frame_ns", "interval_ns", "valid", "lost")
-        self._fields = tuple(whole[name] for name in names)
+        self._fields = tuple(whole.view(kind).reshape(shape) for kind in (np.uint8, np.int32, np.int64))
         # compiled, or loaded, before there is a master that waits
         self.answer(self._answer, 0, 0)
 
