@@ -87,6 +87,7 @@ async def _settled(core: Any, seconds: float) -> dict[str, Any]:
     with anyio.move_on_after(seconds):
         while True:
             before = core.link.counters.received
+            # frames of so long are counted: a start has pauses of some tenths of a second
             await anyio.sleep(0.5)
             if core.link.counters.received - before < few:
                 break

@@ -173,14 +173,14 @@ class RealTimeDriver:
     def _polled(self, poll: Poll, octets: bytes, now: int) -> tuple[int, bytes] | None:
         try:
             return poll(octets, now)
-        except Exception as exc:  # noqa: BLE001 - as in _guard
+        except Exception as exc:  # noqa: BLE001 - carried to wait(), which ends the farm with it
             self.fail(exc)
             return None
 
     def _repeated(self, answer: RepeatedPoll, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
         try:
             return answer(octets, length, now)
-        except Exception as exc:  # noqa: BLE001 - as in _guard
+        except Exception as exc:  # noqa: BLE001 - carried to wait(), which ends the farm with it
             self.fail(exc)
             return None
 

@@ -173,6 +173,7 @@ class SerialLink:
         if octets and not telegrams:
             tried = self._search.index(self.baud) if self.baud in self._search else -1
             self._set_baud(self._search[(tried + 1) % len(self._search)])
+            self._ask_for_age()
             self.line.set_baud(self.baud)
         self._look_later()
 
@@ -228,6 +229,11 @@ class SerialLink:
         #: How late an answer may begin, None: any time.
         self.latest_ns = None if self._limit is None else self._limit(baud)
 
+    def _ask_for_age(self) -> None:
+        """A limit counts from when a request came, not from when the event loop had time to read it."""
+        if self._is_slave and self.latest_ns is not None and isinstance(self._loop, LookingLoop):
+            self._loop.ask_for_age()
+
     def _withhold(self) -> None:
         self.withheld += 1
         self._heard_ns = 0
@@ -282,8 +288,7 @@ class SerialLink:
         ``least_bits``: how many bit times a port lets pass before one, where the line has a rate of its own.
         """
         self._is_slave = True
-        if self._limit is not None and self.latest_ns is not None and isinstance(self._loop, LookingLoop):
-            self._loop.ask_for_age()
+        self._ask_for_age()
         self._least_bits = least_bits if self.line.has_rate else None
 
     def set_withheld_news(self, news: WithheldNews) -> None:

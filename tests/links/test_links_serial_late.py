@@ -176,13 +176,19 @@ def on_looking_loop(task):
         return runner.run(task())
 
 
+def watched():
+    """A pipe's ends, and a future: what the loop knows of the octets' age when they are read, and the time then."""
+    loop, (reading, writing) = asyncio.get_running_loop(), os.pipe()
+    loop.ask_for_age()
+    loop.set_eager(reading, lambda: False)
+    found = loop.create_future()
+    loop.add_reader(reading, lambda: found.done() or found.set_result((loop.earliest_ns, time.monotonic_ns())))
+    return reading, writing, found
+
+
 def test_octets_that_a_loop_waited_for_came_just_now():
     async def task():
-        loop, (reading, writing) = asyncio.get_running_loop(), os.pipe()
-        loop.ask_for_age()
-        loop.set_eager(reading, lambda: False)
-        found = loop.create_future()
-        loop.add_reader(reading, lambda: found.done() or found.set_result(loop.earliest_ns))
+        reading, writing, found = watched()
         written = []
 
         def write():
@@ -190,7 +196,7 @@ def test_octets_that_a_loop_waited_for_came_just_now():
             os.write(writing, b"x")
 
         threading.Timer(0.05, write).start()
-        earliest = await found
+        earliest, _ = await found
         os.close(reading)
         os.close(writing)
         return written[0], earliest
@@ -202,11 +208,8 @@ def test_octets_that_a_loop_waited_for_came_just_now():
 
 def test_octets_that_came_while_a_loop_was_busy_are_as_old_as_its_last_look():
     async def task():
-        loop, (reading, writing) = asyncio.get_running_loop(), os.pipe()
-        loop.ask_for_age()
-        loop.set_eager(reading, lambda: False)
-        found = loop.create_future()
-        loop.add_reader(reading, lambda: found.done() or found.set_result((loop.earliest_ns, time.monotonic_ns())))
+        reading, writing, found = watched()
+        # the loop looks once before anything comes
         await asyncio.sleep(0)
         os.write(writing, b"x")
         # a callback that takes long

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import random
+from contextlib import asynccontextmanager
 
 import anyio
 from serial_farm import config, master, states, until
@@ -34,12 +35,17 @@ def counted(link):
     return count
 
 
+@asynccontextmanager
+async def running(way, drives):
+    """A farm with its controller, and the count of polls that were answered at once."""
+    asked = config(way, drives)
+    async with Farm(asked, log=EventLog(quiet=True)) as farm, master(asked):
+        yield farm, counted(next(iter(lines_of(farm.link).values())))
+
+
 def test_drives_start_up_run_and_tell_their_diagnosis_where_polls_are_answered_at_once(tmp_path):
     async def task():
-        asked = config(f"pty: {tmp_path}/line, baud: 1500000", 4)
-        async with Farm(asked, log=EventLog(quiet=True)) as farm, master(asked):
-            link = next(iter(lines_of(farm.link).values()))
-            count = counted(link)
+        async with running(f"pty: {tmp_path}/line, baud: 1500000", 4) as (farm, count):
             await until(lambda: [state for state, *_ in states(farm)] == [4] * 4)
             await until(lambda: count[0] > 200)
             # an injection of one drive takes all polls off the shortest way, and its end brings them back
@@ -61,16 +67,14 @@ def test_drives_start_up_run_and_tell_their_diagnosis_where_polls_are_answered_a
 
 def test_noise_between_polls_is_counted_and_the_drives_run_on(tmp_path):
     async def task():
-        asked = config(f"pty: {tmp_path}/line", 2)
-        async with Farm(asked, log=EventLog(quiet=True)) as farm, master(asked):
-            link = next(iter(lines_of(farm.link).values()))
-            count = counted(link)
+        async with running(f"pty: {tmp_path}/line", 2) as (farm, count):
             await until(lambda: count[0] > 50)
             fd = os.open(f"{tmp_path}/line", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
             chance = random.Random(1)
             try:
                 for _ in range(100):
                     os.write(fd, chance.randbytes(chance.randrange(1, 40)))
+                    # between polls, not all before the next one
                     await asyncio.sleep(0.001)
             finally:
                 os.close(fd)
@@ -84,9 +88,7 @@ def test_noise_between_polls_is_counted_and_the_drives_run_on(tmp_path):
 
 def test_the_loops_timers_and_other_threads_calls_are_not_held_up_by_polls(tmp_path):
     async def task():
-        asked = config(f"pty: {tmp_path}/line", 1)
-        async with Farm(asked, log=EventLog(quiet=True)) as farm, master(asked):
-            count = counted(next(iter(lines_of(farm.link).values())))
+        async with running(f"pty: {tmp_path}/line", 1) as (_, count):
             await until(lambda: count[0] > 50)
             loop, called = asyncio.get_running_loop(), asyncio.Event()
             await asyncio.to_thread(loop.call_soon_threadsafe, called.set)
