@@ -11,8 +11,9 @@ from pnfarm.buses.registry import BUSES
 from pnfarm.config.links import SerialLink as SerialSection
 from pnfarm.errors import ConfigError
 from pnfarm.links.line import LineFormat
-from pnfarm.links.serial import ConnectLine, ListenLine, PortLine, PtyLine
+from pnfarm.links.serial import PortLine, PtyLine
 from pnfarm.links.serial_link import SerialLink
+from pnfarm.links.serial_tcp import ConnectLine, ListenLine
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -2,7 +2,7 @@
 
 A line knows no telegram: it carries octets between the medium and its one user, the farm's end of it
 (:mod:`pnfarm.links.serial_link`).  Stations on it have no hardware address and no interface of their own.  The ways to
-one are in :mod:`pnfarm.links.serial`: a pty, a port, TCP, a port behind TCP.
+one are in :mod:`pnfarm.links.serial` (a pty, a port) and beside it (TCP, a port behind TCP).
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ import serial
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.line import LineFormat
-from pnfarm.links.serial import MOST_WAITING, ConnectLine, ListenLine, PortLine, PtyLine
+from pnfarm.links.serial import MOST_WAITING, PortLine, PtyLine
+from pnfarm.links.serial_tcp import ConnectLine, ListenLine
 
 pytestmark = pytest.mark.asyncio
 FORM = LineFormat((9600, 19200), parity="even")
