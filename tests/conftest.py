@@ -5,7 +5,10 @@ from __future__ import annotations
 import functools
 import gc
 import os
+import random
+import sys
 import time
+import types
 from collections import Counter
 from pathlib import Path
 
@@ -76,6 +79,15 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.uncompiled)
     # the longest ones first: the others are spread over the cores that are free
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+@pytest.fixture(autouse=True)
+def _seeds_of_faults(request, monkeypatch):
+    """A fault to which a test gives no seed has the same one in each run: what fails by chance fails again."""
+    start = sys.modules.get("pnfarm.faults.start")
+    if start is not None:
+        same = types.SimpleNamespace(randbits=random.Random(request.node.nodeid).getrandbits)
+        monkeypatch.setattr(start, "secrets", same)
 
 
 class RepeatStalled:
