@@ -28,6 +28,8 @@ __all__ = ["line_bus", "line_ways", "make_line", "make_lines"]
 _PTY_BAUD = 38_400
 #: Above this rate this process cannot keep what the bus permits, 0.1 ms and less: its user decides.
 FASTEST_KEPT = 1_500_000
+#: On a pty nobody is disturbed by what is late, and at 1.5 Mbit/s an answer in a hundred would be missing.
+FASTEST_KEPT_ON_PTY = 500_000
 
 
 def line_bus(name: str) -> LineBus:
@@ -64,10 +66,16 @@ def _latest_ns(way: LineWay, bus: LineBus, baud: int) -> int | None:
         case "tsdr":
             return bus.longest_reply_ns(baud)
         case "auto":
-            keeps = way.port is not None and not _is_pty(way.port) and baud <= FASTEST_KEPT
-            return bus.longest_reply_ns(baud) if keeps else None
+            return bus.longest_reply_ns(baud) if baud <= _fastest_kept(way) else None
         case latest:
             return latest
+
+
+def _fastest_kept(way: LineWay) -> int:
+    if way.connect is not None or way.listen is not None or way.rfc2217 is not None:
+        # what a network takes is not the slave's time
+        return 0
+    return FASTEST_KEPT if way.port is not None and not _is_pty(way.port) else FASTEST_KEPT_ON_PTY
 
 
 def make_lines(ways: Mapping[str, LineWay]) -> dict[str, SerialLink]:
@@ -78,7 +86,7 @@ def make_lines(ways: Mapping[str, LineWay]) -> dict[str, SerialLink]:
 def _way(way: LineWay) -> Line:
     if way.port is not None:
         if _is_pty(way.port):
-            return PortLine(way.port, _PTY_BAUD, LineFormat((_PTY_BAUD,)))
+            return PortLine(way.port, _PTY_BAUD, LineFormat((_PTY_BAUD,)), has_rate=False)
         return PortLine(way.port, way.rate, LineFormat((way.rate,), "even"))
     if way.connect is not None:
         return ConnectLine(*_place(way.connect), baud=way.rate)

@@ -467,13 +467,15 @@ def _is_terminal(port: str) -> bool:
 
 
 class PortLine(FdLine):
-    """A serial port of this machine, such as an RS-485 adapter's."""
+    """A serial port of this machine, such as an RS-485 adapter's; without ``has_rate`` a pseudo terminal's far end."""
 
     kind = "port"
-    has_rate = True
 
-    def __init__(self, port: str, baud: int, form: LineFormat, *, clock: Clock = time.monotonic_ns) -> None:
+    def __init__(
+        self, port: str, baud: int, form: LineFormat, *, has_rate: bool = True, clock: Clock = time.monotonic_ns
+    ) -> None:
         super().__init__(baud=baud, clock=clock)
+        self.has_rate = has_rate
         self._port = port
         self._form = form
         self._serial: Any = None

@@ -38,6 +38,8 @@ __all__ = ["FIRST_PORT", "SerialLink", "Splitter"]
 FIRST_PORT = 0x0100_0000
 
 
+#: Start, eight of data, parity and stop.
+OCTET_BITS = 11
 #: How long each rate is tried.
 SEARCH_SECONDS = 0.5
 #: Up to this an answer waits where it is; the timers of the event loop are good to a millisecond.
@@ -94,6 +96,8 @@ class SerialLink:
         self._heard_ns = 0
         #: When what is being answered came, at the earliest; 0 while nothing is.
         self._came_ns = 0
+        #: How long the octets that came last take at the line's rate, where the line itself takes no time for them.
+        self._octets_ns = 0
         #: More came behind what is being answered: its master has given it up.
         self._is_passed = False
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -220,14 +224,16 @@ class SerialLink:
     def _too_late(self, came_ns: int) -> bool:
         """Whether an answer must not begin any more: its master may be sending again by now (max T_SDR).
 
-        What a fault delays is no answer that this machine made late: it is sent.
+        It counts from the request's end.  A pseudo terminal has all of a request when its master would have begun
+        to send it.  What a fault delays is no answer that this machine made late: it is sent.
         """
-        return self.latest_ns is not None and time.monotonic_ns() - came_ns > self.latest_ns
+        return self.latest_ns is not None and time.monotonic_ns() - came_ns - self._octets_ns > self.latest_ns
 
     def _set_baud(self, baud: int) -> None:
         self.baud = baud
         #: How late an answer may begin, None: any time.
         self.latest_ns = None if self._limit is None else self._limit(baud)
+        self._octet_ns = 0 if self.line.has_rate else OCTET_BITS * 1_000_000_000 // baud
 
     def _ask_for_age(self) -> None:
         """A limit counts from when a request came, not from when the event loop had time to read it."""
@@ -316,15 +322,16 @@ class SerialLink:
     def _received(self, octets: bytes, now: int) -> None:
         if self._polled(octets, now):
             return
-        self._hear(now)
+        self._hear(now, len(octets))
         try:
             self._deliver(self.splitter.split(octets, now), now)
             self._arm()
         finally:
             self._came_ns = 0
 
-    def _hear(self, now: int) -> None:
+    def _hear(self, now: int, octets: int) -> None:
         self._heard_ns = now
+        self._octets_ns = octets * self._octet_ns
         loop = self._loop
         self._came_ns = min(now, loop.earliest_ns) if isinstance(loop, LookingLoop) else now
         self._is_passed = False
@@ -337,7 +344,7 @@ class SerialLink:
         if found is None:
             return False
         if self.latest_ns is not None or self._least_bits is not None:
-            self._give(*found, now)
+            self._give(*found, now, length)
             return True
         # nothing else is to be looked at: thousands of times a second, each call counts
         self._counters.received += 1
@@ -353,11 +360,11 @@ class SerialLink:
         found = self._poll(octets, now)
         if found is None:
             return False
-        self._give(*found, now)
+        self._give(*found, now, len(octets))
         return True
 
-    def _give(self, port_index: int, answer: bytes | memoryview, now: int) -> None:
-        self._hear(now)
+    def _give(self, port_index: int, answer: bytes | memoryview, now: int, octets: int) -> None:
+        self._hear(now, octets)
         self._counters.received += 1
         self.send(port_index, answer)
         self._came_ns = 0

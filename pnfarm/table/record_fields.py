@@ -25,7 +25,8 @@ def row_number(record: Any) -> int:
 def field_views(record: Any, *names: str) -> tuple[memoryview, ...]:
     """A view of each field of ``record``, a row of a table (``table[i]``): of one element, or of the field's array.
 
-    ``view[0] = value`` writes into the table, with the range of the field's type: a value beyond it raises.
+    ``faults.code`` is a field of a field.  ``view[0] = value`` writes into the table, with the range of the field's
+    type: a value beyond it raises.
     """
     table = record.base
     if not isinstance(table, np.ndarray) or table.ndim != 1:
@@ -35,7 +36,9 @@ def field_views(record: Any, *names: str) -> tuple[memoryview, ...]:
     row = whole[place : place + 1]
     views = []
     for name in names:
-        field = row[name]
+        field = row
+        for each in name.split("."):
+            field = field[each]
         part: Any = field[0] if field.ndim > 1 else field
         views.append(memoryview(part))
     return tuple(views)

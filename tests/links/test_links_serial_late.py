@@ -25,9 +25,9 @@ PATIENT = 600 * SECOND
 class Slave:
     """One port of a line that answers each telegram with the same octets, turned round."""
 
-    def __init__(self, latest_ns, *, is_slave=True):
-        self.line = NotedLine(has_rate=True)
-        self.link = SerialLink(self.line, Whole(), 500_000, latest_ns=lambda _: latest_ns)
+    def __init__(self, latest_ns, *, is_slave=True, has_rate=True, baud=500_000):
+        self.line = NotedLine(has_rate=has_rate)
+        self.link = SerialLink(self.line, Whole(), baud, latest_ns=lambda _: latest_ns)
         self.told = []
         self.link.set_receiver(lambda index, telegram, now: self.link.send(index, telegram[::-1]))
         if is_slave:
@@ -72,6 +72,17 @@ async def test_a_request_with_the_beginning_of_the_next_one_behind_it_is_not_ans
         monkeypatch.setattr(slave.link.splitter, "is_whole", False)
         slave.hear(b"one")
         assert (slave.said, slave.link.withheld) == ([], 1)
+
+
+@pytest.mark.asyncio
+@pytest.mark.parametrize(("has_rate", "said"), [(False, [b"tseuqer"]), (True, [])])
+async def test_the_time_counts_from_when_the_lines_rate_would_have_the_requests_end(has_rate, said):
+    # seven octets of eleven bits at one bit in eight seconds: 616 s on the wire, and that is their age as well
+    async with Slave(PATIENT, has_rate=has_rate, baud=1 / 8) as slave:
+        slave.hear(b"request", age_ns=616 * SECOND)
+        assert slave.said == said
+        slave.hear(b"older", age_ns=616 * SECOND + 2 * PATIENT)
+        assert slave.said == said
 
 
 @pytest.mark.asyncio
@@ -149,20 +160,28 @@ def latest(text_of_baud, **way):
         (3_000_000, {"port": "/dev/ttyUSB0", "latest_answer": "tsdr"}, 83_333),
         (1_500_000, {"port": "/dev/ttyUSB0", "latest_answer": "any"}, None),
         (1_500_000, {"port": "/dev/ttyUSB0", "latest_answer": "2ms"}, 2_000_000),
-        # these have no rate, and nobody else is on the wire
+        (500_000, {"pty": "auto"}, 200_000),
+        (19_200, {"pty": "auto"}, 3_125_000),
+        (500_000, {"pty": "auto", "latest_answer": "any"}, None),
+        # one in a hundred would be missing
         (1_500_000, {"pty": "auto"}, None),
-        (1_500_000, {"listen": "127.0.0.1:7000"}, None),
         (1_500_000, {"pty": "auto", "latest_answer": "tsdr"}, 100_000),
+        # what a network takes is not the slave's time
+        (1_500_000, {"listen": "127.0.0.1:7000"}, None),
+        (1_500_000, {"connect": "127.0.0.1:7000"}, None),
+        (1_500_000, {"rfc2217": "127.0.0.1:7000"}, None),
+        (1_500_000, {"listen": "127.0.0.1:7000", "latest_answer": "tsdr"}, 100_000),
     ],
 )
 def test_how_late_an_answer_may_begin_by_the_file(baud, way, expected):
     assert latest(baud, **way) == expected
 
 
-def test_a_pty_given_as_a_port_has_no_limit_of_its_own():
+def test_a_pty_given_as_a_port_has_the_same_limit_and_no_rate():
     near, far = os.openpty()
     try:
-        assert latest(500_000, port=os.ttyname(far)) is None
+        link = make_line(LineWay(baud=500_000, port=os.ttyname(far)), bus("profibus"))
+        assert (link.latest_ns, link.line.has_rate) == (200_000, False)
     finally:
         os.close(near)
         os.close(far)

@@ -22,7 +22,7 @@ POLL = emit_telegram(Telegram(5, 1, 0x40 | Request.FDL_STATUS))
 class Port:
     """A port on a line of ``rate``: at any other rate its octets are garbage."""
 
-    kind, where, is_up = "port", "/dev/ttyUSB0", True
+    kind, where, is_up, has_rate = "port", "/dev/ttyUSB0", True, True
 
     def __init__(self, rate, baud):
         self.rate, self.baud = rate, baud

@@ -30,14 +30,13 @@ from pnfarm.protocols.profibus.wire.dp import (
     MOST_DIAGNOSIS,
     NO_MASTER,
     Control,
-    Diagnosis,
     DpState,
     Parameters,
     PrmStatus,
     StationStatus,
     V1Status1,
     V1Status3,
-    emit_diagnosis,
+    diagnosis_octets,
     parse_global_control,
     parse_parameters,
     parse_set_address,
@@ -83,6 +82,18 @@ _SDN: Final = frozenset({Request.SDN_LOW, Request.SDN_HIGH})
 _ASKS: Final = frozenset({REQUEST | Request.SRD_LOW, REQUEST | Request.SRD_HIGH})
 _ASKS_BITS: Final = REQUEST | 0x0F
 _SDA: Final = frozenset({Request.SDA_LOW, Request.SDA_HIGH})
+# Bits of a diagnosis as plain numbers: an answer is due at once, and an operator of flags takes a microsecond or more.
+(
+    _STATION_NOT_READY, _CFG_FAULT, _EXT_DIAG, _NOT_SUPPORTED, _PRM_FAULT, _PRM_REQ, _STAT_DIAG, _ALWAYS_1, _WD_ON,
+    _FREEZE_MODE, _SYNC_MODE, _EXT_DIAG_OVERFLOW,
+) = (
+    int(bit)
+    for bit in (
+        StationStatus.STATION_NOT_READY, StationStatus.CFG_FAULT, StationStatus.EXT_DIAG, StationStatus.NOT_SUPPORTED,
+        StationStatus.PRM_FAULT, StationStatus.PRM_REQ, StationStatus.STAT_DIAG, StationStatus.ALWAYS_1,
+        StationStatus.WD_ON, StationStatus.FREEZE_MODE, StationStatus.SYNC_MODE, StationStatus.EXT_DIAG_OVERFLOW,
+    )
+)  # fmt: skip
 #: Longest that an answer of DP may make the others wait is told in Set_Prm; longer ones are not believed.
 _NO_WATCHDOG: Final = 0
 
@@ -483,25 +494,23 @@ class Slave:
         self.diagnoses += 1
         cyclic, faults = self._cyclic, self.faults
         is_error, is_static, extended = self.user.diagnosis()
-        status = StationStatus.ALWAYS_1
-        marks = {
-            StationStatus.STATION_NOT_READY: self.state is not DpState.DATA_EXCH,
-            StationStatus.CFG_FAULT: faults.configuration,
-            StationStatus.EXT_DIAG: is_error,
-            StationStatus.NOT_SUPPORTED: faults.unsupported,
-            StationStatus.PRM_FAULT: faults.parameters,
-            StationStatus.PRM_REQ: self.state is DpState.WAIT_PRM,
-            StationStatus.STAT_DIAG: is_static,
-            StationStatus.WD_ON: bool(cyclic.watchdog_ns),
-            StationStatus.FREEZE_MODE: cyclic.freeze,
-            StationStatus.SYNC_MODE: cyclic.sync,
-            StationStatus.EXT_DIAG_OVERFLOW: len(extended) > MOST_DIAGNOSIS - 6,
-        }
-        for bit, is_set in marks.items():
-            status |= bit if is_set else StationStatus(0)
+        status = (
+            _ALWAYS_1
+            | _STATION_NOT_READY * (self.state is not DpState.DATA_EXCH)
+            | _CFG_FAULT * faults.configuration
+            | _EXT_DIAG * is_error
+            | _NOT_SUPPORTED * faults.unsupported
+            | _PRM_FAULT * faults.parameters
+            | _PRM_REQ * (self.state is DpState.WAIT_PRM)
+            | _STAT_DIAG * is_static
+            | _WD_ON * bool(cyclic.watchdog_ns)
+            | _FREEZE_MODE * cyclic.freeze
+            | _SYNC_MODE * cyclic.sync
+            | _EXT_DIAG_OVERFLOW * (len(extended) > MOST_DIAGNOSIS - 6)
+        )
         if cyclic.master in {master, NO_MASTER}:
             self._pending_diagnosis = is_static
-        return emit_diagnosis(Diagnosis(status, cyclic.master, self.options.ident, extended[: MOST_DIAGNOSIS - 6]))
+        return diagnosis_octets(status, cyclic.master, self.options.ident, extended[: MOST_DIAGNOSIS - 6])
 
     # -- parameters and configuration --------------------------------------------------------------------------------
 

@@ -57,11 +57,14 @@ class ProfibusSegment:
             return None
         found = self._by_address.get(destination)
         if found is None:
-            found = self._by_address[destination] = [
+            found = [
                 port
                 for port, device in self._devices.items()
                 if device.slave.address == destination or not device.slave.found
             ]
+            # whose answer is due comes first
+            found.sort(key=lambda port: self._devices[port].slave.address != destination)
+            self._by_address[destination] = found
         return found
 
     def changed(self) -> None:

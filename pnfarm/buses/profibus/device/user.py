@@ -10,6 +10,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.protocols.profibus.slave_user import RecordRefusedError
 from pnfarm.protocols.profibus.wire.dpv1 import ErrorCode1
+from pnfarm.table.record_fields import field_views
 from pnfarm.table.signals import WORD_NONE
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ class DriveUser:
         self.further_diagnosis = b""
         self.static_diagnosis = False
         self._to_plug: int | None = None
+        self._errors, self._warning = field_views(store.handle.axis, "faults.code", "warnings.code")
         self.layout()
 
     # -- cyclic data -------------------------------------------------------------------------------------------------
@@ -113,7 +115,7 @@ class DriveUser:
     @property
     def faulty(self) -> bool:
         """Whether a fault is active."""
-        return int(self._store.handle.axis.faults.code[0]) != 0
+        return self._errors[0] != 0
 
     @property
     def tells(self) -> bool:
@@ -126,9 +128,9 @@ class DriveUser:
 
     def _extended(self) -> bytes:
         """Table 9.21: a status block with error and warning."""
-        axis, product = self._store.handle.axis, self._product
-        error, warning = (int(code) & NUMBER_MASK for code in (axis.faults.code[0], axis.warnings.code))
-        return extended_diagnosis(product, self._store.raw(product.diagnosis_parameter), error, warning)
+        product, error, warning = self._product, self._errors[0], self._warning[0]
+        mode = self._store.raw(product.diagnosis_parameter)
+        return extended_diagnosis(product, mode, error & NUMBER_MASK, warning & NUMBER_MASK)
 
     # -- records -----------------------------------------------------------------------------------------------------
 

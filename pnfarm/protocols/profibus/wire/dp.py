@@ -92,12 +92,12 @@ def parse_diagnosis(data: bytes) -> Diagnosis:
 
 
 def emit_diagnosis(diagnosis: Diagnosis) -> bytes:
-    return (
-        int(diagnosis.status).to_bytes(3, "little")
-        + bytes((diagnosis.master,))
-        + diagnosis.ident.to_bytes(2, "big")
-        + diagnosis.extended
-    )
+    return diagnosis_octets(int(diagnosis.status), diagnosis.master, diagnosis.ident, diagnosis.extended)
+
+
+def diagnosis_octets(status: int, master: int, ident: int, extended: bytes) -> bytes:
+    """:func:`emit_diagnosis` for a slave, whose answer is due at once: operators of flags take microseconds."""
+    return status.to_bytes(3, "little") + bytes((master,)) + ident.to_bytes(2, "big") + extended
 
 
 # -- Set_Prm (8.3.3) --------------------------------------------------------------------------------------------------
