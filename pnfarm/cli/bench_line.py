@@ -47,7 +47,7 @@ SETTLED_SECONDS = 30
 
 FILE = """
 farm: bench
-link: {{kind: macvlan, parent: {parent}, send: {send}}}
+link: {link}
 api: {api}
 realtime: {{cpu: {cpu}}}
 drives:
@@ -66,10 +66,13 @@ controller:
 """
 
 
-def farm_file(drives: int, cycle: str, watchdog: int, cpu: int, api: str = "off", send: str = "auto") -> str:
-    return FILE.format(
-        parent=PARENT, peer=PEER, drives=drives, cycle=cycle, watchdog=watchdog, cpu=cpu, api=api, send=send
-    )
+def farm_file(
+    drives: int, cycle: str, watchdog: int, cpu: int, api: str = "off", send: str = "auto", *, in_memory: bool = False
+) -> str:
+    """The drives of a benchmark and their controller, on the benchmarks' line or in memory."""
+    text = FILE.replace("  interface: {peer}\n", "") if in_memory else FILE
+    link = "{kind: memory}" if in_memory else f"{{kind: macvlan, parent: {PARENT}, send: {send}}}"
+    return text.format(link=link, peer=PEER, drives=drives, cycle=cycle, watchdog=watchdog, cpu=cpu, api=api)
 
 
 class Child:

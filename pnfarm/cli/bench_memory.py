@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from pnfarm.cli.bench_line import FARM_CPU, PARENT, PEER, farm_file
+from pnfarm.cli.bench_line import FARM_CPU, farm_file
 from pnfarm.cli.bench_loops import compiled_loop, interpreter_loop
 from pnfarm.cli.bench_result import WINDOWS, Result, Windows
 from pnfarm.errors import InternalError
@@ -32,8 +32,7 @@ def _in_memory(drives: int, cycle: str, watchdog: int) -> VirtualLine:
     from pnfarm.controller.line import VirtualLine
     from pnfarm.farm.file.reading import parse_farm
 
-    text = farm_file(drives, cycle, watchdog, FARM_CPU).replace(f"kind: macvlan, parent: {PARENT}", "kind: memory")
-    return anyio.run(VirtualLine.create, parse_farm(text.replace(f"  interface: {PEER}\n", "")))
+    return anyio.run(VirtualLine.create, parse_farm(farm_file(drives, cycle, watchdog, FARM_CPU, in_memory=True)))
 
 
 def scrape(load: Load) -> list[Result]:

@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from pnfarm.cli.bench import BENCHMARKS, Benchmark, chosen, measured
+from pnfarm.cli.bench_line import farm_file
 from pnfarm.cli.bench_result import Result
 from pnfarm.errors import ConfigError, InternalError
+from pnfarm.farm.file.reading import parse_farm
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "bench.md"
 
@@ -36,6 +38,12 @@ def test_a_benchmarks_name_means_all_of_its_figures_and_no_name_means_everything
 def test_no_two_figures_have_one_name():
     names = [name for benchmark in BENCHMARKS.values() for name in benchmark.figures]
     assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("in_memory", [True, False])
+def test_the_farm_files_of_benchmarks_on_a_line_and_in_memory_are_read(in_memory):
+    config = parse_farm(farm_file(4, "1ms", 64, 0, in_memory=in_memory))
+    assert (config.link.kind, config.drives[0].count) == ("memory" if in_memory else "macvlan", 4)
 
 
 def test_an_unknown_name_is_told_with_the_nearest(pnfarm):
