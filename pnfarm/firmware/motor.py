@@ -20,7 +20,7 @@ torque that would move the shaft by up to its own amount, and holds the shaft ex
 from __future__ import annotations
 
 from math import floor, inf, pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 from pnfarm.firmware.direction import shaft_sign
 from pnfarm.firmware.faults import raise_fault
@@ -34,6 +34,7 @@ from pnfarm.table.compiled import compiled
 
 __all__ = [
     "brake_holds",
+    "constants_of",
     "motor_step_ns",
     "step_motor",
     "torque_controlled",
@@ -42,12 +43,17 @@ __all__ = [
 
 
 RPM_TO_RAD = 2.0 * pi / 60.0
+RAD_TO_RPM = 60.0 / (2.0 * pi)
+#: Minutes of a second.
+MINUTES = 1.0 / 60.0
 #: Longest step of controllers and motor where the axis sets none, ns.
 MOTOR_STEP_NS = 1_000_000
 #: Integral action time of a speed controller in time constants of its closed loop: no overshoot on a ramp.
 INTEGRAL_RATIO = 4.0
 #: Filter time of the speed noise that an encoder's resolution causes, s.
 FEEDBACK_FILTER = 0.001
+#: Speed noise, rad/s, per revolution of filtered position.
+FILTERED = 2.0 * pi / FEEDBACK_FILTER
 #: At rest the integral part does not wind up for speed set points below this part of ``ramp.standstill``.
 RESTING = 0.1
 #: Highest effective voltage of one phase per volt of the DC link: 1 / sqrt(6).
@@ -56,6 +62,82 @@ PHASE_VOLTAGE = 1.0 / sqrt(6.0)
 PHASES = 3.0
 #: ``drive.opmode``.
 TORQUE_MODE = 0
+
+
+class Constants(NamedTuple):
+    """What settings and the length of a step alone decide, SI units.  A division takes longer than all else of a term.
+
+    Those of a part that the drive lacks mean nothing.
+    """
+
+    seconds: float
+    #: Of the speed controller: proportional gain, that with the integral action of one step, the latter per error.
+    gain: float
+    action: float
+    integral: float
+    #: Part of a change of the current set point that takes effect in this step.
+    share: float
+    #: Torque per rad/s of change, with the damping in ``damped``; dry friction without the brake's; the load.
+    inertia: float
+    damped: float
+    dry: float
+    load: float
+    #: Torque of the acceleration's feed forward per rad/s of change.
+    fed: float
+    per_torque_constant: float
+    #: One phase: L / step, with R in ``impedance``; V per rad/s.
+    inductance: float
+    impedance: float
+    back: float
+    #: Change of the DC link's voltage squared per W; what the mains hold it at.
+    bus: float
+    mains: float
+    per_continuous_current: float
+    #: Parts of a step in the time constants of heat and of the encoder's filter.
+    thermal: float
+    feedback: float
+
+
+@compiled
+def _inverse(value: float) -> float:
+    """1 / ``value``, 0 for what the drive lacks."""
+    return 1.0 / value if value > 0.0 else 0.0
+
+
+@compiled
+def constants_of(axis: Any, seconds: float) -> Constants:
+    """The constants of steps of this length; nothing of the axis' settings changes before they are made anew."""
+    time = axis.motor.settings.velocity_time_constant
+    gain = axis.motor.settings.speed_gain if axis.motor.settings.speed_gain > 0.0 else axis.load.settings.inertia / time
+    integral_time = axis.motor.settings.speed_integral_time
+    if integral_time <= 0.0:
+        integral_time = INTEGRAL_RATIO * time
+    integral = gain * (seconds / integral_time)
+    frequency = 1.0 / seconds
+    inertia = (axis.load.settings.inertia + axis.load.settings.added_inertia) * frequency
+    inductance = axis.motor.settings.inductance * frequency
+    lowest = mains(axis.drive, axis.faults, axis.supply) if axis.supply.settings.nominal > 0.0 else 0.0
+    return Constants(
+        seconds=seconds,
+        gain=gain,
+        action=gain + integral,
+        integral=integral,
+        share=seconds / (axis.motor.settings.current_time_constant + seconds),
+        inertia=inertia,
+        damped=inertia + axis.load.settings.damping,
+        dry=axis.load.settings.friction + axis.load.settings.added_friction,
+        load=shaft_sign(axis.direction) * (axis.load.settings.torque + axis.load.settings.added_torque),
+        fed=axis.motor.settings.acceleration_gain * axis.load.settings.inertia * RPM_TO_RAD * frequency,
+        per_torque_constant=_inverse(axis.motor.settings.torque_constant),
+        inductance=inductance,
+        impedance=inductance + axis.motor.settings.resistance,
+        back=axis.motor.settings.torque_constant / PHASES,
+        bus=2.0 * seconds * _inverse(axis.supply.settings.capacitance),
+        mains=lowest,
+        per_continuous_current=_inverse(axis.motor.settings.continuous_current),
+        thermal=seconds / (axis.motor.settings.thermal_time + seconds),
+        feedback=seconds / (FEEDBACK_FILTER + seconds),
+    )
 
 
 @compiled
@@ -88,48 +170,37 @@ def _step_brake(brake: Any, open_it: bool, seconds: float) -> None:
 
 
 @compiled
-def _speed(direction: Any, load: Any, brake: Any, omega: float, drive: float, slope: float, seconds: float) -> float:
+def _speed(brake: Any, constants: Constants, omega: float, drive: float, slope: float) -> float:
     """The shaft's speed after the step, rad/s, for a torque of ``drive - slope * speed`` N m.
 
     Backward Euler with dry friction as the set-valued force that it is.
     """
-    inertia = (load.settings.inertia + load.settings.added_inertia) / seconds
-    dry = load.settings.friction + load.settings.added_friction
+    dry = constants.dry
     if brake_holds(brake):
         dry += brake.settings.torque
-    moving = inertia * omega + drive - shaft_sign(direction) * (load.settings.torque + load.settings.added_torque)
+    moving = constants.inertia * omega + drive - constants.load
     if abs(moving) <= dry:
         return 0.0
-    return (moving - dry if moving > 0.0 else moving + dry) / (inertia + slope + load.settings.damping)
+    return (moving - dry if moving > 0.0 else moving + dry) / (constants.damped + slope)
 
 
 @compiled
-def _coast(axis: Any, omega: float, seconds: float) -> float:
+def _coast(axis: Any, constants: Constants, omega: float) -> float:
     """The shaft's speed after a step without power; shorted windings may brake it."""
     braking = axis.motor.settings.coast_method == 0 or (axis.motor.settings.coast_method == 1 and not axis.motor.rested)
     axis.motor.current = 0.0
     axis.motor.torque = 0.0
     axis.motor.speed_integral = 0.0
     axis.motor.fed_speed = axis.profile.velocity
-    return _speed(
-        axis.direction,
-        axis.load,
-        axis.brake,
-        omega,
-        0.0,
-        axis.motor.settings.brake_damping if braking else 0.0,
-        seconds,
-    )
+    return _speed(axis.brake, constants, omega, 0.0, axis.motor.settings.brake_damping if braking else 0.0)
 
 
 @compiled
-def _fed_forward(load: Any, motor: Any, positioning: Any, profile: Any, seconds: float) -> float:
+def _fed_forward(constants: Constants, motor: Any, positioning: Any, profile: Any) -> float:
     """Torque for the acceleration of a profile, without the position controller's part of the speed."""
-    change = (profile.velocity - motor.fed_speed) * RPM_TO_RAD
+    change = profile.velocity - motor.fed_speed
     motor.fed_speed = profile.velocity
-    return (
-        0.0 if positioning.state == 0 else motor.settings.acceleration_gain * load.settings.inertia * change / seconds
-    )
+    return 0.0 if positioning.state == 0 else constants.fed * change
 
 
 @compiled
@@ -149,28 +220,18 @@ def _beyond(motor: Any, torque: Any, travel: Any, speed: float, given: float, ga
 
 
 @compiled
-def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
+def _controlled(axis: Any, constants: Constants, omega: float, noise: float) -> float:
     """The shaft's speed after a step under control, rad/s; writes current, torque and the integral part.
 
     ``noise``: what the encoder adds to the speed as the controller sees it, rad/s.
     """
     constant = axis.motor.settings.torque_constant
-    gain = (
-        axis.motor.settings.speed_gain
-        if axis.motor.settings.speed_gain > 0.0
-        else axis.load.settings.inertia / axis.motor.settings.velocity_time_constant
-    )
-    integral_time = axis.motor.settings.speed_integral_time
-    if integral_time <= 0.0:
-        integral_time = INTEGRAL_RATIO * axis.motor.settings.velocity_time_constant
-    action = gain * (1.0 + seconds / integral_time)
-    # part of a change of the current set point that takes effect in this step
-    share = seconds / (axis.motor.settings.current_time_constant + seconds)
+    action, share = constants.action, constants.share
     kept = (1.0 - share) * constant * axis.motor.current
     reference = axis.ramp.reference * RPM_TO_RAD - noise
     given = (
         axis.motor.speed_integral
-        + _fed_forward(axis.load, axis.motor, axis.positioning, axis.profile, seconds)
+        + _fed_forward(constants, axis.motor, axis.positioning, axis.profile)
         + axis.torque.settings.additive
     )
     led = torque_controlled(axis.orders, axis.drive, axis.brake)
@@ -179,35 +240,33 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
             axis.motor, axis.foldback, axis.torque, axis.homing, axis.torque.setpoint + axis.torque.settings.additive
         )
         action = 0.0
-        free = _speed(axis.direction, axis.load, axis.brake, omega, kept + share * given, 0.0, seconds)
-        side = _beyond(axis.motor, axis.torque, axis.travel, free + noise, given, gain)
+        free = _speed(axis.brake, constants, omega, kept + share * given, 0.0)
+        side = _beyond(axis.motor, axis.torque, axis.travel, free + noise, given, constants.gain)
         if side != 0:
             reference = _speed_limit(axis.motor, axis.travel, side) - noise
-            action = gain
+            action = constants.gain
             given = 0.0
     drive = kept + share * (action * reference + given)
     slope = share * action
-    following = _speed(axis.direction, axis.load, axis.brake, omega, drive, slope, seconds)
+    following = _speed(axis.brake, constants, omega, drive, slope)
     wanted = action * (reference - following) + given
     most = limited_torque(axis.motor, axis.foldback, axis.torque, axis.homing, wanted)
     limited = most != wanted
     if limited:
         drive = kept + share * most
         slope = 0.0
-        following = _speed(axis.direction, axis.load, axis.brake, omega, drive, slope, seconds)
+        following = _speed(axis.brake, constants, omega, drive, slope)
     torque = drive - slope * following
     if axis.supply.settings.nominal > 0.0:
-        inductance = axis.motor.settings.inductance / seconds
-        impedance = inductance + axis.motor.settings.resistance
-        before = inductance * axis.motor.current
-        back = constant / PHASES
+        impedance = constants.impedance
+        before = constants.inductance * axis.motor.current
         available = axis.supply.voltage * PHASE_VOLTAGE
-        needed = impedance * torque / constant - before + back * following
+        needed = impedance * torque * constants.per_torque_constant - before + constants.back * following
         if abs(needed) > available and impedance > 0.0:
             limited = True
             drive = constant * (before + (available if needed > 0.0 else -available)) / impedance
-            slope = constant * back / impedance
-            following = _speed(axis.direction, axis.load, axis.brake, omega, drive, slope, seconds)
+            slope = constant * constants.back / impedance
+            following = _speed(axis.brake, constants, omega, drive, slope)
             torque = drive - slope * following
     error = reference - following
     resting = omega == 0.0 and following == 0.0 and abs(axis.ramp.reference) <= RESTING * axis.ramp.settings.standstill
@@ -216,9 +275,9 @@ def _controlled(axis: Any, omega: float, noise: float, seconds: float) -> float:
         axis.motor.speed_integral = torque - axis.torque.settings.additive
     # at a limit the integral part is frozen, unless it would lead away from the limit
     elif not resting and (not limited or error * wanted < 0.0):
-        axis.motor.speed_integral += gain * seconds / integral_time * error
+        axis.motor.speed_integral += constants.integral * error
     axis.motor.torque = torque
-    axis.motor.current = torque / constant
+    axis.motor.current = torque * constants.per_torque_constant
     return following
 
 
@@ -227,47 +286,47 @@ def _encoder_noise(motor: Any) -> float:
     """Noise that the encoder's resolution adds to the measured speed, rad/s."""
     if motor.settings.encoder_steps <= 0.0:
         return 0.0
-    return (motor.measured_position - motor.position - motor.encoder_low) / FEEDBACK_FILTER * 2.0 * pi
+    return (motor.measured_position - motor.position - motor.encoder_low) * FILTERED
 
 
 @compiled
-def _read_encoder(motor: Any, seconds: float) -> None:
+def _read_encoder(motor: Any, constants: Constants) -> None:
     """Update the position as the encoder reports it."""
     if motor.settings.encoder_steps <= 0.0:
         motor.measured_position = motor.position
         return
     motor.measured_position = floor(motor.position * motor.settings.encoder_steps + 0.5) / motor.settings.encoder_steps
     error = motor.measured_position - motor.position
-    motor.encoder_low += (error - motor.encoder_low) * seconds / (FEEDBACK_FILTER + seconds)
+    motor.encoder_low += (error - motor.encoder_low) * constants.feedback
 
 
 @compiled
-def _step_bus(drive: Any, faults: Any, motor: Any, supply: Any, omega: float, seconds: float) -> None:
+def _step_bus(motor: Any, supply: Any, constants: Constants, omega: float) -> None:
     """Advance the DC link: motor and drive draw from it, a braking motor feeds back.
 
     Without mains it discharges.
     """
-    lowest = mains(drive, faults, supply)
     if supply.settings.capacitance <= 0.0 or supply.voltage <= 0.0:
-        supply.voltage = lowest
+        supply.voltage = constants.mains
         return
     power = (
         motor.torque * omega + PHASES * motor.settings.resistance * motor.current * motor.current + supply.settings.load
     )
-    square = supply.voltage * supply.voltage - 2.0 * power * seconds / supply.settings.capacitance
+    square = supply.voltage * supply.voltage - constants.bus * power
     voltage = sqrt(square) if square > 0.0 else 0.0
     if supply.settings.brake > 0.0 and voltage > supply.settings.brake:
         voltage = supply.settings.brake
-    supply.voltage = max(voltage, lowest)
+    supply.voltage = max(voltage, constants.mains)
 
 
 @compiled
-def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
-    """Advance current, torque, speed, position, DC link, heat and brake by ``seconds``.
+def step_motor(axis: Any, constants: Constants, powered_stage: bool) -> None:
+    """Advance current, torque, speed, position, DC link, heat and brake by the step of ``constants``.
 
     ``powered_stage``: the power stage is on; ``axis.ramp.reference`` is the speed set point, rpm, in torque control
     ``axis.torque.setpoint`` that of the torque.
     """
+    seconds = constants.seconds
     velocity = axis.motor.velocity
     omega = velocity * RPM_TO_RAD
     if axis.brake.settings.torque > 0.0:
@@ -276,29 +335,27 @@ def step_motor(axis: Any, powered_stage: bool, seconds: float) -> None:
         _step_brake(axis.brake, powered_stage and not resting, seconds)
     step_foldback(axis.motor, axis.foldback, seconds)
     if powered_stage:
-        speed = _controlled(axis, omega, _encoder_noise(axis.motor), seconds)
+        speed = _controlled(axis, constants, omega, _encoder_noise(axis.motor))
     else:
-        speed = _coast(axis, omega, seconds)
+        speed = _coast(axis, constants, omega)
     speed = min(max(speed, -FASTEST_RPM * RPM_TO_RAD), FASTEST_RPM * RPM_TO_RAD)
-    following = speed / RPM_TO_RAD
-    axis.motor.position += 0.5 * (velocity + following) * seconds / 60.0
+    following = speed * RAD_TO_RPM
+    axis.motor.position += 0.5 * (velocity + following) * (seconds * MINUTES)
     axis.motor.velocity = following
     hold_at_stops(axis.direction, axis.machine, axis.motor)
-    _read_encoder(axis.motor, seconds)
+    _read_encoder(axis.motor, constants)
     if axis.supply.settings.nominal > 0.0:
-        _step_bus(axis.drive, axis.faults, axis.motor, axis.supply, 0.5 * (omega + speed), seconds)
+        _step_bus(axis.motor, axis.supply, constants, 0.5 * (omega + speed))
     if axis.motor.settings.thermal_time > 0.0 and axis.motor.settings.continuous_current > 0.0:
-        part = axis.motor.current / axis.motor.settings.continuous_current
-        axis.motor.thermal_load += (
-            (part * part - axis.motor.thermal_load) * seconds / (axis.motor.settings.thermal_time + seconds)
-        )
+        part = axis.motor.current * constants.per_continuous_current
+        axis.motor.thermal_load += (part * part - axis.motor.thermal_load) * constants.thermal
     if not powered_stage or torque_controlled(axis.orders, axis.drive, axis.brake):
         axis.profile.position = axis.motor.position
         axis.profile.velocity = following
         # the next speed control starts from here
         axis.ramp.command = axis.motor.velocity
     elif axis.positioning.state == 0:
-        axis.profile.position += axis.ramp.reference * seconds / 60.0
+        axis.profile.position += axis.ramp.reference * (seconds * MINUTES)
         axis.profile.velocity = axis.ramp.command
     axis.positioning.following_error = axis.profile.position - axis.motor.measured_position
 

@@ -30,7 +30,7 @@ from pnfarm.firmware.interpolation import begin_interpolation, follows, interpol
 from pnfarm.firmware.motion_tasks import select_task
 from pnfarm.firmware.motor import brake_holds
 from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
-from pnfarm.firmware.transitions import as_array
+from pnfarm.firmware.transitions import as_array, possible
 from pnfarm.firmware.travel import at_limit_switch, fastest, position_number, take_ramps, within_limits
 from pnfarm.table.axis_codes import (
     CONFIG_RISING_EDGE,
@@ -161,6 +161,7 @@ ROUND = 4294967296.0
 HALF_ROUND = 2147483648.0
 
 _NEXT = as_array(TRANSITIONS, STATES, EVENTS)
+_POSSIBLE = possible(TRANSITIONS, STATES)
 _PRIORITY = np.array(PRIORITY, np.int64)
 
 
@@ -360,12 +361,13 @@ def _advance(axis: Any, held: int) -> int:
 
     Returns the event that was taken, -1 for none.
     """
+    held &= _POSSIBLE[axis.positioning.state]
+    if held == 0:
+        return -1
     for event in _PRIORITY:
         if not held & (1 << event):
             continue
         following = _NEXT[axis.positioning.state, event]
-        if following < 0:
-            continue
         if event == OVER and axis.positioning.state == HOMING and not homing_over(axis):
             return event
         if event == OVER and axis.positioning.state == TASK:
@@ -461,7 +463,9 @@ def take_motion(axis: Any, now: int) -> None:
         and not brake_holds(axis.brake)
     )
     waits = enabled and _follow_on(axis, now)
-    event = _advance(axis, _held(axis, enabled, waits))
+    # from there nothing but the beginning of operation leads anywhere
+    out = axis.positioning.state == OUT and not enabled
+    event = -1 if out else _advance(axis, _held(axis, enabled, waits))
     if enabled and axis.asked.begins:
         axis.positioning.error = 0 if event == START else 1
     axis.commands.home = 0

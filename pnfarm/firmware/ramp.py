@@ -106,7 +106,7 @@ def _servo(axis: Any, seconds: float) -> None:
 def _advance_ramp(axis: Any, seconds: float) -> None:
     """One step of ``axis.ramp.command``; ``axis.ramp.setpoint`` is the controller's set point."""
     # positioning has ramps of its own, which are slow in :mod:`pnfarm.firmware.profile_generator`
-    ramped = seconds / (1.0 + axis.ramp.settings.slowness)
+    ramped = seconds if axis.ramp.settings.slowness == 0.0 else seconds / (1.0 + axis.ramp.settings.slowness)
     if axis.drive.state == 5:
         axis.ramp.jogging = 0
         # a drive without a ramp generator has a single ramp for all stops

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.firmware.transitions import as_array
+from pnfarm.firmware.transitions import as_array, possible
 from pnfarm.table.axis_codes import POWER_ENABLE, POWER_NO_COAST, POWER_NO_QUICK_STOP, POWER_ON
 from pnfarm.table.compiled import compiled
 
@@ -105,6 +105,7 @@ TRANSITIONS: dict[tuple[int, int], int] = {
 PRIORITY = (BOOTED, TRIP, TRIP_STOP, COAST, QUICK, OFF, DISABLE, STANDSTILL, RELEASED, READY, ON, ENABLE)
 
 _NEXT = as_array(TRANSITIONS, STATES, EVENTS)
+_POSSIBLE = possible(TRANSITIONS, STATES)
 _PRIORITY = np.array(PRIORITY, np.int64)
 
 
@@ -140,14 +141,16 @@ def advance(drive: Any, held: int) -> None:
     state = drive.state
     if state == 5:
         state = 4 + drive.stop
+    held &= _POSSIBLE[state]
+    if held == 0:
+        return
     for event in _PRIORITY:
         if held & (1 << event):
             following = _NEXT[state, event]
-            if following >= 0:
-                if following > 4:
-                    drive.state = 5
-                    drive.stop = following - 4
-                else:
-                    drive.state = following
-                    drive.stop = 0
-                return
+            if following > 4:
+                drive.state = 5
+                drive.stop = following - 4
+            else:
+                drive.state = following
+                drive.stop = 0
+            return

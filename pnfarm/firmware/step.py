@@ -14,7 +14,7 @@ from pnfarm.firmware.interlocks import take_interlocks, with_interlocks
 from pnfarm.firmware.jog import take_jog
 from pnfarm.firmware.machine import take_switches
 from pnfarm.firmware.measurement import measure
-from pnfarm.firmware.motor import brake_holds, motor_step_ns, step_motor, watch_motor
+from pnfarm.firmware.motor import brake_holds, constants_of, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.own_warnings import watch_warnings
 from pnfarm.firmware.positioning import take_motion
 from pnfarm.firmware.ramp import velocity_command
@@ -58,12 +58,20 @@ def _power_in_force(drive: Any, orders: Any, commands: Any, reaction: int) -> in
 def _turn(axis: Any, elapsed: int) -> None:
     """Advance set point, controllers, motor and load, in steps of at most the motor's step time."""
     longest = motor_step_ns(axis.motor)
-    while elapsed > 0:
-        part = min(elapsed, longest)
+    if elapsed <= 0:
+        return
+    part = min(elapsed, longest)
+    constants = constants_of(axis, part * 1e-9)
+    while True:
+        velocity_command(axis, constants.seconds)
+        step_motor(axis, constants, axis.drive.state >= 4)
         elapsed -= part
-        seconds = part * 1e-9
-        velocity_command(axis, seconds)
-        step_motor(axis, axis.drive.state >= 4, seconds)
+        if elapsed <= 0:
+            return
+        if elapsed < part:
+            # the last step is a shorter one
+            part = elapsed
+            constants = constants_of(axis, part * 1e-9)
 
 
 @compiled_apart

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-__all__ = ["as_array"]
+__all__ = ["as_array", "possible"]
 
 
 def as_array(
@@ -20,3 +20,11 @@ def as_array(
     for (state, event), following in transitions.items():
         table[state, event] = following
     return table
+
+
+def possible(transitions: Mapping[tuple[int, int], int], states: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """``[state]`` -> the events that lead somewhere from there, as a bit set: mostly none of them holds."""
+    sets = np.zeros(states, np.int64)
+    for state, event in transitions:
+        sets[state] |= 1 << event
+    return sets

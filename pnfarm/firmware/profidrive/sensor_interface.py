@@ -29,7 +29,7 @@ import numpy as np
 from pnfarm.firmware.measurement import measured_position
 from pnfarm.firmware.profidrive.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
 from pnfarm.firmware.profidrive.telegram import nearest, signed32
-from pnfarm.firmware.transitions import as_array
+from pnfarm.firmware.transitions import as_array, possible
 from pnfarm.table.axis_codes import SENSOR_PARKING
 from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiled import compiled
@@ -151,6 +151,7 @@ SHOWS_ABSOLUTE = 1 << NORMAL | 1 << WAIT_MEASURED
 SHOWS_VALUE = 1 << REFERENCE_VALUE | 1 << MEASURED_VALUE
 
 _NEXT = as_array(TRANSITIONS, STATES, EVENTS)
+_POSSIBLE = possible(TRANSITIONS, STATES)
 _PRIORITY = np.array(PRIORITY, np.int64)
 
 
@@ -267,12 +268,13 @@ def _value_taken(sensor: Any) -> None:
 @compiled
 def _advance(sensor: Any, held: int, word: int, before: int, trouble: int) -> None:
     """Take at most one transition and carry out its action: the only writer of ``sensor.state``."""
+    held &= _POSSIBLE[sensor.state]
+    if held == 0:
+        return
     for event in _PRIORITY:
         if not held & (1 << event):
             continue
         following = _NEXT[sensor.state, event]
-        if following < 0:
-            continue
         again = sensor.state == following
         if 1 << event & ACTIVATES:
             # a command that stays set is carried out once
