@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.controller import events
@@ -47,6 +48,8 @@ LONGEST_ACTIVITY_TIMEOUT = 1000
 #: A drive's first cyclic frame must come within this time after the end of its parametrisation: devices send from
 #: Connect on.  One that does not has failed, however long its application may take.
 FIRST_DATA_NS = 2_000_000_000
+#: Start-ups that are under way at once.  More of them take no less time, and answers that come late bring repetitions.
+STARTING = 128
 
 
 class SessionLife:
@@ -80,8 +83,10 @@ class SessionLife:
         self.by_call: dict[int, DeviceSession] = {}
         self.by_ar: dict[Any, DeviceSession] = {}
         self.by_mac: dict[bytes, DeviceSession] = {}
-        #: Sessions whose start-up is under way.
+        #: Sessions whose start-up is under way, or waits for its turn.
         self.connecting = 0
+        self._starting: set[int] = set()
+        self._waiting: deque[DeviceSession] = deque()
         self.jobs = RecordJobs(self.touch)
         self.identification = IdentificationReader(self.jobs, log, lambda: self.connecting > 0)
         #: See :attr:`ControllerCore.records`.
@@ -101,6 +106,18 @@ class SessionLife:
         if action:
             getattr(self, f"_do_{action}")(session, now)
         self.touch(session)
+        if before is SessionState.CONNECT and session.state is not SessionState.CONNECT:
+            self._starting.discard(session.index)
+            self._next(now)
+
+    def _next(self, now: int) -> None:
+        """Begin start-ups that wait for their turn."""
+        while self._waiting and len(self._starting) < STARTING:
+            session = self._waiting.popleft()
+            # it may have been released, and have come again
+            if session.state is SessionState.CONNECT and session.index not in self._starting:
+                self._begin(session, now)
+                self.touch(session)
 
     def _do_search(self, session: DeviceSession, now: int) -> None:
         session.measures.search_ns = now
@@ -110,6 +127,12 @@ class SessionLife:
         self._search.address(session, now)
 
     def _do_connect(self, session: DeviceSession, now: int) -> None:
+        self._forget_machine(session, now)
+        self._waiting.append(session)
+        self._next(now)
+
+    def _begin(self, session: DeviceSession, now: int) -> None:
+        self._starting.add(session.index)
         self._session_key = self._session_key % 0xFFFF + 1
         plan = session.plan
         uuid = self._uuids()
@@ -144,7 +167,6 @@ class SessionLife:
             ),
             Timeouts(application_ready_ns=plan.application_ready_ns),
         )
-        self._forget_machine(session, now)
         session.machine, session.ar_uuid = machine, uuid
         self.by_ar[uuid] = session
         self.by_mac[session.mac] = session
@@ -177,7 +199,10 @@ class SessionLife:
         session.due_ns = now + (1_000_000_000 if after is None else after)
 
     def _do_release(self, session: DeviceSession, now: int) -> None:
-        if session.machine is not None:
+        if session.machine is None:
+            # its start-up had not begun
+            self.sign(session, Sign.RELEASED, now)
+        else:
             session.machine.release(now)
 
     def _lost(self, session: DeviceSession, reason: str, now: int, *, established: bool) -> None:
