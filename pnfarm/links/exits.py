@@ -1,4 +1,4 @@
-"""Where the cyclic frames of a macvlan leave: through its own interface, or through the parent's, which costs less.
+"""Where cyclic frames and LLDP of a macvlan leave: through its own interface, or through the parent's for less cost.
 
 The parent sends a frame with a macvlan's address as source exactly as the macvlan does, but for one case: another
 macvlan on the same parent does not receive it.  Those are known: the kernel lists the addresses that an interface takes
@@ -20,7 +20,7 @@ from pnfarm.errors import EnvironmentError_
 from pnfarm.links.base import unwrap
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from pnfarm.links.base import Link
 
@@ -46,6 +46,8 @@ _SO_RCVBUFFORCE = 33
 
 #: How long a list of addresses is trusted, seconds: in a storm of connections it is asked for once.
 TRUSTED_SECONDS = 1.0
+#: How long one that has nobody else is trusted where a little is lost: LLDP comes again every few seconds.
+TRUSTED_ALONE_SECONDS = 10.0
 
 
 def _messages(data: bytes) -> Iterator[tuple[int, memoryview]]:
@@ -120,18 +122,22 @@ class Exits:
         self._choice = choice
         self._parent = 0
         self._ports: frozenset[int] = frozenset()
+        #: The ports' own addresses.
+        self._macs: dict[int, bytes] = {}
         self._down: set[int] = set()
         self._taken: frozenset[bytes] = frozenset()
+        #: Whether stations that are none of the ports are among them.
+        self._others = False
         self._asked: float | None = None
         self._changes: socket.socket | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._changed: Callable[[int], None] | None = None
 
-    def open(self, parent: int, ports: Collection[int]) -> None:
-        """Begin to follow the interfaces, in the running event loop.  All of them are up."""
+    def open(self, parent: int, ports: Mapping[int, bytes]) -> None:
+        """Begin to follow the interfaces, with their addresses, in the running event loop.  All of them are up."""
         if self._choice == "own":
             return
-        self._parent, self._ports = parent, frozenset(ports)
+        self._parent, self._ports, self._macs = parent, frozenset(ports), dict(ports)
         self._changes = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.NETLINK_ROUTE)
         with contextlib.suppress(PermissionError):  # a smaller one only loses reports earlier
             self._changes.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _REPORTS)
@@ -163,6 +169,22 @@ class Exits:
             return 0
         return 0 if self._choice in {"auto", "xdp"} and self._is_sibling(destination) else self._parent
 
+    def leaves_unheard(self, port: int) -> bool:
+        """Whether what ``port`` sends to its cable's other end may leave through the parent.
+
+        From a macvlan the kernel offers a group's frame to each of its siblings, a tenth of a millisecond for a
+        thousand of them.  Only a macvlan of somebody else would want it.
+        """
+        if port not in self._ports or port in self._down:
+            return False
+        return self._choice == "parent" or (self._ask(TRUSTED_ALONE_SECONDS) and not self._others)
+
+    def set_mac(self, port: int, mac: bytes) -> None:
+        """The port has another address."""
+        if port in self._macs:
+            self._macs[port] = mac
+            self._asked = None
+
     def set_pulled(self, port: int, pulled: bool) -> None:
         """The port's cable, before the kernel tells it."""
         if port in self._ports and pulled != (port in self._down):
@@ -171,15 +193,23 @@ class Exits:
 
     def _is_sibling(self, destination: bytes) -> bool:
         """Whether another macvlan has this address; where the kernel does not tell, it is taken for one."""
+        return not self._ask(TRUSTED_SECONDS) or destination in self._taken
+
+    def _ask(self, trusted: float) -> bool:
+        """Ask the kernel for the addresses, unless its last answer is not older than ``trusted`` seconds.
+
+        False where it does not answer.
+        """
         now = time.monotonic()
-        if self._asked is None or now - self._asked > TRUSTED_SECONDS:
+        if self._asked is None or now - self._asked > trusted:
             try:
                 self._taken = addresses_taken(self._parent)
             except EnvironmentError_:
                 self._asked = None
-                return True
+                return False
             self._asked = now
-        return destination in self._taken
+            self._others = any(not mac[0] & 1 for mac in self._taken.difference(self._macs.values()))
+        return True
 
     def _tell(self, port: int) -> None:
         if self._changed is not None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from pnfarm.links.exits import ExitChoice, Exits
 from pnfarm.links.interfaces import Interfaces
 from pnfarm.links.linux import PacketLink
+from pnfarm.wire.ethernet import ETHERTYPE_LLDP
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Clock, Port, PortSpec
 
 __all__ = ["MacvlanLink"]
+
+_LLDP = ETHERTYPE_LLDP.to_bytes(2, "big")
 
 
 class MacvlanLink(PacketLink):
@@ -42,12 +45,21 @@ class MacvlanLink(PacketLink):
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         ports = await super().open(wanted)
         if self._shared is not None:
-            self.exits.open(self._shared, self._made)
+            self.exits.open(self._shared, {port.index: port.mac for port in ports})
         return ports
 
     async def close(self) -> None:
         self.exits.close()
         await super().close()
+
+    def send(self, port_index: int, frame: bytes) -> None:
+        # of all frames of a group LLDP is the only one that does not go beyond the cable
+        alone = frame[12:14] == _LLDP and self.exits.leaves_unheard(port_index)
+        self._sockets.send(port_index, frame, self._parent if alone else None)
+
+    async def set_mac(self, port_index: int, mac: bytes) -> None:
+        await super().set_mac(port_index, mac)
+        self.exits.set_mac(port_index, mac)
 
     async def set_carrier(self, port_index: int, up: bool) -> None:
         if not up:

@@ -384,14 +384,14 @@ class PacketSockets:
             return exc.errno not in {errno.ENODEV, errno.ENXIO}
         return True
 
-    def send(self, port_index: int, frame: bytes) -> None:
-        """Send now or count why not."""
+    def send(self, port_index: int, frame: bytes, through: str | None = None) -> None:
+        """Send now or count why not; ``through``: an interface other than the port's own."""
         name = self._names.get(port_index)
         if name is None or self._sender is None:
             self._counters.dropped["unknown-port"] += 1
             return
         try:
-            self._sender.sendto(frame, (name, 0))
+            self._sender.sendto(frame, (through or name, 0))
         except OSError as exc:
             self._counters.dropped[_SEND_REASONS.get(exc.errno or 0, "refused")] += 1
         else:

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import json
 import struct
 
 import pytest
@@ -95,6 +96,47 @@ async def test_macvlans_hear_their_one_cable_and_not_each_other(nic, ip, raw):
         assert GROUP in ip("maddress", "show", "dev", nic)
         assert all(GROUP not in ip("maddress", "show", "dev", port.name) for port in ports)
     assert GROUP not in ip("maddress", "show", "dev", nic)
+
+
+def left_by_itself(ip, port):
+    """How many frames the drive's own interface sent."""
+    (link,) = json.loads(ip("-s", "-j", "link", "show", "dev", port.name))
+    return link["stats64"]["tx"]["packets"]
+
+
+@pytest.mark.asyncio
+async def test_lldp_of_macvlans_without_others_leaves_through_the_parent_and_reaches_the_peer_once(nic, ip, raw):
+    link = MacvlanLink("line-1", nic, send="auto")
+    async with opened(link, specs(3)) as ports:
+        new = bytes.fromhex("0200000000ee")
+        await link.set_mac(ports[2].index, new)
+        before = [left_by_itself(ip, port) for port in ports]
+        with raw("plc0") as peer:
+            for port in ports:
+                link.send(port.index, lldp(port.mac))
+            await asyncio.sleep(0.05)
+            assert sorted(s for s in received(peer) if s != PLC) == sorted(port.mac for port in ports)
+            assert [left_by_itself(ip, port) for port in ports] == before
+            # a cable that is pulled has no other way
+            await link.set_carrier(ports[0].index, False)
+            link.send(ports[0].index, lldp(ports[0].mac))
+            await asyncio.sleep(0.05)
+            assert received(peer) == []
+
+
+@pytest.mark.asyncio
+async def test_a_macvlan_of_somebody_else_on_the_same_parent_hears_the_drives_lldp(nic, ip, raw):
+    ip("link", "add", "link", nic, "name", "other", "address", PLC.hex(":"), "type", "macvlan", "mode", "bridge")
+    ip("link", "set", "other", "up")
+    ip("maddress", "add", GROUP, "dev", "other")
+    link = MacvlanLink("line-1", nic, send="auto")
+    async with opened(link, specs(2)) as ports:
+        with raw("other") as sibling, raw("plc0") as peer:
+            for port in ports:
+                link.send(port.index, lldp(port.mac))
+            await asyncio.sleep(0.05)
+            assert sorted(received(sibling)) == sorted(port.mac for port in ports)
+            assert sorted(received(peer)) == sorted(port.mac for port in ports)
 
 
 @pytest.mark.asyncio
