@@ -101,10 +101,10 @@ class MacvlanLink(_WithLines):
     parent: Interface = Field(description="Parent interface, such as eth1; it must be up.")
     send: Literal["auto", "parent", "own", "xdp"] = Field(
         default="auto",
-        description="Where cyclic frames and LLDP leave: each drive's own interface, or the parent, which costs less but "
-        "does not reach another macvlan on it. `auto`: the parent, unless the peer is such a macvlan. `xdp`: as auto, and "
-        "through the parent by AF_XDP, which costs a third less again; `tcpdump` on the parent does not show what is "
-        "sent so. With a capture, own.",
+        description="Where cyclic frames and LLDP leave: each drive's own interface, or the parent, which costs less "
+        "but does not reach another macvlan on it. `auto`: the parent, unless the peer is such a macvlan. `xdp`: as "
+        "auto, and through the parent by AF_XDP, which costs a third less again; `tcpdump` on the parent does not show "
+        "what is sent so. With a capture, own.",
     )
 
 
