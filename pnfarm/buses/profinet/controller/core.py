@@ -319,6 +319,7 @@ class ControllerCore:
             moved = self._pump_dcp(now)
             moved = self._pump_ip(now) or moved
             moved = self._pump_rpc(now) or moved
+            self.life.begin_waiting(now)
             moved = self._pump_sessions(now) or moved
             if self.life.identification.pump(now):
                 moved = True

@@ -108,10 +108,9 @@ class SessionLife:
         self.touch(session)
         if before is SessionState.CONNECT and session.state is not SessionState.CONNECT:
             self._starting.discard(session.index)
-            self._next(now)
 
-    def _next(self, now: int) -> None:
-        """Begin start-ups that wait for their turn."""
+    def begin_waiting(self, now: int) -> None:
+        """Begin start-ups that wait for their turn, once all signs of this moment are taken."""
         while self._waiting and len(self._starting) < STARTING:
             session = self._waiting.popleft()
             # it may have been released, and have come again
@@ -129,7 +128,6 @@ class SessionLife:
     def _do_connect(self, session: DeviceSession, now: int) -> None:
         self._forget_machine(session, now)
         self._waiting.append(session)
-        self._next(now)
 
     def _begin(self, session: DeviceSession, now: int) -> None:
         self._starting.add(session.index)
