@@ -393,6 +393,10 @@ class PacketSockets:
         try:
             self._sender.sendto(frame, (through or name, 0))
         except OSError as exc:
+            if through is not None:
+                # it may have another name by now
+                self.send(port_index, frame)
+                return
             self._counters.dropped[_SEND_REASONS.get(exc.errno or 0, "refused")] += 1
         else:
             self._counters.sent += 1

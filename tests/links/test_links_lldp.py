@@ -125,6 +125,19 @@ async def test_lldp_of_macvlans_without_others_leaves_through_the_parent_and_rea
 
 
 @pytest.mark.asyncio
+async def test_lldp_reaches_the_peer_while_the_parent_has_another_name(nic, ip, raw):
+    link = MacvlanLink("line-1", nic, send="auto")
+    async with opened(link, specs(1)) as (port,):
+        ip("link", "set", nic, "down")
+        ip("link", "set", nic, "name", "renamed0")
+        ip("link", "set", "renamed0", "up")
+        with raw("plc0") as peer:
+            link.send(port.index, lldp(port.mac))
+            await asyncio.sleep(0.05)
+            assert [s for s in received(peer) if s != PLC] == [port.mac]
+
+
+@pytest.mark.asyncio
 async def test_a_macvlan_of_somebody_else_on_the_same_parent_hears_the_drives_lldp(nic, ip, raw):
     ip("link", "add", "link", nic, "name", "other", "address", PLC.hex(":"), "type", "macvlan", "mode", "bridge")
     ip("link", "set", "other", "up")

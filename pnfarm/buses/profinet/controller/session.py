@@ -6,7 +6,7 @@ States, each named by what it waits for:
 WAIT       the pause before the next search
 SEARCH     the drive's answer to an Identify by name
 ADDRESS    the drive's answer to Set IP
-CONNECT    the end of the start-up (the AR's own machine has its states)
+CONNECT    its turn, then the end of the start-up (the AR's own machine has its states)
 DATA       the end of the connection
 RELEASE    the confirmation of a release
 STOPPED    nothing
