@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.controller import search
 from pnfarm.buses.profinet.controller.search import duplicate_names
 from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered, StationInfo
@@ -57,6 +58,20 @@ def test_a_few_drives_are_asked_for_by_their_names():
     line.connect()
     for station in line.farm.stations:
         assert station.device.discards()["identify-for-another"] == 2
+
+
+@pytest.mark.parametrize(("small", "by_name"), [(1.0, True), (0.0, False)])
+def test_drives_that_a_roll_call_missed_are_asked_for_by_name_where_they_are_a_small_part_of_all(
+    monkeypatch, small, by_name
+):
+    monkeypatch.setattr(search, "SMALL_PART", small / 2)
+    line = VirtualLine(drives=40)
+    absent = [station.configured_name for station in line.farm.stations[:18]]
+    line.farm.injections.inject({"kind": "link-down", "on": absent}, line.world.now)
+    # the roll call, and one more search
+    line.run(3.0)
+    counted = {station.device.discards().get("identify-for-another", 0) for station in line.farm.stations[18:]}
+    assert (min(counted) >= len(absent)) if by_name else counted == {0}
 
 
 @pytest.mark.parametrize("drives", [2, 20])

@@ -30,8 +30,9 @@ __all__ = ["Duplicate", "Outcome", "Search", "duplicate_names"]
 
 #: How long an Identify by name waits for its one answer.
 SEARCH_NS = 500_000_000
-#: More drives than this, searched for at once, make a roll call.
+#: More drives than this, searched for at once, make a roll call, unless they are a small part of all.
 ROLL_CALL = 16
+SMALL_PART = 1 / 8
 #: Answers to a roll call that come within 10 ms (the unit of DCP's response delay).
 ROLL_CALL_BURST = 16
 
@@ -99,11 +100,13 @@ class Search:
     def ask(self, now: int) -> None:
         """Send the Identify requests for all drives of :meth:`seek` since the last call."""
         requested, self._requested = self._requested, []
-        if len(requested) > ROLL_CALL and self._roll_call in self._asked:
+        # where few are missing all others would answer again
+        calls = len(requested) > max(ROLL_CALL, SMALL_PART * self._stations)
+        if calls and self._roll_call in self._asked:
             # its answers are still coming in: a further one would have all stations answer again
             self._asked[self._roll_call] |= {session.plan.name: _Asked(session) for session in requested}
             return
-        if len(requested) > ROLL_CALL:
+        if calls:
             factor = max(1, self._stations // ROLL_CALL_BURST)
             self._roll_call = self._dcp.identify(now=now, delay_factor=factor, quiet_ns=COLLECT_MARGIN_NS)
             self._asked[self._roll_call] = {session.plan.name: _Asked(session) for session in requested}
