@@ -64,12 +64,19 @@ class Node:
     def run(self, *words) -> str:
         return subprocess.run(self._inside(*words), check=True, capture_output=True, text=True).stdout
 
-    def pnfarm(self, *words) -> str:
-        done = subprocess.run(
+    def _ran(self, *words) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
             self._inside(sys.executable, "-m", PROGRAM, *words), check=False, capture_output=True, text=True,
             env=clean_environment(), timeout=60,
         )  # fmt: skip
+
+    def pnfarm(self, *words) -> str:
+        done = self._ran(*words)
         return done.stdout + done.stderr
+
+    def obeys(self, *words) -> bool:
+        """Whether it did that: a drive refuses to save what its memory does not take in time."""
+        return self._ran(*words).returncode == 0
 
     def up(self, file, log):
         with log.open("w") as out:
@@ -221,8 +228,8 @@ def test_a_frozen_machine_that_wakes_up_stays_mute_while_another_has_its_drives(
     assert all(capture.places(mac) == ["a"] for mac in macs)
     assert "macvlan" not in b.run("ip", "-d", "link")
     before = value(a)
-    a.pnfarm("param", "set", "pn-1", "DRV.ACC", str(before + 1000))
-    a.pnfarm("param", "set", "pn-1", "DRV.NVSAVE", "1")
+    assert until(lambda: a.obeys("param", "set", "pn-1", "DRV.ACC", str(before + 1000)))
+    assert until(lambda: a.obeys("param", "set", "pn-1", "DRV.NVSAVE", "1"))
     first.send_signal(signal.SIGSTOP)
     said(log_of_second, UP)
     assert until(lambda: all_connected(b))
