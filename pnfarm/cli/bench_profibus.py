@@ -39,6 +39,8 @@ MASTER = 2
 OCTET_BITS, LEAST_TSDR_BITS, SYN_BITS = 11, 11, 33
 #: A request that has no answer by then is sent again (the master's slot time), so often.
 SLOT_SECONDS, REPEATS = 0.002, 3
+#: In the first cycles of a machine that has rested answers are late.
+LEAST_CYCLES = 20
 SRD_HIGH, FDL_STATUS, FCV, FCB = 0x4D, 0x49, 0x10, 0x20
 
 FILE = """
@@ -121,7 +123,7 @@ def _poll(settings: dict[str, Any]) -> None:
         missed = repeated = 0
         begin = time.monotonic_ns()
         end, due, cycles = begin + round(settings["seconds"] * 1e9), begin, 0
-        while due < end:
+        while due < end or cycles < LEAST_CYCLES:
             for poll in polls[cycles & 1]:
                 while (now := time.monotonic_ns()) < due:
                     pass
