@@ -39,6 +39,8 @@ MASTER = 2
 OCTET_BITS, LEAST_TSDR_BITS, SYN_BITS = 11, 11, 33
 #: A request that has no answer by then is sent again (the master's slot time), so often.
 SLOT_SECONDS, REPEATS = 0.002, 3
+#: Nothing is measured in a start-up: a machine that others use may take its time.
+START_REPEATS = 500
 #: In the first cycles of a machine that has rested answers are late.
 LEAST_CYCLES = 20
 SRD_HIGH, FDL_STATUS, FCV, FCB = 0x4D, 0x49, 0x10, 0x20
@@ -73,12 +75,12 @@ class _Line:
         self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
         tty.setraw(self._fd)
 
-    def ask(self, request: bytes, octets: int) -> tuple[bytes | None, int]:
+    def ask(self, request: bytes, octets: int, most: int = REPEATS) -> tuple[bytes | None, int]:
         """The answer of so many octets, and how often the request was repeated; None where none came.
 
         One octet: a short acknowledgement.
         """
-        for repeats in range(REPEATS + 1):
+        for repeats in range(most + 1):
             os.write(self._fd, request)
             found = b""
             while len(found) < octets:
@@ -89,7 +91,7 @@ class _Line:
             if len(found) >= octets:
                 return found, repeats
             self.forget()
-        return None, REPEATS
+        return None, most
 
     def forget(self) -> None:
         """What comes late is no answer to the next request."""
@@ -110,7 +112,8 @@ def _poll(settings: dict[str, Any]) -> None:
         for address in addresses:
             for step, (sap, data) in enumerate(((61, parameters), (62, identifiers))):
                 function = SRD_HIGH | FCB if step == 0 else SRD_HIGH | FCV
-                acknowledged, _ = line.ask(_telegram(address, function | 0x40, data, bytes((sap, 62))), 1)
+                request_of_start = _telegram(address, function | 0x40, data, bytes((sap, 62)))
+                acknowledged, _ = line.ask(request_of_start, 1, START_REPEATS)
                 if acknowledged != b"\xe5":
                     raise InternalError(f"slave {address} does not acknowledge SAP {sap}")
     polls = [[_telegram(a, SRD_HIGH | FCV | fcb, bytes(request)) for a in addresses] for fcb in (FCB, 0)]
