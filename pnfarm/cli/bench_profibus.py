@@ -40,7 +40,7 @@ OCTET_BITS, LEAST_TSDR_BITS, SYN_BITS = 11, 11, 33
 #: A request that has no answer by then is sent again (the master's slot time), so often.
 SLOT_SECONDS, REPEATS = 0.002, 3
 #: Nothing is measured in a start-up: a machine that others use may take its time.
-START_REPEATS = 500
+START_TRIES = 200
 #: In the first cycles of a machine that has rested answers are late.
 LEAST_CYCLES = 20
 SRD_HIGH, FDL_STATUS, FCV, FCB = 0x4D, 0x49, 0x10, 0x20
@@ -75,12 +75,12 @@ class _Line:
         self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
         tty.setraw(self._fd)
 
-    def ask(self, request: bytes, octets: int, most: int = REPEATS) -> tuple[bytes | None, int]:
+    def ask(self, request: bytes, octets: int) -> tuple[bytes | None, int]:
         """The answer of so many octets, and how often the request was repeated; None where none came.
 
         One octet: a short acknowledgement.
         """
-        for repeats in range(most + 1):
+        for repeats in range(REPEATS + 1):
             os.write(self._fd, request)
             found = b""
             while len(found) < octets:
@@ -91,11 +91,23 @@ class _Line:
             if len(found) >= octets:
                 return found, repeats
             self.forget()
-        return None, most
+        return None, REPEATS
 
     def forget(self) -> None:
         """What comes late is no answer to the next request."""
         termios.tcflush(self._fd, termios.TCIFLUSH)
+
+
+def _start_up(line: _Line, address: int, parameters: bytes, identifiers: bytes) -> None:
+    """Set_Prm and Chk_Cfg, again where an answer that came late was taken for the next one's."""
+    steps = (61, SRD_HIGH | FCB | 0x40, parameters), (62, SRD_HIGH | FCV | 0x40, identifiers)
+    for _ in range(START_TRIES):
+        line.forget()
+        answers = [line.ask(_telegram(address, code, data, bytes((sap, 62))), 1)[0] for sap, code, data in steps]
+        if answers == [b"\xe5", b"\xe5"]:
+            return
+        time.sleep(0.01)
+    raise InternalError(f"slave {address} does not acknowledge Set_Prm and Chk_Cfg")
 
 
 def _poll(settings: dict[str, Any]) -> None:
@@ -110,12 +122,7 @@ def _poll(settings: dict[str, Any]) -> None:
         line.forget()
         parameters = bytes((0x80, 1, 1, LEAST_TSDR_BITS)) + ident.to_bytes(2, "big") + bytes((0, 0x80, 0, 0))
         for address in addresses:
-            for step, (sap, data) in enumerate(((61, parameters), (62, identifiers))):
-                function = SRD_HIGH | FCB if step == 0 else SRD_HIGH | FCV
-                request_of_start = _telegram(address, function | 0x40, data, bytes((sap, 62)))
-                acknowledged, _ = line.ask(request_of_start, 1, START_REPEATS)
-                if acknowledged != b"\xe5":
-                    raise InternalError(f"slave {address} does not acknowledge SAP {sap}")
+            _start_up(line, address, parameters, identifiers)
     polls = [[_telegram(a, SRD_HIGH | FCV | fcb, bytes(request)) for a in addresses] for fcb in (FCB, 0)]
     octets = answer + 9
     bits = (len(polls[0][0]) + octets) * OCTET_BITS + LEAST_TSDR_BITS + SYN_BITS
