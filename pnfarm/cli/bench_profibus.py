@@ -106,7 +106,7 @@ def _start_up(line: _Line, address: int, parameters: bytes, identifiers: bytes) 
         answers = [line.ask(_telegram(address, code, data, bytes((sap, 62))), 1)[0] for sap, code, data in steps]
         if answers == [b"\xe5", b"\xe5"]:
             return
-        time.sleep(0.01)
+        time.sleep(0.01)  # an answer that is still on its way comes before the next try
     raise InternalError(f"slave {address} does not acknowledge Set_Prm and Chk_Cfg")
 
 
@@ -118,7 +118,7 @@ def _poll(settings: dict[str, Any]) -> None:
     if not settings["echo"]:
         # by the first telegram the slaves find the rate
         line.ask(_telegram(FIRST, FDL_STATUS, b""), 6)
-        time.sleep(0.1)
+        time.sleep(0.1)  # 32 slaves report it, one after the other
         line.forget()
         parameters = bytes((0x80, 1, 1, LEAST_TSDR_BITS)) + ident.to_bytes(2, "big") + bytes((0, 0x80, 0, 0))
         for address in addresses:
