@@ -25,7 +25,7 @@ from typing import Any
 
 from pnfarm.engine.signed import signed
 from pnfarm.table.channel import DISCARD_CHECKSUM, DISCARD_COUNTER, RUN, STATUS_RUN, W_START
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.impairment import SEQUENCE_COUNT, SEQUENCE_NUMBER
 from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_VLAN
 
@@ -186,7 +186,7 @@ def _folded(total: int) -> int:
     return total
 
 
-@compiled
+@inlined
 def _intact(frame: Any, udp: int) -> bool:
     """Whether the checksums of both headers hold.
 
@@ -225,13 +225,13 @@ def repeats(consumer: Any, frame: Any, data: int) -> bool:
     return bool(consumer.state == RUN and _little(frame, _item(consumer, data)) == consumer.counter)
 
 
-@compiled
+@inlined
 def provider_runs(consumer: Any, frame: Any, length: int, data: int) -> int:  # noqa: ARG001 - as in every framing
     """Whether the sender is in RUN; one without a header always is."""
     return int(signed(frame[data - RUN_IDLE]) & 1) if consumer.run_idle else 1
 
 
-@compiled
+@inlined
 def provider_ran(consumer: Any) -> int:
     """The same for the packet that was taken last."""
     return int(consumer.data_status)
@@ -284,7 +284,7 @@ def start(provider: Any) -> None:
     provider.counter = 0
 
 
-@compiled
+@inlined
 def seal(provider: Any, frame: Any) -> None:
     """Both sequences, the run/idle header, identification and checksums of a packet before it is sent."""
     data = signed(provider.data_offset)
@@ -357,7 +357,7 @@ def resize(provider: Any, frame: Any, length: int, amount: int) -> int:
     return int(end)
 
 
-@compiled
+@inlined
 def mend(frame: Any, length: int) -> None:
     """Both checksums of an IPv4 frame with UDP as its present octets want them; a checksum of 0 stays none."""
     start = _network(frame)

@@ -9,7 +9,7 @@ import numpy as np
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.by_address import link
 from pnfarm.table.channel import CPM, FRAME_SLOT, PPM
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.condition import CONDITION, CONDITION_OP, MAX_CONDITIONS, MAX_OPERATIONS
 from pnfarm.table.engine_row import ENGINE, EVENT, EVENTS
 from pnfarm.table.held import HELD
@@ -178,7 +178,7 @@ def lookup_rebuild(columns: Columns) -> None:
     engine.lookup = which
 
 
-@compiled
+@inlined
 def lookup_find(table: Any, consumers: Any, port: int, frame_id: int, destination: int) -> int:
     """The active consumer of a frame id or connection id at ``port`` by one look-up ``table``, or -1.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 from pnfarm.table.condition import (
     OP_ABOVE,
     OP_AND,
@@ -27,7 +27,7 @@ from pnfarm.table.engine_row import CONDITION_HELD, emit
 __all__ = ["watch_conditions"]
 
 
-@compiled
+@inlined
 def watch_conditions(  # one loop: a call for each operation, with these arrays, would cost more than the operation
     engine: Any, events: Any, conditions: Any, ops: Any, axis_reals: Any, axis_words: Any, now: int
 ) -> None:

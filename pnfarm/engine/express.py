@@ -24,7 +24,7 @@ import numpy as np
 from pnfarm.engine.fence import acquire, release
 from pnfarm.engine.libc import MSG_DONTWAIT, sendto
 from pnfarm.errors import EnvironmentError_
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["Express", "forget_placed", "no_express", "open_express", "place_frame", "room", "send_placed"]
 
@@ -140,7 +140,7 @@ def room(express: Express) -> int:
     return len(express.descriptors) - int(under_way)
 
 
-@compiled
+@inlined
 def place_frame(express: Express, frame: Any, length: int) -> None:
     """Copy one frame to where the kernel will find it; there is room."""
     placed = np.int64(express.placed[0])
@@ -153,13 +153,13 @@ def place_frame(express: Express, frame: Any, length: int) -> None:
     express.placed[0] = (placed + 1) & 0xFFFF_FFFF
 
 
-@compiled
+@inlined
 def forget_placed(express: Express) -> None:
     """What was placed since the last :func:`send_placed` is not sent."""
     express.placed[0] = express.given[0]
 
 
-@compiled
+@inlined
 def send_placed(express: Express) -> int:
     """Have the kernel send what was placed; returns how many frames it did not take.
 

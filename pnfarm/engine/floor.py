@@ -21,7 +21,7 @@ from pnfarm.engine.libc import (
     time_ns,
 )
 from pnfarm.engine.receive_ring import SLOT, SLOT_WORDS, ReceiveRing
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
 __all__ = ["FloorVectors", "copy_floor", "make_vectors", "run_floor"]
@@ -111,7 +111,7 @@ def _empty(ring: ReceiveRing, counts: Any) -> None:
     counts[0] += count
 
 
-@compiled
+@inlined
 def run_floor(
     descriptor: int,
     ring: ReceiveRing,
@@ -167,7 +167,7 @@ def run_floor(
             due = now - now % period + period
 
 
-@compiled
+@inlined
 def copy_floor(sent: Any, taken: Any, rounds: int) -> int:
     """Copy each frame of ``sent`` (frames, octets) to its place in ``taken`` and read it there, ``rounds`` times."""
     total = 0

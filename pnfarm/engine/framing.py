@@ -14,7 +14,7 @@ from typing import Any
 from pnfarm.engine import class1, rtc
 from pnfarm.engine.signed import signed
 from pnfarm.table.channel import FRAMING_CLASS1, FRAMING_RTC
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = [
     "advance", "change_count", "change_id", "change_status", "comes_from", "count_of", "fits", "identity", "locate",
@@ -114,7 +114,7 @@ def resize(provider: Any, frame: Any, length: int, amount: int) -> int:
     return class1.resize(provider, frame, length, amount) if provider.framing == FRAMING_CLASS1 else length
 
 
-@compiled
+@inlined
 def mend(frame: Any, length: int) -> None:
     """Make the checksums of a frame that has some right again; a real-time frame has none."""
     class1.mend(frame, length)

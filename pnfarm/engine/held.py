@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.engine.signed import signed
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["copy_octets", "forget", "free_slot", "put", "release_all", "sent_length", "sent_port", "take_first"]
 
@@ -45,7 +45,7 @@ def _before(held: Any, one: int, other: int) -> bool:
     return bool(held[one].number < held[other].number)
 
 
-@compiled
+@inlined
 def _sink(held: Any, order: Any, place: int, count: int) -> None:
     while True:
         child = 2 * place + 1
@@ -84,7 +84,7 @@ def put(held: Any, order: Any, count: int, busy: int) -> None:
         place = parent
 
 
-@compiled
+@inlined
 def take_first(held: Any, order: Any, count: int, impairments: Any) -> int:
     """Take the first of ``count`` waiting slots out; it is then the first busy one."""
     slot = int(order[0])
@@ -98,7 +98,7 @@ def take_first(held: Any, order: Any, count: int, impairments: Any) -> int:
     return slot
 
 
-@compiled
+@inlined
 def release_all(held: Any, order: Any, count: int, impairments: Any, now: int) -> None:
     """Frames whose impairment has ended are due at once, in their order."""
     for i in range(count):

@@ -13,7 +13,7 @@ from pnfarm.engine import framing
 from pnfarm.engine.held import copy_octets, free_slot, put
 from pnfarm.engine.signed import signed
 from pnfarm.table.channel import IOXS_BAD, STATUS_RUN, STATUS_VALID
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.held import INWARD, OUTWARD
 from pnfarm.table.impairment import (
     ALWAYS,
@@ -124,7 +124,7 @@ def _activates(impairments: Any, row: Any, now: int) -> bool:
     return True
 
 
-@compiled
+@inlined
 def _corrupt(row: Any, frame: Any, length: int) -> None:
     """Invert ``amount`` different bits, one in each of as many equal parts of the frame."""
     first = 0
@@ -141,7 +141,7 @@ def _corrupt(row: Any, frame: Any, length: int) -> None:
         framing.mend(frame, length)
 
 
-@compiled
+@inlined
 def _word_place(channel: Any, slot: int) -> int:
     """Offset of the word of a signal, as in the row; -1 when the telegram has none."""
     for i in range(channel.words):
@@ -151,7 +151,7 @@ def _word_place(channel: Any, slot: int) -> int:
     return -1
 
 
-@compiled
+@inlined
 def _change_life(impairments: Any, row: Any, frame: Any, place: int, now: int) -> bool:
     """Let the count in bits 12..15 of the word at ``place`` stand or skip; a frame without a count is left alone."""
     count = signed(frame[place]) >> 4
@@ -234,7 +234,7 @@ def _hold(
     put(held, order, waiting, busy)
 
 
-@compiled
+@inlined
 def impair_received(
     engine: Any,
     impairments: Any,
@@ -298,7 +298,7 @@ def impair_received(
     return HELD if due > now else outcome
 
 
-@compiled
+@inlined
 def impair_sent(
     engine: Any,
     impairments: Any,

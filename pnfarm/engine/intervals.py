@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pnfarm.table.channel import INTERVAL_EDGES_NS, JITTER_EDGES_NS
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["measure_interval"]
 
@@ -24,7 +24,7 @@ _JITTERS = np.array(JITTER_EDGES_NS, np.int64)
 BELIEVED_CYCLES = 4
 
 
-@compiled
+@inlined
 def _bucket(edges: Any, value: int) -> int:
     """The first bucket whose upper edge is not below the value; the last one has none."""
     low = 0
@@ -38,7 +38,7 @@ def _bucket(edges: Any, value: int) -> int:
     return low
 
 
-@compiled
+@inlined
 def measure_interval(engine: Any, consumer: Any, arrival: int, counted: int) -> None:
     """A valid frame came at ``arrival``; ``counted`` is the time that has passed by the sender's counter, ns."""
     interval = arrival - consumer.last_ns

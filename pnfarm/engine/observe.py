@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.engine_row import CONTROL_BIT_CHANGED, emit
 from pnfarm.table.observed import PEAK_WINDOW_NS
 from pnfarm.table.signals import STW1
@@ -12,7 +12,7 @@ from pnfarm.table.signals import STW1
 __all__ = ["fault_began", "fault_ended", "observe"]
 
 
-@compiled
+@inlined
 def _open_window(row: Any, velocity: float, setpoint: float, now: int) -> None:
     """A window of the extremes begins; the first one is its own predecessor."""
     first = row.window_ns == 0
@@ -27,7 +27,7 @@ def _open_window(row: Any, velocity: float, setpoint: float, now: int) -> None:
     row.window_ns = now
 
 
-@compiled
+@inlined
 def _control_word(engine: Any, events: Any, row: Any, word: int, number: int, now: int) -> None:
     """The controller sent another control word: report each bit that changes for the first time since the fault."""
     fresh = (word ^ int(row.stw1)) & ~int(row.changed) & 0xFFFF
@@ -41,7 +41,7 @@ def _control_word(engine: Any, events: Any, row: Any, word: int, number: int, no
             emit(engine, events, CONTROL_BIT_CHANGED, number, now, (bit << 56) | (((word >> bit) & 1) << 55) | since)
 
 
-@compiled
+@inlined
 def observe(engine: Any, events: Any, row: Any, axis: Any, image: Any, number: int, now: int) -> None:
     """One drive was stepped."""
     velocity = axis.motor.velocity

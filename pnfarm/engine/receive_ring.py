@@ -31,7 +31,7 @@ from pnfarm.engine.fence import acquire, release
 from pnfarm.engine.libc import MSG_DONTWAIT, recv
 from pnfarm.errors import EnvironmentError_
 from pnfarm.table.channel import FRAME_SLOT
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["SLOT", "SLOT_WORDS", "ReceiveRing", "give_back", "open_receive_ring", "receive_ring", "take_batch"]
 
@@ -101,7 +101,7 @@ def _over(octets: Any, descriptor: int) -> ReceiveRing:
     return ReceiveRing(octets, octets.view(np.int32), np.zeros(1, np.int64), descriptor)
 
 
-@compiled
+@inlined
 def _take_whole(columns: Columns, descriptor: int, count: int, length: int) -> int:
     """Read the frame that was too long for its slot into the ``count``-th receive slot; its length, 0: not there."""
     # one that is too long for that as well is read all the same, so that the next one is not taken for it

@@ -24,7 +24,7 @@ from pnfarm.engine.libc import CLOCK_BOOTTIME, MSG_DONTWAIT, sendmmsg, time_ns
 from pnfarm.engine.receive_ring import ReceiveRing, open_receive_ring, receive_ring
 from pnfarm.errors import EnvironmentError_
 from pnfarm.table.channel import FRAME_SLOT
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["Ring", "make_ring", "send_batch"]
 
@@ -99,7 +99,7 @@ _IPV4 = socket.AF_PACKET | 0x0008 << 16
 _REAL_TIME = np.int32(socket.AF_PACKET | 0x9288 - 0x10000 << 16)
 
 
-@compiled
+@inlined
 def send_batch(columns: Columns, ring: Ring, count: int) -> None:
     """Hand ``count`` frames of ``tx_row`` to the kernel; what it refuses is counted and dropped.
 

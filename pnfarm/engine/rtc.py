@@ -23,7 +23,7 @@ from pnfarm.table.channel import (
     STATUS_RUN,
     STATUS_VALID,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
@@ -91,13 +91,13 @@ def repeats(consumer: Any, frame: Any, data: int) -> bool:  # noqa: ARG001 - as 
     return False
 
 
-@compiled
+@inlined
 def provider_runs(consumer: Any, frame: Any, length: int, data: int) -> int:  # noqa: ARG001 - as in every framing
     """Whether the sender is in RUN, by the bit of the data status."""
     return int(frame[length - TRAILER + 2]) & STATUS_RUN
 
 
-@compiled
+@inlined
 def provider_ran(consumer: Any) -> int:
     """The same for the frame that was taken last."""
     return int(consumer.data_status) & STATUS_RUN
@@ -134,7 +134,7 @@ def advance(provider: Any, cycles: int) -> None:
     provider.counter = (int(provider.counter) + cycles * int(provider.counter_step)) & 0xFFFF
 
 
-@compiled
+@inlined
 def seal(provider: Any, frame: Any) -> None:
     """Write the trailer of a frame before it is sent."""
     trailer = provider.length - TRAILER

@@ -35,7 +35,7 @@ from pnfarm.table.channel import (
     RUN,
     W_START,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.engine_row import (
     ACKNOWLEDGE_REFUSED,
     EXPIRED,
@@ -69,7 +69,7 @@ def _address(frame: Any, place: int) -> int:
     return address
 
 
-@compiled
+@inlined
 def _comes_through(columns: Columns, number: int, frame: Any, length: int, place: int, data: int, arrival: int) -> bool:
     """Whether a frame of a consumer with impairments goes on now.  Called for those only: all columns cost 200 ns."""
     engine = columns.engine[0]
@@ -89,7 +89,7 @@ def _comes_through(columns: Columns, number: int, frame: Any, length: int, place
     return bool(outcome < HELD)
 
 
-@compiled
+@inlined
 def _is_for(consumer: Any, frame: Any, length: int, place: int) -> bool:
     """Whether a frame that was changed on its way is still one of this consumer."""
     if framing.locate(frame, length) != place or not framing.comes_from(consumer, frame):
@@ -98,7 +98,7 @@ def _is_for(consumer: Any, frame: Any, length: int, place: int) -> bool:
     return bool(frame_id == consumer.frame_id and _address(frame, 0) == consumer.destination)
 
 
-@compiled
+@inlined
 def _stray(columns: Columns, port: int, frame: Any) -> None:
     """Count a frame that belongs to no channel for the station at whose port it came in.
 
@@ -112,7 +112,7 @@ def _stray(columns: Columns, port: int, frame: Any) -> None:
             return
 
 
-@compiled
+@inlined
 def _release_received(columns: Columns, until: int) -> None:
     """Take the held frames that are due up to ``until``."""
     engine = columns.engine[0]
@@ -134,7 +134,7 @@ def _release_received(columns: Columns, until: int) -> None:
         accept(engine, columns.events, columns.image, int(item.row), consumer, frame, length, data, int(item.due_ns))
 
 
-@compiled
+@inlined
 def _release_sent(
     engine: Any, held: Any, order: Any, impairments: Any, tx_row: Any, store: int, now: int, count: int
 ) -> int:
@@ -149,7 +149,7 @@ def _release_sent(
     return count
 
 
-@compiled
+@inlined
 def _release_ended(columns: Columns, now: int) -> None:
     """Let frames go on whose impairment has ended."""
     engine = columns.engine[0]
@@ -209,7 +209,7 @@ def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None
             accept(engine, events, images, number, consumer, frame, length, data, columns.rx_ns[i])
 
 
-@compiled
+@inlined
 def _take_back(consumer: Any, image: Any) -> None:
     """Clear the set points of a consumer that ended, because the next one may carry another telegram.
 
@@ -261,7 +261,7 @@ def _faults(faults: Any) -> int:
     return count
 
 
-@compiled
+@inlined
 def run_firmware(columns: Columns, now: int) -> None:
     """Step every drive and every program that is due, and report what changed."""
     engine = columns.engine[0]
@@ -397,7 +397,7 @@ def _transmit(
     return count
 
 
-@compiled
+@inlined
 def transmit(columns: Columns, now: int) -> int:
     """Fill every frame that is due; their rows are in ``tx_row``, the count is returned."""
     return int(
@@ -468,7 +468,7 @@ def _first_due(engine: Any, providers: Any, held: Any, held_order: Any, now: int
     return due
 
 
-@compiled
+@inlined
 def _first_step(engine: Any, axes: Any, now: int) -> int:
     first = now + engine.tick_ns
     if engine.trace_rows == 0 and engine.condition_rows == 0 and engine.program_rows == 0:
@@ -481,7 +481,7 @@ def _first_step(engine: Any, axes: Any, now: int) -> int:
     return max((first + grid - 1) // grid, now // grid + 1) * grid
 
 
-@compiled
+@inlined
 def next_step(columns: Columns, now: int) -> int:
     """When the next tick is due where nothing is sent by rows: as a drive steps, a trace or a condition is looked at.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.engine_row import TRACE_ENDED, TRACE_TRIGGERED, emit
 from pnfarm.table.trace import (
     ARMED,
@@ -69,7 +69,7 @@ def _read(probes: Any, first: int, count: int, axis_reals: Any, axis_words: Any,
         probe.value = value * float(probe.scale)
 
 
-@compiled
+@inlined
 def _fulfils(trigger: int, before: float, seen: int, value: float, level: float) -> bool:
     """Whether this step's value triggers; an edge needs the value of the step before."""
     if trigger == TRIGGER_RISING:
@@ -91,7 +91,7 @@ def _fulfils(trigger: int, before: float, seen: int, value: float, level: float)
     return trigger == TRIGGER_UNEQUAL and value != level
 
 
-@compiled
+@inlined
 def _watch_trigger(trace: Any, probes: Any, axis_reals: Any, axis_words: Any, image_words: Any, now: int) -> bool:
     """Whether the trigger's condition holds now; the time and the probe are then in the trace's row."""
     if trace.fire_ns != 0:
@@ -120,7 +120,7 @@ def _watch_trigger(trace: Any, probes: Any, axis_reals: Any, axis_words: Any, im
     return True
 
 
-@compiled
+@inlined
 def _take_sample(
     trace: Any, probes: Any, ring: Any, axis_reals: Any, axis_words: Any, image_words: Any, now: int
 ) -> None:

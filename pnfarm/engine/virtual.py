@@ -12,7 +12,7 @@ from typing import Any
 from pnfarm.engine.columns import RX_BATCH, Columns
 from pnfarm.engine.held import sent_length
 from pnfarm.engine.tick import next_due, receive, tick
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["deliver", "run_alone", "run_virtual"]
 
@@ -69,7 +69,7 @@ def deliver(sender: Columns, count: int, receiver: Columns, addresses: Any, port
         receive(receiver, waiting)
 
 
-@compiled
+@inlined
 def run_alone(columns: Columns, now: int, until: int) -> int:
     """Tick one table without a peer up to ``until``; its frames are dropped.  Returns early at an event."""
     engine = columns.engine[0]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["shaft_sign", "take_direction"]
 
@@ -19,7 +19,7 @@ def shaft_sign(direction: Any) -> float:
     return -1.0 if direction.turned else 1.0
 
 
-@compiled
+@inlined
 def take_direction(axis: Any) -> None:
     """Apply the direction that a parameter requests, only while the power stage is off."""
     if axis.direction.turned == axis.direction.settings.reversed or axis.drive.state >= 4:

@@ -13,12 +13,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["drive_time", "true_duration"]
 
 
-@compiled
+@inlined
 def drive_time(clock: Any, now: int) -> int:
     """Time on the drive's clock at ``now``, ns."""
     return now + int((now - clock.settings.start_ns) * clock.settings.drift)

@@ -35,7 +35,7 @@ from pnfarm.table.axis_codes import (
     STOP_DROP,
     WARNING_SLOTS,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["acknowledge", "raise_fault", "take_commands"]
 
@@ -46,7 +46,7 @@ def _places(faults: Any) -> int:
     return int(faults.settings.places) or FAULT_SLOTS
 
 
-@compiled
+@inlined
 def _situations(faults: Any) -> int:
     """Number of situations that the fault buffer holds."""
     count = 0
@@ -61,7 +61,7 @@ def _changed(faults: Any) -> None:
     faults.changes = (int(faults.changes) + 1) & 0xFFFF
 
 
-@compiled
+@inlined
 def _move_down(faults: Any) -> None:
     """Move every situation down by its places, which frees the first ones."""
     places = _places(faults)
@@ -114,7 +114,7 @@ def _release(faults: Any, number: int) -> None:
             faults.held[i] = 0
 
 
-@compiled
+@inlined
 def _raise_held(faults: Any, now: int) -> None:
     """Raise the fault of each cause that is present, also if it began while the drive was off or ignored it."""
     for i in range(FAULT_SLOTS):
@@ -122,7 +122,7 @@ def _raise_held(faults: Any, now: int) -> None:
             raise_fault(faults, int(faults.held[i]), now)
 
 
-@compiled
+@inlined
 def _into_history(faults: Any) -> None:
     """Turn the active situation into the newest acknowledged one."""
     if not faults.settings.stays:
@@ -134,7 +134,7 @@ def _into_history(faults: Any) -> None:
     _changed(faults)
 
 
-@compiled
+@inlined
 def _clear_history(faults: Any) -> None:
     """Clear the acknowledged situations; one that is still active stays, as the only one."""
     active = faults.code[0] != 0
@@ -148,7 +148,7 @@ def _clear_history(faults: Any) -> None:
         _changed(faults)
 
 
-@compiled
+@inlined
 def _refuses(faults: Any, positioning: Any, begins: bool) -> bool:
     """Whether an injection has the drive ignore this request; each is counted once, however long it lasts."""
     if begins:
@@ -180,7 +180,7 @@ def acknowledge(faults: Any, positioning: Any, begins: bool) -> bool:
     return True
 
 
-@compiled
+@inlined
 def _clear_warning(warnings: Any, number: int) -> None:
     kept = 0
     for i in range(WARNING_SLOTS):
@@ -191,7 +191,7 @@ def _clear_warning(warnings: Any, number: int) -> None:
             kept += 1
 
 
-@compiled
+@inlined
 def _raise_warning(warnings: Any, number: int) -> None:
     """Add it as the newest raised warning; where no place is left, the oldest is dropped."""
     _clear_warning(warnings, number)
@@ -200,7 +200,7 @@ def _raise_warning(warnings: Any, number: int) -> None:
     warnings.raised[0] = number
 
 
-@compiled
+@inlined
 def _count_from_here(motor: Any, homing: Any, sensor: Any) -> None:
     """Count of an encoder that is not absolute over all revolutions, at power-on (PROFIdrive 4.2, 6.3.6).
 
@@ -216,7 +216,7 @@ def _count_from_here(motor: Any, homing: Any, sensor: Any) -> None:
     homing.origin = sensor.zero
 
 
-@compiled
+@inlined
 def _power_on(axis: Any, now: int) -> None:
     axis.drive.state = 0
     axis.drive.stop = 0
@@ -267,7 +267,7 @@ def _power_on(axis: Any, now: int) -> None:
     axis.faults.refusing = 0
 
 
-@compiled
+@inlined
 def _take_motion_command(commands: Any, motor: Any, homing: Any, code: int, argument: int) -> None:
     """Motion that parameters start and end; the current step carries it out."""
     if code == CMD_SET_POSITION:
@@ -289,7 +289,7 @@ def _take_motion_command(commands: Any, motor: Any, homing: Any, code: int, argu
         commands.service = 1
 
 
-@compiled
+@inlined
 def take_commands(axis: Any, now: int) -> bool:
     """Carry out the commands that the event loop wrote since the last step; true when one of them was power-on."""
     switched_on = False

@@ -15,12 +15,12 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import raise_fault
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
-__all__ = ["folds", "step_foldback", "watch_foldback"]
+__all__ = ["foldback_constants", "folds", "step_limit", "watch_foldback"]
 
 
-@compiled
+@inlined
 def folds(motor: Any, foldback: Any) -> bool:
     """Whether the drive folds back; it does not with a motor that is modelled as always cool."""
     return (
@@ -30,21 +30,22 @@ def folds(motor: Any, foldback: Any) -> bool:
     )
 
 
-@compiled
-def step_foldback(motor: Any, foldback: Any, seconds: float) -> None:
-    """Advance both limits by ``seconds`` at the present current."""
-    if not folds(motor, foldback):
-        return
+@inlined
+def foldback_constants(motor: Any, foldback: Any, number: int, seconds: float) -> tuple[float, float]:
+    """Of limit ``number``: initial value, A, and its fall in ``seconds`` per A above the continuous current."""
     above = motor.settings.peak_current - motor.settings.continuous_current
-    change = (abs(motor.current) - motor.settings.continuous_current) * seconds
-    for i in range(2):
-        time = foldback.settings.time[i]
-        foldback.used[i] = max(0.0, foldback.used[i] + change / time)
-        foldback.limit[i] = motor.settings.peak_current + foldback.settings.delay[i] * above / time - foldback.used[i]
-    foldback.current = min(foldback.limit[0], foldback.limit[1])
+    per_time = 1.0 / foldback.settings.time[number]
+    return motor.settings.peak_current + foldback.settings.delay[number] * above * per_time, seconds * per_time
 
 
-@compiled
+@inlined
+def step_limit(foldback: Any, number: int, initial: float, change: float) -> None:
+    """Lower limit ``number`` by ``change``, A."""
+    foldback.used[number] = max(0.0, foldback.used[number] + change)
+    foldback.limit[number] = initial - foldback.used[number]
+
+
+@inlined
 def watch_foldback(faults: Any, motor: Any, foldback: Any, now: int) -> None:
     """Raise the fault of motor or drive while its limit is below the fault level, at most the peak current."""
     level = min(motor.settings.peak_current, foldback.settings.fault_level)

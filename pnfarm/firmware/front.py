@@ -18,12 +18,12 @@ from pnfarm.firmware.profidrive import axis_program as profidrive_program
 from pnfarm.firmware.profidrive import front as profidrive
 from pnfarm.firmware.profidrive.parameter_words import exchange
 from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, FIRMWARE_PROFIDRIVE
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["show_state", "step_program", "take_orders", "tells"]
 
 
-@compiled
+@inlined
 def take_orders(axis: Any, image: Any, now: int, switched_on: bool) -> None:
     """Input, before the drive acts; ``switched_on``: the drive was switched on since the last step."""
     if axis.front == FIRMWARE_PROFIDRIVE:
@@ -36,7 +36,7 @@ def take_orders(axis: Any, image: Any, now: int, switched_on: bool) -> None:
         ethernetip.take_assembly(axis, image, now)
 
 
-@compiled
+@inlined
 def show_state(axis: Any, image: Any) -> None:
     """Output, after motor and load."""
     if axis.front == FIRMWARE_PROFIDRIVE:

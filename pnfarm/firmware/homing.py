@@ -31,7 +31,7 @@ import numpy as np
 from pnfarm.firmware.profile_generator import begin_profile
 from pnfarm.firmware.travel import at_limit_switch, fastest, take_ramps
 from pnfarm.table.axis_codes import PROFILE_STOP, PROFILE_TARGET, PROFILE_VELOCITY
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["homing_fails", "homing_over", "start_homing", "step_homing"]
 
@@ -108,7 +108,7 @@ def _next_mark(place: float, way: float) -> float:
     return ceil(place + ON_THE_MARK) if way > 0.0 else floor(place - ON_THE_MARK)
 
 
-@compiled
+@inlined
 def start_homing(axis: Any) -> None:
     """Begin; the home position is unknown until it is found."""
     axis.homing.homed = 0
@@ -134,7 +134,7 @@ def start_homing(axis: Any) -> None:
         _run(axis.motor, axis.travel, axis.profile, axis.homing, way, axis.homing.settings.velocity)
 
 
-@compiled
+@inlined
 def _brake(profile: Any, homing: Any, home: float) -> None:
     """The home is found: come to rest."""
     homing.origin = home - homing.settings.position
@@ -170,13 +170,13 @@ def _turn(motor: Any, travel: Any, profile: Any, homing: Any, leg: int) -> None:
     _run(motor, travel, profile, homing, -homing.sense, homing.settings.velocity)
 
 
-@compiled
+@inlined
 def _against_a_stop(positioning: Any, homing: Any) -> bool:
     """Whether the axis no longer follows: PL.ERR is larger than HOME.PERRTHRESH."""
     return homing.settings.lag > 0.0 and abs(positioning.following_error) > homing.settings.lag
 
 
-@compiled
+@inlined
 def _give_up_the_way(motor: Any, profile: Any) -> None:
     """Drop the commanded motion beyond the end stop."""
     profile.position = motor.measured_position
@@ -184,7 +184,7 @@ def _give_up_the_way(motor: Any, profile: Any) -> None:
     begin_profile(profile)
 
 
-@compiled
+@inlined
 def _seek_limit(axis: Any) -> None:
     if axis.homing.leg == SEEK and at_limit_switch(axis.machine, axis.homing.sense):
         _turn(axis.motor, axis.travel, axis.profile, axis.homing, RETREAT)
@@ -192,7 +192,7 @@ def _seek_limit(axis: Any) -> None:
         _found(axis, axis.motor.measured_position, axis.homing.sense)
 
 
-@compiled
+@inlined
 def _seek_switch(axis: Any) -> None:
     ended = at_limit_switch(axis.machine, axis.homing.sense)
     if axis.homing.method_in_force == TURNS_AT_STOP and _against_a_stop(axis.positioning, axis.homing):
@@ -217,7 +217,7 @@ def _seek_switch(axis: Any) -> None:
         axis.homing.leg = FAILED
 
 
-@compiled
+@inlined
 def step_homing(axis: Any) -> None:
     """Once in each step of an axis in homing: check for the end of a leg, and begin the next one."""
     axis.homing.current_limit = 0.0
@@ -250,7 +250,7 @@ def step_homing(axis: Any) -> None:
             axis.homing.current_limit = axis.homing.settings.current
 
 
-@compiled
+@inlined
 def homing_fails(machine: Any, profile: Any, homing: Any) -> bool:
     """Whether the home cannot be found, or a limit switch blocks the remaining move."""
     if homing.leg == FAILED:
@@ -263,7 +263,7 @@ def homing_fails(machine: Any, profile: Any, homing: Any) -> bool:
     return not own and at_limit_switch(machine, profile.velocity)
 
 
-@compiled
+@inlined
 def homing_over(axis: Any) -> bool:
     """True once homing is over: its target is reached, or the axis is at rest."""
     if axis.homing.leg != WAY_OFF:

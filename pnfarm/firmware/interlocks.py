@@ -46,7 +46,7 @@ from pnfarm.table.axis_codes import (
     QUICK_STOP_STAYS,
     SENSOR_PARKING,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["at_once", "enabled_by_hardware", "quick_stop_ramp", "take_interlocks", "torque_free", "with_interlocks"]
 
@@ -55,7 +55,7 @@ RUN = POWER_ON | POWER_ENABLE
 RAMP_STOP = 1  # ``drive.stop``
 
 
-@compiled
+@inlined
 def take_interlocks(axis: Any) -> None:
     """Once in each step, before the events: what the drive lacks, and edges of the hardware enable and of STW1's.
 
@@ -78,7 +78,7 @@ def _stays(drive: Any) -> bool:
     return drive.settings.quick_stop_option > QUICK_STOP_STAYS
 
 
-@compiled
+@inlined
 def _with_quick_stop(drive: Any, orders: Any, held: int) -> int:
     """Apply the option codes: a coast instead of a stop, or a stop in which the drive stays until it is withdrawn."""
     if drive.settings.quick_stop_option == QUICK_STOP_PROFILE:
@@ -95,7 +95,7 @@ def _with_quick_stop(drive: Any, orders: Any, held: int) -> int:
     return held
 
 
-@compiled
+@inlined
 def with_interlocks(drive: Any, orders: Any, sensor: Any, held: int, power: int, faulty: int) -> int:
     """The events of :func:`~pnfarm.firmware.state_machine.conditions`, as this drive sees them."""
     if drive.settings.ready_with_on and (power & NO_STOP) == NO_STOP and not faulty:
@@ -115,7 +115,7 @@ def with_interlocks(drive: Any, orders: Any, sensor: Any, held: int, power: int,
     return _with_quick_stop(drive, orders, held)
 
 
-@compiled
+@inlined
 def quick_stop_ramp(drive: Any, ramp: Any, usual: float) -> float:
     """The ramp of the present quick stop, rpm/s; ``usual`` is the quick stop ramp."""
     option = int(drive.settings.quick_stop_option)
@@ -133,13 +133,13 @@ def at_once(drive: Any) -> bool:
     return option == QUICK_STOP_CURRENT
 
 
-@compiled
+@inlined
 def torque_free(faults: Any) -> bool:
     """Whether safe torque off is requested: the cause of its fault is present."""
     return cause_held(faults, int(faults.settings.sto_fault))
 
 
-@compiled
+@inlined
 def enabled_by_hardware(drive: Any, faults: Any) -> bool:
     """Whether hardware enable and safe stop let the drive run: ZSW1.14 of Moog MSD manual, table 10.8."""
     return not torque_free(faults) and not int(drive.lacks) & LACKS_ENABLE

@@ -18,7 +18,7 @@ from math import floor
 from typing import Any
 
 from pnfarm.table.axis_codes import RAMP_GENERATED, RAMP_PASSED_BY
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = [
     "POSITION_MODE",
@@ -54,7 +54,7 @@ def follows(drive: Any, orders: Any, ramp: Any, interpolation: Any) -> bool:
     )
 
 
-@compiled
+@inlined
 def generator_in_force(ramp: Any) -> int:
     """``ramp.generator``, or its value since homing changed it (Moog MSD manual 12.1), until it is set again."""
     left = ramp.generator_left != 0 and ramp.generator_left == ramp.settings.generator_set + 1
@@ -71,7 +71,7 @@ def interpolates(drive: Any, ramp: Any, interpolation: Any) -> bool:
     )
 
 
-@compiled
+@inlined
 def begin_interpolation(profile: Any, interpolation: Any) -> None:
     """Begin at the commanded position; the next frame gives the first curve."""
     interpolation.start = profile.position
@@ -84,7 +84,7 @@ def begin_interpolation(profile: Any, interpolation: Any) -> None:
     interpolation.frames_ns = 0
 
 
-@compiled
+@inlined
 def _nearest_place(travel: Any, profile: Any, homing: Any, number: int) -> float:
     """Shaft position of a 32-bit number: of all positions with this number, the nearest one."""
     here = (profile.position - homing.origin) / travel.settings.position_step
@@ -92,7 +92,7 @@ def _nearest_place(travel: Any, profile: Any, homing: Any, number: int) -> float
     return homing.origin + (number + rounds * NUMBERS) * travel.settings.position_step
 
 
-@compiled
+@inlined
 def _in_step(interpolation: Any, pause: float, cycle: float) -> int:
     """How many cycles a frame follows the one before; 0 where the frame is not on time at the end of the present curve.
 
@@ -103,7 +103,7 @@ def _in_step(interpolation: Any, pause: float, cycle: float) -> int:
     return cycles if abs(interpolation.time - pause + (cycles - 1) * cycle) <= IN_STEP * cycle else 0
 
 
-@compiled
+@inlined
 def take_position(axis: Any, number: int, now: int) -> None:
     """A new curve to the position ``number``, in position steps, of a frame that came since the last step.
 
@@ -134,7 +134,7 @@ def take_position(axis: Any, number: int, now: int) -> None:
     axis.interpolation.frames_ns = now
 
 
-@compiled
+@inlined
 def step_interpolation(profile: Any, interpolation: Any, seconds: float) -> None:
     """Advance ``profile.position`` and ``profile.velocity`` along the present curve."""
     time = interpolation.time
@@ -166,7 +166,7 @@ def step_interpolation(profile: Any, interpolation: Any, seconds: float) -> None
     profile.velocity = (linear + share * (2.0 * square + share * 3.0 * cubic)) / time * RPM
 
 
-@compiled
+@inlined
 def servo_command(motor: Any, ramp: Any, profile: Any, interpolation: Any) -> float:
     """The velocity command of dynamic servo control, rpm: NSOLL_B plus KPC times the remaining deviation."""
     if interpolation.servo_gain <= 0.0:

@@ -16,7 +16,7 @@ import numpy as np
 
 from pnfarm.table.axis_codes import CONFIG_PROFILE_JOG, JOG_SEQUENCES
 from pnfarm.table.axis_readings import BOTH_FIRST_SPEED, BOTH_KEEP
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["ENDING_FORM", "MAKERS_FORM", "PROFILES_FORM", "by_sequence", "excluded", "take_jog", "take_jog_bits"]
 
@@ -69,7 +69,7 @@ def by_sequence(jog: Any) -> bool:
     return jog.settings.form == JOG_SEQUENCES
 
 
-@compiled
+@inlined
 def take_jog_bits(orders: Any, jog: Any) -> None:
     """Once in each step: which of the jog bits counts.  The only writer of ``jog.bits`` and ``jog.first``."""
     bits = int(orders.jog)
@@ -88,7 +88,7 @@ def excluded(orders: Any, jog: Any, begun: bool) -> bool:
     return orders.jog_barred != 0 and not (begun and jog.settings.begun_lasts)
 
 
-@compiled
+@inlined
 def take_jog(axis: Any) -> None:
     """Once in each step: the state of jogging and its speed.  The only writer of ``jog.sequence``."""
     if not by_sequence(axis.jog):

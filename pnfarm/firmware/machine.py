@@ -22,12 +22,12 @@ from pnfarm.table.axis_codes import (
     MACHINE_SWITCH_LOW,
     USED_INPUTS,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["hold_at_stops", "take_switches"]
 
 
-@compiled
+@inlined
 def take_switches(direction: Any, machine: Any, motor: Any) -> None:
     """Read the switches that the axis' position and faults press, and apply the use of each input."""
     place = shaft_sign(direction) * motor.position
@@ -61,7 +61,7 @@ def take_switches(direction: Any, machine: Any, motor: Any) -> None:
     machine.limit_switch = limits
 
 
-@compiled
+@inlined
 def hold_at_stops(direction: Any, machine: Any, motor: Any) -> None:
     """Stop a shaft that hits an end stop."""
     if not machine.settings.parts & (MACHINE_STOP_LOW | MACHINE_STOP_HIGH):

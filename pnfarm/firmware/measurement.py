@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = [
     "measure",
@@ -69,13 +69,13 @@ def measured_velocity(motor: Any, measurement: Any) -> float:
     return motor.velocity + measurement.velocity_deviation
 
 
-@compiled
+@inlined
 def measured_current(motor: Any, measurement: Any) -> float:
     """The torque-building current as the drive measures it, A."""
     return motor.current + measurement.current_deviation
 
 
-@compiled
+@inlined
 def measured_torque(motor: Any, measurement: Any) -> float:
     """The torque, which the drive computes from the current, N m."""
     return motor.torque + motor.settings.torque_constant * measurement.current_deviation

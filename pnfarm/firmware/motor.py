@@ -19,18 +19,20 @@ torque that would move the shaft by up to its own amount, and holds the shaft ex
 
 from __future__ import annotations
 
-from math import floor, inf, pi, sqrt
+from math import inf, pi, sqrt
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from pnfarm.firmware.direction import shaft_sign
 from pnfarm.firmware.faults import raise_fault
-from pnfarm.firmware.foldback import folds, step_foldback, watch_foldback
+from pnfarm.firmware.foldback import foldback_constants, folds, step_limit, watch_foldback
 from pnfarm.firmware.machine import hold_at_stops
 from pnfarm.firmware.supply import bus_below, mains
-from pnfarm.firmware.torque_limits import limited_torque
+from pnfarm.firmware.torque_limits import most_torque
 from pnfarm.firmware.travel import fastest
 from pnfarm.table.axis_codes import FASTEST_RPM
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = [
     "brake_holds",
@@ -77,14 +79,19 @@ class Constants(NamedTuple):
     integral: float
     #: Part of a change of the current set point that takes effect in this step.
     share: float
-    #: Torque per rad/s of change, with the damping in ``damped``; dry friction without the brake's; the load.
+    #: Torque per rad/s of change; the inverse of it with the damping, also of these with the controller's gain; dry
+    #: friction without the brake's; the load.
     inertia: float
-    damped: float
+    per_damped: float
+    per_led: float
     dry: float
     load: float
     #: Torque of the acceleration's feed forward per rad/s of change.
     fed: float
     per_torque_constant: float
+    #: Most torque forwards and backwards, N m, while foldback allows it.
+    most: float
+    least: float
     #: One phase: L / step, with R in ``impedance``; V per rad/s.
     inductance: float
     impedance: float
@@ -96,6 +103,14 @@ class Constants(NamedTuple):
     #: Parts of a step in the time constants of heat and of the encoder's filter.
     thermal: float
     feedback: float
+    #: Rev of one increment of the encoder, 0 = infinitely many.
+    increment: float
+    #: Foldback of motor and drive: the limit's initial value, A, 0 for a drive without; its fall per A above the
+    #: continuous current.
+    motor_initial: float
+    motor_fall: float
+    drive_initial: float
+    drive_fall: float
 
 
 @compiled
@@ -104,7 +119,7 @@ def _inverse(value: float) -> float:
     return 1.0 / value if value > 0.0 else 0.0
 
 
-@compiled
+@inlined
 def constants_of(axis: Any, seconds: float) -> Constants:
     """The constants of steps of this length; nothing of the axis' settings changes before they are made anew."""
     time = axis.motor.settings.velocity_time_constant
@@ -116,19 +131,28 @@ def constants_of(axis: Any, seconds: float) -> Constants:
     frequency = 1.0 / seconds
     inertia = (axis.load.settings.inertia + axis.load.settings.added_inertia) * frequency
     inductance = axis.motor.settings.inductance * frequency
+    damped = inertia + axis.load.settings.damping
+    share = seconds / (axis.motor.settings.current_time_constant + seconds)
     lowest = mains(axis.drive, axis.faults, axis.supply) if axis.supply.settings.nominal > 0.0 else 0.0
+    motor_initial = motor_fall = drive_initial = drive_fall = 0.0
+    if folds(axis.motor, axis.foldback):
+        motor_initial, motor_fall = foldback_constants(axis.motor, axis.foldback, 0, seconds)
+        drive_initial, drive_fall = foldback_constants(axis.motor, axis.foldback, 1, seconds)
     return Constants(
         seconds=seconds,
         gain=gain,
         action=gain + integral,
         integral=integral,
-        share=seconds / (axis.motor.settings.current_time_constant + seconds),
+        share=share,
         inertia=inertia,
-        damped=inertia + axis.load.settings.damping,
+        per_damped=1.0 / damped,
+        per_led=1.0 / (damped + share * (gain + integral)),
         dry=axis.load.settings.friction + axis.load.settings.added_friction,
         load=shaft_sign(axis.direction) * (axis.load.settings.torque + axis.load.settings.added_torque),
         fed=axis.motor.settings.acceleration_gain * axis.load.settings.inertia * RPM_TO_RAD * frequency,
         per_torque_constant=_inverse(axis.motor.settings.torque_constant),
+        most=most_torque(axis.motor, axis.torque, axis.homing, 0),
+        least=most_torque(axis.motor, axis.torque, axis.homing, 1),
         inductance=inductance,
         impedance=inductance + axis.motor.settings.resistance,
         back=axis.motor.settings.torque_constant / PHASES,
@@ -137,6 +161,11 @@ def constants_of(axis: Any, seconds: float) -> Constants:
         per_continuous_current=_inverse(axis.motor.settings.continuous_current),
         thermal=seconds / (axis.motor.settings.thermal_time + seconds),
         feedback=seconds / (FEEDBACK_FILTER + seconds),
+        increment=_inverse(axis.motor.settings.encoder_steps),
+        motor_initial=motor_initial,
+        motor_fall=motor_fall,
+        drive_initial=drive_initial,
+        drive_fall=drive_fall,
     )
 
 
@@ -158,7 +187,7 @@ def torque_controlled(orders: Any, drive: Any, brake: Any) -> bool:
     return not orders.halt and drive.state == 4 and drive.settings.opmode == TORQUE_MODE and not brake_holds(brake)
 
 
-@compiled
+@inlined
 def _step_brake(brake: Any, open_it: bool, seconds: float) -> None:
     if open_it != bool(brake.asked):
         brake.asked = 1 if open_it else 0
@@ -170,10 +199,11 @@ def _step_brake(brake: Any, open_it: bool, seconds: float) -> None:
 
 
 @compiled
-def _speed(brake: Any, constants: Constants, omega: float, drive: float, slope: float) -> float:
+def _speed(brake: Any, constants: Constants, omega: float, drive: float, per: float) -> float:
     """The shaft's speed after the step, rad/s, for a torque of ``drive - slope * speed`` N m.
 
-    Backward Euler with dry friction as the set-valued force that it is.
+    Backward Euler with dry friction as the set-valued force that it is.  ``per``: the inverse of inertia, damping and
+    ``slope`` together (:func:`_per`).
     """
     dry = constants.dry
     if brake_holds(brake):
@@ -181,10 +211,23 @@ def _speed(brake: Any, constants: Constants, omega: float, drive: float, slope: 
     moving = constants.inertia * omega + drive - constants.load
     if abs(moving) <= dry:
         return 0.0
-    return (moving - dry if moving > 0.0 else moving + dry) / (constants.damped + slope)
+    return (moving - dry if moving > 0.0 else moving + dry) * per
 
 
 @compiled
+def _per(constants: Constants, slope: float) -> float:
+    """``per`` of :func:`_speed` for a slope that is seldom: most have theirs among the constants."""
+    return constants.per_damped / (1.0 + slope * constants.per_damped)
+
+
+@compiled
+def _given(foldback: Any, motor: Any, constants: Constants, wanted: float) -> float:
+    """``wanted`` within the limits of its direction, N m."""
+    folded = motor.settings.torque_constant * foldback.current
+    return max(-min(constants.least, folded), min(constants.most, folded, wanted))
+
+
+@inlined
 def _coast(axis: Any, constants: Constants, omega: float) -> float:
     """The shaft's speed after a step without power; shorted windings may brake it."""
     braking = axis.motor.settings.coast_method == 0 or (axis.motor.settings.coast_method == 1 and not axis.motor.rested)
@@ -192,10 +235,13 @@ def _coast(axis: Any, constants: Constants, omega: float) -> float:
     axis.motor.torque = 0.0
     axis.motor.speed_integral = 0.0
     axis.motor.fed_speed = axis.profile.velocity
-    return _speed(axis.brake, constants, omega, 0.0, axis.motor.settings.brake_damping if braking else 0.0)
+    per = constants.per_damped
+    if braking and axis.motor.settings.brake_damping > 0.0:
+        per = _per(constants, axis.motor.settings.brake_damping)
+    return _speed(axis.brake, constants, omega, 0.0, per)
 
 
-@compiled
+@inlined
 def _fed_forward(constants: Constants, motor: Any, positioning: Any, profile: Any) -> float:
     """Torque for the acceleration of a profile, without the position controller's part of the speed."""
     change = profile.velocity - motor.fed_speed
@@ -209,7 +255,7 @@ def _speed_limit(motor: Any, travel: Any, side: int) -> float:
     return side * fastest(motor, travel, inf, side > 0) * RPM_TO_RAD
 
 
-@compiled
+@inlined
 def _beyond(motor: Any, torque: Any, travel: Any, speed: float, given: float, gain: float) -> int:
     """Which limit ``given`` N m would exceed on a shaft that reaches ``speed``, rad/s: 1, -1, or 0 for none."""
     if not torque.settings.speed_limited:
@@ -219,14 +265,14 @@ def _beyond(motor: Any, torque: Any, travel: Any, speed: float, given: float, ga
     return -1 if gain * (_speed_limit(motor, travel, -1) - speed) > given else 0
 
 
-@compiled
+@inlined
 def _controlled(axis: Any, constants: Constants, omega: float, noise: float) -> float:
     """The shaft's speed after a step under control, rad/s; writes current, torque and the integral part.
 
     ``noise``: what the encoder adds to the speed as the controller sees it, rad/s.
     """
     constant = axis.motor.settings.torque_constant
-    action, share = constants.action, constants.share
+    action, share, per = constants.action, constants.share, constants.per_led
     kept = (1.0 - share) * constant * axis.motor.current
     reference = axis.ramp.reference * RPM_TO_RAD - noise
     given = (
@@ -236,26 +282,26 @@ def _controlled(axis: Any, constants: Constants, omega: float, noise: float) -> 
     )
     led = torque_controlled(axis.orders, axis.drive, axis.brake)
     if led:
-        given = limited_torque(
-            axis.motor, axis.foldback, axis.torque, axis.homing, axis.torque.setpoint + axis.torque.settings.additive
-        )
+        given = _given(axis.foldback, axis.motor, constants, axis.torque.setpoint + axis.torque.settings.additive)
         action = 0.0
-        free = _speed(axis.brake, constants, omega, kept + share * given, 0.0)
+        per = constants.per_damped
+        free = _speed(axis.brake, constants, omega, kept + share * given, per)
         side = _beyond(axis.motor, axis.torque, axis.travel, free + noise, given, constants.gain)
         if side != 0:
             reference = _speed_limit(axis.motor, axis.travel, side) - noise
             action = constants.gain
             given = 0.0
+            per = _per(constants, share * action)
     drive = kept + share * (action * reference + given)
     slope = share * action
-    following = _speed(axis.brake, constants, omega, drive, slope)
+    following = _speed(axis.brake, constants, omega, drive, per)
     wanted = action * (reference - following) + given
-    most = limited_torque(axis.motor, axis.foldback, axis.torque, axis.homing, wanted)
+    most = _given(axis.foldback, axis.motor, constants, wanted)
     limited = most != wanted
     if limited:
         drive = kept + share * most
         slope = 0.0
-        following = _speed(axis.brake, constants, omega, drive, slope)
+        following = _speed(axis.brake, constants, omega, drive, constants.per_damped)
     torque = drive - slope * following
     if axis.supply.settings.nominal > 0.0:
         impedance = constants.impedance
@@ -266,7 +312,7 @@ def _controlled(axis: Any, constants: Constants, omega: float, noise: float) -> 
             limited = True
             drive = constant * (before + (available if needed > 0.0 else -available)) / impedance
             slope = constant * constants.back / impedance
-            following = _speed(axis.brake, constants, omega, drive, slope)
+            following = _speed(axis.brake, constants, omega, drive, _per(constants, slope))
             torque = drive - slope * following
     error = reference - following
     resting = omega == 0.0 and following == 0.0 and abs(axis.ramp.reference) <= RESTING * axis.ramp.settings.standstill
@@ -281,7 +327,7 @@ def _controlled(axis: Any, constants: Constants, omega: float, noise: float) -> 
     return following
 
 
-@compiled
+@inlined
 def _encoder_noise(motor: Any) -> float:
     """Noise that the encoder's resolution adds to the measured speed, rad/s."""
     if motor.settings.encoder_steps <= 0.0:
@@ -289,18 +335,18 @@ def _encoder_noise(motor: Any) -> float:
     return (motor.measured_position - motor.position - motor.encoder_low) * FILTERED
 
 
-@compiled
+@inlined
 def _read_encoder(motor: Any, constants: Constants) -> None:
     """Update the position as the encoder reports it."""
-    if motor.settings.encoder_steps <= 0.0:
+    if constants.increment <= 0.0:
         motor.measured_position = motor.position
         return
-    motor.measured_position = floor(motor.position * motor.settings.encoder_steps + 0.5) / motor.settings.encoder_steps
+    motor.measured_position = np.floor(motor.position * motor.settings.encoder_steps + 0.5) * constants.increment
     error = motor.measured_position - motor.position
     motor.encoder_low += (error - motor.encoder_low) * constants.feedback
 
 
-@compiled
+@inlined
 def _step_bus(motor: Any, supply: Any, constants: Constants, omega: float) -> None:
     """Advance the DC link: motor and drive draw from it, a braking motor feeds back.
 
@@ -319,7 +365,7 @@ def _step_bus(motor: Any, supply: Any, constants: Constants, omega: float) -> No
     supply.voltage = max(voltage, constants.mains)
 
 
-@compiled
+@inlined
 def step_motor(axis: Any, constants: Constants, powered_stage: bool) -> None:
     """Advance current, torque, speed, position, DC link, heat and brake by the step of ``constants``.
 
@@ -333,7 +379,11 @@ def step_motor(axis: Any, constants: Constants, powered_stage: bool) -> None:
         # a drive that comes to rest on its own waits for the brake to hold before it switches off
         resting = axis.drive.state == 5 and axis.ramp.command == 0.0 and abs(velocity) <= axis.ramp.settings.standstill
         _step_brake(axis.brake, powered_stage and not resting, seconds)
-    step_foldback(axis.motor, axis.foldback, seconds)
+    if constants.motor_initial > 0.0:
+        above = abs(axis.motor.current) - axis.motor.settings.continuous_current
+        step_limit(axis.foldback, 0, constants.motor_initial, above * constants.motor_fall)
+        step_limit(axis.foldback, 1, constants.drive_initial, above * constants.drive_fall)
+        axis.foldback.current = min(axis.foldback.limit[0], axis.foldback.limit[1])
     if powered_stage:
         speed = _controlled(axis, constants, omega, _encoder_noise(axis.motor))
     else:
@@ -360,7 +410,7 @@ def step_motor(axis: Any, constants: Constants, powered_stage: bool) -> None:
     axis.positioning.following_error = axis.profile.position - axis.motor.measured_position
 
 
-@compiled
+@inlined
 def watch_motor(axis: Any, now: int) -> None:
     """Raise the drive's faults of a motor that runs too fast or is too hot, and of a DC link out of its bounds."""
     if axis.motor.settings.overspeed > 0.0 and abs(axis.motor.velocity) > axis.motor.settings.overspeed:

@@ -14,12 +14,12 @@ from typing import Any
 from pnfarm.firmware.supply import bus_below
 from pnfarm.firmware.travel import limits_reached
 from pnfarm.table.axis_codes import WARNING_SLOTS
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["warned", "watch_warnings"]
 
 
-@compiled
+@inlined
 def warned(warnings: Any, number: int) -> bool:
     """Whether this warning is active."""
     at = 0
@@ -40,7 +40,7 @@ def _append(warnings: Any, count: int, number: int) -> int:
     return count + 1
 
 
-@compiled
+@inlined
 def _append_own(axis: Any, count: int) -> int:
     """Append the drive's own warnings to the first ``count``; returns the new count."""
     if axis.warnings.settings.thermal_level > 0.0 and axis.motor.thermal_load > axis.warnings.settings.thermal_level:
@@ -69,7 +69,7 @@ def _append_own(axis: Any, count: int) -> int:
     )
 
 
-@compiled
+@inlined
 def watch_warnings(axis: Any) -> None:
     """Collect the warnings of this step."""
     count = 0

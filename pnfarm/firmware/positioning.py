@@ -52,7 +52,7 @@ from pnfarm.table.axis_codes import (
     TASK_MDI,
     TASK_PASSING,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = [
     "BRAKING",
@@ -165,13 +165,13 @@ _POSSIBLE = possible(TRANSITIONS, STATES)
 _PRIORITY = np.array(PRIORITY, np.int64)
 
 
-@compiled
+@inlined
 def _may_move(asked: Any) -> bool:
     """Whether the requested velocity and ramps are usable."""
     return asked.velocity >= 0.0 and asked.acceleration > 0.0 and asked.deceleration > 0.0
 
 
-@compiled
+@inlined
 def _can_start(axis: Any) -> bool:
     """Whether the requested task can be executed from here."""
     if not _may_move(axis.asked) or (axis.asked.velocity == 0.0 and not axis.asked.still):
@@ -186,7 +186,7 @@ def _can_start(axis: Any) -> bool:
     )
 
 
-@compiled
+@inlined
 def _asked_target(axis: Any) -> float:
     """Target of the requested task on the shaft; a relative one counts from the last target.
 
@@ -221,7 +221,7 @@ def _fastest_there(motor: Any, travel: Any, positioning: Any, profile: Any, velo
     return fastest(motor, travel, velocity, profile.target >= profile.position)
 
 
-@compiled
+@inlined
 def _start_task(axis: Any) -> None:
     axis.profile.target = _asked_target(axis)
     axis.asked.renewed = 0
@@ -294,7 +294,7 @@ def _jog(axis: Any) -> None:
         _jog_to_limit(axis.travel, axis.profile, axis.homing, top, forwards)
 
 
-@compiled
+@inlined
 def _jog_to_limit(travel: Any, profile: Any, homing: Any, top: float, forwards: bool) -> None:
     """End the jog at the software limit; an axis beyond it goes no further, and not back either."""
     limit = homing.origin + (travel.settings.high if forwards else travel.settings.low)
@@ -413,7 +413,7 @@ def _advance(axis: Any, held: int) -> int:
     return -1
 
 
-@compiled
+@inlined
 def _follow_on(axis: Any, now: int) -> bool:
     """Begin the task after a chained one, once its dwell is over; true while one is to come or has begun."""
     if axis.positioning.state != TASK or axis.positioning.task < 0:
@@ -443,7 +443,7 @@ def _follow_on(axis: Any, now: int) -> bool:
     return follows
 
 
-@compiled
+@inlined
 def _change_way(asked: Any, positioning: Any, profile: Any) -> None:
     """Change a running task: its target stays; velocity and ramps without a handshake apply at once."""
     if not asked.feed_free or not asked.relative or positioning.endless or not _may_move(asked):
@@ -453,7 +453,7 @@ def _change_way(asked: Any, positioning: Any, profile: Any) -> None:
     profile.deceleration = asked.deceleration
 
 
-@compiled
+@inlined
 def take_motion(axis: Any, now: int) -> None:
     """Once in each firmware step: take the controller's requests and advance the state."""
     enabled = (
@@ -499,7 +499,7 @@ def take_motion(axis: Any, now: int) -> None:
     axis.positioning.free_before = 0 if axis.orders.pause else 1
 
 
-@compiled
+@inlined
 def positioning_command(motor: Any, positioning: Any, profile: Any, interpolation: Any, seconds: float) -> float:
     """The velocity command, rpm: that of the profile, fed forward, and what the position controller adds."""
     # both positions are those at the beginning of the step

@@ -15,7 +15,7 @@ from math import sqrt
 from typing import Any
 
 from pnfarm.table.axis_codes import JERK_TAPS, PROFILE_TARGET, PROFILE_VELOCITY
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["begin_profile", "profile_over", "step_profile"]
 
@@ -30,7 +30,7 @@ NO_TIME = 1e-12
 PIECES = 8
 
 
-@compiled
+@inlined
 def _trapezoid(profile: Any, seconds: float) -> None:
     """Move the raw position and velocity (rev, rev/s) by ``seconds`` along the time-optimal trapezoid."""
     position = profile.raw_position
@@ -140,7 +140,7 @@ def begin_profile(profile: Any) -> None:
     profile.tap_left = 0.0
 
 
-@compiled
+@inlined
 def _next_tap(profile: Any, spacing: float) -> None:
     """Advance the trapezoid by one tap; its mean velocity replaces the oldest one."""
     before = profile.raw_position
@@ -154,7 +154,7 @@ def _next_tap(profile: Any, spacing: float) -> None:
     profile.tap_left = spacing
 
 
-@compiled
+@inlined
 def step_profile(profile: Any, seconds: float) -> None:
     """Advance ``profile.position`` and ``profile.velocity`` by ``seconds`` of the running profile."""
     if profile.settings.jerk_time <= 0.0:

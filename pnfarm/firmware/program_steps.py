@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi, sin
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.program import CONSTANT, RAMP, RUNNING, SINE
 
 __all__ = ["begin_leg", "enter", "runs", "speed_of"]
@@ -19,7 +19,7 @@ def enter(program: Any, phase: int, now: int) -> None:
         program.phase_ns = now
 
 
-@compiled
+@inlined
 def speed_of(program: Any, now: int) -> float:
     """The set point of a running axis, rpm."""
     if program.kind == CONSTANT:

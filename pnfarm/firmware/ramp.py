@@ -12,7 +12,7 @@ from pnfarm.firmware.positioning import OUT, positioning_command
 from pnfarm.firmware.service_motion import service_setpoint
 from pnfarm.firmware.travel import fastest
 from pnfarm.table.axis_codes import RAMP_ABSENT, RAMP_PASSED_BY
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["approach", "limited", "velocity_command"]
 
@@ -53,7 +53,7 @@ def limited(motor: Any, travel: Any, target: float) -> float:
     return fastest(motor, travel, target, True) if target > 0.0 else -fastest(motor, travel, -target, False)
 
 
-@compiled
+@inlined
 def _jogs(orders: Any, motor: Any, ramp: Any, jog: Any) -> bool:
     """Whether the axis jogs: a jog begins at standstill while nothing bars it, and ends there once no longer requested.
 
@@ -75,7 +75,7 @@ def _jogs(orders: Any, motor: Any, ramp: Any, jog: Any) -> bool:
     return ramp.jogging != 0
 
 
-@compiled
+@inlined
 def _jog_command(motor: Any, ramp: Any, travel: Any, jog: Any, seconds: float) -> None:
     """The velocity command of a jog, along its own ramps; bits without a speed request standstill."""
     bits = jog.bits
@@ -102,7 +102,7 @@ def _servo(axis: Any, seconds: float) -> None:
         axis.ramp.command = approach(axis.ramp.command, 0.0, axis.ramp.down, axis.ramp.down, seconds)
 
 
-@compiled
+@inlined
 def _advance_ramp(axis: Any, seconds: float) -> None:
     """One step of ``axis.ramp.command``; ``axis.ramp.setpoint`` is the controller's set point."""
     # positioning has ramps of its own, which are slow in :mod:`pnfarm.firmware.profile_generator`
@@ -177,7 +177,7 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
     axis.ramp.command = approach(axis.ramp.command, target, axis.ramp.up, axis.ramp.down, ramped)
 
 
-@compiled
+@inlined
 def velocity_command(axis: Any, seconds: float) -> None:
     """Advance ``axis.ramp.command`` by ``seconds``, and set ``axis.ramp.reference`` for speed control."""
     _advance_ramp(axis, seconds)

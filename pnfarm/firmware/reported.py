@@ -9,7 +9,7 @@ from pnfarm.firmware.measurement import measured_position, measured_velocity
 from pnfarm.firmware.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, OUT, TASK
 from pnfarm.firmware.travel import limits_reached
 from pnfarm.table.axis_codes import LACKS_ENABLE, LACKS_RELEASE
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["at_target", "drive_inputs", "has_task", "motion_status", "standing"]
 
@@ -74,7 +74,7 @@ def motion_status(axis: Any) -> int:
     return word
 
 
-@compiled
+@inlined
 def drive_inputs(axis: Any) -> int:
     """DRIVE_INPUTS (AKD PROFINET manual 5.8.1).
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.table.axis_codes import SERVICE_ALTERNATING
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["service_setpoint", "step_service"]
 
@@ -16,7 +16,7 @@ __all__ = ["service_setpoint", "step_service"]
 VELOCITY_MODE = 1
 
 
-@compiled
+@inlined
 def step_service(drive: Any, commands: Any, service: Any, now: int) -> None:
     """Begin, change legs and end; consumes ``commands.stop`` in velocity mode only."""
     if drive.state != 4 or drive.settings.opmode != VELOCITY_MODE or not drive.settings.setpoint_ignored:
@@ -35,7 +35,7 @@ def step_service(drive: Any, commands: Any, service: Any, now: int) -> None:
     commands.service = 0
 
 
-@compiled
+@inlined
 def service_setpoint(service: Any) -> float:
     """The velocity of the running leg, rpm."""
     return service.settings.velocity[int(service.leg) - 1]

@@ -29,7 +29,7 @@ from pnfarm.table.axis_codes import (
     POWER_ON,
     REACTION_QUICK_STOP,
 )
-from pnfarm.table.compiled import compiled, compiled_apart
+from pnfarm.table.compiled import compiled_apart, inlined
 
 __all__ = ["step"]
 
@@ -38,7 +38,7 @@ __all__ = ["step"]
 LONGEST_NS = 1_000_000_000
 
 
-@compiled
+@inlined
 def _power_in_force(drive: Any, orders: Any, commands: Any, reaction: int) -> int:
     """POWER_* as the state machine sees it: a fault reaction runs to its end, and a parameter may disable the axis."""
     power = int(orders.power)
@@ -54,24 +54,18 @@ def _power_in_force(drive: Any, orders: Any, commands: Any, reaction: int) -> in
     return power
 
 
-@compiled
+@inlined
 def _turn(axis: Any, elapsed: int) -> None:
     """Advance set point, controllers, motor and load, in steps of at most the motor's step time."""
-    longest = motor_step_ns(axis.motor)
-    if elapsed <= 0:
-        return
-    part = min(elapsed, longest)
-    constants = constants_of(axis, part * 1e-9)
-    while True:
-        velocity_command(axis, constants.seconds)
-        step_motor(axis, constants, axis.drive.state >= 4)
-        elapsed -= part
-        if elapsed <= 0:
-            return
-        if elapsed < part:
-            # the last step is a shorter one
-            part = elapsed
-            constants = constants_of(axis, part * 1e-9)
+    part = motor_step_ns(axis.motor)
+    while elapsed > 0:
+        # the last step may be a shorter one
+        part = min(part, elapsed)
+        constants = constants_of(axis, part * 1e-9)
+        for _ in range(elapsed // part):
+            velocity_command(axis, constants.seconds)
+            step_motor(axis, constants, axis.drive.state >= 4)
+        elapsed %= part
 
 
 @compiled_apart

@@ -9,12 +9,12 @@ from typing import Any
 
 from pnfarm.firmware.causes import cause_held
 from pnfarm.table.axis_codes import LACKS_SUPPLY
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["bus_below", "mains"]
 
 
-@compiled
+@inlined
 def _supplied(drive: Any, faults: Any, supply: Any) -> bool:
     return not int(drive.settings.interlocks) & LACKS_SUPPLY and not cause_held(
         faults, int(supply.settings.undervoltage_fault)
@@ -27,7 +27,7 @@ def mains(drive: Any, faults: Any, supply: Any) -> float:
     return float(supply.settings.nominal) if _supplied(drive, faults, supply) else 0.0
 
 
-@compiled
+@inlined
 def bus_below(drive: Any, faults: Any, supply: Any, level: float) -> bool:
     """Whether the DC link's voltage is below ``level``, V; false for a supplied one whose voltage is not modelled."""
     return supply.voltage < level and (supply.voltage > 0.0 or not _supplied(drive, faults, supply))

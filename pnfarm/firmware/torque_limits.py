@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
-__all__ = ["gives_all", "limited_torque", "torque_limited"]
+__all__ = ["gives_all", "most_torque", "torque_limited"]
 
 
 #: A torque within this part of its limit counts as limited.
@@ -18,20 +18,14 @@ ROUNDING = 1e-9
 
 
 @compiled
-def _most(motor: Any, foldback: Any, torque: Any, homing: Any, direction: int) -> float:
-    """The lower of a direction's limit and what peak current and foldback allow, N m; direction 0 is forwards."""
+def most_torque(motor: Any, torque: Any, homing: Any, direction: int) -> float:
+    """The lower of a direction's limit and what the peak current allows, N m; direction 0 is forwards."""
     limit = torque.settings.limit_negative if direction else torque.settings.limit_positive
     share = min(1.0, torque.settings.scale * torque.shares_in_force[direction])
-    current = min(motor.settings.peak_current * share, foldback.current)
+    current = motor.settings.peak_current * share
     if homing.current_limit > 0.0:
         current = min(current, homing.current_limit)
-    return min(limit, motor.settings.torque_constant * current)
-
-
-@compiled
-def limited_torque(motor: Any, foldback: Any, torque: Any, homing: Any, wanted: float) -> float:
-    """``wanted`` within the limits of its direction, N m."""
-    return max(-_most(motor, foldback, torque, homing, 1), min(_most(motor, foldback, torque, homing, 0), wanted))
+    return float(min(limit, motor.settings.torque_constant * current))
 
 
 @compiled
@@ -40,10 +34,11 @@ def gives_all(axis: Any, direction: int, near: float) -> bool:
     if axis.drive.state < 4:
         return False
     torque = -axis.motor.torque if direction else axis.motor.torque
-    return torque >= _most(axis.motor, axis.foldback, axis.torque, axis.homing, direction) * (1.0 - near)
+    most = most_torque(axis.motor, axis.torque, axis.homing, direction)
+    return torque >= min(most, axis.motor.settings.torque_constant * axis.foldback.current) * (1.0 - near)
 
 
-@compiled
+@inlined
 def torque_limited(axis: Any) -> bool:
     """Whether the torque has reached its limit; never with the power stage off."""
     return gives_all(axis, 0, ROUNDING) or gives_all(axis, 1, ROUNDING)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["at_limit_switch", "fastest", "limits_reached", "position_number", "take_ramps", "within_limits"]
 
@@ -15,7 +15,7 @@ def position_number(travel: Any, homing: Any, place: float) -> int:
     return round((place - homing.origin) / travel.settings.position_step)
 
 
-@compiled
+@inlined
 def within_limits(travel: Any, homing: Any, target: float) -> bool:
     """Whether software limits let the shaft go to ``target``; they apply once the machine's zero is known."""
     if not homing.homed:

@@ -23,8 +23,8 @@ from pnfarm.table.code_cache import REAL_TIME, cache_directory, is_cached, kept_
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 __all__ = [
-    "IS_COMPILED", "REAL_TIME", "cache_directory", "compiled", "compiled_apart", "function_count", "is_cached",
-    "kept_functions", "mark_cached",
+    "IS_COMPILED", "REAL_TIME", "cache_directory", "compiled", "compiled_apart", "function_count", "inlined",
+    "is_cached", "kept_functions", "mark_cached",
 ]  # fmt: skip
 
 
@@ -59,6 +59,14 @@ def compiled(function: _F) -> _F:
     return _compiled(function, no_cfunc_wrapper=True)
 
 
+def inlined(function: _F) -> _F:
+    """As :func:`compiled`, for a function with one or two callers: it becomes part of them.
+
+    LLVM alone leaves many of these apart: each call saves registers, and returns a status that its caller looks at.
+    """
+    return _compiled(function, no_cfunc_wrapper=True, forceinline=True)
+
+
 def compiled_apart(function: _F) -> _F:
     """As :func:`compiled`, for a function that :func:`pnfarm.table.by_address.by_address` gives to its callers."""
     return _compiled(function, no_cfunc_wrapper=False)
@@ -77,7 +85,7 @@ def _ignore_literals(dispatcher: Any) -> None:
         )
 
 
-def _compiled(function: _F, *, no_cfunc_wrapper: bool) -> _F:
+def _compiled(function: _F, *, no_cfunc_wrapper: bool, forceinline: bool = False) -> _F:
     global _functions  # noqa: PLW0603 - a count of what this decorator was given
     _functions += 1
     others = numba.config.CACHE_LOCATOR_CLASSES
@@ -89,6 +97,7 @@ def _compiled(function: _F, *, no_cfunc_wrapper: bool) -> _F:
             cache=True,
             error_model="numpy",
             no_cfunc_wrapper=no_cfunc_wrapper,
+            forceinline=forceinline,
             no_cpython_wrapper=function.__name__.startswith("_"),
             # compiled functions allocate nothing and keep nothing: an array is its caller's.  Counting references to
             # it was a tenth of the time of a frame.

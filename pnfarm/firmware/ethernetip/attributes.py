@@ -6,7 +6,7 @@ from typing import Any
 
 from pnfarm.firmware.ethernetip.commands import TORQUE_FULL, target_velocity
 from pnfarm.firmware.ethernetip.octets import rounded
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["ATTRIBUTES", "attribute_value", "readable"]
 
@@ -28,7 +28,7 @@ def readable(number: int) -> bool:
     return 1 <= number <= 11 or number in (17, 25, 58, 100)
 
 
-@compiled
+@inlined
 def _ramp_units(axis: Any, up: bool) -> int:
     """Attributes 8 and 9: HOME.ACC and HOME.DEC in position mode, DRV.ACC and DRV.DEC else."""
     if axis.drive.settings.opmode == POSITION_MODE:
@@ -38,7 +38,7 @@ def _ramp_units(axis: Any, up: bool) -> int:
     return rounded(ramp / axis.ethernetip.settings.profile_step)
 
 
-@compiled
+@inlined
 def attribute_value(axis: Any, number: int) -> int:
     """The value, with its sign; 0 for an attribute that cannot be read.
 

@@ -22,7 +22,7 @@ from pnfarm.firmware.ethernetip.control_word import DIRECTION, ENABLE, LOAD
 from pnfarm.firmware.ethernetip.octets import put, received_octet, rounded
 from pnfarm.firmware.ethernetip.status import ENABLED, GENERAL_FAULT, HOMED, IN_MOTION, IN_POSITION, LOAD_COMPLETE
 from pnfarm.firmware.program_steps import begin_leg, enter, runs, speed_of
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.program import (
     ACKNOWLEDGING,
     FAULTED,
@@ -126,7 +126,7 @@ def _taken(program: Any, now: int) -> bool:
     return True
 
 
-@compiled
+@inlined
 def _set_attribute(program: Any, image: Any, number: int, value: int, now: int) -> bool:
     """Set an attribute of the position controller; whether it is set."""
     _begin(program, image, SET_ATTRIBUTE, now)

@@ -17,7 +17,7 @@ from pnfarm.firmware.motion_tasks import select_task
 from pnfarm.firmware.positioning import BRAKING, HOMING, OUT, TASK
 from pnfarm.firmware.travel import at_limit_switch, within_limits
 from pnfarm.table.axis_codes import JOG_NONE, TASK_MDI
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["ERROR_TYPE", "TORQUE_FULL", "forget_commands", "take_commands", "target_velocity"]
 
@@ -166,7 +166,7 @@ def _torque(axis: Any, torque: float) -> int:
     return 0
 
 
-@compiled
+@inlined
 def _load_one(axis: Any, command: int, data: int, word: int, now: int) -> int:
     """Types 1 to 5: one datum in octets 4 to 7, which begins a motion if the mode is its own (6.2.2.2)."""
     own = axis.ethernetip
@@ -262,7 +262,7 @@ def _block(axis: Any, number: int, now: int) -> None:
     select_task(axis.asked, axis.motion_tasks, number)
 
 
-@compiled
+@inlined
 def _by_attribute(axis: Any, now: int) -> None:
     """What attributes 6, 7, 10, 11 and 25 of the position controller ask for."""
     own = axis.ethernetip
@@ -334,7 +334,7 @@ def _set_points(axis: Any) -> None:
         axis.torque.setpoint = axis.torque.settings.command if axis.drive.settings.setpoint_ignored == 1 else 0.0
 
 
-@compiled
+@inlined
 def take_commands(axis: Any, image: Any, word: int, now: int) -> None:
     """Once in each step, after the control word."""
     own = axis.ethernetip
@@ -367,7 +367,7 @@ def take_commands(axis: Any, image: Any, word: int, now: int) -> None:
     own.word = word
 
 
-@compiled
+@inlined
 def forget_commands(own: Any) -> None:
     """The drive was switched on."""
     own.loaded = 0

@@ -20,7 +20,7 @@ from pnfarm.table.axis_codes import (
     POWER_ON,
     STOP_DROP,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 
 __all__ = ["DIRECTION", "ENABLE", "LOAD", "RELATIVE", "START_BLOCK", "forget_control_word", "take_control_word"]
@@ -99,7 +99,7 @@ def _power(axis: Any, word: int) -> int:
     return 0
 
 
-@compiled
+@inlined
 def take_control_word(axis: Any, image: Any, now: int) -> int:
     """Once in each step; gives the word in force, 0 without valid data."""
     own = axis.ethernetip
@@ -130,7 +130,7 @@ def take_control_word(axis: Any, image: Any, now: int) -> int:
     return word
 
 
-@compiled
+@inlined
 def forget_control_word(own: Any) -> None:
     """The drive was switched on: no word has been received yet."""
     own.word = 0

@@ -12,19 +12,19 @@ from pnfarm.firmware.ethernetip.control_word import forget_control_word, take_co
 from pnfarm.firmware.ethernetip.maps import take_map
 from pnfarm.firmware.ethernetip.status import show_response
 from pnfarm.firmware.jog import take_jog_bits
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["forget_assembly", "show_assembly", "take_assembly"]
 
 
-@compiled
+@inlined
 def forget_assembly(axis: Any) -> None:
     """The drive was switched on: reset everything known of the controller."""
     forget_control_word(axis.ethernetip)
     forget_commands(axis.ethernetip)
 
 
-@compiled
+@inlined
 def take_assembly(axis: Any, image: Any, now: int) -> None:
     """Input, before the drive acts: orders, set points and tasks."""
     word = take_control_word(axis, image, now)
@@ -33,7 +33,7 @@ def take_assembly(axis: Any, image: Any, now: int) -> None:
     take_map(axis, image)
 
 
-@compiled
+@inlined
 def show_assembly(axis: Any, image: Any) -> None:
     """Output, after motor and load."""
     show_response(axis, image)

@@ -13,7 +13,7 @@ from pnfarm.firmware.ethernetip.octets import put, received_octet, rounded
 from pnfarm.firmware.ethernetip.tasks import TASK_MAP, idle, post
 from pnfarm.firmware.records.ethernetip import MAPPED
 from pnfarm.firmware.travel import limits_reached
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["COMMAND_SIZES", "DYNAMIC", "DYNAMIC_MAP", "MAP_TYPE", "RESPONSE_SIZES", "show_map", "take_map"]
 
@@ -30,12 +30,12 @@ DIGEST = 0x7FFFFFFFFFFF
 FACTOR = 257
 
 
-@compiled
+@inlined
 def _command_size(instance: int) -> int:
     return 2 if instance == 383 else 4 if instance in (384, 386) else 0
 
 
-@compiled
+@inlined
 def take_map(axis: Any, image: Any) -> None:
     """Once in each step: mapped set points that changed are reported."""
     own = axis.ethernetip
@@ -56,7 +56,7 @@ def take_map(axis: Any, image: Any) -> None:
         post(own, image, TASK_MAP, 0, 1, 0)
 
 
-@compiled
+@inlined
 def _status3(axis: Any, inputs: int) -> int:
     """STATUS3: active, torque allowed, limit switches, software limits (:mod:`pnfarm.drives.computed`)."""
     limits = limits_reached(axis)
@@ -71,7 +71,7 @@ def _status3(axis: Any, inputs: int) -> int:
     )
 
 
-@compiled
+@inlined
 def show_map(axis: Any, image: Any, inputs: int) -> None:
     """The mapped actual values; ``inputs`` is DRIVE_INPUTS."""
     place = STATIC

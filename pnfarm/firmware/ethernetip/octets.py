@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.signals import ASSEMBLY
 
 __all__ = ["put", "received", "received_long", "received_octet", "rounded", "signed32"]
@@ -39,7 +39,7 @@ def received_octet(image: Any, octet: int) -> int:
     return (int(image.received[ASSEMBLY + (octet >> 2)]) >> ((octet & 3) * 8)) & 0xFF
 
 
-@compiled
+@inlined
 def received_long(image: Any, octet: int) -> int:
     """The signed number of eight octets that begins at this one, a multiple of 4."""
     return received(image, octet + 4) << 32 | received(image, octet) & 0xFFFFFFFF

@@ -12,7 +12,7 @@ from pnfarm.firmware.measurement import measured_current, measured_position, mea
 from pnfarm.firmware.positioning import BRAKING, HOMING, TASK
 from pnfarm.firmware.reported import at_target, drive_inputs, has_task, motion_status
 from pnfarm.firmware.travel import limits_reached, position_number
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.signals import ASSEMBLY, ASSEMBLY_WORDS, DRIVE_INPUTS
 
 __all__ = ["show_response"]
@@ -42,7 +42,7 @@ VELOCITY_MODE = 1
 POSITION_MODE = 2
 
 
-@compiled
+@inlined
 def _moving(axis: Any) -> bool:
     """In Motion: from the first step of a motion to the end of its profile."""
     if axis.drive.state == 5:
@@ -59,7 +59,7 @@ def _moving(axis: Any) -> bool:
     return axis.torque.setpoint != 0.0 or (axis.orders.halt != 0 and axis.ramp.command != 0.0)
 
 
-@compiled
+@inlined
 def _in_position(axis: Any) -> bool:
     """In Position: on the last targeted position; in other modes, not moving (6.3.2, 6.5.2)."""
     if axis.ethernetip.moving:
@@ -72,7 +72,7 @@ def _in_position(axis: Any) -> bool:
     return abs(axis.profile.position - place) <= axis.positioning.settings.target_window
 
 
-@compiled
+@inlined
 def _first_status(axis: Any) -> int:
     word = ENABLED if axis.drive.state >= 4 else 0
     if axis.homing.homed:
@@ -90,7 +90,7 @@ def _first_status(axis: Any) -> int:
     return word
 
 
-@compiled
+@inlined
 def _second_status(axis: Any) -> int:
     limits = limits_reached(axis)
     switch = int(axis.machine.limit_switch)
@@ -118,7 +118,7 @@ def _error(image: Any, own: Any, attribute: int, kind: int) -> int:
     return NO_ATTRIBUTE if attribute != 0 and not readable(attribute) else 0
 
 
-@compiled
+@inlined
 def show_response(axis: Any, image: Any) -> None:
     """All 64 octets, once in each step."""
     own = axis.ethernetip

@@ -11,7 +11,7 @@ from typing import Any
 from pnfarm.firmware.profidrive.telegram import clamp16, clamp32, clamp_unsigned, long_step
 from pnfarm.firmware.program_steps import begin_leg, enter, runs, speed_of
 from pnfarm.table.axis_codes import CONFIG_RISING_EDGE, MDI_SELECTED, TASKS_TARPOS
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.program import (
     ACKNOWLEDGING,
     FAULTED,
@@ -75,7 +75,7 @@ EDGE_AFTER_NS = 4_000_000_000
 EDGE_NS = 1_000_000_000
 
 
-@compiled
+@inlined
 def _write_task(program: Any, image: Any) -> None:
     """Write the current target to the signals of the telegram's form."""
     target = clamp32(program.targets[program.target_index] / program.target_step)

@@ -26,7 +26,7 @@ from pnfarm.table.axis_readings import (
     WITHOUT_RUN_HOLD,
     WITHOUT_RUN_OFF,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import STW1
 
@@ -46,7 +46,7 @@ JOG_BITS = 0x3
 HOME = 0x0800
 
 
-@compiled
+@inlined
 def _setpoints(profidrive: Any, image: Any, word: int) -> int:
     """SETPOINTS_* of this step for the STW1 ``word``."""
     if not image.valid:
@@ -57,7 +57,7 @@ def _setpoints(profidrive: Any, image: Any, word: int) -> int:
     return SETPOINTS_HELD if profidrive.settings.without_control == WITHOUT_CONTROL_HOLD else SETPOINTS_NONE
 
 
-@compiled
+@inlined
 def _take_word(axis: Any, image: Any, now: int) -> None:
     """Accept STW1, or hold the one accepted last, as the drive's open points are set."""
     valid = image.valid
@@ -126,7 +126,7 @@ def _power(word: int) -> int:
     )
 
 
-@compiled
+@inlined
 def _give_orders(orders: Any, profidrive: Any) -> None:
     """STW1 in force as orders of the axis."""
     word = int(profidrive.stw1)
@@ -147,7 +147,7 @@ def _give_orders(orders: Any, profidrive: Any) -> None:
     orders.jog_barred = 1 if word & (RAMP | RAMP_RUNS | SETPOINT) else 0
 
 
-@compiled
+@inlined
 def take_control_word(axis: Any, image: Any, now: int) -> None:
     """Once in each step: STW1 and the set points of speed and torque."""
     axis.profidrive.stw1_before = axis.profidrive.stw1
@@ -155,7 +155,7 @@ def take_control_word(axis: Any, image: Any, now: int) -> None:
     _give_orders(axis.orders, axis.profidrive)
 
 
-@compiled
+@inlined
 def forget_control_word(profidrive: Any) -> None:
     """The drive was switched on: no word has been received yet."""
     profidrive.stw1 = 0

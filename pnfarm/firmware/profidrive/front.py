@@ -13,12 +13,12 @@ from pnfarm.firmware.profidrive.status_msd import take_generator
 from pnfarm.firmware.profidrive.status_word import status_word
 from pnfarm.firmware.profidrive.tasks import take_task
 from pnfarm.firmware.profidrive.telegram import to_actuals
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["forget_words", "show_words", "take_words"]
 
 
-@compiled
+@inlined
 def forget_words(axis: Any) -> None:
     """The drive was switched on: reset everything known of the controller."""
     forget_control_word(axis.profidrive)
@@ -26,7 +26,7 @@ def forget_words(axis: Any) -> None:
     axis.life.sent = 0
 
 
-@compiled
+@inlined
 def take_words(axis: Any, image: Any, now: int) -> None:
     """Input, before the drive acts: orders, set points and tasks."""
     take_control_word(axis, image, now)
@@ -38,7 +38,7 @@ def take_words(axis: Any, image: Any, now: int) -> None:
     take_cyclic(axis, image, now)
 
 
-@compiled
+@inlined
 def show_words(axis: Any, image: Any) -> None:
     """Output, after motor and load: status words, actual values, and the encoder's own words."""
     take_generator(axis)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 from pnfarm.table.signals import PKW_HEAD, PKW_VALUE
 
 __all__ = ["REPEAT_NS", "exchange"]
@@ -18,7 +18,7 @@ __all__ = ["REPEAT_NS", "exchange"]
 REPEAT_NS = 20_000_000
 
 
-@compiled
+@inlined
 def exchange(image: Any, now: int) -> bool:
     """Send the present answer; returns whether ``parameter_task`` is to be reported now.
 

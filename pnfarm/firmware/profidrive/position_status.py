@@ -9,7 +9,7 @@ from pnfarm.firmware.positioning import HOMING, JOG, OUT, STANDBY
 from pnfarm.firmware.reported import at_target, has_task, standing
 from pnfarm.table.axis_codes import MDI_SELECTED, TASKS_TABLE
 from pnfarm.table.axis_readings import REACHED_NO_MOTION, REACHED_TASK_ACTIVE
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = [
     "actual_task",
@@ -19,13 +19,13 @@ __all__ = [
 ]
 
 
-@compiled
+@inlined
 def _basic(positioning: Any) -> bool:
     """Whether no motion is active: the basic state of AKD PROFINET manual, edition B, 5.10.1."""
     return positioning.state in (OUT, STANDBY)
 
 
-@compiled
+@inlined
 def _reached(axis: Any) -> bool:
     """ZSW1.10: the axis is at its target, or no motion is active, or a task is (AKD, edition B, 5.5)."""
     if axis.profidrive.settings.reached_without_task == REACHED_NO_MOTION:
@@ -37,13 +37,13 @@ def _reached(axis: Any) -> bool:
     )
 
 
-@compiled
+@inlined
 def _rests(axis: Any) -> bool:
     """ZSW1.13, where it means that the axis stands."""
     return standing(axis) and (not axis.positioning.settings.rest_without_task or _basic(axis.positioning))
 
 
-@compiled
+@inlined
 def position_bits(axis: Any) -> int:
     """Bits 8 and 10 to 14 of ZSW1 in position mode (AKD PROFINET manual 5.5; HIWIN E1 manual 3.5.2)."""
     word = 0
@@ -66,7 +66,7 @@ def position_bits(axis: Any) -> int:
     return word
 
 
-@compiled
+@inlined
 def first_position_word(machine: Any, asked: Any, positioning: Any) -> int:
     """POS_ZSW1 (HIWIN E1 manual 3.14)."""
     word = (int(machine.limit_switch) & 0x3) << 8
@@ -79,7 +79,7 @@ def first_position_word(machine: Any, asked: Any, positioning: Any) -> int:
     return word
 
 
-@compiled
+@inlined
 def second_position_word(axis: Any) -> int:
     """POS_ZSW2 (HIWIN E1 manual 3.15)."""
     word = 0
@@ -94,7 +94,7 @@ def second_position_word(axis: Any) -> int:
     return word
 
 
-@compiled
+@inlined
 def actual_task(profidrive: Any, asked: Any, positioning: Any) -> int:
     """AKTSATZ: the number of the running motion task; 0 for none.  Bit 15 alone: the MDI submode.
 

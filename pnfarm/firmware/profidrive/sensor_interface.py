@@ -32,7 +32,7 @@ from pnfarm.firmware.profidrive.telegram import nearest, signed32
 from pnfarm.firmware.transitions import as_array, possible
 from pnfarm.table.axis_codes import SENSOR_PARKING
 from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW
 
 __all__ = ["PRIORITY", "TRANSITIONS", "step_sensor"]
@@ -155,7 +155,7 @@ _POSSIBLE = possible(TRANSITIONS, STATES)
 _PRIORITY = np.array(PRIORITY, np.int64)
 
 
-@compiled
+@inlined
 def _activation_error(sensor: Any, word: int, probing: int) -> int:
     """Error code of activating the functions of ``word``, 0 for none."""
     aborted = MEASURING_ABORTED if probing else SEARCH_ABORTED
@@ -167,7 +167,7 @@ def _activation_error(sensor: Any, word: int, probing: int) -> int:
     return 0
 
 
-@compiled
+@inlined
 def _reading_error(sensor: Any, word: int, probing: int) -> int:
     """Error code of reading the value that ``word`` requests, 0 for none: one value at a time, and only if found."""
     if sensor.state == WAIT_MARK and sensor.active:
@@ -181,7 +181,7 @@ def _reading_error(sensor: Any, word: int, probing: int) -> int:
     return NO_MEASURED_VALUE if probing else NO_REFERENCE_VALUE
 
 
-@compiled
+@inlined
 def _trouble(drive: Any, sensor: Any, word: int) -> int:
     """Error code of this step, 0 for none."""
     if sensor.error:
@@ -238,7 +238,7 @@ def _forget(sensor: Any) -> None:
     sensor.read = 0
 
 
-@compiled
+@inlined
 def _activate(sensor: Any, word: int) -> None:
     """Activate the functions of ``word``; values of the other kind are dropped."""
     probing = 1 if word & ON_THE_FLY else 0
@@ -250,7 +250,7 @@ def _activate(sensor: Any, word: int) -> None:
     sensor.found = int(sensor.found) & ~wanted & ALL_FUNCTIONS
 
 
-@compiled
+@inlined
 def _read_value(sensor: Any, word: int) -> None:
     for function in range(4):
         if word & (1 << function):
@@ -297,7 +297,7 @@ def _advance(sensor: Any, held: int, word: int, before: int, trouble: int) -> No
         return
 
 
-@compiled
+@inlined
 def _cancel(sensor: Any, word: int) -> None:
     """Command 3: cancel the functions of ``word``, or all if it names none."""
     if (word & COMMAND) >> COMMAND_SHIFT == CANCEL:
@@ -326,7 +326,7 @@ def _status(machine: Any, sensor: Any, word: int) -> int:
     return int(status) & int(sensor.settings.status_bits)
 
 
-@compiled
+@inlined
 def _sends_absolute(state: int, word: int) -> bool:
     return word & ABSOLUTE != 0 and 1 << state & SHOWS_ABSOLUTE != 0
 
@@ -337,7 +337,7 @@ def _count(sensor: Any, place: float, step: float) -> int:
     return signed32(nearest((place - sensor.zero) / step))
 
 
-@compiled
+@inlined
 def _second_value(motor: Any, sensor: Any, measurement: Any, word: int) -> int:
     """G1_XIST2: an error's code, else a value that is read, else the absolute position."""
     step = sensor.settings.step_2 if sensor.settings.step_2 > 0.0 else sensor.settings.step
@@ -353,7 +353,7 @@ def _second_value(motor: Any, sensor: Any, measurement: Any, word: int) -> int:
     return 0
 
 
-@compiled
+@inlined
 def _control_word(profidrive: Any, sensor: Any, image: Any) -> int:
     """G1_STW in force: 0 without valid set points, the last one while set points are held."""
     if profidrive.setpoints == SETPOINTS_NONE:
@@ -366,7 +366,7 @@ def _control_word(profidrive: Any, sensor: Any, image: Any) -> int:
     return int(image.received[G1_STW]) & int(sensor.settings.bits)
 
 
-@compiled
+@inlined
 def _watch_encoder(faults: Any, sensor: Any) -> None:
     """Report a failing encoder as an error until acknowledged; not while it is parked."""
     faulty = encoder_faulty(faults, sensor)
@@ -379,7 +379,7 @@ def _watch_encoder(faults: Any, sensor: Any) -> None:
         sensor.error = 0
 
 
-@compiled
+@inlined
 def step_sensor(axis: Any, image: Any) -> None:
     """Once in each firmware step, after the motor: carry out G1_STW, and update G1_ZSW and the positions."""
     if axis.sensor.settings.bits == 0:

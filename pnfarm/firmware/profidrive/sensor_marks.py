@@ -12,7 +12,7 @@ from typing import Any
 
 from pnfarm.firmware.causes import NUMBER_MASK, cause_held
 from pnfarm.table.axis_codes import EDGE_FALLING, FAULT_SLOTS, MARK_NONE, MARK_PROBE_1, MARK_ZERO
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["ALL_FUNCTIONS", "can_wait", "cause_stays", "encoder_faulty", "look_for_marks"]
 
@@ -20,7 +20,7 @@ __all__ = ["ALL_FUNCTIONS", "can_wait", "cause_stays", "encoder_faulty", "look_f
 ALL_FUNCTIONS = 0x0F
 
 
-@compiled
+@inlined
 def encoder_faulty(faults: Any, sensor: Any) -> bool:
     """Whether the drive shows the encoder's own fault."""
     number = int(sensor.settings.fault) & NUMBER_MASK
@@ -30,18 +30,18 @@ def encoder_faulty(faults: Any, sensor: Any) -> bool:
     return found
 
 
-@compiled
+@inlined
 def cause_stays(faults: Any, sensor: Any) -> bool:
     """Whether the encoder cannot be read now."""
     return cause_held(faults, int(sensor.settings.fault))
 
 
-@compiled
+@inlined
 def _probe_there(sensor: Any, probe: int) -> bool:
     return sensor.settings.probe_mode == 0 and sensor.settings.probe_inputs[probe] != 0
 
 
-@compiled
+@inlined
 def can_wait(sensor: Any, function: int, probing: int) -> bool:
     """Whether a function (0 to 3) has a mark or a probe to wait for."""
     if probing:
@@ -59,7 +59,7 @@ def _found(sensor: Any, function: int) -> None:
     sensor.found = int(sensor.found) | 1 << function
 
 
-@compiled
+@inlined
 def _zero_mark_passed(motor: Any, sensor: Any) -> bool:
     """Whether the shaft passed its zero mark since the last step."""
     now = motor.measured_position
@@ -67,7 +67,7 @@ def _zero_mark_passed(motor: Any, sensor: Any) -> bool:
     return (now > before and floor(now) > floor(before)) or (now < before and ceil(now) < ceil(before))
 
 
-@compiled
+@inlined
 def look_for_marks(machine: Any, motor: Any, sensor: Any) -> None:
     """Record the marks and edges of active functions that occurred since the last step."""
     inputs = int(machine.inputs)

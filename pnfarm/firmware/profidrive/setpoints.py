@@ -7,7 +7,7 @@ from typing import Any
 from pnfarm.firmware.interpolation import interpolates, take_position
 from pnfarm.firmware.jog import by_sequence
 from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 from pnfarm.table.signals import JOG_SPEED_1, KPC, TORQUE_LIMIT_POSITIVE, XERR, XSOLL_A
 
 __all__ = ["take_cyclic", "take_jog_speeds", "take_torque_limits"]
@@ -16,7 +16,7 @@ __all__ = ["take_cyclic", "take_jog_speeds", "take_torque_limits"]
 THOUSANDTH = 0.001
 
 
-@compiled
+@inlined
 def take_torque_limits(profidrive: Any, torque: Any, image: Any) -> None:
     """Once in each step: the torque limits, from parameters or from a telegram whose set points are valid."""
     for direction in range(2):
@@ -28,7 +28,7 @@ def take_torque_limits(profidrive: Any, torque: Any, image: Any) -> None:
             ) * THOUSANDTH
 
 
-@compiled
+@inlined
 def take_jog_speeds(profidrive: Any, jog: Any, image: Any) -> None:
     """The two jogging speeds, from parameters or from a telegram with valid set points (Moog MSD manual 10.3.3)."""
     if not by_sequence(jog):
@@ -40,7 +40,7 @@ def take_jog_speeds(profidrive: Any, jog: Any, image: Any) -> None:
             jog.speeds[which] = image.received[JOG_SPEED_1 + which] * profidrive.settings.velocity_step
 
 
-@compiled
+@inlined
 def take_cyclic(axis: Any, image: Any, now: int) -> None:
     """Once in each step: positions to follow, and the deviation that dynamic servo control counts from (XERR)."""
     if image.filled != axis.interpolation.frames_told:

@@ -19,7 +19,7 @@ from typing import Any
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.profidrive.status_word import second_status_word
 from pnfarm.table.axis_codes import LIFE_FAILED, LIFE_GOOD, LIFE_TOLD
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.signals import STW2, ZSW2
 
 __all__ = ["check_life", "count_life", "following", "forget_life"]
@@ -43,7 +43,7 @@ def following(count: int, frames: int) -> int:
     return 1 + (count + frames - 1) % LARGEST
 
 
-@compiled
+@inlined
 def forget_life(life: Any) -> None:
     """Cyclic data started again: nothing is known of the controller's count."""
     life.seen = 0
@@ -52,7 +52,7 @@ def forget_life(life: Any) -> None:
     life.failed = LIFE_GOOD
 
 
-@compiled
+@inlined
 def count_life(axis: Any, image: Any) -> None:
     """Evaluate the frames since the last call, if any."""
     frames = (int(image.frames) - int(axis.life.frames)) & 0xFFFFFFFF
@@ -90,7 +90,7 @@ def count_life(axis: Any, image: Any) -> None:
         axis.life.failed = LIFE_FAILED
 
 
-@compiled
+@inlined
 def check_life(faults: Any, life: Any, now: int) -> None:
     """Raise the model's fault once too many signs of life failed."""
     if life.failed == LIFE_FAILED:

@@ -11,12 +11,12 @@ from pnfarm.table.axis_readings import (
     SPEED_REACHED_OR_EXCEEDED,
     SPEED_REACHED_WINDOW,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["speed_bits", "speed_reached"]
 
 
-@compiled
+@inlined
 def speed_reached(motor: Any, ramp: Any, jog: Any, measurement: Any) -> bool:
     """ZSW1.10 in speed control: the speed is reached or exceeded."""
     wanted = jog.speed if jog.sequence else ramp.setpoint
@@ -28,7 +28,7 @@ def speed_reached(motor: Any, ramp: Any, jog: Any, measurement: Any) -> bool:
     return abs(velocity) <= ramp.settings.velocity_window
 
 
-@compiled
+@inlined
 def speed_bits(axis: Any) -> int:
     """Bits 8 and 10 of ZSW1 in speed control."""
     word = 0

@@ -11,7 +11,7 @@ from pnfarm.firmware.motor import torque_controlled
 from pnfarm.firmware.profidrive.speed_status import speed_reached
 from pnfarm.firmware.torque_limits import gives_all
 from pnfarm.table.axis_codes import RAMP_GENERATED
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["second_status_msd", "status_msd", "take_generator"]
 
@@ -50,7 +50,7 @@ def _as_in_the_profile(profidrive: Any) -> bool:
     return profidrive.settings.profile_mode in (1, 3)
 
 
-@compiled
+@inlined
 def status_msd(axis: Any, word: int) -> int:
     """ZSW1 by tables 10.8 and 10.16, from the profile's ``word``."""
     velocity = measured_velocity(axis.motor, axis.measurement)
@@ -75,7 +75,7 @@ def status_msd(axis: Any, word: int) -> int:
     return moog
 
 
-@compiled
+@inlined
 def second_status_msd(axis: Any) -> int:
     """ZSW2 by tables 10.9 and 10.17, without the sign of life."""
     word = int(axis.profidrive.generator)
@@ -95,7 +95,7 @@ def second_status_msd(axis: Any) -> int:
     return word | (int(axis.machine.inputs) & INPUTS) << INPUT_SHIFT
 
 
-@compiled
+@inlined
 def take_generator(axis: Any) -> None:
     """Once in each step, after the motor: update the state of the profile generator."""
     speed = axis.profile.velocity if axis.drive.settings.opmode == 2 else axis.ramp.command

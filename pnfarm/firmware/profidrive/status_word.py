@@ -8,7 +8,7 @@ from pnfarm.firmware.profidrive.position_status import position_bits
 from pnfarm.firmware.profidrive.speed_status import speed_bits
 from pnfarm.firmware.profidrive.status_msd import second_status_msd, status_msd
 from pnfarm.table.axis_codes import CONTROL_BY_PLC, STATUS_MOOG
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["second_status_word", "status_word"]
 
@@ -16,7 +16,7 @@ __all__ = ["second_status_word", "status_word"]
 LIFE_SHIFT = 12
 
 
-@compiled
+@inlined
 def _control_requested(drive: Any, profidrive: Any) -> bool:
     """ZSW1.9: the drive requests control, or the bit shows STW1.10."""
     return drive.state > 0 and (
@@ -55,14 +55,14 @@ def _as_in_the_profile(axis: Any) -> int:
     return word
 
 
-@compiled
+@inlined
 def status_word(axis: Any) -> int:
     """ZSW1."""
     word = _as_in_the_profile(axis)
     return status_msd(axis, word) if axis.profidrive.settings.status_form == STATUS_MOOG else word
 
 
-@compiled
+@inlined
 def second_status_word(axis: Any) -> int:
     """ZSW2: the drive's sign of life, and in some telegrams whether pulses are enabled.
 

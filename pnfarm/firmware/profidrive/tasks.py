@@ -25,7 +25,7 @@ from pnfarm.table.axis_codes import (
     TASKS_TARPOS,
 )
 from pnfarm.table.axis_readings import REAL_TIME_JOG_WITH_TASKS, SETPOINTS_HELD, SETPOINTS_TAKEN
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.signals import (
     HOME_DIST,
     HOME_MODE,
@@ -79,7 +79,7 @@ def ramp_step(own: float, jog: float, ramp: float) -> float:
     return (jog if jog > 0.0 else ramp) / WHOLE
 
 
-@compiled
+@inlined
 def _jog_asked(orders: Any, jog: Any, asked: Any, positioning: Any, stw1: int) -> int:
     if by_sequence(jog):
         return JOG_SEQUENCE if jog.sequence else JOG_NONE
@@ -95,7 +95,7 @@ def _jog_asked(orders: Any, jog: Any, asked: Any, positioning: Any, stw1: int) -
     return JOG_STILL if jog.bits else JOG_NONE
 
 
-@compiled
+@inlined
 def _take_homing(profidrive: Any, homing: Any, image: Any, step: float) -> None:
     """Homing method and distance of the telegram, where it has these signals (AKD PROFINET manual 5.11.7, 5.11.8)."""
     homing.method_in_force = homing.settings.method
@@ -107,7 +107,7 @@ def _take_homing(profidrive: Any, homing: Any, image: Any, step: float) -> None:
         homing.distance_in_force = image.received[HOME_DIST] * step
 
 
-@compiled
+@inlined
 def _acceleration(profidrive: Any, image: Any) -> int:
     """MDI_ACC; if the telegram's is 0, its PNU, where the model says so (AKD: telegram 352)."""
     word = int(image.received[MDI_ACC]) & 0xFFFF
@@ -121,7 +121,7 @@ def _ramp(profidrive: Any, word: int) -> int:
     return 0 if profidrive.settings.task_ramps_signed and word & 0x8000 else word
 
 
-@compiled
+@inlined
 def _take_command(commands: Any, asked: Any, motion_tasks: Any) -> bool:
     """The motion task that a command starts; false for none."""
     if commands.task == 0:
@@ -132,7 +132,7 @@ def _take_command(commands: Any, asked: Any, motion_tasks: Any) -> bool:
     return True
 
 
-@compiled
+@inlined
 def _take_data(profidrive: Any, ramp: Any, jog: Any, asked: Any, image: Any, step: float) -> None:
     """The data of a task from MDI_*: telegram 9 and similar ones."""
     asked.position = image.received[MDI_TARPOS] * step
@@ -159,7 +159,7 @@ def _take_data(profidrive: Any, ramp: Any, jog: Any, asked: Any, image: Any, ste
     asked.backwards = 1 if profidrive.stw1 & BACKWARDS else 0
 
 
-@compiled
+@inlined
 def _take_target(profidrive: Any, ramp: Any, asked: Any, positioning: Any, image: Any, position: float) -> None:
     """A target of the telegram, or a driving set's, with the telegram's velocity and the ramps in force.
 
@@ -193,7 +193,7 @@ def _take_target(profidrive: Any, ramp: Any, asked: Any, positioning: Any, image
     asked.position = position
 
 
-@compiled
+@inlined
 def _take_set(axis: Any, image: Any, step: float) -> None:
     """The driving set that SATZANW names; one that does not exist begins nothing."""
     number = int(image.received[SATZANW]) & NUMBER
@@ -212,7 +212,7 @@ def _take_set(axis: Any, image: Any, step: float) -> None:
     axis.asked.begins = 0
 
 
-@compiled
+@inlined
 def _set_reference(axis: Any) -> None:
     """Make the present position the reference point; the target of a running absolute task moves with it."""
     before = axis.homing.origin
@@ -223,7 +223,7 @@ def _set_reference(axis: Any) -> None:
         axis.profile.target += axis.homing.origin - before
 
 
-@compiled
+@inlined
 def _take_position_words(axis: Any, image: Any) -> None:
     """POS_STW1, POS_STW2 and OVERRIDE (HIWIN E1 manual 3.9 and 3.10): telegram 111."""
     axis.asked.relative = 0 if image.received[POS_STW1] & POS_ABSOLUTE else 1
@@ -235,14 +235,14 @@ def _take_position_words(axis: Any, image: Any) -> None:
     axis.asked.pos_stw2 = word
 
 
-@compiled
+@inlined
 def _take_mode(asked: Any, image: Any) -> None:
     """MDI_MOD, and the MDI bit of SATZANW: telegram 9 of the profile and similar ones."""
     asked.relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
     asked.mdi = 1 if image.received[SATZANW] & MDI_SELECTED else 0
 
 
-@compiled
+@inlined
 def _take_signals(axis: Any, image: Any, step: float) -> None:
     """Take the requested task from the telegram's signals; ``profidrive.task_form`` is evaluated here only."""
     form = int(axis.profidrive.settings.task_form)
@@ -268,7 +268,7 @@ def _take_signals(axis: Any, image: Any, step: float) -> None:
         select_task(axis.asked, axis.motion_tasks, int(image.received[SATZANW]) & NUMBER)
 
 
-@compiled
+@inlined
 def take_task(axis: Any, image: Any) -> None:
     """The signals of this step in physical units; ``asked.begins`` is set on the edge that starts a task."""
     axis.asked.begins = 0

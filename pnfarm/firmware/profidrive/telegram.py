@@ -19,7 +19,7 @@ from pnfarm.firmware.reported import drive_inputs, motion_status
 from pnfarm.firmware.torque_limits import torque_limited
 from pnfarm.firmware.travel import position_number
 from pnfarm.table.axis_codes import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.signals import (
     ACT_CURRENT,
     ACT_SPEED,
@@ -77,7 +77,7 @@ TORQUE_COMMAND_COUNTS = 1
 _SENT_BACK = np.array(SENT_BACK, np.int64)
 
 
-@compiled
+@inlined
 def signed16(word: int) -> int:
     """A 16-bit signal as a signed number."""
     word &= 0xFFFF
@@ -123,7 +123,7 @@ def clamp_unsigned(value: float) -> int:
     return min(0xFFFF, max(0, nearest(value)))
 
 
-@compiled
+@inlined
 def message_word(axis: Any) -> int:
     """MELDW (HIWIN E1 manual 3.16); bit 8 is always set there."""
     word = 0x0100
@@ -151,7 +151,7 @@ def long_step(short: float, own: float) -> float:
     return own if own > 0.0 else short / B_STEPS
 
 
-@compiled
+@inlined
 def _torque_step(profidrive: Any, motor: Any) -> float:
     """N m of one increment of torque signals: its own, or that of currents (AKD PROFINET manual 5.12.4)."""
     return (
@@ -161,7 +161,7 @@ def _torque_step(profidrive: Any, motor: Any) -> float:
     )
 
 
-@compiled
+@inlined
 def no_setpoints(torque: Any, ramp: Any) -> None:
     """Without a controller: speed and torque are zero, the ramps are the drive's own."""
     ramp.setpoint = 0.0
@@ -170,7 +170,7 @@ def no_setpoints(torque: Any, ramp: Any) -> None:
     ramp.down = ramp.settings.deceleration
 
 
-@compiled
+@inlined
 def from_setpoints(axis: Any, image: Any) -> None:
     """Velocity and torque from their signals; ramps from DRV_ACC and DRV_DEC.
 
@@ -210,7 +210,7 @@ def _beside(profidrive: Any, image: Any) -> None:
             image.sent[FIRST_SHOWN + place] = profidrive.settings.shown[place]
 
 
-@compiled
+@inlined
 def to_actuals(axis: Any, image: Any) -> None:
     """Status words, actual velocity, current, messages and the position signals."""
     image.sent[ZSW1] = axis.profidrive.zsw1
