@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiled import compiled
 
 __all__ = ["ROOM_FACTOR", "pack_block"]
 
@@ -30,7 +30,7 @@ _ENHANCED_PACKET = 6
 _BEFORE, _AFTER = 28, 16
 
 
-@inlined
+@compiled
 def pack_block(
     ring: Any,
     words: Any,

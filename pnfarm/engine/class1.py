@@ -58,40 +58,40 @@ LEAST_PLACE = HEADER + IPV4 + TO_PLACE
 PROTOCOL_UDP = 17
 
 
-@compiled
+@inlined
 def _big(frame: Any, place: int) -> int:
     return int((signed(frame[place]) << 8) | signed(frame[place + 1]))
 
 
-@compiled
+@inlined
 def _little(frame: Any, place: int) -> int:
     return int(signed(frame[place]) | (signed(frame[place + 1]) << 8))
 
 
-@compiled
+@inlined
 def _little32(frame: Any, place: int) -> int:
     return int(_little(frame, place) | (_little(frame, place + 2) << 16))
 
 
-@compiled
+@inlined
 def _put_big(frame: Any, place: int, value: int) -> None:
     frame[place] = (value >> 8) & 0xFF
     frame[place + 1] = value & 0xFF
 
 
-@compiled
+@inlined
 def _put_little(frame: Any, place: int, value: int) -> None:
     frame[place] = value & 0xFF
     frame[place + 1] = (value >> 8) & 0xFF
 
 
-@compiled
+@inlined
 def _put_little32(frame: Any, place: int, value: int) -> None:
     _put_little(frame, place, value & 0xFFFF)
     _put_little(frame, place + 2, (value >> 16) & 0xFFFF)
 
 
-@compiled
+@inlined
 def _network(frame: Any) -> int:
     """Offset of the IPv4 header; a frame shorter than that has none."""
     return HEADER + TAG if _big(frame, 12) == ETHERTYPE_VLAN else HEADER
@@ -127,7 +127,7 @@ def locate(frame: Any, length: int) -> int:
     return int(place) if known else 0
 
 
-@compiled
+@inlined
 def identity(frame: Any, place: int) -> int:
     """The connection id."""
     return _little32(frame, place)
@@ -157,18 +157,18 @@ def comes_from(consumer: Any, frame: Any) -> bool:
     return bool(source == consumer.source and address == consumer.address)
 
 
-@compiled
+@inlined
 def _item(channel: Any, data: int) -> int:
     """Offset of the sequence count in front of the data."""
     return int(data - COUNT - RUN_IDLE * signed(channel.run_idle))
 
 
-@compiled
+@inlined
 def _sequence(channel: Any, frame: Any, data: int) -> int:
     return _little32(frame, _item(channel, data) - ITEM - 4)
 
 
-@compiled
+@inlined
 def _sum(frame: Any, first: int, last: int) -> int:
     """Sum of the big-endian words from ``first`` up to ``last``; a single octet at the end counts as one with zero."""
     total = 0
@@ -179,7 +179,7 @@ def _sum(frame: Any, first: int, last: int) -> int:
     return total
 
 
-@compiled
+@inlined
 def _folded(total: int) -> int:
     while total >> 16:
         total = (total & 0xFFFF) + (total >> 16)
@@ -219,7 +219,7 @@ def refused(consumer: Any, frame: Any, length: int, data: int) -> int:  # noqa: 
     return -1
 
 
-@compiled
+@inlined
 def repeats(consumer: Any, frame: Any, data: int) -> bool:
     """Whether a packet brings the data of the one before once more."""
     return bool(consumer.state == RUN and _little(frame, _item(consumer, data)) == consumer.counter)
@@ -237,14 +237,14 @@ def provider_ran(consumer: Any) -> int:
     return int(consumer.data_status)
 
 
-@compiled
+@inlined
 def elapsed(consumer: Any, frame: Any, length: int, data: int) -> int:  # noqa: ARG001 - as in every framing
     """Time by the sender's sequence count since the packet that was taken last, ns."""
     ahead = (_little(frame, _item(consumer, data)) - signed(consumer.counter)) & 0xFFFF
     return int(ahead * consumer.cycle_ns)
 
 
-@compiled
+@inlined
 def take(consumer: Any, frame: Any, length: int, data: int) -> None:
     """Store what the next packet is compared with."""
     if repeats(consumer, frame, data):
@@ -271,7 +271,7 @@ def _finish(frame: Any, udp: int) -> None:
     _put_big(frame, udp + 6, checksum or 0xFFFF)
 
 
-@compiled
+@inlined
 def _datagram(provider: Any) -> int:
     """Offset of the UDP header."""
     return _item(provider, signed(provider.data_offset)) - ITEM - ADDRESS_LENGTH - TO_PLACE
@@ -302,7 +302,7 @@ def seal(provider: Any, frame: Any) -> None:
 # changes of a complete frame
 
 
-@compiled
+@inlined
 def count_of(provider: Any, frame: Any, which: int) -> int:
     """The sequence number, or the sequence count."""
     data = signed(provider.data_offset)
@@ -311,7 +311,7 @@ def count_of(provider: Any, frame: Any, which: int) -> int:
     return _sequence(provider, frame, data)
 
 
-@compiled
+@inlined
 def change_count(provider: Any, frame: Any, count: int, which: int) -> None:
     """Write the sequence number or the sequence count; for both, the number, and move the count by as much."""
     item = _item(provider, signed(provider.data_offset))
@@ -325,7 +325,7 @@ def change_count(provider: Any, frame: Any, count: int, which: int) -> None:
     _finish(frame, _datagram(provider))
 
 
-@compiled
+@inlined
 def change_status(provider: Any, frame: Any, bit: int) -> None:
     """Clear the bit of RUN in the run/idle header, if there is one; there is no other."""
     if provider.run_idle and bit == STATUS_RUN:
@@ -333,7 +333,7 @@ def change_status(provider: Any, frame: Any, bit: int) -> None:
         _finish(frame, _datagram(provider))
 
 
-@compiled
+@inlined
 def change_id(provider: Any, frame: Any, amount: int, absolute: bool) -> None:
     """Add to the connection id, or write it."""
     place = _item(provider, signed(provider.data_offset)) - ITEM - ADDRESS_LENGTH
@@ -342,7 +342,7 @@ def change_id(provider: Any, frame: Any, amount: int, absolute: bool) -> None:
     _finish(frame, _datagram(provider))
 
 
-@compiled
+@inlined
 def resize(provider: Any, frame: Any, length: int, amount: int) -> int:
     """Lengthen the data by octets of zero, or cut them; the frame's new length."""
     data = signed(provider.data_offset)

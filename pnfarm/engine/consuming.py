@@ -19,7 +19,7 @@ from pnfarm.table.channel import (
     IOXS_GOOD,
     RUN,
 )
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.engine_row import FIRST_FRAME, IOPS_CHANGED, PROVIDER_CHANGED, emit
 from pnfarm.table.image import LOST_NOT, LOST_STOP
 from pnfarm.table.signals import PART_HIGH, PART_LOW, WORD_NONE
@@ -27,7 +27,7 @@ from pnfarm.table.signals import PART_HIGH, PART_LOW, WORD_NONE
 __all__ = ["accept", "accept_rtc", "check", "check_rtc", "zero"]
 
 
-@compiled
+@inlined
 def zero(consumer: Any, image: Any) -> None:
     """The set points that a consumer brings, in the process image."""
     for i in range(consumer.words):
@@ -42,7 +42,7 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
     ``first`` is 1 where the more significant octet of a telegram word is the second one.
     """
 
-    @compiled
+    @inlined
     def _unpack(consumer: Any, image: Any, frame: Any, data: int) -> None:
         """Telegram words into the process image."""
         for i in range(consumer.words):
@@ -71,7 +71,7 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
             return 0
         return int(data)
 
-    @compiled
+    @inlined
     def _accept(
         engine: Any,
         events: Any,
@@ -151,7 +151,7 @@ def check(consumer: Any, frame: Any, length: int, place: int) -> int:
     return 0
 
 
-@compiled
+@inlined
 def accept(
     engine: Any,
     events: Any,

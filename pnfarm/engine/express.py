@@ -24,7 +24,7 @@ import numpy as np
 from pnfarm.engine.fence import acquire, release
 from pnfarm.engine.libc import MSG_DONTWAIT, sendto
 from pnfarm.errors import EnvironmentError_
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["Express", "forget_placed", "no_express", "open_express", "place_frame", "room", "send_placed"]
 
@@ -125,7 +125,7 @@ def _bind(opened: socket.socket, interface: int) -> None:
         raise OSError(code, os.strerror(code))
 
 
-@compiled
+@inlined
 def room(express: Express) -> int:
     """How many frames can be placed now; none while the kernel does not take those before."""
     if express.taken[0] != express.given[0]:

@@ -93,7 +93,7 @@ def make_vectors(addresses: list[tuple[int, bytes, bytes]], packet: bytes = b"")
     return vectors
 
 
-@compiled
+@inlined
 def _empty(ring: ReceiveRing, counts: Any) -> None:
     """Look at each frame of a ring, as the engine has to, and give it back."""
     slots = ring.words.shape[0] // SLOT_WORDS
@@ -111,7 +111,7 @@ def _empty(ring: ReceiveRing, counts: Any) -> None:
     counts[0] += count
 
 
-@inlined
+@compiled
 def run_floor(
     descriptor: int,
     ring: ReceiveRing,
@@ -167,7 +167,7 @@ def run_floor(
             due = now - now % period + period
 
 
-@inlined
+@compiled
 def copy_floor(sent: Any, taken: Any, rounds: int) -> int:
     """Copy each frame of ``sent`` (frames, octets) to its place in ``taken`` and read it there, ``rounds`` times."""
     total = 0

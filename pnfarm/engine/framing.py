@@ -22,14 +22,14 @@ __all__ = [
 ]  # fmt: skip
 
 
-@compiled
+@inlined
 def locate(frame: Any, length: int) -> int:
     """Offset of the id of a received frame, before its row is known; 0 for a frame of another kind."""
     place = rtc.locate(frame, length)
     return place or class1.locate(frame, length)
 
 
-@compiled
+@inlined
 def identity(frame: Any, place: int) -> int:
     """The frame id or connection id at ``place``."""
     if place < class1.LEAST_PLACE:
@@ -37,7 +37,7 @@ def identity(frame: Any, place: int) -> int:
     return class1.identity(frame, place)
 
 
-@compiled
+@inlined
 def fits(consumer: Any, frame: Any, length: int, place: int) -> int:
     """Offset of the data in a frame whose id is at ``place``; 0 for a frame of another length than agreed."""
     if consumer.framing == FRAMING_RTC:
@@ -47,7 +47,7 @@ def fits(consumer: Any, frame: Any, length: int, place: int) -> int:
     return 0
 
 
-@compiled
+@inlined
 def comes_from(consumer: Any, frame: Any) -> bool:
     """Whether the peer of the channel sent this frame."""
     if consumer.framing == FRAMING_CLASS1:
@@ -64,14 +64,14 @@ def start(provider: Any) -> None:
         class1.start(provider)
 
 
-@compiled
+@inlined
 def advance(provider: Any, cycles: int) -> None:
     """This many cycles of a provider have passed; CIP's sequences count what is sent."""
     if provider.framing == FRAMING_RTC:
         rtc.advance(provider, cycles)
 
 
-@compiled
+@inlined
 def count_of(provider: Any, frame: Any, length: int, which: int) -> int:
     """The cycle counter of a complete frame, or one of its sequences (:mod:`pnfarm.table.impairment`)."""
     if provider.framing == FRAMING_RTC:
@@ -79,7 +79,7 @@ def count_of(provider: Any, frame: Any, length: int, which: int) -> int:
     return class1.count_of(provider, frame, which) if provider.framing == FRAMING_CLASS1 else 0
 
 
-@compiled
+@inlined
 def change_count(provider: Any, frame: Any, length: int, count: int, which: int) -> None:
     """Write the cycle counter of a complete frame, or one of its sequences, or move both."""
     if provider.framing == FRAMING_RTC:
@@ -88,7 +88,7 @@ def change_count(provider: Any, frame: Any, length: int, count: int, which: int)
         class1.change_count(provider, frame, count, which)
 
 
-@compiled
+@inlined
 def change_status(provider: Any, frame: Any, length: int, bit: int) -> None:
     """Clear a bit of the data status of a complete frame; of these, a run/idle header has only RUN."""
     if provider.framing == FRAMING_RTC:
@@ -97,7 +97,7 @@ def change_status(provider: Any, frame: Any, length: int, bit: int) -> None:
         class1.change_status(provider, frame, bit)
 
 
-@compiled
+@inlined
 def change_id(provider: Any, frame: Any, amount: int, absolute: bool) -> None:
     """Add to the frame id or connection id of a complete frame, or write it."""
     if provider.framing == FRAMING_RTC:
@@ -106,7 +106,7 @@ def change_id(provider: Any, frame: Any, amount: int, absolute: bool) -> None:
         class1.change_id(provider, frame, amount, absolute)
 
 
-@compiled
+@inlined
 def resize(provider: Any, frame: Any, length: int, amount: int) -> int:
     """Lengthen or cut the data of a complete frame; its new length."""
     if provider.framing == FRAMING_RTC:

@@ -28,7 +28,7 @@ def sent_port(ppm: Any, held: Any, row: int) -> int:
     return signed(ppm[row].exit) if ppm[row].exit != 0 else signed(ppm[row].port)
 
 
-@compiled
+@inlined
 def copy_octets(place: Any, frame: Any, length: int) -> None:
     """Copy the first ``length`` octets of a frame into another row of the store.
 
@@ -38,7 +38,7 @@ def copy_octets(place: Any, frame: Any, length: int) -> None:
         place[i] = frame[i]
 
 
-@compiled
+@inlined
 def _before(held: Any, one: int, other: int) -> bool:
     if held[one].due_ns != held[other].due_ns:
         return bool(held[one].due_ns < held[other].due_ns)
@@ -61,7 +61,7 @@ def _sink(held: Any, order: Any, place: int, count: int) -> None:
         place = child
 
 
-@compiled
+@inlined
 def free_slot(order: Any, count: int, busy: int) -> int:
     """A free slot, which stays free until :func:`put`; -1 when all are in use."""
     return int(order[count + busy]) if count + busy < order.shape[0] else -1
@@ -109,7 +109,7 @@ def release_all(held: Any, order: Any, count: int, impairments: Any, now: int) -
         _sink(held, order, i, count)
 
 
-@compiled
+@inlined
 def forget(held: Any, order: Any, count: int, row: int) -> None:
     """The channel ``row`` was closed: drop what waits for it."""
     for i in range(count):

@@ -54,7 +54,7 @@ LINE_OCTETS = 24
 LARGEST_COUNT = 15
 
 
-@compiled
+@inlined
 def _random32(row: Any) -> int:
     """xorshift64*: the next 32 random bits of this row's own sequence."""
     x = int(row.random) & 0x7FFFFFFFFFFFFFFF
@@ -65,7 +65,7 @@ def _random32(row: Any) -> int:
     return (x >> 16) & 0xFFFFFFFF
 
 
-@compiled
+@inlined
 def _meets(row: Any, threshold: int) -> bool:
     return threshold == ALWAYS or _random32(row) < threshold
 
@@ -91,7 +91,7 @@ def chosen(row: Any) -> bool:
     return _meets(row, int(row.hit_bad) if row.left > 0 else int(row.hit_good))
 
 
-@compiled
+@inlined
 def _in_force(impairments: Any, row: Any, now: int) -> bool:
     """Whether this impairment may act on the present frame; counts that it was checked."""
     if now < row.start_ns or (row.stop_ns != 0 and now >= row.stop_ns):
@@ -115,7 +115,7 @@ def _count(row: Any, now: int) -> None:
     row.last_ns = now
 
 
-@compiled
+@inlined
 def _activates(impairments: Any, row: Any, now: int) -> bool:
     """Whether this impairment acts on the present frame; counts the evidence."""
     if not _in_force(impairments, row, now) or not chosen(row):
@@ -298,7 +298,7 @@ def impair_received(
     return HELD if due > now else outcome
 
 
-@inlined
+@compiled
 def impair_sent(
     engine: Any,
     impairments: Any,

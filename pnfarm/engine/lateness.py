@@ -9,7 +9,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.station.lateness import Lateness
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiled import compiled
 from pnfarm.table.late import LATE_ROWS
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ LOOP_ENTRIES = 1024
 SAMPLES = 4096
 
 
-@inlined
+@compiled
 def note_late(engine: Any, rows: Any, due: int, now: int, waited: int) -> None:
     """A tick that was due at ``due`` began at ``now``; its oldest frame had waited for ``waited`` ns."""
     late = max(0, now - due)

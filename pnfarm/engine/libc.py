@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.table.compiled import IS_COMPILED, compiled
+from pnfarm.table.compiled import IS_COMPILED, inlined
 
 __all__ = [
     "CLOCK_BOOTTIME",
@@ -65,7 +65,7 @@ else:
     write = _function("write", _word, _int, _word, _word)
 
 
-@compiled
+@inlined
 def time_ns(clock: int, timespec: Any) -> int:
     """``clock`` in nanoseconds; ``timespec`` is an int64[2] to work in."""
     clock_gettime(clock, timespec.ctypes.data)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 from pnfarm.table.engine_row import CONTROL_BIT_CHANGED, emit
 from pnfarm.table.observed import PEAK_WINDOW_NS
 from pnfarm.table.signals import STW1
@@ -62,7 +62,7 @@ def observe(engine: Any, events: Any, row: Any, axis: Any, image: Any, number: i
             _control_word(engine, events, row, word, number, now)
 
 
-@compiled
+@inlined
 def fault_began(row: Any, now: int) -> None:
     """A fault was raised; the first one of a situation begins the measurement of the reaction."""
     if row.fault_ns == 0:
@@ -70,7 +70,7 @@ def fault_began(row: Any, now: int) -> None:
         row.changed = 0
 
 
-@compiled
+@inlined
 def fault_ended(row: Any) -> None:
     """All faults were acknowledged."""
     row.fault_ns = 0

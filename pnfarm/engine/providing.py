@@ -9,7 +9,7 @@ from typing import Any
 
 from pnfarm.engine import class1, rtc
 from pnfarm.table.channel import FRAMING_CLASS1, FRAMING_RTC, IOXS_BAD, IOXS_GOOD
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.signals import PART_HIGH, WORD_NONE
 
 __all__ = ["pack", "pack_rtc"]
@@ -18,7 +18,7 @@ __all__ = ["pack", "pack_rtc"]
 def _made_for(framing: Any, first: int) -> Any:
     """``first`` is 1 where the more significant octet of a telegram word is the second one."""
 
-    @compiled
+    @inlined
     def _pack(provider: Any, image: Any, frame: Any) -> None:
         for i in range(provider.words):
             code = int(provider.word_code[i])

@@ -19,7 +19,7 @@ from pnfarm.engine.lateness import LATE_NS, note_late
 from pnfarm.engine.libc import CLOCK_MONOTONIC, CLOCK_REALTIME, TIMER_ABSTIME, clock_nanosleep, time_ns, write
 from pnfarm.engine.receive_ring import give_back, take_batch
 from pnfarm.engine.rings import Ring, make_ring, send_batch
-from pnfarm.engine.tick import next_due, receive_from, tick
+from pnfarm.engine.tick import first_due, one_tick, receive_from
 from pnfarm.errors import InternalError
 from pnfarm.table.compiled import compiled
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
@@ -44,7 +44,7 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
     engine = columns.engine[0]
     told = engine.event_head
     now = time_ns(CLOCK_MONOTONIC, ring.clock)
-    due = next_due(columns, now)
+    due = first_due(columns, now)
     engine.due_ns = due
     while engine.stop == 0 and (until == 0 or now < until):
         if due > now:
@@ -64,30 +64,27 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
         offset = FAR_FUTURE
         if ring.stamped:
             offset = now - time_ns(CLOCK_REALTIME, ring.clock)
-        count = take_batch(columns, ring.received, now, offset)
-        waited = now - columns.rx_ns[0] if count else 0
-        if late > LATE_NS or waited > engine.tick_ns + LATE_NS:
-            note_late(engine, columns.late, due, now, waited)
-        batches = 0
-        while count > 0:
-            receive_from(columns, ring.received.octets, columns.rx_place, count)
-            give_back(ring.received, count)
-            batches += 1
-            count = take_batch(columns, ring.received, now, offset) if batches < MAX_BATCHES else 0
-        if ring.beside.words.shape[0] > 0:
-            count = take_batch(columns, ring.beside, now, offset)
+        for turn in range(2):
+            source = ring.received if turn == 0 else ring.beside
+            if source.words.shape[0] == 0:
+                continue
+            count = take_batch(columns, source, now, offset)
+            if turn == 0:
+                waited = now - columns.rx_ns[0] if count else 0
+                if late > LATE_NS or waited > engine.tick_ns + LATE_NS:
+                    note_late(engine, columns.late, due, now, waited)
             batches = 0
             while count > 0:
-                receive_from(columns, ring.beside.octets, columns.rx_place, count)
-                give_back(ring.beside, count)
+                receive_from(columns, source.octets, columns.rx_place, count)
+                give_back(source, count)
                 batches += 1
-                count = take_batch(columns, ring.beside, now, offset) if batches < MAX_BATCHES else 0
-        send_batch(columns, ring, tick(columns, 0, now))
+                count = take_batch(columns, source, now, offset) if batches < MAX_BATCHES else 0
+        send_batch(columns, ring, one_tick(columns, 0, now))
         if engine.event_head != told:
             told = engine.event_head
             engine.wakes += 1
             write(wake, one.ctypes.data, 8)
-        due = next_due(columns, now)
+        due = first_due(columns, now)
         engine.due_ns = due
         after = time_ns(CLOCK_MONOTONIC, ring.clock)
         engine.busy_ns += after - now

@@ -31,7 +31,7 @@ from pnfarm.engine.fence import acquire, release
 from pnfarm.engine.libc import MSG_DONTWAIT, recv
 from pnfarm.errors import EnvironmentError_
 from pnfarm.table.channel import FRAME_SLOT
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["SLOT", "SLOT_WORDS", "ReceiveRing", "give_back", "open_receive_ring", "receive_ring", "take_batch"]
 
@@ -109,7 +109,7 @@ def _take_whole(columns: Columns, descriptor: int, count: int, length: int) -> i
     return length if got == length else 0
 
 
-@compiled
+@inlined
 def take_batch(columns: Columns, ring: ReceiveRing, now: int, offset: int) -> int:
     """Note place, length, port and arrival of up to RX_BATCH frames that are there; returns their number.
 
@@ -147,7 +147,7 @@ def take_batch(columns: Columns, ring: ReceiveRing, now: int, offset: int) -> in
     return count
 
 
-@compiled
+@inlined
 def give_back(ring: ReceiveRing, count: int) -> None:
     """Return the first ``count`` slots to the kernel."""
     words = ring.words

@@ -56,14 +56,14 @@ def locate(frame: Any, length: int) -> int:
     return place if kind == ETHERTYPE_PROFINET else 0
 
 
-@compiled
+@inlined
 def fits(consumer: Any, frame: Any, length: int, place: int) -> int:  # noqa: ARG001 - as in every framing
     """Offset of the data after the frame id at ``place``; 0 for a frame of another length than agreed."""
     data = place + FRAME_ID
     return data if length == data + consumer.data_length + TRAILER else 0
 
 
-@compiled
+@inlined
 def comes_from(consumer: Any, frame: Any) -> bool:
     """Whether the frame has the MAC address of the peer."""
     address = 0
@@ -85,7 +85,7 @@ def refused(consumer: Any, frame: Any, length: int, data: int) -> int:  # noqa: 
     return DISCARD_TRANSFER if frame[trailer + 3] != 0 else -1
 
 
-@compiled
+@inlined
 def repeats(consumer: Any, frame: Any, data: int) -> bool:  # noqa: ARG001 - as in every framing
     """A frame that repeats the one before is refused by its counter."""
     return False
@@ -103,13 +103,13 @@ def provider_ran(consumer: Any) -> int:
     return int(consumer.data_status) & STATUS_RUN
 
 
-@compiled
+@inlined
 def elapsed(consumer: Any, frame: Any, length: int, data: int) -> int:  # noqa: ARG001 - as in every framing
     """Time by the sender's cycle counter since the frame that was taken last, ns; it wraps after 2.048 s."""
     return ((_counter(frame, length - TRAILER) - int(consumer.counter)) & 0xFFFF) * SEND_CLOCK_NS
 
 
-@compiled
+@inlined
 def take(consumer: Any, frame: Any, length: int, data: int) -> None:  # noqa: ARG001 - as in every framing
     """Store what the next frame is compared with."""
     trailer = length - TRAILER
@@ -117,7 +117,7 @@ def take(consumer: Any, frame: Any, length: int, data: int) -> None:  # noqa: AR
     consumer.data_status = frame[trailer + 2]
 
 
-@compiled
+@inlined
 def _counter(frame: Any, trailer: int) -> int:
     return (int(frame[trailer]) << 8) | int(frame[trailer + 1])
 
@@ -128,7 +128,7 @@ def start(provider: Any) -> None:
     provider.counter = (provider.next_ns // SEND_CLOCK_NS) & 0xFFFF
 
 
-@compiled
+@inlined
 def advance(provider: Any, cycles: int) -> None:
     """This many cycles have passed."""
     provider.counter = (int(provider.counter) + cycles * int(provider.counter_step)) & 0xFFFF
@@ -147,26 +147,26 @@ def seal(provider: Any, frame: Any) -> None:
 # changes of a complete frame
 
 
-@compiled
+@inlined
 def count_of(frame: Any, length: int) -> int:
     """The cycle counter."""
     return signed(_counter(frame, length - TRAILER))
 
 
-@compiled
+@inlined
 def change_count(frame: Any, length: int, count: int) -> None:
     """Write the cycle counter."""
     frame[length - TRAILER] = (count >> 8) & 0xFF
     frame[length - TRAILER + 1] = count & 0xFF
 
 
-@compiled
+@inlined
 def change_status(frame: Any, length: int, bit: int) -> None:
     """Clear a bit of the data status."""
     frame[length - TRAILER + 2] &= 0xFF ^ bit
 
 
-@compiled
+@inlined
 def change_id(frame: Any, data: int, amount: int, absolute: bool) -> None:
     """Add to the frame id in front of the data, or write it."""
     place = data - FRAME_ID
@@ -176,7 +176,7 @@ def change_id(frame: Any, data: int, amount: int, absolute: bool) -> None:
     frame[place + 1] = frame_id & 0xFF
 
 
-@compiled
+@inlined
 def resize(frame: Any, data: int, length: int, amount: int) -> int:
     """Lengthen the IO data by octets of zero, or cut them; the frame's new length."""
     end = max(data, min(length - TRAILER + amount, frame.shape[0] - TRAILER))

@@ -51,7 +51,17 @@ from pnfarm.table.engine_row import (
 from pnfarm.table.held import INWARD, OUTWARD
 from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_STOP
 
-__all__ = ["next_due", "next_step", "receive", "receive_from", "run_firmware", "tick", "transmit"]
+__all__ = [
+    "first_due",
+    "next_due",
+    "next_step",
+    "one_tick",
+    "receive",
+    "receive_from",
+    "run_firmware",
+    "tick",
+    "transmit",
+]
 
 #: Between two ticks of a table whose rows send nothing and whose drives are not due earlier.
 LONGEST_STEP_NS = 4_000_000
@@ -158,13 +168,7 @@ def _release_ended(columns: Columns, now: int) -> None:
     release_all(columns.held, columns.held_order[INWARD], int(engine.held_in), columns.impairment, now)
 
 
-@compiled
-def receive(columns: Columns, count: int) -> None:
-    """Take ``count`` frames out of the receive slots; one with an error is only counted."""
-    receive_from(columns, columns.rx_octets, columns.rx_slot, count)
-
-
-@compiled
+@inlined
 def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None:
     """Take ``count`` frames, which begin at ``places`` in ``octets``, or below 0 in the receive slots."""
     engine = columns.engine[0]
@@ -209,6 +213,12 @@ def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None
             accept(engine, events, images, number, consumer, frame, length, data, columns.rx_ns[i])
 
 
+@compiled
+def receive(columns: Columns, count: int) -> None:
+    """Take ``count`` frames out of the receive slots; one with an error is only counted."""
+    receive_from(columns, columns.rx_octets, columns.rx_slot, count)
+
+
 @inlined
 def _take_back(consumer: Any, image: Any) -> None:
     """Clear the set points of a consumer that ended, because the next one may carry another telegram.
@@ -222,7 +232,7 @@ def _take_back(consumer: Any, image: Any) -> None:
     consumer.fed = 0
 
 
-@compiled
+@inlined
 def _watch(engine: Any, consumers: Any, images: Any, events: Any, now: int) -> None:
     """Data hold timers, and rows that the station opened or closed since the last tick."""
     for number in range(engine.cpm_rows):
@@ -314,7 +324,7 @@ def run_firmware(columns: Columns, now: int) -> None:
             emit(engine, events, PHASE_CHANGED, number, now, (int(phase) << 8) | int(program.phase))
 
 
-@compiled
+@inlined
 def _go_on(provider: Any, cycles: int) -> None:
     """Set the next frame's due time this many cycles later, by the provider's own clock."""
     provider.next_ns += cycles * provider.cycle_ns
@@ -325,7 +335,7 @@ def _go_on(provider: Any, cycles: int) -> None:
         provider.slipped_ns = slipped - whole
 
 
-@compiled
+@inlined
 def _transmit(
     engine: Any,
     providers: Any,
@@ -415,13 +425,13 @@ def transmit(columns: Columns, now: int) -> int:
     )
 
 
-@compiled
-def tick(columns: Columns, count: int, now: int) -> int:
+@inlined
+def one_tick(columns: Columns, count: int, now: int) -> int:
     """One whole tick with ``count`` received frames; returns how many frames to send."""
     engine = columns.engine[0]
     if engine.ended != engine.ended_seen:
         _release_ended(columns, now)
-    receive(columns, count)
+    receive_from(columns, columns.rx_octets, columns.rx_slot, count)
     if engine.held_in > 0:
         _release_received(columns, now)
     _watch(engine, columns.cpm, columns.image, columns.events, now)
@@ -454,6 +464,12 @@ def tick(columns: Columns, count: int, now: int) -> int:
 
 
 @compiled
+def tick(columns: Columns, count: int, now: int) -> int:
+    """:func:`one_tick` for callers in Python."""
+    return one_tick(columns, count, now)
+
+
+@inlined
 def _first_due(engine: Any, providers: Any, held: Any, held_order: Any, now: int) -> int:
     # on the grid of tick_ns, so that a farm at rest and a farm at work tick at the same times
     due = now - now % engine.tick_ns + engine.tick_ns
@@ -481,7 +497,7 @@ def _first_step(engine: Any, axes: Any, now: int) -> int:
     return max((first + grid - 1) // grid, now // grid + 1) * grid
 
 
-@inlined
+@compiled
 def next_step(columns: Columns, now: int) -> int:
     """When the next tick is due where nothing is sent by rows: as a drive steps, a trace or a condition is looked at.
 
@@ -490,7 +506,13 @@ def next_step(columns: Columns, now: int) -> int:
     return int(_first_step(columns.engine[0], columns.axis, now))
 
 
-@compiled
-def next_due(columns: Columns, now: int) -> int:
+@inlined
+def first_due(columns: Columns, now: int) -> int:
     """When the next tick is due: at the next frame to send, at the latest ``tick_ns`` from ``now``."""
     return int(_first_due(columns.engine[0], columns.ppm, columns.held, columns.held_order, now))
+
+
+@compiled
+def next_due(columns: Columns, now: int) -> int:
+    """:func:`first_due` for callers in Python."""
+    return first_due(columns, now)

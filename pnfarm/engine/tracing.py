@@ -141,7 +141,7 @@ def _take_sample(
     trace.head += 1
 
 
-@compiled
+@inlined
 def sample(  # the arrays one by one: a named tuple of all columns costs 200 ns to hand over
     engine: Any,
     events: Any,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.table.axis_codes import FAULT_ACTIONS, FAULT_SLOTS
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["NUMBER_MASK", "cause_held", "ignored"]
 
@@ -13,7 +13,7 @@ __all__ = ["NUMBER_MASK", "cause_held", "ignored"]
 NUMBER_MASK = 0xFFFFFF
 
 
-@compiled
+@inlined
 def cause_held(faults: Any, code: int) -> bool:
     """Whether the cause of the fault ``code`` is present; false for code 0, no fault."""
     number = code & NUMBER_MASK
@@ -23,7 +23,7 @@ def cause_held(faults: Any, code: int) -> bool:
     return held
 
 
-@compiled
+@inlined
 def ignored(faults: Any, code: int) -> bool:
     """Whether a parameter keeps this fault from being raised (AKD PROFINET manual 5.6: FAULT130.ACTION and others)."""
     number = code & NUMBER_MASK

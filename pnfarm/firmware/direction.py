@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["shaft_sign", "take_direction"]
 
 
-@compiled
+@inlined
 def shaft_sign(direction: Any) -> float:
     """1, or -1 for a drive that counts against its shaft's direction."""
     return -1.0 if direction.turned else 1.0

@@ -56,7 +56,7 @@ def _situations(faults: Any) -> int:
     return count
 
 
-@compiled
+@inlined
 def _changed(faults: Any) -> None:
     faults.changes = (int(faults.changes) + 1) & 0xFFFF
 
@@ -95,7 +95,7 @@ def raise_fault(faults: Any, code: int, now: int) -> None:
             return
 
 
-@compiled
+@inlined
 def _hold(faults: Any, code: int) -> None:
     free = -1
     for i in range(FAULT_SLOTS):
@@ -107,7 +107,7 @@ def _hold(faults: Any, code: int) -> None:
         faults.held[free] = code
 
 
-@compiled
+@inlined
 def _release(faults: Any, number: int) -> None:
     for i in range(FAULT_SLOTS):
         if (faults.held[i] & NUMBER_MASK) == number:

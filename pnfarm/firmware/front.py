@@ -18,7 +18,7 @@ from pnfarm.firmware.profidrive import axis_program as profidrive_program
 from pnfarm.firmware.profidrive import front as profidrive
 from pnfarm.firmware.profidrive.parameter_words import exchange
 from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, FIRMWARE_PROFIDRIVE
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["show_state", "step_program", "take_orders", "tells"]
 
@@ -45,7 +45,7 @@ def show_state(axis: Any, image: Any) -> None:
         ethernetip.show_assembly(axis, image)
 
 
-@compiled
+@inlined
 def tells(axis: Any, image: Any, now: int) -> bool:
     """Whether ``image.parameter_task``, which the event loop is to carry out, is to be reported now."""
     if axis.front == FIRMWARE_ETHERNETIP:
@@ -53,7 +53,7 @@ def tells(axis: Any, image: Any, now: int) -> bool:
     return axis.profidrive.settings.parameter_channel != 0 and exchange(image, now)
 
 
-@compiled
+@inlined
 def step_program(program: Any, image: Any, now: int) -> None:
     """One step of a controller's program: the drive's status in, control word and set points out."""
     if program.front == FIRMWARE_ETHERNETIP:

@@ -74,13 +74,13 @@ FAILED = 9
 ON_THE_MARK = 1e-6
 
 
-@compiled
+@inlined
 def _sought(homing: Any) -> int:
     method = int(homing.method_in_force)
     return int(_SOUGHT[method]) if method < len(_SOUGHT) else UNKNOWN
 
 
-@compiled
+@inlined
 def _run(motor: Any, travel: Any, profile: Any, homing: Any, way: float, velocity: float) -> None:
     """Move in a direction, without a target."""
     homing.sense = way
@@ -93,7 +93,7 @@ def _run(motor: Any, travel: Any, profile: Any, homing: Any, way: float, velocit
     profile.mode = PROFILE_VELOCITY
 
 
-@compiled
+@inlined
 def _go(axis: Any, target: float, velocity: float) -> None:
     """Move to a position."""
     axis.profile.target = target
@@ -103,7 +103,7 @@ def _go(axis: Any, target: float, velocity: float) -> None:
     axis.profile.mode = PROFILE_TARGET
 
 
-@compiled
+@inlined
 def _next_mark(place: float, way: float) -> float:
     return ceil(place + ON_THE_MARK) if way > 0.0 else floor(place - ON_THE_MARK)
 
@@ -164,7 +164,7 @@ def _found(axis: Any, place: float, way: float) -> None:
         )
 
 
-@compiled
+@inlined
 def _turn(motor: Any, travel: Any, profile: Any, homing: Any, leg: int) -> None:
     homing.leg = leg
     _run(motor, travel, profile, homing, -homing.sense, homing.settings.velocity)

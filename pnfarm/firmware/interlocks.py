@@ -46,7 +46,7 @@ from pnfarm.table.axis_codes import (
     QUICK_STOP_STAYS,
     SENSOR_PARKING,
 )
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["at_once", "enabled_by_hardware", "quick_stop_ramp", "take_interlocks", "torque_free", "with_interlocks"]
 
@@ -73,7 +73,7 @@ def take_interlocks(axis: Any) -> None:
         axis.drive.enable_rose = 1
 
 
-@compiled
+@inlined
 def _stays(drive: Any) -> bool:
     return drive.settings.quick_stop_option > QUICK_STOP_STAYS
 
@@ -124,7 +124,7 @@ def quick_stop_ramp(drive: Any, ramp: Any, usual: float) -> float:
     return ramp.down if option == QUICK_STOP_RAMP else usual
 
 
-@compiled
+@inlined
 def at_once(drive: Any) -> bool:
     """Whether the present quick stop has no ramp: speed 0 at the current limit."""
     option = int(drive.settings.quick_stop_option)

@@ -18,7 +18,7 @@ from math import floor
 from typing import Any
 
 from pnfarm.table.axis_codes import RAMP_GENERATED, RAMP_PASSED_BY
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = [
     "POSITION_MODE",
@@ -46,7 +46,7 @@ RPM = 60.0
 POSITION_MODE = 2
 
 
-@compiled
+@inlined
 def follows(drive: Any, orders: Any, ramp: Any, interpolation: Any) -> bool:
     """Whether cyclic positions move the axis now: interpolating mode, and nothing holds set points back."""
     return (
@@ -61,7 +61,7 @@ def generator_in_force(ramp: Any) -> int:
     return RAMP_GENERATED if left else int(ramp.settings.generator)
 
 
-@compiled
+@inlined
 def interpolates(drive: Any, ramp: Any, interpolation: Any) -> bool:
     """Whether the axis is in a mode in which it follows cyclic positions."""
     return (

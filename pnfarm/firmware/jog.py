@@ -16,7 +16,7 @@ import numpy as np
 
 from pnfarm.table.axis_codes import CONFIG_PROFILE_JOG, JOG_SEQUENCES
 from pnfarm.table.axis_readings import BOTH_FIRST_SPEED, BOTH_KEEP
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["ENDING_FORM", "MAKERS_FORM", "PROFILES_FORM", "by_sequence", "excluded", "take_jog", "take_jog_bits"]
 
@@ -63,7 +63,7 @@ MAKERS, PROFILES, ENDING = 0, 1, 2
 BOTH = 0x3
 
 
-@compiled
+@inlined
 def by_sequence(jog: Any) -> bool:
     """Whether jogging follows the sequence of its bits; else each of them is a speed."""
     return jog.settings.form == JOG_SEQUENCES
@@ -82,7 +82,7 @@ def take_jog_bits(orders: Any, jog: Any) -> None:
     jog.bits = bits
 
 
-@compiled
+@inlined
 def excluded(orders: Any, jog: Any, begun: bool) -> bool:
     """Whether other orders keep a jog from beginning, or end one that has ``begun``."""
     return orders.jog_barred != 0 and not (begun and jog.settings.begun_lasts)

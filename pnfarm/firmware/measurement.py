@@ -44,7 +44,7 @@ def _next(measurement: Any) -> int:
     return (state >> UPPER & HALF) + (state >> LOWER & HALF)
 
 
-@compiled
+@inlined
 def _normal(measurement: Any) -> float:
     """A number of mean 0 and variance 1."""
     return (_next(measurement) + _next(measurement) - MEAN) * SCALE
@@ -63,7 +63,7 @@ def measure(measurement: Any) -> None:
     measurement.position_deviation = measurement.settings.position_noise * _normal(measurement)
 
 
-@compiled
+@inlined
 def measured_velocity(motor: Any, measurement: Any) -> float:
     """The shaft's speed as the drive measures it, rpm."""
     return motor.velocity + measurement.velocity_deviation
@@ -81,7 +81,7 @@ def measured_torque(motor: Any, measurement: Any) -> float:
     return motor.torque + motor.settings.torque_constant * measurement.current_deviation
 
 
-@compiled
+@inlined
 def measured_position(motor: Any, measurement: Any) -> float:
     """The shaft's position as the encoder reports it, rev."""
     return motor.measured_position + measurement.position_deviation

@@ -32,7 +32,7 @@ from pnfarm.firmware.supply import bus_below, mains
 from pnfarm.firmware.torque_limits import most_torque
 from pnfarm.firmware.travel import fastest
 from pnfarm.table.axis_codes import FASTEST_RPM
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = [
     "brake_holds",
@@ -113,7 +113,7 @@ class Constants(NamedTuple):
     drive_fall: float
 
 
-@compiled
+@inlined
 def _inverse(value: float) -> float:
     """1 / ``value``, 0 for what the drive lacks."""
     return 1.0 / value if value > 0.0 else 0.0
@@ -169,19 +169,19 @@ def constants_of(axis: Any, seconds: float) -> Constants:
     )
 
 
-@compiled
+@inlined
 def motor_step_ns(motor: Any) -> int:
     """Longest step of controllers and motor."""
     return int(motor.settings.step_ns) or MOTOR_STEP_NS
 
 
-@compiled
+@inlined
 def brake_holds(brake: Any) -> bool:
     """Whether there is a holding brake and it is not open."""
     return brake.settings.torque > 0.0 and not brake.open
 
 
-@compiled
+@inlined
 def torque_controlled(orders: Any, drive: Any, brake: Any) -> bool:
     """Whether the torque set point is in control: only in operation, because stops are ramps of the speed."""
     return not orders.halt and drive.state == 4 and drive.settings.opmode == TORQUE_MODE and not brake_holds(brake)
@@ -198,7 +198,7 @@ def _step_brake(brake: Any, open_it: bool, seconds: float) -> None:
         brake.open = brake.asked
 
 
-@compiled
+@inlined
 def _speed(brake: Any, constants: Constants, omega: float, drive: float, per: float) -> float:
     """The shaft's speed after the step, rad/s, for a torque of ``drive - slope * speed`` N m.
 
@@ -214,13 +214,13 @@ def _speed(brake: Any, constants: Constants, omega: float, drive: float, per: fl
     return (moving - dry if moving > 0.0 else moving + dry) * per
 
 
-@compiled
+@inlined
 def _per(constants: Constants, slope: float) -> float:
     """``per`` of :func:`_speed` for a slope that is seldom: most have theirs among the constants."""
     return constants.per_damped / (1.0 + slope * constants.per_damped)
 
 
-@compiled
+@inlined
 def _given(foldback: Any, motor: Any, constants: Constants, wanted: float) -> float:
     """``wanted`` within the limits of its direction, N m."""
     folded = motor.settings.torque_constant * foldback.current
@@ -249,7 +249,7 @@ def _fed_forward(constants: Constants, motor: Any, positioning: Any, profile: An
     return 0.0 if positioning.state == 0 else constants.fed * change
 
 
-@compiled
+@inlined
 def _speed_limit(motor: Any, travel: Any, side: int) -> float:
     """The limit of the speed forwards (``side`` 1) or backwards (-1), rad/s with its sign."""
     return side * fastest(motor, travel, inf, side > 0) * RPM_TO_RAD

@@ -14,7 +14,7 @@ from typing import Any
 from pnfarm.firmware.supply import bus_below
 from pnfarm.firmware.travel import limits_reached
 from pnfarm.table.axis_codes import WARNING_SLOTS
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["warned", "watch_warnings"]
 
@@ -28,7 +28,7 @@ def warned(warnings: Any, number: int) -> bool:
     return number != 0 and at < WARNING_SLOTS
 
 
-@compiled
+@inlined
 def _append(warnings: Any, count: int, number: int) -> int:
     """Append a warning to the first ``count``, unless it is among them; returns the new count."""
     if number == 0 or count == WARNING_SLOTS:

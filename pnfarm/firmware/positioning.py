@@ -204,7 +204,7 @@ def _asked_target(axis: Any) -> float:
     return axis.homing.origin + _rounds(axis.motor, axis.travel, axis.positioning, axis.homing) + axis.asked.position
 
 
-@compiled
+@inlined
 def _rounds(motor: Any, travel: Any, positioning: Any, homing: Any) -> float:
     """By how much XIST_A has wrapped at its 32 bits, rev: an absolute target is a number that XIST_A shows."""
     if positioning.settings.targets_counted_on:
@@ -213,7 +213,7 @@ def _rounds(motor: Any, travel: Any, positioning: Any, homing: Any) -> float:
     return rounds * ROUND * travel.settings.position_step
 
 
-@compiled
+@inlined
 def _fastest_there(motor: Any, travel: Any, positioning: Any, profile: Any, velocity: float) -> float:
     """The velocity of a task, with a target or without, within the limits of its direction."""
     if positioning.endless:
@@ -236,7 +236,7 @@ def _start_task(axis: Any) -> None:
     _aim(axis)
 
 
-@compiled
+@inlined
 def _passes(positioning: Any, motion_tasks: Any) -> bool:
     """Whether the running task changes over to the next one at its target without a stop."""
     if positioning.task < 0:
@@ -245,7 +245,7 @@ def _passes(positioning: Any, motion_tasks: Any) -> bool:
     return int(motion_tasks.settings.kind[int(positioning.task)]) & both == both
 
 
-@compiled
+@inlined
 def _aim(axis: Any) -> None:
     """Head for the target of the running task; a task that passes it does not brake for it."""
     axis.profile.top = _fastest_there(

@@ -117,7 +117,7 @@ def _run_up(profile: Any, target: float, seconds: float) -> None:
     profile.raw_velocity = velocity
 
 
-@compiled
+@inlined
 def _move(profile: Any, seconds: float) -> None:
     if profile.mode == PROFILE_TARGET:
         _trapezoid(profile, seconds)
@@ -127,7 +127,7 @@ def _move(profile: Any, seconds: float) -> None:
         _run_up(profile, 0.0, seconds)
 
 
-@compiled
+@inlined
 def begin_profile(profile: Any) -> None:
     """Start from the axis' present commanded position and velocity."""
     velocity = profile.velocity * PER_SECOND
@@ -181,7 +181,7 @@ def step_profile(profile: Any, seconds: float) -> None:
         profile.position = profile.raw_position
 
 
-@compiled
+@inlined
 def profile_over(profile: Any) -> bool:
     """Whether the axis stands at its target, or has come to the requested stop."""
     if profile.raw_velocity != 0.0 or profile.velocity != 0.0:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from math import pi, sin
 from typing import Any
 
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 from pnfarm.table.program import CONSTANT, RAMP, RUNNING, SINE
 
 __all__ = ["begin_leg", "enter", "runs", "speed_of"]
 
 
-@compiled
+@inlined
 def enter(program: Any, phase: int, now: int) -> None:
     """Be in this phase, from now on if it is another one."""
     if program.phase != phase:
@@ -38,14 +38,14 @@ def speed_of(program: Any, now: int) -> float:
     return 0.0
 
 
-@compiled
+@inlined
 def begin_leg(program: Any, leg: int, now: int) -> None:
     """A program of positions goes on."""
     program.leg = leg
     program.leg_ns = now
 
 
-@compiled
+@inlined
 def runs(program: Any, now: int) -> None:
     """The axis came into operation."""
     program.run_ns = now

@@ -91,7 +91,7 @@ def _jog_command(motor: Any, ramp: Any, travel: Any, jog: Any, seconds: float) -
     ramp.command = approach(ramp.command, limited(motor, travel, target), up, down, seconds)
 
 
-@compiled
+@inlined
 def _servo(axis: Any, seconds: float) -> None:
     """Dynamic servo control; orders to the ramp generator act as for a speed that bypasses it."""
     if axis.orders.setpoint and axis.orders.ramp_runs and axis.orders.ramp:

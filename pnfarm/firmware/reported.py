@@ -14,13 +14,13 @@ from pnfarm.table.compiled import compiled, inlined
 __all__ = ["at_target", "drive_inputs", "has_task", "motion_status", "standing"]
 
 
-@compiled
+@inlined
 def has_task(positioning: Any) -> bool:
     """Whether a task runs, or waits in an intermediate stop."""
     return positioning.state in (TASK, INTERMEDIATE_STOP)
 
 
-@compiled
+@inlined
 def standing(axis: Any) -> bool:
     """Whether the axis is reported at rest: no profile moves it, and the shaft does not turn.
 
@@ -33,7 +33,7 @@ def standing(axis: Any) -> bool:
     return abs(measured_velocity(axis.motor, axis.measurement)) <= axis.ramp.settings.standstill
 
 
-@compiled
+@inlined
 def at_target(motor: Any, positioning: Any, profile: Any, measurement: Any) -> bool:
     """Whether the last task ended in its target, and the shaft is there.
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from pnfarm.firmware.transitions import as_array, possible
 from pnfarm.table.axis_codes import POWER_ENABLE, POWER_NO_COAST, POWER_NO_QUICK_STOP, POWER_ON
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["PRIORITY", "S5_FAULT", "S5_QUICK", "S5_RAMP", "TRANSITIONS", "advance", "conditions"]
 
@@ -109,7 +109,7 @@ _POSSIBLE = possible(TRANSITIONS, STATES)
 _PRIORITY = np.array(PRIORITY, np.int64)
 
 
-@compiled
+@inlined
 def conditions(power: int, faulty: int, reaction: int, standing: int, booted: int) -> int:
     """The events that hold now, as a bit set.
 

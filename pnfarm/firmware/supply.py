@@ -9,7 +9,7 @@ from typing import Any
 
 from pnfarm.firmware.causes import cause_held
 from pnfarm.table.axis_codes import LACKS_SUPPLY
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["bus_below", "mains"]
 
@@ -21,7 +21,7 @@ def _supplied(drive: Any, faults: Any, supply: Any) -> bool:
     )
 
 
-@compiled
+@inlined
 def mains(drive: Any, faults: Any, supply: Any) -> float:
     """The lowest voltage to which the mains let the DC link fall, V; 0 without mains."""
     return float(supply.settings.nominal) if _supplied(drive, faults, supply) else 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["gives_all", "most_torque", "torque_limited"]
 
@@ -17,7 +17,7 @@ __all__ = ["gives_all", "most_torque", "torque_limited"]
 ROUNDING = 1e-9
 
 
-@compiled
+@inlined
 def most_torque(motor: Any, torque: Any, homing: Any, direction: int) -> float:
     """The lower of a direction's limit and what the peak current allows, N m; direction 0 is forwards."""
     limit = torque.settings.limit_negative if direction else torque.settings.limit_positive
@@ -28,7 +28,7 @@ def most_torque(motor: Any, torque: Any, homing: Any, direction: int) -> float:
     return float(min(limit, motor.settings.torque_constant * current))
 
 
-@compiled
+@inlined
 def gives_all(axis: Any, direction: int, near: float) -> bool:
     """Whether the torque in this direction has reached its limit, or is within the part ``near`` of it."""
     if axis.drive.state < 4:

@@ -9,7 +9,7 @@ from pnfarm.table.compiled import compiled, inlined
 __all__ = ["at_limit_switch", "fastest", "limits_reached", "position_number", "take_ramps", "within_limits"]
 
 
-@compiled
+@inlined
 def position_number(travel: Any, homing: Any, place: float) -> int:
     """A shaft position in position steps; XIST_A is its lower 32 bits."""
     return round((place - homing.origin) / travel.settings.position_step)
@@ -26,7 +26,7 @@ def within_limits(travel: Any, homing: Any, target: float) -> bool:
     return not (travel.settings.software_limits & 0x2 and place > travel.settings.high)
 
 
-@compiled
+@inlined
 def at_limit_switch(machine: Any, direction: float) -> bool:
     """Whether the limit switch in this direction (any number above or below 0) is pressed."""
     return (direction > 0.0 and machine.limit_switch & 0x2 != 0) or (
@@ -34,7 +34,7 @@ def at_limit_switch(machine: Any, direction: float) -> bool:
     )
 
 
-@compiled
+@inlined
 def fastest(motor: Any, travel: Any, velocity: float, forwards: bool) -> float:
     """A velocity, 0 or more, within the limits of motor and parameters in one direction, rpm."""
     limit = min(
@@ -46,7 +46,7 @@ def fastest(motor: Any, travel: Any, velocity: float, forwards: bool) -> float:
     return min(velocity, limit)
 
 
-@compiled
+@inlined
 def take_ramps(profile: Any, velocity: float, up: float, down: float) -> None:
     """Set velocity, rpm, and ramps, rpm/s, of the next profile."""
     profile.top = velocity

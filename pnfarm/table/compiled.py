@@ -1,11 +1,12 @@
-"""The decorator of all functions that run each tick.
+"""The decorators of all functions that run each tick.
 
 ``@compiled`` is ``numba.njit(nogil=True, cache=True)`` with this package's own cache
 (:mod:`pnfarm.table.code_cache`).  ``NUMBA_DISABLE_JIT=1`` leaves the plain functions in place, for a debugger and for
 coverage.
 
-A function whose name begins with an underscore is called by compiled code only: no wrapper for calls from Python is
-made, and such a call would crash.
+``@inlined`` is for what is small or has one caller, and is called by compiled code only.  A ``@compiled`` function whose
+name begins with an underscore is called by compiled code only as well: no wrapper for calls from Python is made, and
+such a call would crash.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numba
 from numba import types
 
 from pnfarm.table.code_cache import REAL_TIME, cache_directory, is_cached, kept_functions, mark_cached
+from pnfarm.table.inlining import keep_parts_as_they_are
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -34,6 +36,7 @@ def _prepare() -> bool:
     # Numba formats the types of the arguments in each of its passes and look-ups, even if no event listener is
     # registered.  A nested record builds that text each time, a tenth of all compile time; its name does as well.
     types.Record.__repr__ = types.Type.__repr__
+    keep_parts_as_they_are()
     try:
         cache_directory().mkdir(parents=True, exist_ok=True)
     except OSError:
@@ -60,11 +63,12 @@ def compiled(function: _F) -> _F:
 
 
 def inlined(function: _F) -> _F:
-    """As :func:`compiled`, for a function with one or two callers: it becomes part of them.
+    """As :func:`compiled`, for a function that is small or has one caller: it becomes part of compiled callers.
 
     LLVM alone leaves many of these apart: each call saves registers, and returns a status that its caller looks at.
+    It has no machine code of its own (:mod:`pnfarm.table.inlining`), and a call from Python would crash.
     """
-    return _compiled(function, no_cfunc_wrapper=True, forceinline=True)
+    return _compiled(function, no_cfunc_wrapper=True, is_part=True)
 
 
 def compiled_apart(function: _F) -> _F:
@@ -85,7 +89,7 @@ def _ignore_literals(dispatcher: Any) -> None:
         )
 
 
-def _compiled(function: _F, *, no_cfunc_wrapper: bool, forceinline: bool = False) -> _F:
+def _compiled(function: _F, *, no_cfunc_wrapper: bool, is_part: bool = False) -> _F:
     global _functions  # noqa: PLW0603 - a count of what this decorator was given
     _functions += 1
     others = numba.config.CACHE_LOCATOR_CLASSES
@@ -94,11 +98,11 @@ def _compiled(function: _F, *, no_cfunc_wrapper: bool, forceinline: bool = False
         dispatcher = numba.njit(
             function,
             nogil=True,
-            cache=True,
+            cache=not is_part,
             error_model="numpy",
             no_cfunc_wrapper=no_cfunc_wrapper,
-            forceinline=forceinline,
-            no_cpython_wrapper=function.__name__.startswith("_"),
+            forceinline=is_part,
+            no_cpython_wrapper=is_part or function.__name__.startswith("_"),
             # compiled functions allocate nothing and keep nothing: an array is its caller's.  Counting references to
             # it was a tenth of the time of a frame.
             _nrt=False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from from_python import called
 
 from pnfarm.engine.intervals import measure_interval
 from pnfarm.table.channel import CPM, JITTER_EDGES_NS
@@ -20,7 +21,7 @@ def frames(*arrivals, counted=(), impaired=0, late=(0, 0)):
     row.last_ns = round(arrivals[0] * MS)
     for place, arrival in enumerate(arrivals[1:]):
         cycles = counted[place] if counted else 1
-        measure_interval(engine, row, round(arrival * MS), cycles * CYCLE)
+        called(measure_interval)(engine, row, round(arrival * MS), cycles * CYCLE)
         row.last_ns = round(arrival * MS)
     return row
 
@@ -75,5 +76,5 @@ def test_gap_longer_than_the_counter_can_tell_is_missed_updates():
 
 def test_channel_without_a_cycle_has_intervals_only():
     engine, row = ENGINE.allocate(1)[0], CPM.allocate(1)[0]
-    measure_interval(engine, row, MS, 0)
+    called(measure_interval)(engine, row, MS, 0)
     assert (row.intervals.sum(), row.jitters.sum()) == (1, 0)

@@ -6,6 +6,7 @@ A ring is in memory of the test, which writes slots as the kernel does.
 import socket
 
 import numpy as np
+from from_python import called
 from virtual_pair import Pair
 
 from pnfarm.engine.columns import RX_BATCH, allocate
@@ -55,7 +56,7 @@ def test_all_due_frames_go_out_as_they_are_in_the_frame_store():
             count = tick(farm, 0, now)
         sent = [bytes(farm.frames[row][: farm.ppm[row].length]) for row in farm.tx_row[:count]]
         ports = [int(farm.ppm[row].port) for row in farm.tx_row[:count]]
-        send_batch(farm, ring, count)
+        called(send_batch)(farm, ring, count)
         assert farm.engine[0].send_errors == 0
         assert [far.recv(2048) for _ in range(count)] == sent
         addresses = [ring.tx_address[row] for row in farm.tx_row[:count]]
@@ -69,7 +70,7 @@ def test_frames_of_a_ring_are_taken_in_order_with_port_and_arrival():
     sent = [bytes([n]) * (60 + n) for n in range(5)]
     for n, frame in enumerate(sent):
         put(ring, n, frame, port=20 + n, when=1_000_000_000_000 + n)
-    assert take_batch(columns, ring, 5_000, -1_000_000_000_000) == 5
+    assert called(take_batch)(columns, ring, 5_000, -1_000_000_000_000) == 5
     assert frames_of(columns, ring, 5) == sent
     assert list(columns.rx_port[:5]) == [20, 21, 22, 23, 24]
     assert list(columns.rx_ns[:5]) == [0, 1, 2, 3, 4]
@@ -78,7 +79,7 @@ def test_frames_of_a_ring_are_taken_in_order_with_port_and_arrival():
 def test_a_frame_that_was_stamped_later_than_now_arrives_now():
     columns, ring = allocate(stations=1), receive_ring(8)
     put(ring, 0, bytes(64), when=9_000)
-    assert take_batch(columns, ring, 5_000, 0) == 1
+    assert called(take_batch)(columns, ring, 5_000, 0) == 1
     assert columns.rx_ns[0] == 5_000
 
 
@@ -88,11 +89,11 @@ def test_a_slot_is_the_kernel_s_again_once_it_was_given_back_and_the_ring_goes_r
         frames = [bytes([turn, n]) * 40 for n in range(3)]
         for n, frame in enumerate(frames):
             put(ring, (turn * 3 + n) % 8, frame)
-        assert take_batch(columns, ring, 0, 0) == 3
+        assert called(take_batch)(columns, ring, 0, 0) == 3
         assert frames_of(columns, ring, 3) == frames
-        give_back(ring, 3)
+        called(give_back)(ring, 3)
         assert not ring.words[::SLOT_WORDS].any()
-        assert take_batch(columns, ring, 0, 0) == 0
+        assert called(take_batch)(columns, ring, 0, 0) == 0
 
 
 def test_a_full_ring_is_taken_once_and_no_batch_is_larger_than_the_receive_slots():
@@ -101,7 +102,7 @@ def test_a_full_ring_is_taken_once_and_no_batch_is_larger_than_the_receive_slots
         ring = receive_ring(slots)
         for n in range(slots):
             put(ring, n, bytes(60))
-        assert take_batch(columns, ring, 0, 0) == expected
+        assert called(take_batch)(columns, ring, 0, 0) == expected
 
 
 def test_a_frame_that_was_cut_or_lies_outside_of_its_slot_has_no_octets():
@@ -110,9 +111,9 @@ def test_a_frame_that_was_cut_or_lies_outside_of_its_slot_has_no_octets():
     put(ring, 1, bytes(60), begin=HEAD - 4)
     put(ring, 2, bytes(60), length=SLOT, captured=SLOT)
     put(ring, 3, bytes(60), length=-5, captured=-5)
-    assert take_batch(columns, ring, 0, 0) == 4
+    assert called(take_batch)(columns, ring, 0, 0) == 4
     assert list(columns.rx_length[:3]) == [0, 0, 0]
-    receive_from(columns, ring.octets, columns.rx_place, 4)
+    called(receive_from)(columns, ring.octets, columns.rx_place, 4)
     assert columns.engine[0].malformed == 4
 
 
@@ -130,7 +131,7 @@ def test_a_frame_too_long_for_its_slot_is_taken_whole_and_in_its_order():
         put(ring, 3, bytes(60), port=23)
         # the kernel's queue was full
         put(ring, 5, bytes(SLOT - BEGIN), port=25, length=700)
-        assert take_batch(columns, ring, 5, 0) == 6
+        assert called(take_batch)(columns, ring, 5, 0) == 6
     assert list(columns.rx_port[:6]) == [20, 21, 22, 23, 24, 25]
     assert list(columns.rx_length[:6]) == [60, 600, FRAME_SLOT, 60, 0, 0]
     taken = [-1 - int(place) for place in columns.rx_place[:6]]
@@ -148,9 +149,9 @@ def test_no_content_of_a_ring_breaks_the_engine():
         heads[::2, 1] = heads[::2, 2] = random.integers(0, FRAME_SLOT + 80, 8)
         heads[::2, 3] = random.integers(40, 90, 8)
         heads[:, 0] |= STATUS_USER
-        assert take_batch(pair.farm, ring, pair.now, 0) == 16
-        receive_from(pair.farm, ring.octets, pair.farm.rx_place, 16)
-        give_back(ring, 16)
+        assert called(take_batch)(pair.farm, ring, pair.now, 0) == 16
+        called(receive_from)(pair.farm, ring.octets, pair.farm.rx_place, 16)
+        called(give_back)(ring, 16)
     assert pair.farm.engine[0].received == 3200
 
 

@@ -17,6 +17,7 @@ from assembly_bench import (
     AssemblyBench,
     command,
 )
+from from_python import called
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -118,7 +119,7 @@ def test_mapped_set_points_are_reported_when_they_change_and_not_again() -> None
 
 def reported(drive: AssemblyBench) -> int:
     """The task as the engine reports it: kind, write, number."""
-    assert tells(drive.axis.ethernetip, drive.image, drive.now)
+    assert called(tells)(drive.axis.ethernetip, drive.image, drive.now)
     return int(drive.image.parameter_task)
 
 
@@ -171,10 +172,10 @@ def test_a_task_without_an_answer_is_reported_again_and_one_with_an_answer_is_no
     drive = AssemblyBench()
     drive.load(0, PARAMETER, data=286)
     reported(drive)
-    assert not tells(drive.axis.ethernetip, drive.image, drive.now + REPEAT_NS - 1)
-    assert tells(drive.axis.ethernetip, drive.image, drive.now + REPEAT_NS)
+    assert not called(tells)(drive.axis.ethernetip, drive.image, drive.now + REPEAT_NS - 1)
+    assert called(tells)(drive.axis.ethernetip, drive.image, drive.now + REPEAT_NS)
     answer(drive)
-    assert not tells(drive.axis.ethernetip, drive.image, drive.now + 10 * REPEAT_NS)
+    assert not called(tells)(drive.axis.ethernetip, drive.image, drive.now + 10 * REPEAT_NS)
 
 
 def test_a_second_task_waits_for_the_answer_to_the_first_one() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from bench_axis import MS, BenchAxis, take_commands
+from from_python import called
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.firmware.profidrive.axis_program import step_program
@@ -105,7 +106,7 @@ def test_only_the_set_point_that_the_telegram_brings_counts(signal: int, rpm: fl
     ) = signal, 1.0, 3000.0 / FULL
     bench.image.received[NSOLL_A], bench.image.received[REF_SPEED] = 100, -250
     bench.image.received[NSOLL_B] = FULL // 10
-    from_setpoints(bench.axis, bench.image)
+    called(from_setpoints)(bench.axis, bench.image)
     assert abs(float(bench.axis.ramp.setpoint) - rpm) < 0.001
 
 
@@ -192,12 +193,12 @@ def test_a_memory_of_one_fault_a_situation_moves_by_one_place_and_is_cleared_but
     for number in (11, 12, 13):
         handle.push_command(CMD_RAISE_FAULT, number)
         handle.push_command(CMD_RAISE_FAULT, number + 100)
-        take_commands(bench.axis, bench.now)
+        called(take_commands)(bench.axis, bench.now)
         if number != 13:
             handle.push_command(CMD_ACKNOWLEDGE)
     assert [int(number) for number in bench.axis.faults.buffer[:4]] == [13, 12, 11, 0]
     assert faults(bench) == [13, 113]
     handle.push_command(CMD_CLEAR_HISTORY)
-    take_commands(bench.axis, bench.now)
+    called(take_commands)(bench.axis, bench.now)
     assert [int(number) for number in bench.axis.faults.buffer[:4]] == [13, 0, 0, 0]
     assert bench.axis.faults.counter == 1

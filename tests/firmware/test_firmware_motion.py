@@ -4,6 +4,7 @@ import math
 
 import pytest
 from bench_axis import MS, BenchAxis
+from from_python import called
 
 from pnfarm.firmware.profidrive.telegram import signed16, signed32
 from pnfarm.firmware.ramp import approach
@@ -164,7 +165,7 @@ def test_position_signal_counts_65536_per_revolution_and_wraps_at_32_bits():
     drive = BenchAxis()
     drive.axis.motor.position = 40_000.0
     drive.run(1)
-    assert int(drive.image.sent[XIST_A]) == signed32(40_000 * 65536)
+    assert int(drive.image.sent[XIST_A]) == called(signed32)(40_000 * 65536)
 
 
 @pytest.mark.parametrize("step_ms", [1, 2, 4, 16])
@@ -184,9 +185,9 @@ def test_ramp_step_grows_with_up_and_shrinks_with_down(value, target, expected):
 
 
 def test_signed_words():
-    assert signed16(0xFFFF) == -1
-    assert signed16(0x7FFF) == 32767
-    assert signed32(0xFFFFFFFF) == -1
+    assert called(signed16)(0xFFFF) == -1
+    assert called(signed16)(0x7FFF) == 32767
+    assert called(signed32)(0xFFFFFFFF) == -1
 
 
 def test_without_supply_nothing_moves():

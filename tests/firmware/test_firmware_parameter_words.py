@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from from_python import called
 
 from pnfarm.firmware.profidrive.parameter_words import REPEAT_NS, exchange
 from pnfarm.table.image import IMAGE
@@ -27,7 +28,7 @@ class Image:
 
     def told(self, later: int = 1_000_000) -> bool:
         self.now += later
-        return bool(exchange(self.row, self.now))
+        return bool(called(exchange)(self.row, self.now))
 
     def answer(self, octets: int) -> None:
         self.row.parameter_answer = octets

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from bench_axis import BenchAxis
+from from_python import called
 
 from pnfarm.firmware.profidrive.sign_of_life import count_life, following
 from pnfarm.table.axis_codes import REACTION_QUICK_STOP
@@ -24,10 +25,10 @@ class Living(BenchAxis):
 
     def frame(self, count: int | None = None, *, frames: int = 1) -> None:
         """One look at ``frames`` new frames; ``count`` replaces the one that the controller is at."""
-        self.count = following(self.count, frames) if count is None else count
+        self.count = called(following)(self.count, frames) if count is None else count
         self.image.received[STW2] = self.count << 12
         self.image.frames += frames
-        count_life(self.axis, self.image)
+        called(count_life)(self.axis, self.image)
         self.run(1)
 
     def good(self, frames: int) -> None:
@@ -55,11 +56,11 @@ def drive() -> Living:
 
 
 def test_a_count_goes_from_1_to_15_and_on_to_1():
-    assert following(0, 1) == 1
-    assert [following(count, 1) for count in range(1, 16)] == [*range(2, 16), 1]
-    assert following(14, 3) == 2
-    assert following(7, 0) == 7
-    assert following(7, 15) == 7
+    assert called(following)(0, 1) == 1
+    assert [called(following)(count, 1) for count in range(1, 16)] == [*range(2, 16), 1]
+    assert called(following)(14, 3) == 2
+    assert called(following)(7, 0) == 7
+    assert called(following)(7, 15) == 7
 
 
 def test_the_drive_counts_each_frame_that_it_takes(drive):
@@ -72,7 +73,7 @@ def test_the_drive_counts_each_frame_that_it_takes(drive):
     drive.run(5)
     assert drive.own == before
     drive.frame(frames=3)
-    assert drive.own == following(before, 3)
+    assert drive.own == called(following)(before, 3)
 
 
 def test_a_controller_in_sequence_raises_nothing(drive):
@@ -154,7 +155,7 @@ def test_the_largest_tolerance_watches_nothing_but_counts_errors():
 @pytest.mark.parametrize("ahead", [0, 2, 3, 14])
 def test_a_jump_of_any_width_is_one_failure(drive, ahead):
     drive.good(20)
-    drive.frame(following(drive.count, ahead))
+    drive.frame(called(following)(drive.count, ahead))
     assert drive.axis.life.errors == 1
     drive.good(1)
     assert drive.axis.life.errors == 1
@@ -172,7 +173,7 @@ def test_zero_is_a_failure_and_so_is_coming_back_from_it(drive):
 
 def test_a_lost_frame_is_one_failure(drive):
     drive.good(20)
-    drive.count = following(drive.count, 1)
+    drive.count = called(following)(drive.count, 1)
     drive.good(1)
     assert (drive.axis.life.errors, drive.axis.life.count) == (1, 10)
     drive.good(10)
@@ -189,7 +190,7 @@ def test_a_new_connection_begins_with_a_clean_count(drive):
     drive.good(20)
     drive.stand(3)
     drive.image.valid = 0
-    count_life(drive.axis, drive.image)
+    called(count_life)(drive.axis, drive.image)
     assert (drive.axis.life.count, drive.axis.life.run) == (0, 0)
     drive.image.valid = 1
     drive.count = 9

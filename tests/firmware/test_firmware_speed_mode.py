@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from bench_axis import VELOCITY_STEP, BenchAxis
+from from_python import called
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -36,7 +37,7 @@ def command(drive: BenchAxis, rpm: float, stw1: int = 0x040F, run: int = 1) -> N
 )
 def test_nsoll_b_is_a_share_of_the_reference_value(drive, word, rpm):
     drive.image.received[NSOLL_B] = word
-    from_setpoints(drive.axis, drive.image)
+    called(from_setpoints)(drive.axis, drive.image)
     assert drive.axis.ramp.setpoint == pytest.approx(rpm, rel=1e-12)
 
 
@@ -44,7 +45,7 @@ def test_nsoll_b_is_a_share_of_the_reference_value(drive, word, rpm):
 def test_nsoll_a_is_the_same_share_in_16_bits(drive, word, rpm):
     drive.axis.profidrive.settings.velocity_signal = VELOCITY_NSOLL_A
     drive.image.received[NSOLL_A] = word
-    from_setpoints(drive.axis, drive.image)
+    called(from_setpoints)(drive.axis, drive.image)
     assert drive.axis.ramp.setpoint == pytest.approx(rpm)
 
 
@@ -53,7 +54,7 @@ def test_nist_b_is_the_upper_half_of_nist_a_and_stops_at_its_range(rpm):
     drive = BenchAxis()
     drive.axis.profidrive.settings.velocity_step = RPM_3000
     drive.axis.motor.velocity = rpm
-    to_actuals(drive.axis, drive.image)
+    called(to_actuals)(drive.axis, drive.image)
     wide, narrow = int(drive.image.sent[NIST_B]), drive.nist_a
     assert -(2**31) <= wide < 2**31
     exact = rpm / 3000.0 * 2**30
@@ -154,12 +155,12 @@ def test_a_very_light_load_stays_stable_under_the_brake():
 
 
 def test_meldw_shows_enable_ready_and_pulses(drive):
-    assert message_word(drive.axis) == 0x01C2
+    assert called(message_word)(drive.axis) == 0x01C2
     drive.enable()
     drive.run(1)
     assert int(drive.image.sent[MELDW]) == 0x39C2
     drive.axis.motor.torque = -drive.axis.motor.settings.peak_current * drive.axis.motor.settings.torque_constant
-    assert message_word(drive.axis) == 0x39C0
+    assert called(message_word)(drive.axis) == 0x39C0
 
 
 def test_fault_code_is_the_models_word_or_the_number(drive):

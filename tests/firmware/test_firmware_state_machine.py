@@ -4,6 +4,7 @@ from itertools import product
 
 import pytest
 from bench_axis import BenchAxis
+from from_python import called
 
 from pnfarm.firmware.state_machine import PRIORITY, RELEASED, TRANSITIONS, advance, conditions
 from pnfarm.table.axis_codes import (
@@ -279,7 +280,7 @@ def test_every_row_of_the_table_is_reachable_by_priority(row):
     ways = 0
     for stw1, (faulty, reaction), standing in product(range(16), ((0, 0), (1, 0), (1, 1)), (0, 1)):
         # a quick stop that is taken back is an event of drives that stay in it only
-        held = conditions(stw1, faulty, reaction, standing, state == 0) | (event == RELEASED) << RELEASED
+        held = called(conditions)(stw1, faulty, reaction, standing, state == 0) | (event == RELEASED) << RELEASED
         if next((e for e in PRIORITY if held & 1 << e and (state, e) in TRANSITIONS), None) == event:
             axis.drive.state, axis.drive.stop = min(state, 5), max(state - 4, 0)
             advance(axis.drive, held)

@@ -5,6 +5,7 @@ import socket
 
 import numpy as np
 import pytest
+from from_python import called
 from opened_link import opened
 
 from pnfarm.engine.columns import allocate
@@ -48,7 +49,7 @@ def came(heard):
 
 
 def place(made, octets):
-    place_frame(made, np.frombuffer(octets, np.uint8), len(octets))
+    called(place_frame)(made, np.frombuffer(octets, np.uint8), len(octets))
 
 
 def test_frames_of_all_lengths_leave_whole_and_in_order_round_the_ring(cable):
@@ -59,12 +60,12 @@ def test_frames_of_all_lengths_leave_whole_and_in_order_round_the_ring(cable):
         for _ in range(40):
             sent = [frame(number + k, size) for k, size in enumerate((46, 100, 183, 1400, 60, 47, 512))]
             number += len(sent)
-            assert room(made) == FEWEST_PLACES
+            assert called(room)(made) == FEWEST_PLACES
             for octets in sent:
                 place(made, octets)
-            assert send_placed(made) == 0
+            assert called(send_placed)(made) == 0
             assert came(heard) == sent
-        assert room(made) == FEWEST_PLACES
+        assert called(room)(made) == FEWEST_PLACES
 
 
 def test_more_frames_than_the_kernel_takes_at_once_leave_in_one_call(cable):
@@ -73,7 +74,7 @@ def test_more_frames_than_the_kernel_takes_at_once_leave_in_one_call(cable):
         sent = [frame(k) for k in range(200)]
         for octets in sent:
             place(made, octets)
-        assert send_placed(made) == 0
+        assert called(send_placed)(made) == 0
         assert came(heard) == sent
 
 
@@ -83,14 +84,14 @@ def test_while_an_interface_is_down_there_is_no_room_and_what_was_given_to_it_is
         ip("link", "set", near, "down")
         for k in range(3):
             place(made, frame(k))
-        assert send_placed(made) == 3
-        assert [room(made) for _ in range(100)] == [0] * 100
+        assert called(send_placed)(made) == 3
+        assert [called(room)(made) for _ in range(100)] == [0] * 100
         ip("link", "set", near, "up")
         # the frames of one cycle leave late
-        assert room(made) == FEWEST_PLACES
+        assert called(room)(made) == FEWEST_PLACES
         assert came(heard) == [frame(k) for k in range(3)]
         place(made, frame(4))
-        assert send_placed(made) == 0
+        assert called(send_placed)(made) == 0
         assert came(heard) == [frame(4)]
 
 
@@ -98,9 +99,9 @@ def test_what_a_lease_forbids_is_forgotten(cable):
     near, far = cable
     with express(near) as made, listener(far) as heard:
         place(made, frame(1))
-        forget_placed(made)
+        called(forget_placed)(made)
         place(made, frame(2))
-        assert send_placed(made) == 0
+        assert called(send_placed)(made) == 0
         assert came(heard) == [frame(2)]
 
 
@@ -128,7 +129,7 @@ def test_a_batch_leaves_by_both_ways_and_what_finds_no_room_by_the_packet_socket
     ):
         provided(columns, rows, [parent, own, parent])
         ring = make_ring(columns, sender, express=made)
-        send_batch(columns, ring, rows)
+        called(send_batch)(columns, ring, rows)
         assert sorted(came(heard)) == [frame(row) for row in range(rows)]
         assert int(columns.engine[0].send_errors) == 0
 
@@ -145,10 +146,10 @@ def test_a_batch_after_the_end_of_a_lease_sends_nothing_by_any_way(cable):
         provided(columns, 4, [parent])
         ring = make_ring(columns, sender, express=made)
         columns.engine[0].lease_until_ns = 1
-        send_batch(columns, ring, 4)
+        called(send_batch)(columns, ring, 4)
         columns.engine[0].lease_until_ns = 0
         provided(columns, 1, [parent])
-        send_batch(columns, ring, 1)
+        called(send_batch)(columns, ring, 1)
         assert came(heard) == [frame(0)]
         assert int(columns.engine[0].muted) == 4
 

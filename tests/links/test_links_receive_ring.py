@@ -2,6 +2,8 @@
 
 import socket
 
+from from_python import called
+
 from pnfarm.engine.columns import allocate
 from pnfarm.engine.receive_ring import give_back, open_receive_ring, take_batch
 
@@ -31,7 +33,7 @@ def test_short_and_long_frames_arrive_whole_and_in_order_round_the_ring(cable):
             frames = [head + bytes([turn & 0xFF, n]) * (size // 2) for n, size in enumerate((46, 1400, 150, 300, 1024))]
             for frame in frames:
                 sender.send(frame)
-            count = take_batch(columns, ring, FOREVER, 0)
+            count = called(take_batch)(columns, ring, FOREVER, 0)
             assert [octets_of(columns, ring, n) for n in range(count)] == frames
-            give_back(ring, count)
+            called(give_back)(ring, count)
         assert int(columns.rx_port[0]) == socket.if_nametoindex(near)

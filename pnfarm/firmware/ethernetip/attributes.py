@@ -22,7 +22,7 @@ VELOCITY_MODE = 1
 POSITION_MODE = 2
 
 
-@compiled
+@inlined
 def readable(number: int) -> bool:
     """Whether the attribute can be read."""
     return 1 <= number <= 11 or number in (17, 25, 58, 100)
@@ -38,7 +38,7 @@ def _ramp_units(axis: Any, up: bool) -> int:
     return rounded(ramp / axis.ethernetip.settings.profile_step)
 
 
-@inlined
+@compiled
 def attribute_value(axis: Any, number: int) -> int:
     """The value, with its sign; 0 for an attribute that cannot be read.
 

@@ -67,7 +67,7 @@ ENABLE_NS = 2_000_000_000
 EDGE_NS = 200_000_000
 
 
-@compiled
+@inlined
 def _loading(program: Any, leg: int, now: int) -> None:
     program.loading = leg
     program.loading_ns = now
@@ -88,7 +88,7 @@ def _show(program: Any, image: Any, kind: int) -> None:
     put(image, 2, 1, kind)
 
 
-@compiled
+@inlined
 def _begin(program: Any, image: Any, kind: int, now: int) -> None:
     """Load a command, or go on with it."""
     _show(program, image, kind)
@@ -117,7 +117,7 @@ def _answer(program: Any, image: Any, now: int) -> None:
         _loading(program, LOAD_NONE, now)
 
 
-@compiled
+@inlined
 def _taken(program: Any, now: int) -> bool:
     """Whether the drive took the command; the next one may be loaded."""
     if program.loading != LOAD_DONE:
@@ -135,7 +135,7 @@ def _set_attribute(program: Any, image: Any, number: int, value: int, now: int) 
     return _taken(program, now)
 
 
-@compiled
+@inlined
 def _put_ramps(program: Any, image: Any, up: float, down: float) -> None:
     """Acceleration and deceleration of a motion, which have to be more than 0."""
     put(image, 16, 4, max(1, rounded(up / program.ramp_step)))
@@ -184,7 +184,7 @@ def _position(program: Any, image: Any, status: int, now: int) -> None:
         begin_leg(program, LEG_LOADING, now)
 
 
-@compiled
+@inlined
 def _clear(program: Any, image: Any, now: int) -> None:
     """Write DRV.CLRFAULTS; the phase begins anew with the answer."""
     _begin(program, image, PARAMETER, now)
@@ -214,7 +214,7 @@ def _fault(program: Any, image: Any, now: int) -> None:
         _clear(program, image, now)
 
 
-@compiled
+@inlined
 def _switch_on(program: Any, image: Any, status: int, now: int) -> int:
     """Enable, once the mode is set; a drive that is enabled already is disabled for that."""
     _enter(program, SWITCHING_ON, now)

@@ -56,14 +56,14 @@ ANSWER = 1  # its task is posted
 TURN = 2  # its task waits for another one
 
 
-@compiled
+@inlined
 def target_velocity(axis: Any) -> float:
     """Attribute 7 in rpm; before one was set, HOME.V, as attributes 8 and 9 are HOME.ACC and HOME.DEC (assumed)."""
     units = int(axis.ethernetip.velocity_units)
     return units * axis.ethernetip.settings.profile_step if units > 0 else axis.homing.settings.velocity
 
 
-@compiled
+@inlined
 def _barred(axis: Any, mode: int) -> int:
     """Why no motion of this mode can begin, 0 for nothing."""
     if axis.drive.settings.opmode != mode:
@@ -73,7 +73,7 @@ def _barred(axis: Any, mode: int) -> int:
     return WRONG_MODE if axis.orders.halt else 0
 
 
-@compiled
+@inlined
 def _homed(axis: Any, now: int) -> bool:
     """Whether the axis may move in position mode; one that is not homed gets its fault (6.2.2)."""
     if axis.homing.homed or not axis.homing.settings.required:
@@ -153,7 +153,7 @@ def _jog(axis: Any, now: int, velocity: float, up: float, down: float, word: int
     return 0
 
 
-@compiled
+@inlined
 def _torque(axis: Any, torque: float) -> int:
     """A torque set point, N m; 0 or an error."""
     error = _barred(axis, TORQUE_MODE)
@@ -202,7 +202,7 @@ def _load_one(axis: Any, command: int, data: int, word: int, now: int) -> int:
     return 0
 
 
-@compiled
+@inlined
 def _load(axis: Any, image: Any, word: int, now: int) -> int:
     """Take over the command; 0 or an error."""
     own = axis.ethernetip
@@ -238,7 +238,7 @@ def _load(axis: Any, image: Any, word: int, now: int) -> int:
     return NO_COMMAND_TYPE
 
 
-@compiled
+@inlined
 def _await(own: Any, image: Any) -> None:
     """The answer to a command that the event loop carries out."""
     if own.loading == TURN and idle(image):
@@ -322,7 +322,7 @@ def _drop(axis: Any) -> None:
         own.down = 0.0
 
 
-@compiled
+@inlined
 def _set_points(axis: Any) -> None:
     own = axis.ethernetip
     axis.ramp.up = own.up if own.up > 0.0 else axis.ramp.settings.acceleration

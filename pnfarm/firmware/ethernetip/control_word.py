@@ -39,7 +39,7 @@ READY = POWER_NO_COAST | POWER_NO_QUICK_STOP
 RUN = READY | POWER_ON | POWER_ENABLE
 
 
-@compiled
+@inlined
 def _watch(own: Any, faults: Any, image: Any, now: int) -> None:
     """The loss of the controller's data."""
     if own.image_valid and not image.valid:

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 from pnfarm.table.signals import ASSEMBLY
 
 __all__ = ["put", "received", "received_long", "received_octet", "rounded", "signed32"]
 
 
-@compiled
+@inlined
 def signed32(value: int) -> int:
     """Wrap to a signed 32-bit number."""
     value &= 0xFFFFFFFF
     return value - 0x100000000 if value & 0x80000000 else value
 
 
-@compiled
+@inlined
 def rounded(value: float) -> int:
     """The nearest signed 32-bit number."""
     if value >= 2147483647.0:
@@ -27,13 +27,13 @@ def rounded(value: float) -> int:
     return round(value)
 
 
-@compiled
+@inlined
 def received(image: Any, octet: int) -> int:
     """The signed double word that begins at this octet, a multiple of 4."""
     return int(image.received[ASSEMBLY + (octet >> 2)])
 
 
-@compiled
+@inlined
 def received_octet(image: Any, octet: int) -> int:
     """One octet."""
     return (int(image.received[ASSEMBLY + (octet >> 2)]) >> ((octet & 3) * 8)) & 0xFF
@@ -45,7 +45,7 @@ def received_long(image: Any, octet: int) -> int:
     return received(image, octet + 4) << 32 | received(image, octet) & 0xFFFFFFFF
 
 
-@compiled
+@inlined
 def put(image: Any, octet: int, size: int, value: int) -> None:
     """Put the lowest ``size`` octets of a number into the response, whose octets there are zero."""
     for i in range(size):

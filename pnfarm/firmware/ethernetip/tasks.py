@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import inlined
 
 __all__ = ["TASK_ATTRIBUTE", "TASK_MAP", "TASK_MOVE", "TASK_PARAMETER", "idle", "post", "tells"]
 
@@ -21,13 +21,13 @@ TASK_MOVE = 4  # motion task 0 is what was begun last (6.2.2.4)
 REPEAT_NS = 20_000_000
 
 
-@compiled
+@inlined
 def idle(image: Any) -> bool:
     """Whether no task waits for its answer."""
     return image.parameter_answered == image.parameter_task
 
 
-@compiled
+@inlined
 def post(own: Any, image: Any, kind: int, number: int, write: int, value: int) -> None:
     """A new task, while :func:`idle`."""
     own.tasks = (int(own.tasks) + 1) & 0x7FFFFFFF
@@ -36,7 +36,7 @@ def post(own: Any, image: Any, kind: int, number: int, write: int, value: int) -
     own.posted = 1
 
 
-@compiled
+@inlined
 def tells(own: Any, image: Any, now: int) -> bool:
     """Whether ``image.parameter_task`` is to be reported now."""
     if not own.posted and (idle(image) or now - image.parameter_told_ns < REPEAT_NS):

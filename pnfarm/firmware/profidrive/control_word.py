@@ -26,7 +26,7 @@ from pnfarm.table.axis_readings import (
     WITHOUT_RUN_HOLD,
     WITHOUT_RUN_OFF,
 )
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import STW1
 
@@ -115,7 +115,7 @@ def _take_word(axis: Any, image: Any, now: int) -> None:
         axis.faults.reacted = 1
 
 
-@compiled
+@inlined
 def _power(word: int) -> int:
     """POWER_* of a control word."""
     return (

@@ -230,7 +230,7 @@ def _held(drive: Any, sensor: Any, word: int, trouble: int) -> int:
     return held
 
 
-@compiled
+@inlined
 def _forget(sensor: Any) -> None:
     """Clear all active functions and values."""
     sensor.active = 0
@@ -257,7 +257,7 @@ def _read_value(sensor: Any, word: int) -> None:
             sensor.read = function + 1
 
 
-@compiled
+@inlined
 def _value_taken(sensor: Any) -> None:
     """Drop the value that the controller has read."""
     if sensor.read:

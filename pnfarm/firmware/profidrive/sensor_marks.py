@@ -12,7 +12,7 @@ from typing import Any
 
 from pnfarm.firmware.causes import NUMBER_MASK, cause_held
 from pnfarm.table.axis_codes import EDGE_FALLING, FAULT_SLOTS, MARK_NONE, MARK_PROBE_1, MARK_ZERO
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["ALL_FUNCTIONS", "can_wait", "cause_stays", "encoder_faulty", "look_for_marks"]
 
@@ -53,7 +53,7 @@ def can_wait(sensor: Any, function: int, probing: int) -> bool:
     return source == MARK_ZERO or _probe_there(sensor, source - MARK_PROBE_1)
 
 
-@compiled
+@inlined
 def _found(sensor: Any, function: int) -> None:
     sensor.active = int(sensor.active) & ~(1 << function) & ALL_FUNCTIONS
     sensor.found = int(sensor.found) | 1 << function

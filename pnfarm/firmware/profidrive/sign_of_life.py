@@ -19,7 +19,7 @@ from typing import Any
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.profidrive.status_word import second_status_word
 from pnfarm.table.axis_codes import LIFE_FAILED, LIFE_GOOD, LIFE_TOLD
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 from pnfarm.table.signals import STW2, ZSW2
 
 __all__ = ["check_life", "count_life", "following", "forget_life"]
@@ -35,7 +35,7 @@ FAILED = 10
 ALL_TOLERATED = 0xFFFF
 
 
-@compiled
+@inlined
 def following(count: int, frames: int) -> int:
     """The count ``frames`` frames after ``count``; 0, none yet, is followed by 1."""
     if frames == 0:

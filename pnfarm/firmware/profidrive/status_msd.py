@@ -11,7 +11,7 @@ from pnfarm.firmware.motor import torque_controlled
 from pnfarm.firmware.profidrive.speed_status import speed_reached
 from pnfarm.firmware.torque_limits import gives_all
 from pnfarm.table.axis_codes import RAMP_GENERATED
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiled import inlined
 
 __all__ = ["second_status_msd", "status_msd", "take_generator"]
 
@@ -44,7 +44,7 @@ SAME = 1e-9
 NEAR = 0.01
 
 
-@compiled
+@inlined
 def _as_in_the_profile(profidrive: Any) -> bool:
     """P-1258: 1 is control word and set points of the profile, 3 the control word."""
     return profidrive.settings.profile_mode in (1, 3)

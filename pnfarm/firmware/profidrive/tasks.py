@@ -114,7 +114,7 @@ def _acceleration(profidrive: Any, image: Any) -> int:
     return word or int(profidrive.settings.spare_acceleration)
 
 
-@compiled
+@inlined
 def _ramp(profidrive: Any, word: int) -> int:
     """MDI_ACC or MDI_DEC; a negative value is not a valid ramp where the word has a sign (HIWIN E1 manual 3.1)."""
     word &= 0xFFFF

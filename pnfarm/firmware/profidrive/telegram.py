@@ -84,20 +84,20 @@ def signed16(word: int) -> int:
     return word - 0x10000 if word & 0x8000 else word
 
 
-@compiled
+@inlined
 def signed32(value: int) -> int:
     """Wrap to a signed 32-bit number."""
     value &= 0xFFFFFFFF
     return value - 0x100000000 if value & 0x80000000 else value
 
 
-@compiled
+@inlined
 def nearest(value: float) -> int:
     """The nearest whole number."""
     return round(value)
 
 
-@compiled
+@inlined
 def clamp16(value: float) -> int:
     """The nearest signed 16-bit number, as the unsigned word that carries it."""
     if value >= 32767.0:
@@ -107,7 +107,7 @@ def clamp16(value: float) -> int:
     return nearest(value) & 0xFFFF
 
 
-@compiled
+@inlined
 def clamp32(value: float) -> int:
     """The nearest signed 32-bit number."""
     if value >= 2147483647.0:
@@ -117,7 +117,7 @@ def clamp32(value: float) -> int:
     return nearest(value)
 
 
-@compiled
+@inlined
 def clamp_unsigned(value: float) -> int:
     """The nearest unsigned 16-bit number."""
     return min(0xFFFF, max(0, nearest(value)))

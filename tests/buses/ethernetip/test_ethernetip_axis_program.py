@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from assembly_bench import ENABLE, LOAD, MS, POSITION, REVOLUTION, VELOCITY, AssemblyBench
+from from_python import called
 
 from pnfarm.buses.ethernetip.device.objects.front_tasks import FrontTasks
 from pnfarm.buses.ethernetip.device.objects.parameter_object import ParameterObject
@@ -51,7 +52,7 @@ class Axis(AssemblyBench):
                 self.here.received[ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS] = self.image.sent[
                     ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS
                 ]
-            step_program(self.program, self.here, self.now)
+            called(step_program)(self.program, self.here, self.now)
             assembly = self.here.sent[ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS].astype("<i4").tobytes()
             if not self.words or self.words[-1] != (assembly[0], assembly[2] & 0x1F):
                 self.words.append((assembly[0], assembly[2] & 0x1F))
@@ -59,7 +60,7 @@ class Axis(AssemblyBench):
                 self.send(assembly, 0)
             for _ in range(RPI):
                 self.run(1)
-                if tells(self.axis.ethernetip, self.image, self.now):
+                if called(tells)(self.axis.ethernetip, self.image, self.now):
                     self.tasks.take(int(self.image.parameter_task), self.now)
 
     @property

@@ -6,6 +6,7 @@ from struct import pack, unpack
 
 import pytest
 from assembly_bench import ENABLE, LOAD, MOVE, PARAMETER, POSITION, REVOLUTION, SET_ATTRIBUTE, AssemblyBench, command
+from from_python import called
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -60,7 +61,7 @@ class Bench(AssemblyBench):
     def work(self, steps: int = 1) -> None:
         for _ in range(steps):
             self.run(1)
-            if tells(self.axis.ethernetip, self.image, self.now):
+            if called(tells)(self.axis.ethernetip, self.image, self.now):
                 self.tasks.take(int(self.image.parameter_task), self.now)
             self.tasks.handle_timeout(self.now)
 

@@ -16,7 +16,7 @@ import numpy as np
 from pnfarm.errors import InternalError
 from pnfarm.protocols.profibus.wire.telegram import ED, EXTENDED, FCB, FCV, REQUEST, SD2, SD3, Answer, Request
 from pnfarm.table.channel import INTERVAL_BUCKETS, INTERVAL_EDGES_NS, MAX_WORDS
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiled import compiled, inlined
 from pnfarm.table.image import IMAGE, LOST_NOT
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ _FRAMES, _FILLED = _place("frames", 4), _place("filled", 4)
 _FRAME_NS, _INTERVAL_NS = _place("frame_ns", 8), _place("interval_ns", 8)
 
 
-@compiled
+@inlined
 def _sum(octets: Any, begin: int, end: int) -> int:
     total = 0
     for place in range(begin, end):
@@ -98,7 +98,7 @@ def _take(octets: Any, begin: int, words: Any, count: int, image: Any) -> None:
         image[_TAKEN_FROM + slot] = value
 
 
-@compiled
+@inlined
 def _give(answer: Any, begin: int, words: Any, count: int, image: Any) -> None:
     """Inputs out of the image."""
     for k in range(count):
