@@ -4,9 +4,8 @@
 (:mod:`pnfarm.table.code_cache`).  ``NUMBA_DISABLE_JIT=1`` leaves the plain functions in place, for a debugger and for
 coverage.
 
-``@inlined`` is for what is small or has one caller, and is called by compiled code only.  A ``@compiled`` function whose
-name begins with an underscore is called by compiled code only as well: no wrapper for calls from Python is made, and
-such a call would crash.
+``@inlined`` is for what is small or has one caller, and is called by compiled code only.  So is a ``@compiled``
+function whose name begins with an underscore: no wrapper for calls from Python is made, and such a call would crash.
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ from pnfarm.protocols.profinet.wire.pdev import (
     emit_port_data,
 )
 from pnfarm.protocols.profinet.wire.pdev_blocks import AdjustPeerToPeerBoundary, CheckPeers, ExpectedPeer
+from pnfarm.station.station import Station
 
 
 def stations_known(line):
@@ -61,6 +62,29 @@ def test_the_drives_send_in_many_turns_few_at_a_time():
     # every 100 ms of the 5 s those of a fiftieth of the interval
     assert max(moments.count(moment) for moment in set(moments)) <= 3
     assert len({moment % 5_000_000_000 for moment in moments}) >= 30
+
+
+def test_a_drive_that_only_sends_lldp_sends_the_same_at_the_same_time_as_by_a_whole_turn(monkeypatch):
+    def run():
+        line, sent = VirtualLine(3), []
+        send = line.farm_link.send
+        line.farm_link.send = lambda port, frame: sent.append((line.world.now, port, frame)) or send(port, frame)
+        line.run(30)
+        line.plc.lldp.send_frames(False, line.world.now)
+        line.run(40)
+        assert not line.farm.stations[0].device.neighbours.lldp.neighbours
+        return line, sent
+
+    short = []
+    alone = Station.due_alone
+    monkeypatch.setattr(Station, "due_alone", lambda self, now: short.append(now) or alone(self, now))
+    line, sent = run()
+    monkeypatch.setattr(Station, "due_alone", lambda _self, _now: None)
+    other, also_sent = run()
+    assert sent == also_sent
+    assert len(short) >= 3 * 13
+    for one, two in zip(line.farm.stations, other.farm.stations, strict=True):
+        assert one.device.traffic.sent == two.device.traffic.sent
 
 
 def test_a_snapshot_shows_the_neighbour():

@@ -341,6 +341,10 @@ class LldpPort:
             return self._look_ns if self._next_ns is None else self._next_ns
         return min(self._look_ns, self._next_ns)
 
+    def only_sends(self, now: int) -> bool:
+        """Whether nothing but a frame is due by now, and nobody has yet to be told of anything."""
+        return not self._events and (self._look_ns is None or now < self._look_ns)
+
     def handle_timeout(self, now: int) -> None:
         for key in [k for k, n in self._neighbours.items() if n.expires_ns <= now]:
             self._forget(key, "aged-out")
@@ -387,6 +391,8 @@ class LldpPort:
         expires = now + pdu.time_to_live * _SECOND_NS
         if known is not None and known.payload == payload and known.mac == source:
             known.seen_ns, known.expires_ns = now, expires
+            if len(self._neighbours) == 1:
+                self._look_ns = expires
             return False
         if known is None and len(self._neighbours) >= self._maximum:
             self.dropped["too-many-neighbours"] += 1

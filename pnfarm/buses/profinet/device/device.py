@@ -104,6 +104,9 @@ class ProfinetDevice:
         self.budget = ConnectBudget()
         self._pump = DevicePump(self)
         self._built = False
+        #: When something other than LLDP is due, None for nothing; valid until the next input.
+        self._others_ns: int | None = None
+        self._others_known = False
         self.cm: CmDevice
 
     # -- life --------------------------------------------------------------------------------------------------------
@@ -125,6 +128,7 @@ class ProfinetDevice:
             self.connections.forget()
             self._pump.forget_calls()
         self._built = True
+        self._others_known = False
         self._take_written_name(kept)
         kept = dict(kept)
         mac = self.port.mac
@@ -372,10 +376,31 @@ class ProfinetDevice:
 
     def next_deadline(self) -> int | None:
         """See :class:`pnfarm.station.device.Device`."""
-        return earliest(*self._machines, self.connections, self.parameter_records, self.parameter_words)
+        self._others_ns = earliest(
+            self.dcp, self.ip, self.rpc, self.client, self.cm, self.snmp,
+            self.connections, self.parameter_records, self.parameter_words,
+        )  # fmt: skip
+        self._others_known = True
+        return self._or_neighbours()
+
+    def _or_neighbours(self) -> int | None:
+        others, own = self._others_ns, self.neighbours.next_deadline()
+        return min(others, own) if others is not None and own is not None else own if others is None else others
+
+    def due_alone(self, now: int) -> tuple[list[bytes], int | None] | None:
+        """See :class:`pnfarm.station.device.Device`: frames of LLDP."""
+        if not self._others_known or (self._others_ns is not None and self._others_ns <= now):
+            return None
+        if not self.neighbours.only_sends(now):
+            return None
+        frames = self.neighbours.to_send(now)
+        for frame in frames:
+            self.traffic.frame_sent(frame)
+        return frames, self._or_neighbours()
 
     def handle_timeout(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
+        self._others_known = False
         for machine in self._machines:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
@@ -386,6 +411,7 @@ class ProfinetDevice:
 
     def pump(self, now: int) -> list[bytes]:
         """See :class:`pnfarm.station.device.Device`."""
+        self._others_known = False
         return self._pump.pump(now)
 
     def telegram_changed(self) -> None:

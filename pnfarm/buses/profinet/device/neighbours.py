@@ -127,6 +127,11 @@ class StationNeighbours:
         self.lldp.handle_timeout(now)
         self.pdev.handle_timeout(now)
 
+    def only_sends(self, now: int) -> bool:
+        """Whether nothing but a frame of LLDP is due by now, and :meth:`pump` would change nothing."""
+        check = self.pdev.next_deadline()
+        return not self._link_changed and self.lldp.only_sends(now) and (check is None or now < check)
+
     def to_send(self, now: int) -> list[bytes]:
         return self.lldp.to_send(now) if self.enabled else []
 
