@@ -32,6 +32,8 @@ __all__ = ["SETTINGS", "Field", "Layout", "subject"]
 WRITERS = ("station", "parameter", "fault", "receive", "firmware", "program", "transmit", "engine", "lease")
 #: The part of a subject that holds what the event loop writes.
 SETTINGS = "settings"
+#: Octets of a line of the cache.
+CACHE_LINE = 64
 #: Interpreted, a field of such a name would be hidden.
 _TAKEN = frozenset(dir(np.recarray)) | frozenset(dir(np.record))
 
@@ -56,10 +58,13 @@ class Field:
 class Layout:
     """A named, documented row type: its own fields, then parts.
 
-    ``fields`` has all fields by their keys, including those of the parts.
+    ``fields`` has all fields by their keys, including those of the parts.  With ``lines`` each row of a table begins
+    with a line of the cache.
     """
 
-    def __init__(self, name: str, doc: str, fields: list[Field], parts: tuple[Layout, ...] = ()) -> None:
+    def __init__(
+        self, name: str, doc: str, fields: list[Field], parts: tuple[Layout, ...] = (), *, lines: bool = False
+    ) -> None:
         names = [*(field.name for field in fields), *(part.name for part in parts)]
         if len(set(names)) != len(names):
             raise ValueError(f"a name stands twice in layout {name}")
@@ -88,6 +93,8 @@ class Layout:
             ],
             align=True,
         )
+        if lines:
+            self.dtype = _of_whole_lines(self.dtype)
         # one object for all tables, so that Numba need not compare fields when it checks argument types at each call
         self._record = np.dtype((np.record, self.dtype))
         #: A row that nobody wrote to yet.
@@ -119,12 +126,16 @@ class Layout:
 
     def copies(self, row: Any, rows: int = 1) -> Any:
         """A table of ``rows`` rows like the one of the table ``row``."""
-        table = np.zeros(rows, self._record)
+        # from the begin of a line of the cache: the fields that come first in a row are in its first lines
+        size = rows * self.dtype.itemsize
+        memory = np.zeros(size + CACHE_LINE, np.uint8)
+        begin = -memory.ctypes.data % CACHE_LINE
+        table = memory[begin : begin + size].view(self._record)
         octets = row.view(np.uint8)
         # zeros are there already: memory that nobody writes is none of the process's
         if octets.any():
             # octet by octet: NumPy copies a record with gaps field by field
-            table.view(np.uint8).reshape(rows, self.dtype.itemsize)[:] = octets
+            memory[begin : begin + size].reshape(rows, self.dtype.itemsize)[:] = octets
         return table.view(np.recarray)
 
     def markdown(self) -> str:
@@ -134,6 +145,21 @@ class Layout:
             paths = ((".".join(part.path(key)), field) for key, field in part.fields.items())
             lines += ["", f"#### {self.name}.{part.name}", "", part.doc, "", *_table(paths)]
         return "\n".join(lines) + "\n"
+
+
+def _of_whole_lines(kind: np.dtype[Any]) -> np.dtype[Any]:
+    """The record with room behind it up to the next line of the cache."""
+    names, by_name = kind.names or (), dict(kind.fields or {})
+    fields = [by_name[name] for name in names]
+    return np.dtype(
+        {
+            "names": list(names),
+            "formats": [field[0] for field in fields],
+            "offsets": [field[1] for field in fields],
+            "itemsize": kind.itemsize + -kind.itemsize % CACHE_LINE,
+        },
+        align=True,
+    )
 
 
 def _table(fields: Iterable[tuple[str, Field]]) -> list[str]:
