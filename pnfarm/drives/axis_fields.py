@@ -20,6 +20,7 @@ from pnfarm.table.axis_codes import (
     VELOCITY_NSOLL_B,
     VELOCITY_REF_SPEED,
 )
+from pnfarm.table.fresh_rows import FreshRows, Same
 from pnfarm.table.patch import Patch
 from pnfarm.table.signals import (
     DRV_ACC,
@@ -83,6 +84,10 @@ _HOME_SIGNALS = {HOME_MODE: 0x1, HOME_DIST: 0x2}
 IMMEDIATE = 1e12
 
 
+#: Drives with the same model, parameters and telegram, as they are before the farm starts.
+_NEW_DRIVES: FreshRows[int] = FreshRows()
+
+
 @lru_cache(maxsize=64)
 def _factory_values(firmware: tuple[tuple[str, float], ...]) -> Patch:
     """The defaults of all fields of parameters, and a model's own values."""
@@ -120,11 +125,24 @@ class AxisFields:
 
     def apply_all(self) -> None:
         """Write every field from the values in force."""
-        axis, model = self._handle.axis, self._values.model
         self._positions.clear()
         self._records.clear()
-        _factory_values(tuple(model.firmware.items())).apply(axis)
+        axis, values = self._handle.axis, self._values
+        _factory_values(tuple(values.model.firmware.items())).apply(axis)
         self._convert_defaults()
+        if int(axis.last_ns):
+            # the engine may be writing to it
+            self._write_all()
+            return
+        key = (
+            Same(values.model), tuple(values.current.items()), self._selection.key, tuple(self._written.items()),
+            tuple(self._positions.items()), self._generator_set,
+        )  # fmt: skip
+        self._generator_set = _NEW_DRIVES.write(axis, key, self._write_all)
+
+    def _write_all(self) -> int:
+        """Returns how often a parameter wrote ``ramp_generator``."""
+        axis, model = self._handle.axis, self._values.model
         if model.factor_group is not None:
             apply_factor_group(model.factor_group, self._values, axis)
         if model.control_limits is not None:
@@ -143,6 +161,7 @@ class AxisFields:
             if fault.cause in _FAULT_OF_CAUSE:
                 AXIS.write(axis, _FAULT_OF_CAUSE[fault.cause], fault.code)
         self.apply_telegram()
+        return self._generator_set
 
     def apply_written(self, parameter: Parameter) -> None:
         """One parameter was changed: write the fields that depend on it."""

@@ -38,6 +38,11 @@ class TelegramSelection:
     # telegram
 
     @property
+    def key(self) -> tuple[int | None, int | None]:
+        """What the telegram and its words depend on besides the drive's values."""
+        return self._plugged, self._module
+
+    @property
     def number(self) -> int:
         """The number of the plugged module's telegram, or that of PNU 922 while none is plugged.
 

@@ -44,6 +44,7 @@ from pnfarm.station.events import (
 )
 from pnfarm.station.station import Station
 from pnfarm.table import engine_row
+from pnfarm.table.fresh_rows import FreshRows, Same
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.trace import TraceManager
 
@@ -69,6 +70,8 @@ __all__ = ["FarmCore", "LineNode", "Node", "SocketNode"]
 
 #: Impairment rows for each drive: injections into its cyclic frames that can be active at once.
 IMPAIRMENTS_PER_DRIVE = 8
+#: New axes with the motors and the hardware of the models.
+_NEW_MOTORS: FreshRows[None] = FreshRows()
 
 
 class Node(Protocol):
@@ -178,7 +181,7 @@ class FarmCore:
         self.events_lost = 0
         for index, (config, model, port) in enumerate(zip(drives, known, ports, strict=True)):
             axis, image = self.columns.axis[index], self.columns.image[index]
-            model.apply_motor(axis)
+            _NEW_MOTORS.write(axis, Same(model), partial(model.apply_motor, axis))
             apply_axis(axis, config.load, config.motor, model.pitch)
             apply_machine(axis, config.machine, config.load, model.pitch)
             flaws = imperfections(config.realism, model, config.name, by_source=config.realism_by_source)
