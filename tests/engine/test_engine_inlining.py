@@ -6,7 +6,6 @@ import subprocess
 import sys
 
 import numpy as np
-import pytest
 from from_python import called
 
 from pnfarm.engine import warm
@@ -42,15 +41,6 @@ def test_a_test_can_call_a_part_by_itself():
     assert called(quarter)(np.array([1.0, 2.0]), 1) == 0.5
 
 
-@pytest.mark.skipif(not IS_COMPILED, reason="there is no machine code without the compiler")
-def test_a_part_has_no_machine_code_of_its_own_and_its_callers_have_it_once():
-    quarters(np.zeros(1))
-    (made,) = quarters.overloads.values()
-    (part,) = quarter.overloads.values()
-    assert made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
-    assert not part.library.get_pointer_to_function(part.fndesc.llvm_func_name)
-
-
 #: Compares the short ways with Numba's own, in a process of its own: they stay for good.
 SPARED = """
 from numba.core import targetconfig
@@ -79,10 +69,18 @@ print("the same")
 """
 
 
-@pytest.mark.skipif(not IS_COMPILED, reason="there is no compiler")
-def test_the_short_ways_of_the_compiler_come_to_the_same_results():
-    done = subprocess.run([sys.executable, "-c", SPARED], capture_output=True, text=True, check=False, timeout=120)
-    assert done.stdout == "the same\n", done.stderr
+if IS_COMPILED:
+
+    def test_a_part_has_no_machine_code_of_its_own_and_its_callers_have_it_once():
+        quarters(np.zeros(1))
+        (made,) = quarters.overloads.values()
+        (part,) = quarter.overloads.values()
+        assert made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
+        assert not part.library.get_pointer_to_function(part.fndesc.llvm_func_name)
+
+    def test_the_short_ways_of_the_compiler_come_to_the_same_results():
+        done = subprocess.run([sys.executable, "-c", SPARED], capture_output=True, text=True, check=False, timeout=120)
+        assert done.stdout == "the same\n", done.stderr
 
 
 def test_the_compiler_is_spared_in_processes_that_do_nothing_else():
