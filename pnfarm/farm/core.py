@@ -399,17 +399,8 @@ class FarmCore:
         self._drain(now)
         for index in self._deadlines.take(now):
             station = self.stations[index]
-            alone = station.due_alone(now)
-            if alone is not None:
-                # of a thousand drives one does so each few milliseconds
-                frames, due = alone
-                for frame in frames:
-                    self.link.send(station.port.index, frame)
-                self._deadlines.set(index, due)
-                continue
             station.handle_timeout(now)
             self.settle(station, now)
-            self.injections.touch(station.configured_name)
         self.injections.handle_timeout(now)
         for happened in self.injections.events():
             self.log.record(happened.now, happened.drive, happened.event)
@@ -442,7 +433,6 @@ class FarmCore:
                 touched[station.index] = station
         for station in touched.values():
             self.settle(station, now)
-            self.injections.touch(station.configured_name)
 
     def _catch_up(self, now: int) -> None:
         """The ring of events overflowed: derive the connections' events from the rows themselves."""

@@ -102,13 +102,6 @@ class Device(Protocol):
         """Do what is due by now."""
         ...
 
-    def due_alone(self, now: int) -> tuple[list[bytes], int | None] | None:
-        """Frames that it sends every few seconds, if these are all that is due by now, and its next deadline.
-
-        None, with nothing done, where :meth:`handle_timeout` and :meth:`pump` have to run.
-        """
-        ...
-
     def telegram_changed(self) -> None:
         """Another telegram is in force: cyclic frames carry other signals."""
         ...

@@ -237,10 +237,6 @@ class Station:
             return None
         return self.device.next_deadline() if self._answers_ns is None else self._answers_ns
 
-    def due_alone(self, now: int) -> tuple[list[bytes], int | None] | None:
-        """See :meth:`pnfarm.station.device.Device.due_alone`."""
-        return self.device.due_alone(now) if self.on_the_wire and self._answers_ns is None else None
-
     def handle_timeout(self, now: int) -> None:
         """Handle what is due by now."""
         if not self.powered:

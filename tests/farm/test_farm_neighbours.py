@@ -6,6 +6,8 @@ import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device import segment
+from pnfarm.buses.profinet.device.neighbours import StationNeighbours
+from pnfarm.buses.profinet.device.pump import DevicePump
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.protocols.profinet.dcp_device import identify_matches
 from pnfarm.protocols.profinet.pdev_checks import CheckFailed, CheckPassed
@@ -19,7 +21,6 @@ from pnfarm.protocols.profinet.wire.pdev import (
     emit_port_data,
 )
 from pnfarm.protocols.profinet.wire.pdev_blocks import AdjustPeerToPeerBoundary, CheckPeers, ExpectedPeer
-from pnfarm.station.station import Station
 
 
 def stations_known(line):
@@ -75,14 +76,15 @@ def test_a_drive_that_only_sends_lldp_sends_the_same_at_the_same_time_as_by_a_wh
         assert not line.farm.stations[0].device.neighbours.lldp.neighbours
         return line, sent
 
-    short = []
-    alone = Station.due_alone
-    monkeypatch.setattr(Station, "due_alone", lambda self, now: short.append(now) or alone(self, now))
+    turns = []
+    whole_turn = DevicePump.pump
+    monkeypatch.setattr(DevicePump, "pump", lambda self, now: turns.append(now) or whole_turn(self, now))
     line, sent = run()
-    monkeypatch.setattr(Station, "due_alone", lambda _self, _now: None)
+    few = len(turns)
+    monkeypatch.setattr(StationNeighbours, "only_sends", lambda _self, _now: False)
     other, also_sent = run()
     assert sent == also_sent
-    assert len(short) >= 3 * 13
+    assert len(turns) - 2 * few >= 3 * 12
     for one, two in zip(line.farm.stations, other.farm.stations, strict=True):
         assert one.device.traffic.sent == two.device.traffic.sent
 

@@ -107,10 +107,6 @@ class ToyDevice:
     def next_deadline(self) -> int | None:
         return None if self._controller is None else self._heard + SILENCE_NS
 
-    def due_alone(self, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`: what it sends is more than that."""
-        del now
-
     def handle_timeout(self, now: int) -> None:
         if self._controller is not None and now >= self._heard + SILENCE_NS:
             self.watchdog_expirations += 1

@@ -253,10 +253,6 @@ class EthernetIpDevice:
         if (peer := self._peers.pop(stream, None)) is not None:
             self.note(now, happened.SessionEnded(*peer))
 
-    def due_alone(self, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`: it sends nothing by itself."""
-        del now
-
     def next_deadline(self) -> int | None:
         """See :class:`pnfarm.station.device.Device`."""
         due = (

@@ -238,10 +238,6 @@ class ProfibusDevice:
             self._only_polled = False
         self._settle(now)
 
-    def due_alone(self, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`: it sends nothing by itself."""
-        del now
-
     def next_deadline(self) -> int | None:
         """See :class:`pnfarm.station.device.Device`."""
         self.catch_up_polls()

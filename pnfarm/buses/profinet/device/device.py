@@ -104,9 +104,11 @@ class ProfinetDevice:
         self.budget = ConnectBudget()
         self._pump = DevicePump(self)
         self._built = False
-        #: When something other than LLDP is due, None for nothing; valid until the next input.
+        #: When something other than LLDP is due, None for nothing; known until the next whole turn.
         self._others_ns: int | None = None
         self._others_known = False
+        #: A drive of a thousand sends LLDP each few milliseconds: nothing else is looked at then.
+        self._only_lldp = False
         self.cm: CmDevice
 
     # -- life --------------------------------------------------------------------------------------------------------
@@ -128,7 +130,7 @@ class ProfinetDevice:
             self.connections.forget()
             self._pump.forget_calls()
         self._built = True
-        self._others_known = False
+        self._others_known = self._only_lldp = False
         self._take_written_name(kept)
         kept = dict(kept)
         mac = self.port.mac
@@ -238,8 +240,13 @@ class ProfinetDevice:
         return self.dcp.name
 
     @property
-    def _machines(self) -> tuple[DcpDevice, IpHost, RpcServer, RpcClient, CmDevice, StationNeighbours, SnmpAgent]:
-        return self.dcp, self.ip, self.rpc, self.client, self.cm, self.neighbours, self.snmp
+    def _others(self) -> tuple[DcpDevice, IpHost, RpcServer, RpcClient, CmDevice, SnmpAgent]:
+        """The machines that do not speak LLDP."""
+        return self.dcp, self.ip, self.rpc, self.client, self.cm, self.snmp
+
+    @property
+    def _machines(self) -> tuple[DcpDevice, IpHost, RpcServer, RpcClient, CmDevice, SnmpAgent, StationNeighbours]:
+        return *self._others, self.neighbours
 
     @property
     def connects(self) -> int:
@@ -376,31 +383,20 @@ class ProfinetDevice:
 
     def next_deadline(self) -> int | None:
         """See :class:`pnfarm.station.device.Device`."""
-        self._others_ns = earliest(
-            self.dcp, self.ip, self.rpc, self.client, self.cm, self.snmp,
-            self.connections, self.parameter_records, self.parameter_words,
-        )  # fmt: skip
-        self._others_known = True
-        return self._or_neighbours()
-
-    def _or_neighbours(self) -> int | None:
+        if not self._others_known:
+            self._others_ns = earliest(*self._others, self.connections, self.parameter_records, self.parameter_words)
+            self._others_known = True
         others, own = self._others_ns, self.neighbours.next_deadline()
-        return min(others, own) if others is not None and own is not None else own if others is None else others
-
-    def due_alone(self, now: int) -> tuple[list[bytes], int | None] | None:
-        """See :class:`pnfarm.station.device.Device`: frames of LLDP."""
-        if not self._others_known or (self._others_ns is not None and self._others_ns <= now):
-            return None
-        if not self.neighbours.only_sends(now):
-            return None
-        frames = self.neighbours.to_send(now)
-        for frame in frames:
-            self.traffic.frame_sent(frame)
-        return frames, self._or_neighbours()
+        if others is None or own is None:
+            return own if others is None else others
+        return min(others, own)
 
     def handle_timeout(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
-        self._others_known = False
+        others_wait = self._others_known and (self._others_ns is None or now < self._others_ns)
+        self._only_lldp = others_wait and self.neighbours.only_sends(now)
+        if self._only_lldp:
+            return
         for machine in self._machines:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
@@ -411,6 +407,12 @@ class ProfinetDevice:
 
     def pump(self, now: int) -> list[bytes]:
         """See :class:`pnfarm.station.device.Device`."""
+        if self._only_lldp:
+            self._only_lldp = False
+            frames = self.neighbours.to_send(now)
+            for frame in frames:
+                self.traffic.frame_sent(frame)
+            return frames
         self._others_known = False
         return self._pump.pump(now)
 
