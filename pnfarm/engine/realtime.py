@@ -64,6 +64,7 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
         offset = FAR_FUTURE
         if ring.stamped:
             offset = now - time_ns(CLOCK_REALTIME, ring.clock)
+        # one place that takes frames: they are inlined there
         for turn in range(2):
             source = ring.received if turn == 0 else ring.beside
             if source.words.shape[0] == 0:
@@ -79,7 +80,7 @@ def run_loop(columns: Columns, ring: Ring, wake: int, one: Any, until: int) -> N
                 give_back(source, count)
                 batches += 1
                 count = take_batch(columns, source, now, offset) if batches < MAX_BATCHES else 0
-        send_batch(columns, ring, one_tick(columns, 0, now))
+        send_batch(columns, ring, one_tick(columns, now))
         if engine.event_head != told:
             told = engine.event_head
             engine.wakes += 1

@@ -2,7 +2,7 @@
 
 The same functions serve the real-time loop and virtual time, drives and controllers.  A tick never waits,
 never allocates and accesses nothing but the table.  A call that is not inlined copies the description of every array
-that it is given: what runs in each tick takes the arrays that it needs, not all columns.
+that it is given, and all columns have many: what takes them in each tick is inlined.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def _address(frame: Any, place: int) -> int:
 
 @inlined
 def _comes_through(columns: Columns, number: int, frame: Any, length: int, place: int, data: int, arrival: int) -> bool:
-    """Whether a frame of a consumer with impairments goes on now.  Called for those only: all columns cost 200 ns."""
+    """Whether a frame of a consumer with impairments goes on now."""
     engine = columns.engine[0]
     consumer = columns.cpm[number]
     outcome = impair_received(
@@ -198,7 +198,7 @@ def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None
             _stray(columns, columns.rx_port[i], frame)
             continue
         consumer = consumers[number]
-        # chosen here: one more call with all these arrays costs a real-time frame a tenth of its time
+        # chosen once for check and acceptance
         is_rtc = consumer.framing == FRAMING_RTC and place < class1.LEAST_PLACE
         data = int(check_rtc(consumer, frame, length, place) if is_rtc else check(consumer, frame, length, place))
         if data == 0:
@@ -336,17 +336,10 @@ def _go_on(provider: Any, cycles: int) -> None:
 
 
 @inlined
-def _transmit(
-    engine: Any,
-    providers: Any,
-    images: Any,
-    frames: Any,
-    impairments: Any,
-    held: Any,
-    held_order: Any,
-    tx_row: Any,
-    now: int,
-) -> int:
+def transmit(columns: Columns, now: int) -> int:
+    """Fill every frame that is due; their rows are in ``tx_row``, the count is returned."""
+    engine, providers, images, frames = columns.engine[0], columns.ppm, columns.image, columns.frames
+    impairments, held, held_order, tx_row = columns.impairment, columns.held, columns.held_order, columns.tx_row
     count = 0
     overrun = False
     engine.busy_out = 0
@@ -408,30 +401,11 @@ def _transmit(
 
 
 @inlined
-def transmit(columns: Columns, now: int) -> int:
-    """Fill every frame that is due; their rows are in ``tx_row``, the count is returned."""
-    return int(
-        _transmit(
-            columns.engine[0],
-            columns.ppm,
-            columns.image,
-            columns.frames,
-            columns.impairment,
-            columns.held,
-            columns.held_order,
-            columns.tx_row,
-            now,
-        )
-    )
-
-
-@inlined
-def one_tick(columns: Columns, count: int, now: int) -> int:
-    """One whole tick with ``count`` received frames; returns how many frames to send."""
+def one_tick(columns: Columns, now: int) -> int:
+    """One tick, after the frames that came in; returns how many frames to send."""
     engine = columns.engine[0]
     if engine.ended != engine.ended_seen:
         _release_ended(columns, now)
-    receive_from(columns, columns.rx_octets, columns.rx_slot, count)
     if engine.held_in > 0:
         _release_received(columns, now)
     _watch(engine, columns.cpm, columns.image, columns.events, now)
@@ -465,12 +439,36 @@ def one_tick(columns: Columns, count: int, now: int) -> int:
 
 @compiled
 def tick(columns: Columns, count: int, now: int) -> int:
-    """:func:`one_tick` for callers in Python."""
-    return one_tick(columns, count, now)
+    """One whole tick with ``count`` received frames; returns how many frames to send."""
+    engine = columns.engine[0]
+    if engine.ended != engine.ended_seen:
+        _release_ended(columns, now)
+    receive(columns, count)
+    return one_tick(columns, now)
+
+
+@compiled
+def next_step(columns: Columns, now: int) -> int:
+    """When the next tick is due where nothing is sent by rows: as a drive steps, a trace or a condition is looked at.
+
+    On the grid of ``tick_ns``, by the farm's clock: one that drifts steps a tick later at the most.
+    """
+    engine, axes = columns.engine[0], columns.axis
+    first = now + engine.tick_ns
+    if engine.trace_rows == 0 and engine.condition_rows == 0 and engine.program_rows == 0:
+        first = now + LONGEST_STEP_NS
+        for number in range(engine.axis_rows):
+            axis = axes[number]
+            if axis.front != 0 and axis.last_ns + axis.step_ns < first:
+                first = axis.last_ns + axis.step_ns
+    grid = engine.tick_ns
+    return int(max((first + grid - 1) // grid, now // grid + 1) * grid)
 
 
 @inlined
-def _first_due(engine: Any, providers: Any, held: Any, held_order: Any, now: int) -> int:
+def first_due(columns: Columns, now: int) -> int:
+    """When the next tick is due: at the next frame to send, at the latest ``tick_ns`` from ``now``."""
+    engine, providers, held, held_order = columns.engine[0], columns.ppm, columns.held, columns.held_order
     # on the grid of tick_ns, so that a farm at rest and a farm at work tick at the same times
     due = now - now % engine.tick_ns + engine.tick_ns
     for number in range(engine.ppm_rows):
@@ -481,35 +479,7 @@ def _first_due(engine: Any, providers: Any, held: Any, held_order: Any, now: int
         due = min(due, max(now, held[held_order[OUTWARD, 0]].due_ns))
     if engine.held_in > 0:
         due = min(due, max(now, held[held_order[INWARD, 0]].due_ns))
-    return due
-
-
-@inlined
-def _first_step(engine: Any, axes: Any, now: int) -> int:
-    first = now + engine.tick_ns
-    if engine.trace_rows == 0 and engine.condition_rows == 0 and engine.program_rows == 0:
-        first = now + LONGEST_STEP_NS
-        for number in range(engine.axis_rows):
-            axis = axes[number]
-            if axis.front != 0 and axis.last_ns + axis.step_ns < first:
-                first = axis.last_ns + axis.step_ns
-    grid = engine.tick_ns
-    return max((first + grid - 1) // grid, now // grid + 1) * grid
-
-
-@compiled
-def next_step(columns: Columns, now: int) -> int:
-    """When the next tick is due where nothing is sent by rows: as a drive steps, a trace or a condition is looked at.
-
-    On the grid of ``tick_ns``, by the farm's clock: one that drifts steps a tick later at the most.
-    """
-    return int(_first_step(columns.engine[0], columns.axis, now))
-
-
-@inlined
-def first_due(columns: Columns, now: int) -> int:
-    """When the next tick is due: at the next frame to send, at the latest ``tick_ns`` from ``now``."""
-    return int(_first_due(columns.engine[0], columns.ppm, columns.held, columns.held_order, now))
+    return int(due)
 
 
 @compiled

@@ -11,7 +11,7 @@ from typing import Any
 
 from pnfarm.engine.columns import RX_BATCH, Columns
 from pnfarm.engine.held import sent_length
-from pnfarm.engine.tick import first_due, one_tick, receive_from
+from pnfarm.engine.tick import next_due, receive, tick
 from pnfarm.table.compiled import compiled
 
 __all__ = ["deliver", "run_alone", "run_virtual"]
@@ -66,7 +66,7 @@ def deliver(sender: Columns, count: int, receiver: Columns, addresses: Any, port
         )  # fmt: skip
         if first >= count:
             return int(waiting)
-        receive_from(receiver, receiver.rx_octets, receiver.rx_slot, waiting)
+        receive(receiver, waiting)
 
 
 @compiled
@@ -75,8 +75,8 @@ def run_alone(columns: Columns, now: int, until: int) -> int:
     engine = columns.engine[0]
     head = engine.event_head
     while now < until and engine.event_head == head:
-        now = min(first_due(columns, now), until)
-        one_tick(columns, 0, now)
+        now = min(next_due(columns, now), until)
+        tick(columns, 0, now)
     return now
 
 
@@ -102,13 +102,13 @@ def run_virtual(
     controller_head = controller_row.event_head
     waiting = 0
     while now < until and farm_row.event_head == farm_head and controller_row.event_head == controller_head:
-        due = first_due(farm, now)
-        other = first_due(controller, now)
+        due = next_due(farm, now)
+        other = next_due(controller, now)
         now = min(due, other, until)
-        sent = one_tick(controller, waiting, now)
+        sent = tick(controller, waiting, now)
         arrived = deliver(controller, sent, farm, farm_addresses, farm_ports, now)
-        sent = one_tick(farm, arrived, now)
+        sent = tick(farm, arrived, now)
         waiting = deliver(farm, sent, controller, controller_addresses, controller_ports, now)
     if waiting:
-        receive_from(controller, controller.rx_octets, controller.rx_slot, waiting)
+        receive(controller, waiting)
     return now

@@ -195,7 +195,7 @@ def _spare_the_compiler() -> None:
     by_name = flags.__eq__
 
     def equal(self: Any, other: Any) -> Any:
-        if self is other or (type(self) is type(other) and self._values == other._values):  # noqa: SLF001
+        if self is other or (type(self) is type(other) and self._values == other._values):  # noqa: SLF001 - the flags that are set
             return True
         return by_name(self, other)
 

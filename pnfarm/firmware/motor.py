@@ -199,11 +199,11 @@ def _step_brake(brake: Any, open_it: bool, seconds: float) -> None:
 
 
 @inlined
-def _speed(brake: Any, constants: Constants, omega: float, drive: float, per: float) -> float:
+def _speed(brake: Any, constants: Constants, omega: float, drive: float, per_inertia: float) -> float:
     """The shaft's speed after the step, rad/s, for a torque of ``drive - slope * speed`` N m.
 
-    Backward Euler with dry friction as the set-valued force that it is.  ``per``: the inverse of inertia, damping and
-    ``slope`` together (:func:`_per`).
+    Backward Euler with dry friction as the set-valued force that it is.  ``per_inertia``: the inverse of inertia,
+    damping and ``slope`` together.
     """
     dry = constants.dry
     if brake_holds(brake):
@@ -211,17 +211,17 @@ def _speed(brake: Any, constants: Constants, omega: float, drive: float, per: fl
     moving = constants.inertia * omega + drive - constants.load
     if abs(moving) <= dry:
         return 0.0
-    return (moving - dry if moving > 0.0 else moving + dry) * per
+    return (moving - dry if moving > 0.0 else moving + dry) * per_inertia
 
 
 @inlined
-def _per(constants: Constants, slope: float) -> float:
-    """``per`` of :func:`_speed` for a slope that is seldom: most have theirs among the constants."""
-    return constants.per_damped / (1.0 + slope * constants.per_damped)
+def _per_inertia(constants: Constants, slope: float) -> float:
+    """That of :func:`_speed` for a slope that has none among the constants."""
+    return constants.per_damped if slope == 0.0 else constants.per_damped / (1.0 + slope * constants.per_damped)
 
 
 @inlined
-def _given(foldback: Any, motor: Any, constants: Constants, wanted: float) -> float:
+def _within_limits(foldback: Any, motor: Any, constants: Constants, wanted: float) -> float:
     """``wanted`` within the limits of its direction, N m."""
     folded = motor.settings.torque_constant * foldback.current
     return max(-min(constants.least, folded), min(constants.most, folded, wanted))
@@ -235,10 +235,8 @@ def _coast(axis: Any, constants: Constants, omega: float) -> float:
     axis.motor.torque = 0.0
     axis.motor.speed_integral = 0.0
     axis.motor.fed_speed = axis.profile.velocity
-    per = constants.per_damped
-    if braking and axis.motor.settings.brake_damping > 0.0:
-        per = _per(constants, axis.motor.settings.brake_damping)
-    return _speed(axis.brake, constants, omega, 0.0, per)
+    slope = axis.motor.settings.brake_damping if braking else 0.0
+    return _speed(axis.brake, constants, omega, 0.0, _per_inertia(constants, slope))
 
 
 @inlined
@@ -272,7 +270,7 @@ def _controlled(axis: Any, constants: Constants, omega: float, noise: float) -> 
     ``noise``: what the encoder adds to the speed as the controller sees it, rad/s.
     """
     constant = axis.motor.settings.torque_constant
-    action, share, per = constants.action, constants.share, constants.per_led
+    action, share, per_inertia = constants.action, constants.share, constants.per_led
     kept = (1.0 - share) * constant * axis.motor.current
     reference = axis.ramp.reference * RPM_TO_RAD - noise
     given = (
@@ -282,21 +280,23 @@ def _controlled(axis: Any, constants: Constants, omega: float, noise: float) -> 
     )
     led = torque_controlled(axis.orders, axis.drive, axis.brake)
     if led:
-        given = _given(axis.foldback, axis.motor, constants, axis.torque.setpoint + axis.torque.settings.additive)
+        given = _within_limits(
+            axis.foldback, axis.motor, constants, axis.torque.setpoint + axis.torque.settings.additive
+        )
         action = 0.0
-        per = constants.per_damped
-        free = _speed(axis.brake, constants, omega, kept + share * given, per)
+        per_inertia = constants.per_damped
+        free = _speed(axis.brake, constants, omega, kept + share * given, per_inertia)
         side = _beyond(axis.motor, axis.torque, axis.travel, free + noise, given, constants.gain)
         if side != 0:
             reference = _speed_limit(axis.motor, axis.travel, side) - noise
             action = constants.gain
             given = 0.0
-            per = _per(constants, share * action)
+            per_inertia = _per_inertia(constants, share * action)
     drive = kept + share * (action * reference + given)
     slope = share * action
-    following = _speed(axis.brake, constants, omega, drive, per)
+    following = _speed(axis.brake, constants, omega, drive, per_inertia)
     wanted = action * (reference - following) + given
-    most = _given(axis.foldback, axis.motor, constants, wanted)
+    most = _within_limits(axis.foldback, axis.motor, constants, wanted)
     limited = most != wanted
     if limited:
         drive = kept + share * most
@@ -312,7 +312,7 @@ def _controlled(axis: Any, constants: Constants, omega: float, noise: float) -> 
             limited = True
             drive = constant * (before + (available if needed > 0.0 else -available)) / impedance
             slope = constant * constants.back / impedance
-            following = _speed(axis.brake, constants, omega, drive, _per(constants, slope))
+            following = _speed(axis.brake, constants, omega, drive, _per_inertia(constants, slope))
             torque = drive - slope * following
     error = reference - following
     resting = omega == 0.0 and following == 0.0 and abs(axis.ramp.reference) <= RESTING * axis.ramp.settings.standstill

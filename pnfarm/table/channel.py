@@ -123,7 +123,7 @@ PPM = Layout(
         Field("suppressed", "i8", "frames", "transmit", "frames that an impairment kept back"),
         Field("late", "i8", "frames", "transmit", "cycles skipped because the engine came more than a cycle late"),
     ],
-    lines=True,
+    cache_lines=True,
 )
 
 CPM = Layout(
@@ -205,5 +205,5 @@ CPM = Layout(
         Field("late_by_ns", "i8", "ns", "receive", "how late it was"),
         Field("late_engine_ns", "i8", "ns", "receive", "how late the engine had been"),
     ],
-    lines=True,
+    cache_lines=True,
 )

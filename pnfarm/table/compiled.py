@@ -19,7 +19,7 @@ import numba
 from numba import types
 
 from pnfarm.table.code_cache import REAL_TIME, cache_directory, is_cached, kept_functions, mark_cached
-from pnfarm.table.inlining import keep_parts_as_they_are
+from pnfarm.table.inlining import skip_code_of_inlined
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -35,7 +35,7 @@ def _prepare() -> bool:
     # Numba formats the types of the arguments in each of its passes and look-ups, even if no event listener is
     # registered.  A nested record builds that text each time, a tenth of all compile time; its name does as well.
     types.Record.__repr__ = types.Type.__repr__
-    keep_parts_as_they_are()
+    skip_code_of_inlined()
     try:
         cache_directory().mkdir(parents=True, exist_ok=True)
     except OSError:
@@ -67,7 +67,7 @@ def inlined(function: _F) -> _F:
     LLVM alone leaves many of these apart: each call saves registers, and returns a status that its caller looks at.
     It has no machine code of its own (:mod:`pnfarm.table.inlining`), and a call from Python would crash.
     """
-    return _compiled(function, no_cfunc_wrapper=True, is_part=True)
+    return _compiled(function, no_cfunc_wrapper=True, inline=True)
 
 
 def compiled_apart(function: _F) -> _F:
@@ -88,7 +88,7 @@ def _ignore_literals(dispatcher: Any) -> None:
         )
 
 
-def _compiled(function: _F, *, no_cfunc_wrapper: bool, is_part: bool = False) -> _F:
+def _compiled(function: _F, *, no_cfunc_wrapper: bool, inline: bool = False) -> _F:
     global _functions  # noqa: PLW0603 - a count of what this decorator was given
     _functions += 1
     others = numba.config.CACHE_LOCATOR_CLASSES
@@ -97,11 +97,11 @@ def _compiled(function: _F, *, no_cfunc_wrapper: bool, is_part: bool = False) ->
         dispatcher = numba.njit(
             function,
             nogil=True,
-            cache=not is_part,
+            cache=not inline,
             error_model="numpy",
             no_cfunc_wrapper=no_cfunc_wrapper,
-            forceinline=is_part,
-            no_cpython_wrapper=is_part or function.__name__.startswith("_"),
+            forceinline=inline,
+            no_cpython_wrapper=inline or function.__name__.startswith("_"),
             # compiled functions allocate nothing and keep nothing: an array is its caller's.  Counting references to
             # it was a tenth of the time of a frame.
             _nrt=False,

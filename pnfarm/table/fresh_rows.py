@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
 
-from pnfarm.table.record_fields import row_number
+from pnfarm.table.record_fields import row_octets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable
@@ -48,9 +48,7 @@ class FreshRows(Generic[T]):
         ``key`` has to tell all that this depends on, except what stands in the row.  Nobody else may write to the row
         meanwhile.
         """
-        size = record.dtype.itemsize
-        begin = row_number(record) * size
-        octets = record.base.view(np.ndarray).view(np.uint8)[begin : begin + size]
+        octets = row_octets(record)
         before = octets.tobytes()
         known = self._known.get((key, before))
         if known is None:

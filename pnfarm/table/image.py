@@ -51,5 +51,5 @@ IMAGE = Layout(
         Field("parameter_answer", "i8", "", "station", "the answer that is sent"),
         Field("parameter_repeats", "u1", "", "station", "1 = the answer is a value that is to be kept up to date"),
     ],
-    lines=True,
+    cache_lines=True,
 )

@@ -32,7 +32,7 @@ __all__ = ["SETTINGS", "Field", "Layout", "subject"]
 WRITERS = ("station", "parameter", "fault", "receive", "firmware", "program", "transmit", "engine", "lease")
 #: The part of a subject that holds what the event loop writes.
 SETTINGS = "settings"
-#: Octets of a line of the cache.
+#: Octets of a cache line.
 CACHE_LINE = 64
 #: Interpreted, a field of such a name would be hidden.
 _TAKEN = frozenset(dir(np.recarray)) | frozenset(dir(np.record))
@@ -58,12 +58,12 @@ class Field:
 class Layout:
     """A named, documented row type: its own fields, then parts.
 
-    ``fields`` has all fields by their keys, including those of the parts.  With ``lines`` each row of a table begins
-    with a line of the cache.
+    ``fields`` has all fields by their keys, including those of the parts.  With ``cache_lines`` each row of a table
+    begins with a cache line.
     """
 
     def __init__(
-        self, name: str, doc: str, fields: list[Field], parts: tuple[Layout, ...] = (), *, lines: bool = False
+        self, name: str, doc: str, fields: list[Field], parts: tuple[Layout, ...] = (), *, cache_lines: bool = False
     ) -> None:
         names = [*(field.name for field in fields), *(part.name for part in parts)]
         if len(set(names)) != len(names):
@@ -93,8 +93,8 @@ class Layout:
             ],
             align=True,
         )
-        if lines:
-            self.dtype = _of_whole_lines(self.dtype)
+        if cache_lines:
+            self.dtype = _of_whole_cache_lines(self.dtype)
         # one object for all tables, so that Numba need not compare fields when it checks argument types at each call
         self._record = np.dtype((np.record, self.dtype))
         #: A row that nobody wrote to yet.
@@ -126,7 +126,7 @@ class Layout:
 
     def copies(self, row: Any, rows: int = 1) -> Any:
         """A table of ``rows`` rows like the one of the table ``row``."""
-        # from the begin of a line of the cache: the fields that come first in a row are in its first lines
+        # from the begin of a cache line: the fields that come first in a row are in its first lines
         size = rows * self.dtype.itemsize
         memory = np.zeros(size + CACHE_LINE, np.uint8)
         begin = -memory.ctypes.data % CACHE_LINE
@@ -147,8 +147,8 @@ class Layout:
         return "\n".join(lines) + "\n"
 
 
-def _of_whole_lines(kind: np.dtype[Any]) -> np.dtype[Any]:
-    """The record with room behind it up to the next line of the cache."""
+def _of_whole_cache_lines(kind: np.dtype[Any]) -> np.dtype[Any]:
+    """The record with room behind it up to the next cache line."""
     names, by_name = kind.names or (), dict(kind.fields or {})
     fields = [by_name[name] for name in names]
     return np.dtype(

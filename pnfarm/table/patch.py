@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.table.record_fields import row_number
+from pnfarm.table.record_fields import row_octets
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -34,9 +34,7 @@ class Patch:
 
     def apply(self, record: Any) -> None:
         """Write into ``record``, a row of a table (``table[i]``); other fields stay."""
-        size = record.dtype.itemsize
-        begin = row_number(record) * size
-        record.base.view(np.ndarray).view(np.uint8)[begin : begin + size][self._places] = self._octets
+        row_octets(record)[self._places] = self._octets
 
 
 def _places(layout: Layout, key: str) -> range:

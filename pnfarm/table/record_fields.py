@@ -11,7 +11,15 @@ import numpy as np
 
 from pnfarm.errors import InternalError
 
-__all__ = ["field_views", "row_number"]
+__all__ = ["field_views", "row_number", "row_octets"]
+
+
+def row_octets(record: Any) -> np.ndarray[Any, np.dtype[np.uint8]]:
+    """The memory of ``record``, a row of a table (``table[i]``)."""
+    size = record.dtype.itemsize
+    begin = row_number(record) * size
+    octets: np.ndarray[Any, np.dtype[np.uint8]] = record.base.view(np.ndarray).view(np.uint8)
+    return octets[begin : begin + size]
 
 
 def row_number(record: Any) -> int:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from fake_api import served
 from forks import PROGRAM, Fork, can_fork, clean_environment, run_fork
 
 from pnfarm.cli.main import main
@@ -166,3 +167,21 @@ def shared_background(tmp_path_factory):
     """The same for a whole module."""
     with _started(tmp_path_factory.mktemp("shared")) as start:
         yield start
+
+
+@pytest.fixture
+def farm():
+    """The API of a farm: what it answers is the test's."""
+    with served() as fake:
+        yield fake
+
+
+@pytest.fixture
+def ask(pnfarm, farm, monkeypatch):
+    """The command line, with that farm as its own."""
+
+    def ask(*arguments: str):
+        monkeypatch.setenv("PNFARM_API", farm.url)
+        return pnfarm(*arguments)
+
+    return ask
