@@ -389,7 +389,7 @@ def test_a_trace_does_not_change_what_the_drives_do() -> None:
         if traced:
             start(line, signals=["*"], trigger="velocity rising 100", pre="100ms", length="500ms")
         line.run(4.0)
-        axes = line.farm.columns.axis
-        return b"".join(np.ascontiguousarray(axes[name]).tobytes() for name in ("motor", "drive", "ramp", "profidrive"))
+        # whole rows: NumPy leaves the padding of a field that it copies by itself as the memory was
+        return line.farm.columns.axis.tobytes()
 
     assert run(traced=True) == run(traced=False)
