@@ -20,10 +20,12 @@ from pnfarm.table.observed import OBSERVED
 from pnfarm.table.program import PROGRAM
 from pnfarm.table.trace import MAX_PROBES, MAX_TRACES, PROBE, RING_VALUES, TRACE
 
-__all__ = ["RX_BATCH", "Columns", "allocate", "lookup_find", "lookup_rebuild"]
+__all__ = ["CHANGED_AT", "RX_BATCH", "Columns", "allocate", "lookup_find", "lookup_rebuild"]
 
 #: Frames received per batch.
 RX_BATCH = 256
+#: Where the copy of a received frame begins that an impairment changes.
+CHANGED_AT = RX_BATCH * FRAME_SLOT
 #: Look-up tables in rotation: a rebuild never touches the one in force, nor its two predecessors.
 _LOOKUPS = 4
 #: Slots for held frames, for each direction and channel, and the fewest of all; memory that is not used costs nothing.
@@ -39,12 +41,14 @@ class Columns(NamedTuple):
     ==============  ==========================  ======================================================
     ``frames``      (providers + held,          octets of each provider's frame, row for row, then of each
                     FRAME_SLOT)                 held frame
+    ``frame_octets`` (octets of all frames,)    the same memory
     ``held_order``  (2, held / 2)               slots of held frames by direction (:mod:`pnfarm.engine.held`)
     ``lookup``      (4, size, 2)                hash tables ``port << 32 | frame id`` -> consumer row + 1
     ``rx_frames``   (RX_BATCH, FRAME_SLOT)      frames received
-    ``rx_octets``   (RX_BATCH * FRAME_SLOT,)    the same memory
+    ``rx_octets``   (CHANGED_AT + FRAME_SLOT,)  the same memory, then the copy of one that an impairment changes
     ``rx_slot``     (RX_BATCH,)                 where each begins in it
-    ``rx_place``    (RX_BATCH,)                 where each frame of a batch begins in a socket's ring
+    ``rx_place``    (RX_BATCH,)                 where each frame of a batch begins in a socket's ring, or among
+                                                the frames of another table
     ``rx_length``   (RX_BATCH,)                 their lengths, octets
     ``rx_port``     (RX_BATCH,)                 their ports
     ``rx_ns``       (RX_BATCH,)                 their arrival, ns
@@ -68,6 +72,7 @@ class Columns(NamedTuple):
     held_order: Any
     events: Any
     frames: Any
+    frame_octets: Any
     lookup: Any
     rx_frames: Any
     rx_octets: Any
@@ -106,7 +111,8 @@ def allocate(
         size *= 2
     waiting = max(FEWEST_HELD, channels * HELD_PER_CHANNEL) if impairments else 1
     axis, image = AXIS.allocate(max(1, axes)), IMAGE.allocate(max(1, stations))
-    rx_octets = np.zeros(RX_BATCH * FRAME_SLOT, np.uint8)
+    frame_octets = np.zeros((channels + 2 * waiting) * FRAME_SLOT, np.uint8)
+    rx_octets = np.zeros(CHANGED_AT + FRAME_SLOT, np.uint8)
     columns = Columns(
         engine=ENGINE.allocate(1),
         axis=axis,
@@ -118,9 +124,10 @@ def allocate(
         held=HELD.allocate(2 * waiting),
         held_order=np.arange(2 * waiting, dtype=np.int32).reshape(2, waiting),
         events=EVENT.allocate(EVENTS),
-        frames=np.zeros((channels + 2 * waiting, FRAME_SLOT), np.uint8),
+        frames=frame_octets.reshape(-1, FRAME_SLOT),
+        frame_octets=frame_octets,
         lookup=np.zeros((_LOOKUPS, size, 2), np.int64),
-        rx_frames=rx_octets.reshape(RX_BATCH, FRAME_SLOT),
+        rx_frames=rx_octets[:CHANGED_AT].reshape(RX_BATCH, FRAME_SLOT),
         rx_octets=rx_octets,
         rx_slot=np.arange(RX_BATCH, dtype=np.int64) * FRAME_SLOT,
         rx_place=np.zeros(RX_BATCH, np.int64),

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.engine.mac import mac_at
 from pnfarm.engine.signed import signed
 from pnfarm.table.channel import (
     DISCARD_COUNTER,
@@ -66,10 +67,7 @@ def fits(consumer: Any, frame: Any, length: int, place: int) -> int:  # noqa: AR
 @inlined
 def comes_from(consumer: Any, frame: Any) -> bool:
     """Whether the frame has the MAC address of the peer."""
-    address = 0
-    for i in range(6, 12):
-        address = (address << 8) | int(frame[i])
-    return bool(address == consumer.source)
+    return bool(mac_at(frame, 6) == consumer.source)
 
 
 @compiled

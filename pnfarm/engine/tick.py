@@ -10,11 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.engine import class1, framing
-from pnfarm.engine.columns import Columns, lookup_find
+from pnfarm.engine.columns import CHANGED_AT, Columns, lookup_find
 from pnfarm.engine.conditions import watch_conditions
 from pnfarm.engine.consuming import accept, accept_rtc, check, check_rtc, zero
-from pnfarm.engine.held import forget, release_all, take_first
+from pnfarm.engine.held import copy_octets, forget, release_all, take_first
 from pnfarm.engine.impair import GOES_ON, HELD, IS_LOST, WAS_CHANGED, impair_received, impair_sent
+from pnfarm.engine.mac import mac_at
 from pnfarm.engine.observe import fault_began, fault_ended, observe
 from pnfarm.engine.providing import pack, pack_rtc
 from pnfarm.engine.tracing import sample
@@ -57,6 +58,7 @@ __all__ = [
     "next_step",
     "one_tick",
     "receive",
+    "receive_at",
     "receive_from",
     "run_firmware",
     "tick",
@@ -68,15 +70,6 @@ LONGEST_STEP_NS = 4_000_000
 
 #: Its machine code is one for all loops that tick.
 _step = by_address(step, AXIS, IMAGE)
-
-
-@compiled
-def _address(frame: Any, place: int) -> int:
-    """The MAC address that begins there, as a number."""
-    address = 0
-    for i in range(place, place + 6):
-        address = (address << 8) | int(frame[i])
-    return address
 
 
 @inlined
@@ -105,7 +98,7 @@ def _is_for(consumer: Any, frame: Any, length: int, place: int) -> bool:
     if framing.locate(frame, length) != place or not framing.comes_from(consumer, frame):
         return False
     frame_id = framing.identity(frame, place)
-    return bool(frame_id == consumer.frame_id and _address(frame, 0) == consumer.destination)
+    return bool(frame_id == consumer.frame_id and mac_at(frame, 0) == consumer.destination)
 
 
 @inlined
@@ -117,7 +110,7 @@ def _stray(columns: Columns, port: int, frame: Any) -> None:
     images = columns.image
     for i in range(len(images)):
         if images[i].port == port:
-            if frame[0] & 1 or _address(frame, 0) == images[i].mac:
+            if frame[0] & 1 or mac_at(frame, 0) == images[i].mac:
                 images[i].strays += 1
             return
 
@@ -191,7 +184,7 @@ def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None
             _stray(columns, columns.rx_port[i], frame)
             continue
         frame_id = framing.identity(frame, place)
-        number = lookup_find(table, consumers, columns.rx_port[i], frame_id, _address(frame, 0))
+        number = lookup_find(table, consumers, columns.rx_port[i], frame_id, mac_at(frame, 0))
         if number < 0:
             # multicast frames have no consumer here; unicast frames count only for their own destination
             engine.unknown += 1
@@ -203,10 +196,12 @@ def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None
         data = int(check_rtc(consumer, frame, length, place) if is_rtc else check(consumer, frame, length, place))
         if data == 0:
             continue
-        if consumer.impairment > 0 and not _comes_through(
-            columns, number, frame, length, place, data, columns.rx_ns[i]
-        ):
-            continue
+        if consumer.impairment > 0:
+            # in a copy, which may change: the frame itself is the sender's, or the socket's
+            copy_octets(columns.rx_octets[CHANGED_AT:], frame, length)
+            frame = columns.rx_octets[CHANGED_AT:]
+            if not _comes_through(columns, number, frame, length, place, data, columns.rx_ns[i]):
+                continue
         if is_rtc:
             accept_rtc(engine, events, images, number, consumer, frame, length, data, columns.rx_ns[i])
         else:
@@ -214,9 +209,15 @@ def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None
 
 
 @compiled
+def receive_at(columns: Columns, octets: Any, places: Any, count: int) -> None:
+    """:func:`receive_from` as a function of its own."""
+    receive_from(columns, octets, places, count)
+
+
+@compiled
 def receive(columns: Columns, count: int) -> None:
     """Take ``count`` frames out of the receive slots; one with an error is only counted."""
-    receive_from(columns, columns.rx_octets, columns.rx_slot, count)
+    receive_at(columns, columns.rx_octets, columns.rx_slot, count)
 
 
 @inlined

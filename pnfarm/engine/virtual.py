@@ -11,41 +11,50 @@ from typing import Any
 
 from pnfarm.engine.columns import RX_BATCH, Columns
 from pnfarm.engine.held import sent_length
-from pnfarm.engine.tick import next_due, receive, tick
-from pnfarm.table.compiled import compiled
+from pnfarm.engine.mac import mac_at
+from pnfarm.engine.tick import next_due, receive_at, tick
+from pnfarm.table.channel import FRAME_SLOT
+from pnfarm.table.compiled import compiled, inlined
 
-__all__ = ["deliver", "run_alone", "run_virtual"]
+__all__ = ["deliver", "run_alone", "run_virtual", "take"]
 
 
-@compiled
-def _place(
-    sent: Any, frames: Any, ppm: Any, held: Any, slots: Any, lengths: Any, places: Any, times: Any,
-    addresses: Any, ports: Any, first: int, count: int, now: int,
-) -> tuple[int, int]:  # fmt: skip
-    """Put frames of ``sent`` from ``first`` on into the receive slots until these are full; next frame, slots used."""
+@inlined
+def _found(addresses: Any, address: int) -> int:
+    """Where a sorted array has it, or -1."""
+    low = 0
+    high = addresses.shape[0]
+    while low < high:
+        middle = (low + high) // 2
+        if addresses[middle] < address:
+            low = middle + 1
+        else:
+            high = middle
+    return low if low < addresses.shape[0] and addresses[low] == address else -1
+
+
+@inlined
+def _announce(
+    sender: Columns, first: int, count: int, receiver: Columns, addresses: Any, ports: Any, now: int
+) -> tuple[int, int]:
+    """Tell ``receiver`` of a batch of the frames sent, from ``first`` on; the next frame, and the size of the batch."""
+    sent, frames = sender.tx_row, sender.frames
+    places, lengths, ports_in, times = receiver.rx_place, receiver.rx_length, receiver.rx_port, receiver.rx_ns
     waiting = 0
+    station = -1
     while first < count and waiting < RX_BATCH:
         row = sent[first]
         first += 1
-        frame = frames[row]
-        length = sent_length(ppm, held, row)
-        destination = 0
-        for k in range(6):
-            destination = (destination << 8) | int(frame[k])
-        low = 0
-        high = addresses.shape[0]
-        while low < high:
-            middle = (low + high) // 2
-            if addresses[middle] < destination:
-                low = middle + 1
-            else:
-                high = middle
-        if low >= addresses.shape[0] or addresses[low] != destination:
-            continue
-        for k in range(length):
-            slots[waiting, k] = frame[k]
-        lengths[waiting] = length
-        places[waiting] = ports[low]
+        destination = mac_at(frames[row], 0)
+        # mostly the address behind the last one: stations send in the order of their addresses
+        station += 1
+        if station >= addresses.shape[0] or addresses[station] != destination:
+            station = _found(addresses, destination)
+            if station < 0:
+                continue
+        places[waiting] = row * FRAME_SLOT
+        lengths[waiting] = sent_length(sender.ppm, sender.held, row)
+        ports_in[waiting] = ports[station]
         times[waiting] = now
         waiting += 1
     return first, waiting
@@ -55,18 +64,22 @@ def _place(
 def deliver(sender: Columns, count: int, receiver: Columns, addresses: Any, ports: Any, now: int) -> int:
     """Pass ``count`` sent frames to ``receiver`` by destination address, as a switch does.
 
-    ``addresses`` int64[n] sorted MAC numbers, ``ports`` int32[n] the receiver's ports.  When the receive
-    slots are full they are processed at once.  Returns how many frames wait in the slots.
+    ``addresses`` int64[n] sorted MAC numbers, ``ports`` int32[n] the receiver's ports.  Returns how many wait, where
+    they were sent from, for :func:`take`: before the sender's next tick.  More than one batch is taken at once.
     """
     first = 0
     while True:
-        first, waiting = _place(
-            sender.tx_row, sender.frames, sender.ppm, sender.held, receiver.rx_frames, receiver.rx_length,
-            receiver.rx_port, receiver.rx_ns, addresses, ports, first, count, now,
-        )  # fmt: skip
+        first, waiting = _announce(sender, first, count, receiver, addresses, ports, now)
         if first >= count:
             return int(waiting)
-        receive(receiver, waiting)
+        take(receiver, sender, waiting)
+
+
+@compiled
+def take(receiver: Columns, sender: Columns, count: int) -> None:
+    """Take ``count`` frames that wait where ``sender`` sent them from."""
+    if count > 0:
+        receive_at(receiver, sender.frame_octets, receiver.rx_place, count)
 
 
 @compiled
@@ -105,10 +118,10 @@ def run_virtual(
         due = next_due(farm, now)
         other = next_due(controller, now)
         now = min(due, other, until)
-        sent = tick(controller, waiting, now)
-        arrived = deliver(controller, sent, farm, farm_addresses, farm_ports, now)
-        sent = tick(farm, arrived, now)
+        take(controller, farm, waiting)
+        sent = tick(controller, 0, now)
+        take(farm, controller, deliver(controller, sent, farm, farm_addresses, farm_ports, now))
+        sent = tick(farm, 0, now)
         waiting = deliver(farm, sent, controller, controller_addresses, controller_ports, now)
-    if waiting:
-        receive(controller, waiting)
+    take(controller, farm, waiting)
     return now

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pnfarm.engine.held import sent_length, sent_port
-from pnfarm.engine.tick import next_due, receive, tick
-from pnfarm.engine.virtual import deliver, run_alone, run_virtual
+from pnfarm.engine.tick import next_due, tick
+from pnfarm.engine.virtual import deliver, run_alone, run_virtual, take
 from pnfarm.errors import InternalError
 from pnfarm.links.memory import MemoryLink, MemorySwitch
 from pnfarm.wire.direction import Direction
@@ -167,11 +167,11 @@ class VirtualWorld:
             for controller in controllers:
                 sent = tick(controller, 0, now)
                 self._show_inbound(controller, sent, now)
-                receive(farm, deliver(controller, sent, farm, *here, now))
+                take(farm, controller, deliver(controller, sent, farm, *here, now))
             sent = tick(farm, 0, now)
             self._show_outbound(farm, sent, now)
             for controller, addresses in zip(controllers, there, strict=True):
-                receive(controller, deliver(farm, sent, controller, *addresses, now))
+                take(controller, farm, deliver(farm, sent, controller, *addresses, now))
         return now
 
     def _show_inbound(self, controller: Columns, sent: int, now: int) -> None:
@@ -198,14 +198,14 @@ class VirtualWorld:
         now, waiting = self.now, 0
         while now < target and [int(head[0]) for head in self._heads] == heads:
             now = min(int(next_due(farm, now)), int(next_due(controller, now)), target)
-            sent = tick(controller, waiting, now)
+            take(controller, farm, waiting)
+            sent = tick(controller, 0, now)
             self._show_inbound(controller, sent, now)
-            arrived = deliver(controller, sent, farm, *here, now)
-            sent = tick(farm, arrived, now)
+            take(farm, controller, deliver(controller, sent, farm, *here, now))
+            sent = tick(farm, 0, now)
             self._show_outbound(farm, sent, now)
             waiting = deliver(farm, sent, controller, *there, now)
-        if waiting:
-            receive(controller, waiting)
+        take(controller, farm, waiting)
         return now
 
     def _settle(self) -> None:

@@ -23,7 +23,7 @@ __all__ = [
 ]
 
 #: Octets of one frame's buffer: an Ethernet frame with VLAN tag, rounded up.
-FRAME_SLOT = 1536
+FRAME_SLOT = 1600
 #: Telegram words of one channel; the longest telegram of the manuals has 34.
 MAX_WORDS = 64
 #: Provider status octets that a consumer evaluates.

@@ -17,6 +17,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba import types
+from numba.cpython import slicing
 
 from pnfarm.table.code_cache import REAL_TIME, cache_directory, is_cached, kept_functions, mark_cached
 from pnfarm.table.inlining import skip_code_of_inlined
@@ -36,6 +37,8 @@ def _prepare() -> bool:
     # registered.  A nested record builds that text each time, a tenth of all compile time; its name does as well.
     types.Record.__repr__ = types.Type.__repr__
     skip_code_of_inlined()
+    # no index here is below 0, and Numba compares each with 0: the boundary checks of the tests refuse such a one
+    slicing.fix_index = lambda _builder, index, _size: index
     try:
         cache_directory().mkdir(parents=True, exist_ok=True)
     except OSError:

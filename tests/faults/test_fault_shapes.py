@@ -267,6 +267,20 @@ def test_corrupt_cyclic_frames_differ_in_as_many_bits_and_the_next_ones_are_whol
     assert line.losses() == 0
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_of_cyclic_frames_that_are_corrupted_on_their_way_in_the_next_ones_are_whole(seed):
+    line = watched()
+    line.run(2 * CYCLE)
+    row = line.drive_row()
+    got = int(row.received)
+    fault = line.add("corrupt", direction="in", count=1, seed=seed, params={"bits": 64, "frames": "cyclic"})
+    line.run(10 * CYCLE)
+    assert fault.evidence().activations == 1
+    # with so many bits the frame itself is not one of this connection any more
+    assert int(row.received) - got == 9
+    assert line.losses() == 0
+
+
 def test_a_slow_line_loses_what_it_cannot_carry():
     line = watched(watchdog=60)
     before = int(line.input_row().received)

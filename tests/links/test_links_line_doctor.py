@@ -71,7 +71,8 @@ def test_a_port_with_a_plug_is_measured_itself(measured, plug, monkeypatch):
     # a pty has no parity
     monkeypatch.setattr(line_doctor, "LineFormat", lambda bauds, _: serial_probe_format(bauds))
     _, line = findings(f"{{kind: serial, port: {plug}, baud: 19200}}")
-    assert line.ok is True
+    # on a busy machine it may be late, and is told to be
+    assert line.ok is not False
     assert f"on {plug}; a master waits" in line.detail
 
 

@@ -279,6 +279,8 @@ class LldpPort:
         self._last_ns: int | None = None
         self._frame: bytes | None = None
         self._neighbours: dict[tuple[ChassisId, PortId], Neighbour] = {}
+        #: Who sent last from a MAC address: mostly the same as before, which need not be parsed.
+        self._by_source: dict[bytes, Neighbour] = {}
         self._look_ns: int | None = None  # no neighbour expires before
         self._outbox: list[bytes] = []
         self._events: list[LldpEvent] = []
@@ -369,6 +371,11 @@ class LldpPort:
 
     def receive(self, frame: EthernetFrame, now: int) -> bool:
         """One LLDP frame; whether anything changed but the time."""
+        known = self._by_source.get(frame.source)
+        if known is not None and known.payload == frame.payload:
+            self.received += 1
+            self._is_there(known, now)
+            return False
         try:
             pdu = parse_lldp(frame.payload)
         except DecodeError as exc:
@@ -388,15 +395,13 @@ class LldpPort:
             if known is not None:
                 self._forget(key, "shutdown")
             return known is not None
-        expires = now + pdu.time_to_live * _SECOND_NS
         if known is not None and known.payload == payload and known.mac == source:
-            known.seen_ns, known.expires_ns = now, expires
-            if len(self._neighbours) == 1:
-                self._look_ns = expires
+            self._is_there(known, now)
             return False
         if known is None and len(self._neighbours) >= self._maximum:
             self.dropped["too-many-neighbours"] += 1
             return False
+        expires = now + pdu.time_to_live * _SECOND_NS
         found = Neighbour(
             port=self.port.name,
             mac=source,
@@ -409,7 +414,9 @@ class LldpPort:
             expires_ns=expires,
             payload=payload,
         )
-        self._neighbours[key] = found
+        if known is not None:
+            self._forget_source(known)
+        self._neighbours[key] = self._by_source[source] = found
         self._look_ns = expires if self._look_ns is None else min(self._look_ns, expires)
         if known is None:
             self._events.append(NeighbourAppeared(self.port.name, found))
@@ -417,10 +424,22 @@ class LldpPort:
             self._events.append(NeighbourChanged(self.port.name, found))
         return True
 
+    def _is_there(self, known: Neighbour, now: int) -> None:
+        """A neighbour sent the same as before."""
+        known.seen_ns, known.expires_ns = now, now + known.time_to_live * _SECOND_NS
+        if len(self._neighbours) == 1:
+            self._look_ns = known.expires_ns
+
     def _forget(self, key: tuple[ChassisId, PortId], reason: str) -> None:
-        self._events.append(NeighbourGone(self.port.name, self._neighbours.pop(key), reason))
+        gone = self._neighbours.pop(key)
+        self._forget_source(gone)
+        self._events.append(NeighbourGone(self.port.name, gone, reason))
         if not self._neighbours:
             self._look_ns = None
+
+    def _forget_source(self, gone: Neighbour) -> None:
+        if self._by_source.get(gone.mac) is gone:
+            del self._by_source[gone.mac]
 
 
 def _octets(text: str) -> bytes:

@@ -254,6 +254,28 @@ def test_a_neighbour_with_another_address_has_changed_and_one_with_another_name_
     assert [n.station_name for n in drive.neighbours] == ["plc", "plc-2"]
 
 
+def test_a_neighbour_that_moves_to_another_interface_and_back_has_changed_twice():
+    drive, spare = agent(), bytes([*PLC[:5], PLC[5] ^ 1])
+    (frame,) = plc().to_send(T0)
+    moved = frame[:6] + spare + frame[12:]
+    for at, each in enumerate((frame, moved, frame, frame)):
+        heard(drive, each, T0 + at * SECOND)
+    assert [type(event) for event in drive.events()] == [NeighbourAppeared, NeighbourChanged, NeighbourChanged]
+    (seen,) = drive.neighbours
+    assert (seen.mac, seen.seen_ns) == (PLC, T0 + 3 * SECOND)
+    drive.handle_timeout(T0 + 22 * SECOND)
+    assert len(drive.neighbours) == 1
+
+
+def test_a_neighbour_that_is_gone_appears_again_with_the_same_frame():
+    drive = agent()
+    (frame,) = plc().to_send(T0)
+    heard(drive, frame, T0)
+    drive.link_down()
+    assert heard(drive, frame, T0 + SECOND)
+    assert [type(event) for event in drive.events()] == [NeighbourAppeared, NeighbourGone, NeighbourAppeared]
+
+
 def test_two_neighbours_on_one_port_are_both_known_and_age_apart():
     drive = agent()
     heard(drive, plc("a").to_send(T0)[0], T0)
