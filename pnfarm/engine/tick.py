@@ -22,7 +22,7 @@ from pnfarm.engine.tracing import sample
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.drive_clock import drive_time
-from pnfarm.firmware.front import step_program, tells
+from pnfarm.firmware.front import has_parameter_channel, step_program, tells
 from pnfarm.firmware.profidrive.sign_of_life import count_life
 from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import FAULT_SLOTS
@@ -273,6 +273,12 @@ def _faults(faults: Any) -> int:
 
 
 @inlined
+def _has_work_each_tick(axis: Any) -> int:
+    """Whether an axis counts its controller's sign of life, exchanges parameters, or has a clock of its own."""
+    return int(axis.life.settings.watched != 0 or axis.clock.settings.drift != 0.0 or has_parameter_channel(axis))
+
+
+@inlined
 def run_firmware(columns: Columns, now: int) -> None:
     """Step every drive and every program that is due, and report what changed."""
     engine = columns.engine[0]
@@ -280,6 +286,9 @@ def run_firmware(columns: Columns, now: int) -> None:
     for number in range(engine.axis_rows):
         axis = columns.axis[number]
         if axis.front == 0:
+            continue
+        if axis.each_tick == 0 and now - axis.last_ns < axis.step_ns:
+            # all that this needs is in the row's first cache line
             continue
         own = now
         if axis.clock.settings.drift != 0.0:
@@ -298,6 +307,7 @@ def run_firmware(columns: Columns, now: int) -> None:
         warning = axis.warnings.code
         refused = axis.faults.refused
         _step(axis, columns.image[number], own)
+        axis.each_tick = _has_work_each_tick(axis)
         if axis.drive.state != state:
             emit(engine, events, STATE_CHANGED, number, now, (int(state) << 8) | int(axis.drive.state))
         # before the faults are over: the acknowledgement is the change that ends them

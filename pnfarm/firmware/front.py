@@ -20,7 +20,7 @@ from pnfarm.firmware.profidrive.parameter_words import exchange
 from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, FIRMWARE_PROFIDRIVE
 from pnfarm.table.compiled import inlined
 
-__all__ = ["show_state", "step_program", "take_orders", "tells"]
+__all__ = ["has_parameter_channel", "show_state", "step_program", "take_orders", "tells"]
 
 
 @inlined
@@ -43,6 +43,12 @@ def show_state(axis: Any, image: Any) -> None:
         profidrive.show_words(axis, image)
     elif axis.front == FIRMWARE_ETHERNETIP:
         ethernetip.show_assembly(axis, image)
+
+
+@inlined
+def has_parameter_channel(axis: Any) -> bool:
+    """Whether :func:`tells` may ever be true."""
+    return bool(axis.front == FIRMWARE_ETHERNETIP or axis.profidrive.settings.parameter_channel != 0)
 
 
 @inlined
