@@ -19,7 +19,7 @@ from typing import Any
 import anyio
 import anyio.to_thread
 
-from pnfarm.cli.running import keep_what_is_loaded
+from pnfarm.cli.unreachable import keep_what_is_loaded, search_seldom
 from pnfarm.links.looks import LOOKING
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
@@ -239,6 +239,7 @@ def main() -> None:
     if settings.get("interface_from_outside"):
         _leave(settings["interface_from_outside"])
     os.sched_setaffinity(0, {settings["cpu"]})
+    search_seldom()
     if role == "floor":
         _floor(settings)
     else:

@@ -32,6 +32,7 @@ from pnfarm.cli import (
 )
 from pnfarm.cli import run as scenario
 from pnfarm.cli.errors import report, silence_stdout
+from pnfarm.cli.unreachable import search_seldom
 from pnfarm.farm.address_space import COMMAND, few_threads, require_address_space
 from pnfarm.terminal.command import Command, Panel, arranged
 from pnfarm.terminal.settings import LogFormat, LogLevel, Settings, help_without_command, settings
@@ -142,6 +143,7 @@ def _global_first(arguments: Sequence[str]) -> list[str]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command line and return its exit code.  Without ``arguments``, the process's own."""
     few_threads()
+    search_seldom()
     blank = Settings()
     settings.log_format, settings.log_level, settings.debug = blank.log_format, blank.log_level, blank.debug
     given = _global_first(sys.argv[1:] if arguments is None else arguments)

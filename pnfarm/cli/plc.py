@@ -133,7 +133,8 @@ async def _run(
     """The state of the controller's drives before it released them, and whether a signal ended the run."""
     import anyio
 
-    from pnfarm.cli.running import compile_ahead, keep_what_is_loaded, stop_on_signals
+    from pnfarm.cli.running import compile_ahead, stop_on_signals
+    from pnfarm.cli.unreachable import keep_what_is_loaded
     from pnfarm.controller.runtime import Plc
 
     controller = Plc(config, interface=interface)

@@ -293,7 +293,8 @@ async def _started(
     passing: Callable[[ScenarioRun, int], str],
     traced: bool,
 ) -> Outcome:
-    from pnfarm.cli.running import compile_ahead, keep_what_is_loaded
+    from pnfarm.cli.running import compile_ahead
+    from pnfarm.cli.unreachable import keep_what_is_loaded
     from pnfarm.config.links import MemoryLink
     from pnfarm.scenario.started import run_started
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import sys
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from anyio.abc import ByteReceiveStream, TaskStatus
     from rich.progress import Progress, TaskID
 
-__all__ = ["compile_ahead", "keep_what_is_loaded", "stop_on_signals"]
+__all__ = ["compile_ahead", "stop_on_signals"]
 
 #: Message of a first start; it names no time, which depends on the machine and its load.
 COMPILING = "compiling the engine for this processor (only at the first start of a version)"
@@ -34,16 +33,6 @@ LOG_SECONDS = 5.0
 MAX_ERROR_OUTPUT = 4000
 
 logger = structlog.get_logger("pnfarm")
-
-
-def keep_what_is_loaded() -> None:
-    """Leave the objects that exist now out of the searches for unreachable ones, from now on.
-
-    A start makes several 100,000 that stay.  A search of all of them stops the event loop for a fifth of a second, so
-    that the interpreter puts it off until there is a quarter more: closed connections would stay in memory until then.
-    """
-    gc.collect()
-    gc.freeze()
 
 
 @asynccontextmanager

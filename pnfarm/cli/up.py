@@ -287,7 +287,8 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
     from pnfarm.api import serve_farm
     from pnfarm.api.server import listen
     from pnfarm.api.token import token_of
-    from pnfarm.cli.running import compile_ahead, keep_what_is_loaded, stop_on_signals
+    from pnfarm.cli.running import compile_ahead, stop_on_signals
+    from pnfarm.cli.unreachable import keep_what_is_loaded
     from pnfarm.config.links import MemoryLink
     from pnfarm.controller.beside import ControllerBeside
     from pnfarm.farm.capture import prepare

@@ -41,17 +41,13 @@ def _announce(
     sent, frames = sender.tx_row, sender.frames
     places, lengths, ports_in, times = receiver.rx_place, receiver.rx_length, receiver.rx_port, receiver.rx_ns
     waiting = 0
-    station = -1
     while first < count and waiting < RX_BATCH:
         row = sent[first]
         first += 1
         destination = mac_at(frames[row], 0)
-        # mostly the address behind the last one: stations send in the order of their addresses
-        station += 1
-        if station >= addresses.shape[0] or addresses[station] != destination:
-            station = _found(addresses, destination)
-            if station < 0:
-                continue
+        station = _found(addresses, destination)
+        if station < 0:
+            continue
         places[waiting] = row * FRAME_SLOT
         lengths[waiting] = sent_length(sender.ppm, sender.held, row)
         ports_in[waiting] = ports[station]

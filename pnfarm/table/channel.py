@@ -22,8 +22,8 @@ __all__ = [
     "PPM",
 ]
 
-#: Octets of one frame's buffer: an Ethernet frame with VLAN tag, rounded up to an odd number of cache lines, so that the
-#: first lines of many frames share all of a cache.
+#: Octets of one frame's buffer: an Ethernet frame with VLAN tag, rounded up to an odd number of cache lines: the first
+#: lines of many frames share all of a cache.
 FRAME_SLOT = 1600
 #: Telegram words of one channel; the longest telegram of the manuals has 34.
 MAX_WORDS = 64

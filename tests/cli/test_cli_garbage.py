@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import gc
 
-from pnfarm.cli.running import keep_what_is_loaded
+from pnfarm.cli.main import main
+from pnfarm.cli.unreachable import NEW_OBJECTS, keep_what_is_loaded
 
 
 class Circle:
@@ -30,3 +31,16 @@ def test_a_start_is_out_of_the_searches_for_garbage_and_what_comes_later_is_foun
         assert Circle.alive == 0
     finally:
         gc.unfreeze()
+
+
+def test_a_command_searches_less_often_than_python_does_by_itself_and_goes_on_searching(capsys):
+    before = gc.get_threshold()
+    try:
+        gc.set_threshold(700, 10, 10)
+        assert main(["--version"]) == 0
+        assert gc.get_threshold() == (NEW_OBJECTS, 10, 10)
+        Circle()
+        kept = [[] for _ in range(2 * NEW_OBJECTS)]
+        assert (len(kept), Circle.alive) == (2 * NEW_OBJECTS, 0)
+    finally:
+        gc.set_threshold(*before)
