@@ -6,8 +6,8 @@ import gc
 
 __all__ = ["keep_what_is_loaded", "search_seldom"]
 
-#: New objects until the next search, of those that are new; Python's own 700 would be met 1,500 times in the start of
-#: 1,024 drives, and cost a sixth of it.  A search of so many takes 2 ms.
+#: New objects until the next search among them, which takes less than 1 ms.  With Python's own 700 searches are a tenth
+#: of the start of 1,024 drives (docs/performance.md).
 NEW_OBJECTS = 20_000
 
 

@@ -36,29 +36,30 @@ FEWEST_HELD = 256
 class Columns(NamedTuple):
     """The table: record arrays, then the frame store, then the inputs and outputs of one tick.
 
-    ==============  ==========================  ======================================================
-    field           shape                       meaning
-    ==============  ==========================  ======================================================
-    ``frames``      (providers + held,          octets of each provider's frame, row for row, then of each
-                    FRAME_SLOT)                 held frame
-    ``frame_octets`` (octets of all frames,)    the same memory
-    ``held_order``  (2, held / 2)               slots of held frames by direction (:mod:`pnfarm.engine.held`)
-    ``lookup``      (4, size, 2)                hash tables ``port << 32 | frame id`` -> consumer row + 1
-    ``rx_frames``   (RX_BATCH, FRAME_SLOT)      frames received
-    ``rx_octets``   (CHANGED_AT + FRAME_SLOT,)  the same memory, then the copy of one that an impairment changes
-    ``rx_slot``     (RX_BATCH,)                 where each begins in it
-    ``rx_place``    (RX_BATCH,)                 where each frame of a batch begins in a socket's ring, or among
-                                                the frames of another table
-    ``rx_length``   (RX_BATCH,)                 their lengths, octets
-    ``rx_port``     (RX_BATCH,)                 their ports
-    ``rx_ns``       (RX_BATCH,)                 their arrival, ns
-    ``tx_row``      (providers * 2 + held / 2,) rows of ``frames`` to send, in order
-    ``trace_ring``  (RING_VALUES,)              samples of the traces, float64
-    ``axis_reals``  (axes * words of a row,)    the memory of ``axis`` as float64, for traces and
-                                                conditions
-    ``axis_words``  (axes * words of a row,)    the same as int64
-    ``image_words`` (stations * words,)         the memory of ``image`` as int64
-    ==============  ==========================  ======================================================
+    ================  ==========================  ======================================================
+    field             shape                       meaning
+    ================  ==========================  ======================================================
+    ``frames``        (providers + held,          octets of each provider's frame, row for row, then of each
+                      FRAME_SLOT)                 held frame
+    ``frame_octets``  (octets of all frames,)     the same memory
+    ``held_order``    (2, held / 2)               slots of held frames by direction (:mod:`pnfarm.engine.held`)
+    ``lookup``        (4, size, 2)                hash tables ``port << 32 | frame id`` -> consumer row + 1
+    ``rx_frames``     (RX_BATCH, FRAME_SLOT)      frames received
+    ``rx_octets``     (CHANGED_AT + FRAME_SLOT,)  the same memory, then the copy of one that an
+                                                  impairment changes
+    ``rx_slot``       (RX_BATCH,)                 where each begins in it
+    ``rx_place``      (RX_BATCH,)                 where each frame of a batch begins in a socket's ring, or among
+                                                  the frames of another table
+    ``rx_length``     (RX_BATCH,)                 their lengths, octets
+    ``rx_port``       (RX_BATCH,)                 their ports
+    ``rx_ns``         (RX_BATCH,)                 their arrival, ns
+    ``tx_row``        (providers * 2 + held / 2,) rows of ``frames`` to send, in order
+    ``trace_ring``    (RING_VALUES,)              samples of the traces, float64
+    ``axis_reals``    (axes * words of a row,)    the memory of ``axis`` as float64, for traces and
+                                                  conditions
+    ``axis_words``    (axes * words of a row,)    the same as int64
+    ``image_words``   (stations * words,)         the memory of ``image`` as int64
+    ================  ==========================  ======================================================
     """
 
     engine: Any
