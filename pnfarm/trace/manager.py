@@ -106,7 +106,7 @@ class Trace:
             "state": self.state,
             "triggered": self.state in {"running", "complete"},
             "triggered_by": self.triggered_by,
-            "samples": min(int(row.head), int(row.capacity)),
+            "samples": self._count(),
             "missed": int(row.missed),
             "interval_seconds": self.interval_ns / 1e9,
             "drives": list(dict.fromkeys(column.drive for column in self.columns)),
@@ -123,6 +123,7 @@ class Trace:
         samples = self._samples()
         start = (int(row.trigger_ns) if triggered else int(row.started_ns)) - int(row.started_ns)
         since = samples[:, 0] - start
+        # more is kept from before the trigger than was asked for (EVENT_NS)
         if triggered:
             samples = samples[since >= -self.request.pre_ns]
             since = since[since >= -self.request.pre_ns]
@@ -142,6 +143,14 @@ class Trace:
             columns=tuple(columns),
         )
 
+    def _count(self) -> int:
+        """Samples of :meth:`recording`."""
+        row = self._table
+        if int(row.state) not in {codes.TRIGGERED, codes.ENDED}:
+            return min(int(row.head), int(row.capacity))
+        first = int(row.trigger_ns) - int(row.started_ns) - self.request.pre_ns
+        return int((self._samples(columns=1)[:, 0] >= first).sum())
+
     def since(self, count: int) -> tuple[int, Any, dict[str, Any]]:
         """For a viewer that has seen the first ``count`` samples: how many there are, and the times and values of more.
 
@@ -151,12 +160,15 @@ class Trace:
         samples = self._samples(count)
         return head, samples[:, 0], {chosen.signal.name: _values(chosen, samples) for chosen in self.columns}
 
-    def _samples(self, first: int = 0) -> Any:
-        """A copy of the samples in the ring from the ``first`` on, oldest first.  The engine may write meanwhile."""
+    def _samples(self, first: int = 0, columns: int | None = None) -> Any:
+        """A copy of the samples in the ring from the ``first`` on, oldest first.  The engine may write meanwhile.
+
+        ``columns``: only so many of them; the first one is the time.
+        """
         row = self._table
         width, capacity = int(row.probes) + 1, int(row.capacity)
         ring = self.manager.columns.trace_ring
-        part = ring[self.ring_start : self.ring_start + capacity * width].reshape(capacity, width)
+        part = ring[self.ring_start : self.ring_start + capacity * width].reshape(capacity, width)[:, :columns]
         head = int(row.head)
         places = np.arange(max(0, first, head - capacity), head)
         copied = part[places % capacity]

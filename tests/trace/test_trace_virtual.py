@@ -371,6 +371,15 @@ def test_a_wrong_request_is_refused_with_what_is_allowed(
     assert line.farm.traces._ring.free == RING_VALUES
 
 
+def test_the_samples_that_are_told_are_those_of_the_recording_whatever_else_is_kept(line: VirtualLine) -> None:
+    line.enable()
+    trace = start(line, signals=["velocity"], trigger="manual", pre="20ms", length="30ms")
+    line.run(0.2)
+    line.farm.traces.fire(trace.id, line.world.now)
+    assert line.world.run(1.0, until=lambda: trace.complete)
+    assert trace.as_dict()["samples"] == len(trace.recording().time) == 51
+
+
 def test_csv_names_time_drive_signal_and_unit(line: VirtualLine) -> None:
     line.enable()
     got = recorded(line, signals=["velocity", "state", "zsw1"], length="3ms")
