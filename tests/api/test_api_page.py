@@ -227,6 +227,8 @@ def test_a_parameter_is_found_by_its_name_and_written(page, farm):
 
 def test_a_trace_waits_for_its_trigger_and_shows_its_samples(page):
     show(page, "#/drive/akd-03/trace")
+    # a person types once the drive is there
+    page.until("text('.bar').includes('in operation') && text('.bar').includes('DATA with plc')")
     page.until("type('Trigger', 'fault 702')")
     page.until("type('a sample every', '1ms') && type('after it', '300ms') && type('before it', '100ms')")
     page.until("press('button', 'Start')")
