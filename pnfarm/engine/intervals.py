@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from pnfarm.engine.search import first_not_below
 from pnfarm.table.channel import INTERVAL_EDGES_NS, JITTER_EDGES_NS
 from pnfarm.table.compiled import inlined
 
 __all__ = ["measure_interval"]
 
-#: Arrays, because indexing a tuple in compiled code copies it.
+#: Upper edges; the last bucket has none.  Arrays, because indexing a tuple in compiled code copies it.
 _INTERVALS = np.array(INTERVAL_EDGES_NS, np.int64)
 _JITTERS = np.array(JITTER_EDGES_NS, np.int64)
 #: A counter that is this many cycles off the clock is not believed: it has wrapped, or does not count the cycles.
@@ -25,25 +26,11 @@ BELIEVED_CYCLES = 4
 
 
 @inlined
-def _bucket(edges: Any, value: int) -> int:
-    """The first bucket whose upper edge is not below the value; the last one has none."""
-    low = 0
-    high = edges.shape[0]
-    while low < high:
-        middle = (low + high) >> 1
-        if value > edges[middle]:
-            low = middle + 1
-        else:
-            high = middle
-    return low
-
-
-@inlined
 def measure_interval(engine: Any, consumer: Any, arrival: int, counted: int) -> None:
     """A valid frame came at ``arrival``; ``counted`` is the time that has passed by the sender's counter, ns."""
     interval = arrival - consumer.last_ns
     consumer.interval_sum_ns += interval
-    consumer.intervals[_bucket(_INTERVALS, interval)] += 1
+    consumer.intervals[first_not_below(_INTERVALS, interval)] += 1
     cycle = consumer.cycle_ns
     if cycle <= 0:
         return
@@ -55,7 +42,7 @@ def measure_interval(engine: Any, consumer: Any, arrival: int, counted: int) -> 
         consumer.missed += max(0, cycles - 1 - int(consumer.impaired))
     deviation = interval - cycles * cycle
     size = abs(deviation)
-    consumer.jitters[_bucket(_JITTERS, size)] += 1
+    consumer.jitters[first_not_below(_JITTERS, size)] += 1
     consumer.jitter_sum_ns += size
     if 2 * deviation > cycle:
         own = engine.late_for_ns if engine.late_until_ns > consumer.last_ns else 0

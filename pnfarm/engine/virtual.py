@@ -12,25 +12,12 @@ from typing import Any
 from pnfarm.engine.columns import RX_BATCH, Columns
 from pnfarm.engine.held import sent_length
 from pnfarm.engine.mac import mac_at
+from pnfarm.engine.search import first_not_below
 from pnfarm.engine.tick import next_due, receive_at, tick
 from pnfarm.table.channel import FRAME_SLOT
 from pnfarm.table.compiled import compiled, inlined
 
 __all__ = ["deliver", "run_alone", "run_virtual", "take"]
-
-
-@inlined
-def _found(addresses: Any, address: int) -> int:
-    """Where a sorted array has it, or -1."""
-    low = 0
-    high = addresses.shape[0]
-    while low < high:
-        middle = (low + high) // 2
-        if addresses[middle] < address:
-            low = middle + 1
-        else:
-            high = middle
-    return low if low < addresses.shape[0] and addresses[low] == address else -1
 
 
 @inlined
@@ -45,8 +32,8 @@ def _announce(
         row = sent[first]
         first += 1
         destination = mac_at(frames[row], 0)
-        station = _found(addresses, destination)
-        if station < 0:
+        station = first_not_below(addresses, destination)
+        if station >= addresses.shape[0] or addresses[station] != destination:
             continue
         places[waiting] = row * FRAME_SLOT
         lengths[waiting] = sent_length(sender.ppm, sender.held, row)

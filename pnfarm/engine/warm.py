@@ -195,7 +195,7 @@ def _spare_the_compiler() -> None:
     by_name = flags.__eq__
 
     def equal(self: Any, other: Any) -> Any:
-        if self is other or (type(self) is type(other) and self._values == other._values):  # noqa: SLF001 - the flags that are set
+        if self is other or (type(self) is type(other) and self._values == other._values):  # noqa: SLF001 - Numba has no public way to all flags at once
             return True
         return by_name(self, other)
 

@@ -1,0 +1,23 @@
+"""Search in sorted arrays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.table.compiled import inlined
+
+__all__ = ["first_not_below"]
+
+
+@inlined
+def first_not_below(values: Any, value: int) -> int:
+    """Index of the first of the sorted ``values`` that is not below ``value``; their number if all are."""
+    low = 0
+    high = values.shape[0]
+    while low < high:
+        middle = (low + high) >> 1
+        if value > values[middle]:
+            low = middle + 1
+        else:
+            high = middle
+    return low
