@@ -39,10 +39,9 @@ const SCALES = {velocity: 0.1, setpoint: 0.1, current: 0.01};
 function takeOverview(message) {
   farm.told = Date.now() / 1000;
   farm.seconds = message.seconds;
-  for (const [place, row] of Object.entries(message.rows || {})) {
-    const drive = farm.drives[place];
-    Object.assign(drive, row, {known: true});
-    farm.byName.set(row.name, drive);
+  if (message.rows) {
+    for (const [place, row] of Object.entries(message.rows)) Object.assign(farm.drives[place], row, {known: true});
+    farm.byName = new Map(farm.drives.filter(one => one.known).map(one => [one.name, one]));
   }
   for (const [name, [places, values]] of Object.entries(message.values || {})) {
     const scale = SCALES[name] || 1;
@@ -57,9 +56,13 @@ function takeOverview(message) {
 }
 
 function takeFarm(message) {
+  // A stream that begins anew is of the same drives, and a view that vanished until their rows come would lose what is
+  // being typed there.  Other drives take the places as their rows come.
+  if (farm.name !== message.farm || farm.drives.length !== message.drives) {
+    Object.assign(farm, {drives: Array.from({length: message.drives}, (_, place) => blank(place)), byName: new Map()});
+  }
   Object.assign(farm, {
     connected: true, error: "", name: message.farm, link: message.link, parent: message.parent, writes: message.writes, lines: message.lines, faults: message.faults,
-    drives: Array.from({length: message.drives}, (_, place) => blank(place)), byName: new Map(),
   });
   document.title = `${message.farm} · pnfarm`;
 }

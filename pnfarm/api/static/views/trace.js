@@ -2,12 +2,14 @@
 import {call, get, path, url} from "../lib/api.js";
 import {LogicRows, Plot} from "../lib/charts.js";
 import {html, useEffect, useMemo, useState} from "../lib/html.js";
-import {Act, Problem, act, useLoaded} from "../lib/ui.js";
+import {Act, Problem, act, say, useLoaded} from "../lib/ui.js";
 import {plural} from "../lib/words.js";
 
 const USUAL = ["setpoint", "velocity", "stw1", "zsw1", "control", "status_1", "state", "fault"];
 const TRIGGERS = ["now", "manual", "fault", "disconnect", "state changes", "velocity rising 100", "zsw1.fault_present", "watchdog"];
 const kept = {trigger: "now", pre: "200ms", length: "1s", interval: "1ms", chosen: null, text: ""};
+// By drive, the trace begun last: it goes on while other views are looked at.
+const begun = new Map();
 
 /** Columns of one unit share a plot; each word has its rows of bits. */
 function grouped(columns) {
@@ -45,32 +47,38 @@ function Picture({recording, signals}) {
 export function Trace({name}) {
   const [list, error] = useLoaded(() => get("traces/signals/" + path(name)), [name]);
   const [form, setForm] = useState({...kept});
-  const [trace, setTrace] = useState(null);
+  const [trace, setTrace] = useState(begun.get(name) || null);
   const [recording, setRecording] = useState(null);
   const change = more => setForm(before => Object.assign(kept, {...before, ...more}) && {...before, ...more});
   const names = useMemo(() => list ? list.signals.filter(one => !one.signal.includes(".")).map(one => one.signal) : [], [list]);
   const chosen = (form.chosen || USUAL).filter(signal => names.includes(signal));
+  const follow = status => { begun.set(name, status); setTrace(status); };
   useEffect(() => {
-    if (!trace || trace.state === "complete" || trace.state === "deleted") return undefined;
+    if (!trace || (trace.state === "complete" && recording)) return undefined;
+    let alive = true;
     const timer = setTimeout(async () => {
       try {
         const status = await get(path("traces", trace.id) + "?format=status");
-        if (status.state === "complete") setRecording(await get(path("traces", trace.id)));
-        setTrace({...status});
+        const samples = status.state === "complete" ? await get(path("traces", trace.id)) : null;
+        if (!alive) return;
+        setRecording(samples);
+        follow({...status});
       } catch (problem) {
-        setTrace(null);
+        if (!alive) return;
+        say(problem.message, "bad");
+        follow(null);
       }
     }, 250);
-    return () => clearTimeout(timer);
+    return () => { alive = false; clearTimeout(timer); };
   }, [trace]);
   if (!list) return html`<${Problem} text=${error}/>`;
   const start = event => {
     event.preventDefault();
     act(async () => {
       if (trace) await call("DELETE", path("traces", trace.id)).catch(() => null);
-      setTrace(null);
       setRecording(null);
-      setTrace(await call("POST", "traces", {on: [name], signals: chosen, trigger: form.trigger, pre: form.pre || "0ms", length: form.length, interval: form.interval}));
+      follow(null);
+      follow(await call("POST", "traces", {on: [name], signals: chosen, trigger: form.trigger, pre: form.pre || "0ms", length: form.length, interval: form.interval}));
     });
   };
   const toggle = signal => change({chosen: chosen.includes(signal) ? chosen.filter(one => one !== signal) : [...chosen, signal]});
