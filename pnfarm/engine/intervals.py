@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.engine.search import first_not_below
+from pnfarm.engine.search import first_not_below_near
 from pnfarm.table.channel import INTERVAL_EDGES_NS, JITTER_EDGES_NS
 from pnfarm.table.compiled import inlined
 
@@ -30,7 +30,9 @@ def measure_interval(engine: Any, consumer: Any, arrival: int, counted: int) -> 
     """A valid frame came at ``arrival``; ``counted`` is the time that has passed by the sender's counter, ns."""
     interval = arrival - consumer.last_ns
     consumer.interval_sum_ns += interval
-    consumer.intervals[first_not_below(_INTERVALS, interval)] += 1
+    bucket = first_not_below_near(_INTERVALS, interval, int(consumer.interval_bucket))
+    consumer.interval_bucket = bucket
+    consumer.intervals[bucket] += 1
     cycle = consumer.cycle_ns
     if cycle <= 0:
         return
@@ -42,7 +44,9 @@ def measure_interval(engine: Any, consumer: Any, arrival: int, counted: int) -> 
         consumer.missed += max(0, cycles - 1 - int(consumer.impaired))
     deviation = interval - cycles * cycle
     size = abs(deviation)
-    consumer.jitters[first_not_below(_JITTERS, size)] += 1
+    bucket = first_not_below_near(_JITTERS, size, int(consumer.jitter_bucket))
+    consumer.jitter_bucket = bucket
+    consumer.jitters[bucket] += 1
     consumer.jitter_sum_ns += size
     if 2 * deviation > cycle:
         own = engine.late_for_ns if engine.late_until_ns > consumer.last_ns else 0

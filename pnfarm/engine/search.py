@@ -6,7 +6,7 @@ from typing import Any
 
 from pnfarm.table.compiled import inlined
 
-__all__ = ["first_not_below"]
+__all__ = ["first_not_below", "first_not_below_near"]
 
 
 @inlined
@@ -21,3 +21,11 @@ def first_not_below(values: Any, value: int) -> int:
         else:
             high = middle
     return low
+
+
+@inlined
+def first_not_below_near(values: Any, value: int, guess: int) -> int:
+    """:func:`first_not_below`, which is often ``guess``, at least 0: a sixth of the instructions then."""
+    if guess < values.shape[0] and value <= values[guess] and (guess == 0 or value > values[guess - 1]):
+        return guess
+    return first_not_below(values, value)

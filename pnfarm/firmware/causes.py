@@ -16,8 +16,11 @@ NUMBER_MASK = 0xFFFFFF
 @inlined
 def cause_held(faults: Any, code: int) -> bool:
     """Whether the cause of the fault ``code`` is present; false for code 0, no fault."""
-    number = code & NUMBER_MASK
     held = False
+    if faults.causes == 0:
+        # mostly
+        return held
+    number = code & NUMBER_MASK
     for i in range(FAULT_SLOTS):
         held = held or (number != 0 and (int(faults.held[i]) & NUMBER_MASK) == number)
     return held

@@ -105,18 +105,22 @@ def _hold(faults: Any, code: int) -> None:
             free = i
     if free >= 0:
         faults.held[free] = code
+        faults.causes += 1
 
 
 @inlined
 def _release(faults: Any, number: int) -> None:
     for i in range(FAULT_SLOTS):
-        if (faults.held[i] & NUMBER_MASK) == number:
+        if faults.held[i] != 0 and (faults.held[i] & NUMBER_MASK) == number:
             faults.held[i] = 0
+            faults.causes -= 1
 
 
 @inlined
 def _raise_held(faults: Any, now: int) -> None:
     """Raise the fault of each cause that is present, also if it began while the drive was off or ignored it."""
+    if faults.causes == 0:
+        return
     for i in range(FAULT_SLOTS):
         if faults.held[i] != 0:
             raise_fault(faults, int(faults.held[i]), now)

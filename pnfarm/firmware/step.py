@@ -62,10 +62,10 @@ def _turn(axis: Any, elapsed: int) -> None:
         # the last step may be a shorter one
         part = min(part, elapsed)
         constants = constants_of(axis, part * 1e-9)
-        for _ in range(elapsed // part):
+        while elapsed >= part:
             velocity_command(axis, constants.seconds)
             step_motor(axis, constants, axis.drive.state >= 4)
-        elapsed %= part
+            elapsed -= part
 
 
 @compiled_apart

@@ -366,7 +366,7 @@ def test_5_8_1_every_bit_of_drive_inputs_is_what_its_parameter_shows(running: Ru
     assert (inputs(), store.get("SWLS.STATE")) == (0x41, 1)
     axis.motor.position = 3.0
     assert (inputs(), store.get("SWLS.STATE")) == (0x42, 2)
-    axis.faults.held[0] = 602
+    axis.faults.held[0], axis.faults.causes = 602, 1
     assert (inputs(), store.get("STO.STATE")) == (0x02, 0)
 
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
+from collections import Counter
+
 import pytest
 from from_python import called
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pnfarm.engine.intervals import measure_interval
-from pnfarm.table.channel import CPM, JITTER_EDGES_NS
+from pnfarm.table.channel import CPM, INTERVAL_EDGES_NS, JITTER_EDGES_NS
 from pnfarm.table.engine_row import ENGINE
 
 MS = 1_000_000
@@ -32,6 +37,30 @@ def test_deviation_is_counted_in_microseconds_whatever_the_cycle():
     assert row.jitters[JITTER_EDGES_NS.index(200_000)] == 1
     assert row.jitters[0] == 1
     assert row.jitters.sum() == row.intervals.sum() == 2
+
+
+@given(
+    st.lists(
+        st.sampled_from([edge + more for edge in INTERVAL_EDGES_NS for more in (0, 1)])
+        | st.integers(CYCLE - 20_000, CYCLE + 20_000)
+        | st.integers(1, 2 * INTERVAL_EDGES_NS[-1]),
+        min_size=1,
+        max_size=12,
+    )
+)
+def test_each_interval_and_deviation_is_counted_in_its_bucket_whatever_came_before(intervals):
+    engine, row = ENGINE.allocate(1)[0], CPM.allocate(1)[0]
+    row.cycle_ns = CYCLE
+    now, deviations = 0, Counter()
+    for interval in intervals:
+        now += interval
+        before = int(row.jitter_sum_ns)
+        called(measure_interval)(engine, row, now, CYCLE)
+        deviations[bisect_left(JITTER_EDGES_NS, int(row.jitter_sum_ns) - before)] += 1
+        row.last_ns = now
+    expected = Counter(bisect_left(INTERVAL_EDGES_NS, interval) for interval in intervals)
+    assert {bucket: int(count) for bucket, count in enumerate(row.intervals) if count} == expected
+    assert {bucket: int(count) for bucket, count in enumerate(row.jitters) if count} == deviations
 
 
 def test_early_frame_deviates_as_much_as_a_late_one():

@@ -61,6 +61,7 @@ FAULTS_RECORD = subject(
         Field("asked_ns", "i8", "ns", "firmware", "when a parameter last asked to acknowledge, 0: never"),
         Field("code", "u4", "", "firmware", "active faults, oldest first, 0 = none", (FAULT_SLOTS,)),
         Field("held", "u4", "", "firmware", "faults whose cause is present, with reaction", (FAULT_SLOTS,)),
+        Field("causes", "u1", "", "firmware", "number of faults in held"),
         Field("counter", "u4", "", "firmware", "PNU 944: situations since power-on"),
         Field("kept", "u2", "", "firmware", "situations that the fault buffer held at power-on"),
         Field("changes", "u2", "", "firmware", "changes of the fault buffer since power-on"),
