@@ -1,6 +1,8 @@
 """How long this machine has kept a process waiting that was ready: what no test of real time can do anything about.
 
-A process of its own sleeps for short times and notes when it woke up late, as the farm's own threads would have.
+A process of its own sleeps for short times and notes when it woke up late, as the farm's own threads would have.  It
+also writes to a pty and waits for the octet: a worker of the kernel carries it, as it carries those of a line on a pty
+and the news that an interface is up again, and such workers can stand while processes run on.
 """
 
 from __future__ import annotations
@@ -16,15 +18,32 @@ __all__ = ["StallWatch"]
 #: Below this, a test of real time has no excuse: watchdogs here bear it.
 STALL_SECONDS = 0.04
 _WATCH = """
-import sys, time
+import os, pty, sys, threading, time, tty
 step, most = 0.005, float(sys.argv[1])
+telling = threading.Lock()
+
+def tell(length):
+    if length > most:
+        with telling:
+            print(f"{time.monotonic():.6f} {length:.6f}", flush=True)
+
+def watch_workers():
+    near, far = pty.openpty()
+    tty.setraw(far)
+    while True:
+        begin = time.monotonic()
+        os.write(near, b"-")
+        os.read(far, 1)
+        tell(time.monotonic() - begin)
+        time.sleep(4 * step)
+
+threading.Thread(target=watch_workers, daemon=True).start()
 due = time.monotonic()
 while True:
     due += step
     time.sleep(max(0.0, due - time.monotonic()))
     now = time.monotonic()
-    if now - due > most:
-        print(f"{now:.6f} {now - due:.6f}", flush=True)
+    tell(now - due)
     due = max(due, now - step)
 """
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.protocols.profinet.rpc_events import CallKey
 from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, FragmentSender, Peer, Reassembly
-from pnfarm.protocols.profinet.wire.rpc import Flags1, PacketType, RpcPdu
+from pnfarm.protocols.profinet.wire.rpc import PacketType, RpcPdu
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -151,14 +151,14 @@ class Activity:
     @property
     def idempotent(self) -> bool:
         """Whether the client allows that the call runs twice."""
-        return bool(self.request.flags1 & Flags1.IDEMPOTENT)
+        return self.request.idempotent
 
     def runs_again(self, pdu: RpcPdu) -> bool:
         """Whether a request under the last call's number is a call of its own."""
         same = (pdu.interface, pdu.opnum) == (self.request.interface, self.request.opnum)
         match self.state:
             case ServerState.IDLE:
-                return not same or bool(pdu.flags1 & Flags1.IDEMPOTENT)
+                return not same or pdu.idempotent
             case ServerState.REPLIED:
                 return not same
             case _:

@@ -11,16 +11,18 @@ from pnfarm.protocols.profinet.wire.rpc_bodies import CancelAckBody, CancelBody,
 __all__ = ["answer_to", "cancel_ack", "fack", "nocall", "nocall_so_far", "reject"]
 
 
-def answer_to(pdu: RpcPdu, packet_type: int, *, fragment_number: int = 0, body: bytes = b"") -> RpcPdu:
+def answer_to(
+    pdu: RpcPdu, packet_type: int, *, fragment_number: int = 0, body: bytes = b"", flags1: int = 0, serial: int = 0
+) -> RpcPdu:
     """A PDU about the same call; integers and floats are represented as the peer does it, characters are ASCII."""
     return replace(
         pdu,
         packet_type=int(packet_type),
-        flags1=0,
+        flags1=flags1,
         flags2=0,
         drep=bytes((pdu.drep[0] & 0xF0, *pdu.drep[1:])),
         fragment_number=fragment_number,
-        serial=0,
+        serial=serial,
         body=body,
         trailer=b"",
         auth_protocol=0,

@@ -76,6 +76,7 @@ __all__ = [
 ]
 
 _EPM_VERSION: Final = 3
+_IDEMPOTENT: Final = int(Flags1.IDEMPOTENT)
 
 
 class RpcClient:
@@ -234,8 +235,8 @@ class RpcClient:
     def _transmit(self, call: Call, now: int) -> None:
         sender = call.sender
         for fragment in sender.due():
-            flags = Flags1.IDEMPOTENT | fragment.flags1
-            self._send(call, replace(call.request, flags1=int(flags), fragment_number=fragment.number), fragment.body)
+            flags = _IDEMPOTENT | int(fragment.flags1)
+            self._send(call, flags1=flags, fragment_number=fragment.number, body=fragment.body)
         self._rearm(call, now)
         self._fire(call, _Event.ALL_SENT if sender.all_sent else _Event.MORE_TO_SEND, None, now)
 
@@ -293,7 +294,7 @@ class RpcClient:
             self._transmit(call, now)
 
     def _do_ping(self, call: Call, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
-        self._send(call, replace(call.request, packet_type=int(PacketType.PING)), b"")
+        self._send(call, PacketType.PING)
         self._rearm(call, now)
 
     # receiving
@@ -365,7 +366,7 @@ class RpcClient:
         self._fire(call, _Event.FAILED, None, now)
 
     def _do_give_up(self, call: Call, pdu: RpcPdu | None, now: int) -> None:
-        self._send(call, replace(call.request, packet_type=int(PacketType.CL_CANCEL)), b"")
+        self._send(call, PacketType.CL_CANCEL)
         self._do_close(call, pdu, now)
 
     def _do_close(self, call: Call, pdu: RpcPdu | None, now: int) -> None:  # noqa: ARG002  # an action
@@ -375,10 +376,25 @@ class RpcClient:
 
     # --- datagrams -----------------------------------------------------------------------------------------
 
-    def _send(self, call: Call, pdu: RpcPdu, body: bytes) -> None:
-        stamped = replace(pdu, body=body, serial=call.serial)
+    def _send(
+        self,
+        call: Call,
+        packet_type: int = PacketType.REQUEST,
+        *,
+        flags1: int = 0,
+        fragment_number: int = 0,
+        body: bytes = b"",
+    ) -> None:
+        pdu = replace(
+            call.request,
+            packet_type=int(packet_type),
+            flags1=flags1,
+            fragment_number=fragment_number,
+            body=body,
+            serial=call.serial,
+        )
         call.serial = (call.serial + 1) & 0xFFFF
-        self._out.append(Datagram(call.local_port, call.peer, emit_rpc(stamped)))
+        self._out.append(Datagram(call.local_port, call.peer, emit_rpc(pdu)))
 
     def _send_fack(self, peer: Peer, local_port: int, pdu: RpcPdu, number: int) -> None:
         self._out.append(Datagram(local_port, peer, emit_rpc(fack(pdu, number))))

@@ -84,6 +84,8 @@ __all__ = [
 
 
 NO_ADDRESS: Final = IPv4Address(0)
+#: Flags of an answer in one PDU.
+_WHOLE: Final = int(Flags1.NO_FACK | Flags1.LAST_FRAGMENT)
 
 
 class RpcServer:
@@ -130,7 +132,7 @@ class RpcServer:
             # nothing could be answered
             self.dropped["source-port-0"] += 1
             return
-        if pdu.flags1 & (Flags1.MAYBE | Flags1.BROADCAST):
+        if pdu.unanswered:
             # PROFINET uses neither, and neither may be answered with a reject
             self.dropped["maybe-or-broadcast"] += 1
             return
@@ -446,10 +448,12 @@ class RpcServer:
         sender = activity.reply
         assert sender is not None
         for fragment in sender.due():
-            flags = fragment.flags1 if sender.fragmented else Flags1.NO_FACK | Flags1.LAST_FRAGMENT
-            answer = replace(
-                answer_to(activity.request, activity.reply_type, fragment_number=fragment.number, body=fragment.body),
-                flags1=int(flags),
+            answer = answer_to(
+                activity.request,
+                activity.reply_type,
+                fragment_number=fragment.number,
+                body=fragment.body,
+                flags1=int(fragment.flags1) if sender.fragmented else _WHOLE,
                 serial=activity.serial,
             )
             activity.serial = (activity.serial + 1) & 0xFFFF
@@ -530,6 +534,5 @@ class RpcServer:
         self._send_to(activity.peer, activity.local_port, pdu)
 
     def _send_to(self, peer: Peer, local_port: int, pdu: RpcPdu, *, stamp: bool = True) -> None:
-        if stamp and self.config.boot_time:
-            pdu = replace(pdu, server_boot_time=self.config.boot_time)
-        self._out.append(Datagram(local_port, peer, emit_rpc(pdu)))
+        boot_time = (self.config.boot_time or None) if stamp else None
+        self._out.append(Datagram(local_port, peer, emit_rpc(pdu, server_boot_time=boot_time)))

@@ -112,6 +112,14 @@ class Flags1(IntFlag):
     BROADCAST = 0x40
 
 
+# as plain numbers, with which each PDU is compared: the operators of an IntFlag are functions in Python
+_FRAGMENT = int(Flags1.FRAGMENT)
+_LAST_FRAGMENT = int(Flags1.LAST_FRAGMENT)
+_NO_FACK = int(Flags1.NO_FACK)
+_IDEMPOTENT = int(Flags1.IDEMPOTENT)
+_UNANSWERED = int(Flags1.MAYBE | Flags1.BROADCAST)
+
+
 class Opnum(IntEnum):
     """Operations of the PNIO interfaces (IEC 61158-6-10, 4.10.3.2)."""
 
@@ -258,16 +266,26 @@ class RpcPdu:
 
     @property
     def is_fragment(self) -> bool:
-        return bool(self.flags1 & Flags1.FRAGMENT)
+        return bool(self.flags1 & _FRAGMENT)
 
     @property
     def is_last(self) -> bool:
         """True of the last fragment, and of an unfragmented PDU."""
-        return not self.is_fragment or bool(self.flags1 & Flags1.LAST_FRAGMENT)
+        return not self.is_fragment or bool(self.flags1 & _LAST_FRAGMENT)
 
     @property
     def wants_fack(self) -> bool:
-        return self.is_fragment and not self.flags1 & Flags1.NO_FACK
+        return self.is_fragment and not self.flags1 & _NO_FACK
+
+    @property
+    def idempotent(self) -> bool:
+        """Whether the client allows that the call runs twice."""
+        return bool(self.flags1 & _IDEMPOTENT)
+
+    @property
+    def unanswered(self) -> bool:
+        """Whether the client wants no answer, or sent it to all."""
+        return bool(self.flags1 & _UNANSWERED)
 
 
 def parse_rpc(data: bytes) -> RpcPdu:
@@ -313,8 +331,11 @@ def parse_rpc(data: bytes) -> RpcPdu:
     )
 
 
-def emit_rpc(pdu: RpcPdu) -> bytes:
-    """The UDP payload of ``pdu``; :class:`ValueError` where a field does not fit."""
+def emit_rpc(pdu: RpcPdu, *, server_boot_time: int | None = None) -> bytes:
+    """The UDP payload of ``pdu``, with another boot time if one is given.
+
+    Raises :class:`ValueError` where a field does not fit.
+    """
     little = pdu.little_endian
     if len(pdu.drep) != 3:
         raise ValueError(f"data representation has {len(pdu.drep)} octets, 3 are expected")
@@ -323,7 +344,7 @@ def emit_rpc(pdu: RpcPdu) -> bytes:
         _HEADERS[little],
         RPC_VERSION, pdu.packet_type, pdu.flags1, pdu.flags2, pdu.drep, pdu.serial >> 8,
         *(identifier.bytes_le if little else identifier.bytes for identifier in identifiers),
-        pdu.server_boot_time, pdu.interface_version, pdu.sequence,
+        pdu.server_boot_time if server_boot_time is None else server_boot_time, pdu.interface_version, pdu.sequence,
         pdu.opnum, pdu.interface_hint, pdu.activity_hint, len(pdu.body), pdu.fragment_number,
         pdu.auth_protocol, pdu.serial & 0xFF,
     )  # fmt: skip
