@@ -18,7 +18,6 @@ def cause_held(faults: Any, code: int) -> bool:
     """Whether the cause of the fault ``code`` is present; false for code 0, no fault."""
     held = False
     if faults.causes == 0:
-        # mostly
         return held
     number = code & NUMBER_MASK
     for i in range(FAULT_SLOTS):

@@ -17,12 +17,14 @@ __all__ = ["StallWatch"]
 
 #: Below this, a test of real time has no excuse: watchdogs here bear it.
 STALL_SECONDS = 0.04
+#: The same of the kernel's workers: masters of lines here wait so long, and a carrier is awaited longer.
+WORKER_SECONDS = 0.5
 _WATCH = """
 import os, pty, sys, threading, time, tty
-step, most = 0.005, float(sys.argv[1])
+step, most, worker_most = 0.005, float(sys.argv[1]), float(sys.argv[2])
 telling = threading.Lock()
 
-def tell(length):
+def tell(length, most):
     if length > most:
         with telling:
             print(f"{time.monotonic():.6f} {length:.6f}", flush=True)
@@ -34,7 +36,8 @@ def watch_workers():
         begin = time.monotonic()
         os.write(near, b"-")
         os.read(far, 1)
-        tell(time.monotonic() - begin)
+        tell(time.monotonic() - begin, worker_most)
+        # seldom: the watch is not to be a load
         time.sleep(4 * step)
 
 threading.Thread(target=watch_workers, daemon=True).start()
@@ -43,7 +46,7 @@ while True:
     due += step
     time.sleep(max(0.0, due - time.monotonic()))
     now = time.monotonic()
-    tell(now - due)
+    tell(now - due, most)
     due = max(due, now - step)
 """
 
@@ -53,7 +56,9 @@ class StallWatch:
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-S", "-c", _WATCH, str(STALL_SECONDS)], stdout=subprocess.PIPE, stdin=subprocess.DEVNULL
+            [sys.executable, "-S", "-c", _WATCH, str(STALL_SECONDS), str(WORKER_SECONDS)],
+            stdout=subprocess.PIPE,
+            stdin=subprocess.DEVNULL,
         )
         assert self._process.stdout is not None
         os.set_blocking(self._process.stdout.fileno(), False)
