@@ -12,6 +12,7 @@ later error can name its line, and so that nothing in the file can cost more tha
 
 from __future__ import annotations
 
+import contextlib
 import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -116,16 +117,30 @@ def parse_yaml(data: bytes | str) -> Document:
     """Read one YAML document.  Raises :class:`YamlError`, and nothing else, when the text is not valid."""
     text = _decode(data)
     try:
-        return _Builder(text).build()
+        document = _Builder(text).build()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
+        _judge_own_bounds(text[: mark.index if mark else 0])
         what = " ".join(part for part in (error.context, error.problem) if part)
         raise YamlError(YamlProblem(line, column, "", f"is not valid YAML here: {what}", "YAML 1.2")) from error
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1 if isinstance(error.position, int) else 0
         what = f"holds a character that YAML forbids: {error.reason}"
         raise YamlError(YamlProblem(line, 0, "", what, "printable UTF-8 text")) from error
+    if document is None:
+        raise YamlError(YamlProblem(0, 0, "", "is empty", "a mapping such as `farm: line-1` ..."))
+    return document
+
+
+def _judge_own_bounds(text: str) -> None:
+    """Raise the error of a bound of this module that ``text``, all that stands before the parser's error, exceeds.
+
+    The parser looks ahead, up to 1,024 characters of a line, and some of its versions have bounds of their own: it
+    may give up before it has delivered what is already too much here.
+    """
+    with contextlib.suppress(yaml.YAMLError):
+        _Builder(text).build()
 
 
 def _decode(data: bytes | str) -> str:
@@ -161,7 +176,8 @@ class _Builder:
         self.problems: list[YamlProblem] = []
         self.nodes = 0
 
-    def build(self) -> Document:
+    def build(self) -> Document | None:
+        """The document; None if there is none.  Raises :class:`YamlError`, and the parser's ``yaml.YAMLError``."""
         root: Node | None = None
         for event in self.events:
             if isinstance(event, yaml.DocumentStartEvent):
@@ -169,7 +185,7 @@ class _Builder:
                     self._refuse(event, "starts a second document", "one document per file")
                 root = self._node(next(self.events), 0, "")
         if root is None or root.content is None:
-            raise YamlError(YamlProblem(0, 0, "", "is empty", "a mapping such as `farm: line-1` ..."))
+            return None
         return Document(root, self.problems)
 
     def _node(self, event: Any, depth: int, path: str) -> Node:
