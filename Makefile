@@ -1,16 +1,21 @@
 # Two commands on a fresh machine: `make demo`, `make test`.  Only python3 (3.11 - 3.13, with venv) and make are assumed.
+# Both install the packages that were tested: those of locks/, each checked by its hash.
 
 PYTHON ?= python3
-VENV := .venv
+ARGS ?=
+# `make NEWEST=1 test`: the newest packages that fit pyproject.toml, in an environment of their own
+NEWEST ?=
+VENV := .venv$(if $(NEWEST),-newest)
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+TOOLS_STAMP := $(VENV)/.installed-tools
 TEST_STAMP := $(VENV)/.installed-test
-LINT_STAMP := $(VENV)/.installed-lint
-DOCS_STAMP := $(VENV)/.installed-docs
-ARGS ?=
-# `make LOCKED=1 test`: the packages of locks/, checked by hash, as in CI and the image; otherwise any that fit pyproject.toml
-LOCKED ?=
-LOCK := $(BIN)/python -m pip install --quiet --require-hashes -r locks
+PIP := $(BIN)/python -m pip install --quiet
+LOCK := $(PIP) --require-hashes -r locks
+# What of the suite needs neither real time nor the kernel's network, and shows what packages changed.
+FAST := $(addprefix tests/,api cli farm scenario station testing test_metrics_farm.py vocabulary wire)
+# byte code is kept: hundreds of processes import the package
+unexport PYTHONDONTWRITEBYTECODE
 # Another GSDML parser, without its dependencies, which are for a server that no test starts; and the package that
 # contains PI's schema of GSDML files, without its program, which needs an older pydantic and is not used.
 # pyprofibus, a PROFIBUS master, has no need of what else its package asks for.
@@ -22,7 +27,7 @@ APART := "cm-ethernetip<0.2"
 UV := $(BIN)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
 	--no-emit-index-url --no-annotate --custom-compile-command "make lock"
 
-.PHONY: demo test lint docs install fuzz soak bench release-check lock clean
+.PHONY: demo test newest lint docs install fuzz soak bench release-check lock clean
 
 demo: $(STAMP)
 	@$(BIN)/pnfarm demo $(ARGS)
@@ -30,7 +35,11 @@ demo: $(STAMP)
 test: $(TEST_STAMP)
 	@$(BIN)/python -m tests $(ARGS)
 
-lint: $(LINT_STAMP)
+# what packages that came after locks/ would break
+newest:
+	@$(MAKE) --no-print-directory NEWEST=1 test ARGS="-m 'not slow and not exclusive' $(FAST)"
+
+lint: $(TOOLS_STAMP)
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -38,7 +47,7 @@ lint: $(LINT_STAMP)
 	$(BIN)/lint-imports
 
 # as a site in build/site; a link or an anchor that leads nowhere is an error
-docs: $(DOCS_STAMP)
+docs: $(TOOLS_STAMP)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --clean
 
 fuzz: $(TEST_STAMP)
@@ -57,51 +66,48 @@ release-check: $(STAMP)
 
 install: $(STAMP)
 
-ifdef LOCKED
-$(VENV)/bin/python:
+$(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
-$(STAMP): pyproject.toml locks/ci.txt | $(VENV)/bin/python
-	@echo "Installing pnfarm into ./$(VENV), as locks/ has it ..."
-	$(LOCK)/ci.txt
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+ifdef NEWEST
+# the stamps say when: a day's newest packages are not those of the next
+.PHONY: $(STAMP)
+
+$(STAMP): | $(BIN)/python
+	@echo "Installing pnfarm into ./$(VENV), with the newest packages that fit ..."
+	$(PIP) --upgrade pip
+	$(PIP) --upgrade --upgrade-strategy eager -e .
 	@touch $@
 
-$(TEST_STAMP): $(STAMP) locks/peers.txt locks/apart.txt
-	$(LOCK)/peers.txt --no-deps --no-warn-conflicts
-	$(LOCK)/apart.txt --no-deps --upgrade --target $(VENV)/apart
+$(TOOLS_STAMP): $(STAMP)
+	$(PIP) --upgrade --upgrade-strategy eager --group docs --group lint --group test
 	@touch $@
 
-$(LINT_STAMP) $(DOCS_STAMP): $(STAMP)
+$(TEST_STAMP): $(TOOLS_STAMP)
+	$(PIP) --upgrade --no-deps --no-warn-conflicts $(PEERS)
+	$(PIP) --upgrade --no-deps --target $(VENV)/apart $(APART)
 	@touch $@
 else
-$(VENV)/bin/python:
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --upgrade pip
-
-$(STAMP): pyproject.toml | $(VENV)/bin/python
+$(STAMP): pyproject.toml locks/build.txt locks/runtime.txt | $(BIN)/python
 	@echo "Installing pnfarm into ./$(VENV) ..."
-	$(BIN)/python -m pip install --quiet -e .
+	$(LOCK)/build.txt -r locks/runtime.txt
+	$(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
 
-$(TEST_STAMP): $(STAMP)
-	$(BIN)/python -m pip install --quiet --group test
-	$(BIN)/python -m pip install --quiet --no-deps --no-warn-conflicts $(PEERS)
-	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(VENV)/apart $(APART)
+$(TOOLS_STAMP): $(STAMP) locks/ci.txt
+	$(LOCK)/ci.txt
 	@touch $@
 
-$(LINT_STAMP): $(STAMP)
-	$(BIN)/python -m pip install --quiet --group lint --group test
-	@touch $@
-
-$(DOCS_STAMP): $(STAMP)
-	$(BIN)/python -m pip install --quiet --group docs
+$(TEST_STAMP): $(TOOLS_STAMP) locks/apart.txt locks/peers.txt
+	$(LOCK)/peers.txt --no-deps --no-warn-conflicts
+	$(LOCK)/apart.txt --no-deps --upgrade --target $(VENV)/apart
 	@touch $@
 endif
 
 # Versions and hashes of everything that the image and CI install, for every supported Python, from a plain index.
-lock: | $(VENV)/bin/python
-	$(BIN)/python -m pip install --quiet --group lock
+lock: | $(BIN)/python
+	$(PIP) --upgrade pip
+	$(PIP) --group lock
 	$(UV) pyproject.toml --group build --group docs --group lint --group test -o locks/ci.txt
 	$(UV) pyproject.toml --extra postgres -c locks/ci.txt -o locks/runtime.txt
 	$(UV) --group build -c locks/ci.txt -o locks/build.txt
@@ -109,4 +115,4 @@ lock: | $(VENV)/bin/python
 	printf '%s\n' $(APART) | $(UV) --no-deps - -o locks/apart.txt
 
 clean:
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-newest build dist .pytest_cache .mypy_cache .ruff_cache

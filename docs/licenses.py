@@ -1,7 +1,7 @@
 """Writes LICENSES.md: under which terms each package stands that this project installs: ``python docs/licenses.py``.
 
 The names come from ``locks/``, the terms from the packages' own metadata, so every package of ``locks/ci.txt`` has to
-be installed (``make LOCKED=1 .venv/.installed-lint``).  A test compares.
+be installed (``make .venv/.installed-tools``).  A test compares.
 """
 
 from __future__ import annotations

@@ -5,8 +5,8 @@ Two runs of pytest at once:
 - what lives in memory and virtual time, spread over the cores, with the scheduler's idle policy: it takes what the
   other leaves;
 - what uses real time or the kernel's network (the marker ``exclusive``): mostly waiting, one file at a time, because
-  what two of them do at once is late on two cores; behind it, with ``PNFARM_DOCKER=1``, a swarm and the rig under
-  Docker engines, whose images are built meanwhile, with the idle policy as well.
+  what two of them do at once is late on two cores; behind it, with ``PNFARM_DOCKER=1`` or ``PNFARM_REQUIRE_ALL=1``, a
+  swarm and the rig under Docker engines, whose images are built meanwhile, with the idle policy as well.
 
 The replay comes last, because it takes what all others kept (:mod:`stepping`).  Where machine code is missing, one
 process makes it first, and the tests that need none (the marker ``uncompiled``) run beside it.
@@ -26,7 +26,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pnfarm.table.compiled import IS_COMPILED, is_cached
-from tests.conftest import EXCLUSIVE, MIXED, TESTS, UNCOMPILED
+from tests.conftest import EXCLUSIVE, MIXED, REQUIRE_ALL, TESTS, UNCOMPILED
 
 #: pytest's exit codes for all passed, and for nothing chosen.
 PASSED, NOTHING = 0, 5
@@ -41,6 +41,8 @@ BUILD = TESTS / "interop" / "rig_engine.py"
 
 def _environment(steps: str) -> dict[str, str]:
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    if kept.get(REQUIRE_ALL, "") not in {"", "0"}:
+        kept["PNFARM_DOCKER"] = "1"
     return {"PNFARM_STEPS": steps, **kept}
 
 

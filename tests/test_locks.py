@@ -112,7 +112,7 @@ def test_the_terms_are_those_of_the_packages_metadata():
             compared += 1
             assert told[package] == licenses.terms(package)
     if compared == 0:
-        pytest.skip("nothing is installed as locks/ has it: `make LOCKED=1 test`")
+        pytest.skip("nothing is installed as locks/ has it: `make test`")
 
 
 def test_the_licences_of_the_project_and_of_scapy_are_named():
