@@ -119,7 +119,7 @@ def flat(seconds: float, load: Load) -> list[Result]:
         used[512].row("cpu-512-drives", "cores"),
         Result("added-drive-16-to-256", lower, unit, None, "none", True),
         Result("added-drive-256-to-512", upper, unit, None, "none", True),
-        Result("added-drive-ratio", ratio, "upper over lower", None, "0.8 to 1.2", abs(ratio - 1) <= 0.2),
+        Result("added-drive-ratio", ratio, "upper over lower", None, "<= 1.2", 0 < ratio <= 1.2),
     ]
 
 

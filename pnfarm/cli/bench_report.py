@@ -101,8 +101,8 @@ def _reading(results: Sequence[Result]) -> list[str]:
         lines += [
             f"- All CPU time divided by all drives is not flat: {few / 16 * 1e6:.0f} us per drive and second with 16",
             f"  drives, {many / 512 * 1e6:.0f} us with 512, because the ticks cost the same with one drive.",
-            "  `added-drive-ratio` is what one more drive costs among many over what it costs among few; 0.8 to 1.2",
-            "  means that the farm scales.",
+            "  `added-drive-ratio` is what one more drive costs among many over what it costs among few; up to 1.2",
+            "  means that the farm scales. Less than 1 is possible: a tick takes more frames at once.",
         ]
     return [*lines, *_READING.splitlines()]
 
