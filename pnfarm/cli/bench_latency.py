@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import http.client
 import json
+import math
 import os
 import random
 import socket
@@ -37,6 +38,8 @@ SO_TIMESTAMPNS = 35
 ETH_P_ALL = 3
 LONGEST_SECONDS = 2.0
 FEWEST = 100
+#: What the goal is about, and the normal distribution's deviation that one of a hundred exceeds.
+SHARE, ONE_IN_100 = 0.99, 2.33
 
 
 class _Tap:
@@ -93,6 +96,16 @@ def _share(times_ns: list[int], share: float) -> float:
     return sorted(times_ns)[min(len(times_ns) - 1, int(len(times_ns) * share))] / 1e6
 
 
+def meets(times_ns: list[int], limit_ms: float) -> bool:
+    """Whether no more than 1 % of the times are above the limit, as far as so many of them can say.
+
+    The limit may be such a share of as many times of the floor, so that the counting error is in both: a 99th
+    percentile of a thousand times hangs on ten.  Missed is what chance alone does in one run of a hundred.
+    """
+    expected = len(times_ns) * (1 - SHARE)
+    return sum(time > limit_ms * 1e6 for time in times_ns) <= expected + ONE_IN_100 * math.sqrt(2 * expected * SHARE)
+
+
 def _row(name: str, times_ns: list[int], share: float, floor: float, goal: str = "none", ok: bool = True) -> Result:
     """A share of all times, because those of a window are few; the spread is that of windows in the order of time."""
     value, size = _share(times_ns, share), -(-len(times_ns) // WINDOWS)
@@ -103,15 +116,15 @@ def _row(name: str, times_ns: list[int], share: float, floor: float, goal: str =
 def fault_latency(seconds: float, load: Load) -> list[Result]:
     """From the request of a fault over HTTP to the first changed frame on the wire; 16 drives at 4 ms."""
     faults, floors = _measured(seconds, load)
-    usual, floor = _share(floors, 0.5), _share(floors, 0.99)
+    usual, floor = _share(floors, 0.5), _share(floors, SHARE)
     # what the machine alone needs for the request and the next frame cannot be had faster
     goal = GOAL_NS / 1e6
-    ok = _share(faults, 0.99) <= max(goal, floor)
+    ok = meets(faults, max(goal, floor))
     return [
         _row("p50", faults, 0.5, usual),
-        _row("p99", faults, 0.99, floor, f"<= {goal:g} (one cycle + 2), or the floor", ok),
+        _row("p99", faults, SHARE, floor, f"<= {goal:g} (one cycle + 2), or the floor", ok),
         _row("floor-p50", floors, 0.5, usual),
-        _row("floor-p99", floors, 0.99, floor),
+        _row("floor-p99", floors, SHARE, floor),
     ]
 
 

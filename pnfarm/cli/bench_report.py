@@ -114,6 +114,7 @@ _READING = """\
 - `fault-latency-*` counts from the sending of `POST faults` to the first frame with the changed data status,
   by the kernel's time stamps at the farm's interface. The floor is the same request as a dry run, and the
   drive's next frame after the answer. The values are shares of all requests, the spread is that of eight windows.
+  The goal is missed if more than 1 % of the requests are above it, by more than chance does in one run of a hundred.
 - The floor of `virtual-64` copies the frames of both directions and reads their octets: no timers,
   no firmware, no program. The same compiled loop is the floor of `firmware-*`.
 - Beside a loop of the interpreter, `to floor` is how many of its passes the figure takes: to connect a drive, to make
