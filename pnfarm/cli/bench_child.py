@@ -23,8 +23,6 @@ from pnfarm.cli.unreachable import keep_what_is_loaded, search_seldom
 from pnfarm.links.looks import LOOKING
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
-PR_SET_TIMERSLACK = 29
-
 
 def _cpu() -> float:
     usage = resource.getrusage(resource.RUSAGE_SELF)
@@ -164,16 +162,14 @@ async def _plc(settings: dict[str, Any]) -> None:
 
 
 def _floor(settings: dict[str, Any]) -> None:
-    import ctypes
-
     from pnfarm.engine.floor import make_vectors, run_floor
+    from pnfarm.engine.realtime import RealTimeReport, RealTimeSettings, ask_kernel
     from pnfarm.engine.receive_ring import open_receive_ring, receive_ring
 
     addresses = [(index, bytes.fromhex(source), bytes.fromhex(to)) for index, source, to in settings["addresses"]]
     packet = bytes.fromhex(settings.get("packet", ""))
     ethertype = int.from_bytes(packet[:2], "big") or ETHERTYPE_PROFINET
     vectors = make_vectors(addresses, packet)
-    libc = ctypes.CDLL(None)
     with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as sock:
         sock.setsockopt(socket.SOL_SOCKET, getattr(socket, "SO_RCVBUFFORCE", 33), 16 << 20)
         # bound to the interface if there is one, otherwise to all, as the engine's socket is
@@ -181,15 +177,18 @@ def _floor(settings: dict[str, Any]) -> None:
         ring = open_receive_ring(sock, len(addresses)) if settings.get("ring") else receive_ring(0)
 
         def run(seconds: float) -> None:
-            # the same timer slack as the engine's thread; the kernel's default would make the floor late
-            libc.prctl(PR_SET_TIMERSLACK, 1, 0, 0, 0)
+            # as the engine's thread: the kernel's default timer slack would make the floor late
+            ask_kernel(RealTimeSettings(), RealTimeReport())
             until = time.monotonic_ns() + int(seconds * 1e9)
             run_floor(
                 sock.fileno(), ring, vectors.rx, vectors.tx, settings["groups"], vectors.counts, vectors.lateness,
                 vectors.times, settings["period"], until,
             )  # fmt: skip
 
-        run(0.001)
+        # compiled or loaded, in a thread whose scheduling nobody needs
+        first = threading.Thread(target=run, args=(0.001,))
+        first.start()
+        first.join()
         _answer({"up": True})
         while line := sys.stdin.readline():
             word, _, argument = line.strip().partition(" ")

@@ -163,7 +163,7 @@ def _ask_slice(libc: ctypes.CDLL, slice_ns: int) -> str | None:
     return os.strerror(ctypes.get_errno()) if failed else None
 
 
-def _apply(settings: RealTimeSettings, report: RealTimeReport) -> None:
+def ask_kernel(settings: RealTimeSettings, report: RealTimeReport) -> None:
     """Request scheduling and memory settings; runs in the engine's thread, to which they apply."""
     libc = ctypes.CDLL(None, use_errno=True)
 
@@ -254,7 +254,7 @@ class RealTimeEngine:
     def _run(self) -> None:
         self.thread_id = threading.get_native_id()
         try:
-            _apply(self.settings, self.report)
+            ask_kernel(self.settings, self.report)
             self._ready.set()
             run_loop(self.columns, self._ring, self.wake_fd, self._one, 0)
         except BaseException as exc:  # noqa: BLE001 - carried to the event loop by stop() and check()
