@@ -262,7 +262,7 @@ BENCHMARKS: dict[str, Benchmark] = {
         _figures(
             "connect-storm",
             *("256", "farm", "controller", "lateness-p99", "lateness-ratio"),
-            *("ordinary-p99", "ordinary-ratio", "expirations", "interpreter"),
+            *("ordinary-p99", "ordinary-floor", "expirations", "interpreter"),
         ),
     ),
     "akd-1024": Benchmark(akd_1024, 10.0, _figures("akd-1024", "cpu", "floor", "expirations")),

@@ -30,6 +30,7 @@ __all__ = [
     "expirations",
     "farm_and_plc",
     "farm_file",
+    "floor_ends",
     "lateness",
     "measure",
     "per_frame",
@@ -199,15 +200,22 @@ def lateness(answers: list[dict[str, Any]], share: float) -> Windows:
 
 
 @contextmanager
-def _floor(
-    drives: int, groups: int, period_ns: int, packet: bytes = b"", *, ring: bool = False, parent: bool = False
+def floor_ends(
+    drives: int,
+    groups: int,
+    period_ns: int,
+    packet: bytes = b"",
+    *,
+    ring: bool = False,
+    parent: bool = False,
+    far: str = PEER,
 ) -> Iterator[tuple[Child, Child]]:
-    """Two minimal loops over the same kind of interfaces: macvlans on one side, one interface on the other.
+    """Two minimal loops on a wire: macvlans on one side, the interface ``far`` on the other.
 
     They send RT frames, or ``packet`` from its EtherType on.  With ``ring`` both receive as the engine does, with
     ``parent`` the side with the macvlans sends through their parent.
     """
-    with wire(), ExitStack() as stack:
+    with ExitStack() as stack:
         lines, macs = [], []
         for i in range(drives):
             mac = bytes((0x02, 0xF1, 0, 0, i >> 8, i & 0xFF))
@@ -219,16 +227,16 @@ def _floor(
         listed = subprocess.run(["ip", "-json", "link"], check=True, capture_output=True, text=True).stdout
         links = {entry["ifname"]: entry for entry in json.loads(listed)}
         index = {name: entry["ifindex"] for name, entry in links.items()}
-        peer_mac = bytes.fromhex(links[PEER]["address"].replace(":", ""))
+        peer_mac = bytes.fromhex(links[far]["address"].replace(":", ""))
         common = {"groups": groups, "period": period_ns, "packet": packet.hex(), "ring": ring}
         exits = [index[PARENT if parent else f"pnfl{i}"] for i in range(drives)]
         ours = [(out, mac.hex(), peer_mac.hex()) for out, mac in zip(exits, macs, strict=True)]
         # an interface keeps its index when it moves into an empty namespace
-        theirs = [(index[PEER], peer_mac.hex(), mac.hex()) for mac in macs]
+        theirs = [(index[far], peer_mac.hex(), mac.hex()) for mac in macs]
         farm = Child("floor", FARM_CPU, addresses=ours, interface="", **common)
         stack.callback(farm.close)
         farm.answer()
-        peer = Child("floor", PEER_CPU, addresses=theirs, interface=PEER, interface_from_outside=PEER, **common)
+        peer = Child("floor", PEER_CPU, addresses=theirs, interface=far, interface_from_outside=far, **common)
         stack.callback(peer.close)
         peer.answer()
         yield farm, peer
@@ -262,5 +270,5 @@ def settled_floor(
     parent: bool = False,
 ) -> list[dict[str, Any]]:
     """What the loop in the farm's place counted in each window.  Usually it runs before the farm and behind it."""
-    with _floor(drives, groups, period_ns, packet, ring=ring, parent=parent) as (farm, peer):
+    with wire(), floor_ends(drives, groups, period_ns, packet, ring=ring, parent=parent) as (farm, peer):
         return measure(farm, peer, seconds, load, windows)[0]
