@@ -47,7 +47,7 @@ def complete_kind(incomplete: str) -> list[tuple[str, str]]:
 
 def complete_benchmark(incomplete: str) -> list[tuple[str, str]]:
     """Benchmarks and their figures."""
-    from pnfarm.cli.bench import BENCHMARKS
+    from pnfarm.bench.catalogue import BENCHMARKS
 
     names = dict.fromkeys(BENCHMARKS, "benchmark")
     for name, one in BENCHMARKS.items():

@@ -123,7 +123,7 @@ def _database(url: str, config: FarmConfig) -> Finding:
 
 def _measured() -> tuple[float | None, float | None, str]:
     """ns of a frame and of a step on this machine, and why there is none."""
-    program = [sys.executable, "-m", "pnfarm.cli.budget_child"]
+    program = [sys.executable, "-m", "pnfarm.bench.budget"]
     try:
         with working("measuring what a frame and a step cost here"):
             run = subprocess.run(program, capture_output=True, timeout=_MEASURE_SECONDS, check=True)

@@ -107,8 +107,8 @@ async def _run(section: Api, urls: list[str], names: list[tuple[str, int]], shar
 
     from pnfarm.api import serve
     from pnfarm.cli.running import stop_on_signals
-    from pnfarm.cli.unreachable import keep_what_is_loaded
     from pnfarm.farm.events import ApiListening
+    from pnfarm.farm.garbage import keep_what_is_loaded
     from pnfarm.hub import Hub, make_hub_app
     from pnfarm.hub.tasks import run_hub
     from pnfarm.terminal.output import print_line

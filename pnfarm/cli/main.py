@@ -32,8 +32,8 @@ from pnfarm.cli import (
 )
 from pnfarm.cli import run as scenario
 from pnfarm.cli.errors import report, silence_stdout
-from pnfarm.cli.unreachable import search_seldom
 from pnfarm.farm.address_space import COMMAND, few_threads, require_address_space
+from pnfarm.farm.garbage import search_seldom
 from pnfarm.terminal.command import Command, Panel, arranged
 from pnfarm.terminal.settings import LogFormat, LogLevel, Settings, help_without_command, settings
 

@@ -134,8 +134,8 @@ async def _run(
     import anyio
 
     from pnfarm.cli.running import compile_ahead, stop_on_signals
-    from pnfarm.cli.unreachable import keep_what_is_loaded
     from pnfarm.controller.runtime import Plc
+    from pnfarm.farm.garbage import keep_what_is_loaded
 
     controller = Plc(config, interface=interface)
     rows: list[dict[str, Any]] = []

@@ -294,8 +294,8 @@ async def _started(
     traced: bool,
 ) -> Outcome:
     from pnfarm.cli.running import compile_ahead
-    from pnfarm.cli.unreachable import keep_what_is_loaded
     from pnfarm.config.links import MemoryLink
+    from pnfarm.farm.garbage import keep_what_is_loaded
     from pnfarm.scenario.started import run_started
 
     compiling = partial(compile_ahead, in_memory=isinstance(config.link, MemoryLink))

@@ -288,11 +288,11 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
     from pnfarm.api.server import listen
     from pnfarm.api.token import token_of
     from pnfarm.cli.running import compile_ahead, stop_on_signals
-    from pnfarm.cli.unreachable import keep_what_is_loaded
     from pnfarm.config.links import MemoryLink
     from pnfarm.controller.beside import ControllerBeside
     from pnfarm.farm.capture import prepare
     from pnfarm.farm.farm import Farm
+    from pnfarm.farm.garbage import keep_what_is_loaded
     from pnfarm.station.event_log import EventLog
 
     token_of(config)  # report a capture file that cannot be created before any interface is made

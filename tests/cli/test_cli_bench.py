@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from pnfarm.cli.bench import BENCHMARKS, Benchmark, chosen, measured
-from pnfarm.cli.bench_line import farm_file
-from pnfarm.cli.bench_result import Result
+from pnfarm.bench.catalogue import BENCHMARKS, Benchmark, chosen, measured
+from pnfarm.bench.line import farm_file
+from pnfarm.bench.result import Result
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.file.reading import parse_farm
 

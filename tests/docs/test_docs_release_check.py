@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from pnfarm.cli.bench_report import markdown
-from pnfarm.cli.bench_result import Result, judged
+from pnfarm.bench.report import markdown
+from pnfarm.bench.result import Result, judged
 
 ROOT = Path(__file__).resolve().parents[2]
 ROWS = [

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from pnfarm.cli.bench_load import LIMIT_CORES
+from pnfarm.bench.load import LIMIT_CORES
 
 if TYPE_CHECKING:
-    from pnfarm.cli.bench_result import Result
+    from collections.abc import Sequence
+
+    from pnfarm.bench.result import Result
 
 __all__ = ["markdown", "print_table", "spread", "verdict"]
 

@@ -1,4 +1,4 @@
-"""What a frame and a step of a drive's firmware cost on this machine: ``python -m pnfarm.cli.budget_child``.
+"""What a frame and a step of a drive's firmware cost on this machine: ``python -m pnfarm.bench.budget``.
 
 A process of its own, because it enters a private network namespace.  Prints one JSON object: ``frame_ns`` and
 ``step_ns`` of CPU, each null where it could not be measured, with ``why``.
@@ -62,7 +62,7 @@ def _frame_ns() -> float:
 
 
 def _step_ns() -> float:
-    from pnfarm.cli.bench_firmware import SPEED, cost_of_a_step
+    from pnfarm.bench.firmware import SPEED, cost_of_a_step
 
     return cost_of_a_step(SPEED.replace("count: 64", "count: 8"))
 

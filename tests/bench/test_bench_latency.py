@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from pnfarm.cli.bench_latency import meets
+from pnfarm.bench.latency import meets
 
 LIMIT_MS = 6.0
 

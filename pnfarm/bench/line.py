@@ -9,15 +9,16 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.cli.bench_result import WINDOWS, Windows
+from pnfarm.bench.result import WINDOWS, Windows
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
-    from pnfarm.cli.bench_load import Load
+    from collections.abc import Iterator
+
+    from pnfarm.bench.load import Load
 
 __all__ = [
     "FARM_CPU",
@@ -77,11 +78,11 @@ def farm_file(
 
 
 class Child:
-    """A process of :mod:`pnfarm.cli.bench_child`."""
+    """A process of :mod:`pnfarm.bench.child`."""
 
     def __init__(self, role: str, cpu: int, **settings: Any) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "pnfarm.cli.bench_child", role],
+            [sys.executable, "-m", "pnfarm.bench.child", role],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

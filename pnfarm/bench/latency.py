@@ -18,14 +18,14 @@ import sys
 import time
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.cli.bench_line import PARENT, PEER_CPU, farm_and_plc
-from pnfarm.cli.bench_result import WINDOWS, Result, Windows
+from pnfarm.bench.line import PARENT, PEER_CPU, farm_and_plc
+from pnfarm.bench.result import WINDOWS, Result, Windows
 from pnfarm.errors import InternalError
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.mac import parse_mac
 
 if TYPE_CHECKING:
-    from pnfarm.cli.bench_load import Load
+    from pnfarm.bench.load import Load
 
 __all__ = ["fault_latency"]
 
@@ -114,7 +114,7 @@ def _row(name: str, times_ns: list[int], share: float, floor: float, goal: str =
 
 
 def fault_latency(seconds: float, load: Load) -> list[Result]:
-    """From the request of a fault over HTTP to the first changed frame on the wire; 16 drives at 4 ms."""
+    """Inject a fault by the API into one of 16 drives at 4 ms: from the request to the first changed frame."""
     faults, floors = _measured(seconds, load)
     usual, floor = _share(floors, 0.5), _share(floors, SHARE)
     # what the machine alone needs for the request and the next frame cannot be had faster

@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from pnfarm.cli.bench_load import LIMIT_CORES, Load, Mark, Process, cpu_times, load_between, process_of, used_by_tree
+from pnfarm.bench.load import LIMIT_CORES, Load, Mark, Process, cpu_times, load_between, process_of, used_by_tree
 from pnfarm.errors import InternalError
 
 STAT = """\

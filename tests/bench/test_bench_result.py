@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.cli.bench_report import markdown, print_table, spread, verdict
-from pnfarm.cli.bench_result import Result, Windows, exit_code, judged
+from pnfarm.bench.report import markdown, print_table, spread, verdict
+from pnfarm.bench.result import Result, Windows, exit_code, judged
 from pnfarm.errors import InternalError
 
 OK = Result("a", 1.0, "s", None, "<= 2", True)

@@ -10,13 +10,13 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.cli.bench_line import Child, cores, farm_and_plc, lateness, measure
-from pnfarm.cli.bench_loops import interpreter_loop
-from pnfarm.cli.bench_result import Result, Windows
+from pnfarm.bench.line import Child, cores, farm_and_plc, lateness, measure
+from pnfarm.bench.loops import interpreter_loop
+from pnfarm.bench.result import Result, Windows
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
-    from pnfarm.cli.bench_load import Load
+    from pnfarm.bench.load import Load
 
 __all__ = ["page_1000"]
 
@@ -68,7 +68,7 @@ def _memory(farm: Child) -> int:
 
 
 def page_1000(seconds: float, load: Load) -> list[Result]:
-    """CPU and memory of one viewer and of several, and the engine's lateness beside them."""
+    """What viewers of the web page cost a farm of 1,000 drives that turn."""
     viewers: list[_Viewer] = []
     loops: list[float] = []
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.cli.bench_loops import compiled_loop
-from pnfarm.cli.bench_result import Windows
+from pnfarm.bench.loops import compiled_loop
+from pnfarm.bench.result import Windows
 from pnfarm.errors import InternalError
 from pnfarm.firmware.step import step
 from pnfarm.table.compiled import compiled

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from pnfarm.cli.bench_result import Windows
+from pnfarm.bench.result import Windows
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from pnfarm.cli.bench_line import FARM_CPU, farm_file
-from pnfarm.cli.bench_loops import compiled_loop, interpreter_loop
-from pnfarm.cli.bench_result import WINDOWS, Result, Windows
+from pnfarm.bench.line import FARM_CPU, farm_file
+from pnfarm.bench.loops import compiled_loop, interpreter_loop
+from pnfarm.bench.result import WINDOWS, Result, Windows
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
-    from pnfarm.cli.bench_load import Load
+    from pnfarm.bench.load import Load
     from pnfarm.controller.line import VirtualLine
 
 __all__ = ["firmware", "scrape", "trace", "virtual_time"]
@@ -35,8 +35,9 @@ def _in_memory(drives: int, cycle: str, watchdog: int) -> VirtualLine:
     return anyio.run(VirtualLine.create, parse_farm(farm_file(drives, cycle, watchdog, FARM_CPU, in_memory=True)))
 
 
-def scrape(load: Load) -> list[Result]:
-    """Ten scrapes of 256 connected drives, in turn with the interpreter's loop."""
+def scrape(seconds: float, load: Load) -> list[Result]:
+    """Prometheus scrapes 256 connected drives, with changed counters each time."""
+    del seconds
     from pnfarm.metrics.collector import FarmCollector
 
     line = _in_memory(256, "16ms", 16)
@@ -60,8 +61,9 @@ def scrape(load: Load) -> list[Result]:
     ]
 
 
-def virtual_time(load: Load) -> list[Result]:
-    """64 drives at 1 ms in turn with the copying of their frames; an hour of two drives with the interpreter's loop."""
+def virtual_time(seconds: float, load: Load) -> list[Result]:
+    """64 drives at 1 ms and their controller in memory, beside the copying of their frames; an hour of two drives."""
+    del seconds
     many, few = _in_memory(64, "1ms", 3), _in_memory(2, "16ms", 3)
     _run_up(many)
     _run_up(few)
@@ -99,9 +101,10 @@ def _run_up(line: VirtualLine) -> None:
         raise InternalError("the drives did not run in virtual time")
 
 
-def firmware(load: Load) -> list[Result]:
-    """Each program of the axes, in turn with a compiled loop."""
-    from pnfarm.cli.bench_firmware import POSITION, SPEED, costs_of_a_step
+def firmware(seconds: float, load: Load) -> list[Result]:
+    """One drive's own firmware in a step of 1 ms: all models mixed, moving."""
+    del seconds
+    from pnfarm.bench.firmware import POSITION, SPEED, costs_of_a_step
 
     unit = "ns per drive and step"
     results: list[Result] = []
@@ -119,9 +122,10 @@ def firmware(load: Load) -> list[Result]:
     return [*results, Windows(loops).row("firmware-loop", "ns for copying and reading a frame", 1.0)]
 
 
-def trace(load: Load) -> list[Result]:
-    """What a trace adds, in percent of a core, in turn with the whole engine without one."""
-    from pnfarm.cli.bench_trace import cost_of_a_trace
+def trace(seconds: float, load: Load) -> list[Result]:
+    """Trace 8 signals of 64 drives at 1 ms, in memory: what it adds, beside the whole engine without a trace."""
+    del seconds
+    from pnfarm.bench.trace import cost_of_a_trace
 
     line = _in_memory(64, "1ms", 3)
     with load:

@@ -1,6 +1,6 @@
 """One process of a benchmark: a farm, a controller, or the floor, driven by commands on standard input.
 
-``python -m pnfarm.cli.bench_child ROLE`` reads one JSON line of settings, then one command a line, and
+``python -m pnfarm.bench.child ROLE`` reads one JSON line of settings, then one command a line, and
 answers each with one JSON line.
 """
 
@@ -19,7 +19,7 @@ from typing import Any
 import anyio
 import anyio.to_thread
 
-from pnfarm.cli.unreachable import keep_what_is_loaded, search_seldom
+from pnfarm.farm.garbage import keep_what_is_loaded, search_seldom
 from pnfarm.links.looks import LOOKING
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 

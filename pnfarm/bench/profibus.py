@@ -1,6 +1,6 @@
 """``pnfarm bench profibus-32``: 32 drives on one pty, polled at the cycle that 1.5 Mbit/s would permit, beside an echo.
 
-``python -m pnfarm.cli.bench_profibus poll`` is the master: it writes its telegrams octet by octet, and waits for each
+``python -m pnfarm.bench.profibus poll`` is the master: it writes its telegrams octet by octet, and waits for each
 answer.  ``... echo`` is the floor: a loop that answers every request with the same octets.  Both read one JSON line of
 settings, and answer each line that follows: the master with what it measured meanwhile, the echo with its time.
 """
@@ -22,13 +22,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.cli.bench_child import difference
-from pnfarm.cli.bench_line import FARM_CPU, PEER_CPU, Child, cores
-from pnfarm.cli.bench_result import WINDOWS, Result, Windows
+from pnfarm.bench.child import difference
+from pnfarm.bench.line import FARM_CPU, PEER_CPU, Child, cores
+from pnfarm.bench.result import WINDOWS, Result, Windows
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
-    from pnfarm.cli.bench_load import Load
+    from pnfarm.bench.load import Load
 
 __all__ = ["profibus_32"]
 
@@ -185,7 +185,7 @@ class _Role:
 
     def __init__(self, role: str, cpu: int, **settings: Any) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "pnfarm.cli.bench_profibus", role],
+            [sys.executable, "-m", "pnfarm.bench.profibus", role],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
         self.say(json.dumps({"cpu": cpu, **settings}))
@@ -282,7 +282,7 @@ def _farm(
 
 
 def profibus_32(seconds: float, load: Load) -> list[Result]:
-    """32 drives on one pty at the bus's own cycle for 1.5 Mbit/s."""
+    """32 drives on one PROFIBUS line over a pty, polled at the cycle of 1.5 Mbit/s, beside an echo."""
     facts = _telegram_of_model()
     with tempfile.TemporaryDirectory(prefix="pnfarm-bench-") as name:
         low = _floor(Path(name), facts, min(5.0, seconds), load)

@@ -7,13 +7,13 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.cli.bench_line import FARM_CPU, PEER, PEER_CPU, SETTLED_SECONDS, Child, farm_file, wire
-from pnfarm.cli.bench_loops import interpreter_loop
-from pnfarm.cli.bench_result import Result, Windows
+from pnfarm.bench.line import FARM_CPU, PEER, PEER_CPU, SETTLED_SECONDS, Child, farm_file, wire
+from pnfarm.bench.loops import interpreter_loop
+from pnfarm.bench.result import Result, Windows
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
-    from pnfarm.cli.bench_load import Load
+    from pnfarm.bench.load import Load
 
 __all__ = ["start_64", "start_1024"]
 
@@ -53,8 +53,9 @@ def _start(drives: int, load: Load) -> _Start:
     return _Start(took, spent / drives * 1e3, heard / drives)
 
 
-def start_64(load: Load) -> list[Result]:
-    """Start 64 drives, several times."""
+def start_64(seconds: float, load: Load) -> list[Result]:
+    """Time for 64 drives to connect and exchange data."""
+    del seconds
     took, loops = [], []
     for _ in range(STARTS):
         loops.append(interpreter_loop(3))
@@ -67,8 +68,10 @@ def start_64(load: Load) -> list[Result]:
     ]
 
 
-def start_1024(load: Load) -> list[Result]:
-    """Start 64 drives, then 1,024, then 64 again: the cost of a connection is to be the same."""
+def start_1024(seconds: float, load: Load) -> list[Result]:
+    """Time for 1,024 AKDs to exchange data, and what a connection costs among them and among 64."""
+    del seconds
+    # the cost of a connection is to be the same among few
     loops, fews = [interpreter_loop(3)], [_start(64, load)]
     loops.append(interpreter_loop(3))
     many = _start(1024, load)

@@ -13,16 +13,16 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.cli.bench_child import difference
-from pnfarm.cli.bench_line import FARM_CPU, PARENT, PEER, PEER_CPU, Child, floor_ends, percentile, wire
-from pnfarm.cli.bench_loops import interpreter_loop
-from pnfarm.cli.bench_result import Result, Windows
+from pnfarm.bench.child import difference
+from pnfarm.bench.line import FARM_CPU, PARENT, PEER, PEER_CPU, Child, floor_ends, percentile, wire
+from pnfarm.bench.loops import interpreter_loop
+from pnfarm.bench.result import Result, Windows
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.cli.bench_load import Load
+    from pnfarm.bench.load import Load
 
 __all__ = ["storm"]
 
