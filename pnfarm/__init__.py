@@ -11,13 +11,13 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.version import __version__
+
 if TYPE_CHECKING:
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.controller.runtime import Plc
     from pnfarm.farm.wait import NotInTime
     from pnfarm.library import Farm
-
-__version__ = "0.1.0"
 
 __all__ = ["AxisProgram", "Farm", "NotInTime", "Plc", "__version__"]
 

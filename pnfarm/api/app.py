@@ -10,7 +10,6 @@ import anyio.to_thread
 from fastapi import FastAPI, Header, Query, Request
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 
-from pnfarm import __version__
 from pnfarm.api.answers import Alive
 from pnfarm.api.changes import Changes
 from pnfarm.api.context import ApiContext
@@ -29,6 +28,7 @@ from pnfarm.api.traces import add_traces
 from pnfarm.buses.registry import BUSES
 from pnfarm.errors import EnvironmentError_
 from pnfarm.metrics import CONTENT_TYPE, FarmCollector
+from pnfarm.version import __version__
 from pnfarm.web.bodies import PREFIX, Json
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pnfarm import __version__
 from pnfarm.buses import registry
 from pnfarm.cli import (
     bench,
@@ -36,6 +35,7 @@ from pnfarm.farm.address_space import COMMAND, few_threads, require_address_spac
 from pnfarm.farm.garbage import search_seldom
 from pnfarm.terminal.command import Command, Panel, arranged
 from pnfarm.terminal.settings import LogFormat, LogLevel, Settings, help_without_command, settings
+from pnfarm.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

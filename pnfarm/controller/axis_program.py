@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.errors import ConfigError
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.signal_view import Inputs, Outputs
 
-__all__ = ["AxisProgram", "Line", "make_program"]
+__all__ = ["AxisProgram", "Line"]
 
 
 class Line:
@@ -87,20 +86,3 @@ class AxisProgram:
     def seconds(self) -> float:
         """Since the first call of ``cycle``."""
         return (self.now_ns - self.began_ns) / 1e9
-
-
-def make_program(
-    kind: type[AxisProgram], line: Line, *, name: str, model: str, cycle_ns: int, inputs: Inputs, outputs: Outputs
-) -> AxisProgram:
-    """An axis' program, ready to be called.  Raises :class:`ConfigError` where its ``__init__`` fails."""
-    program = kind.__new__(kind)
-    program.name, program.model, program.cycle_ns = name, model, cycle_ns
-    program.inputs, program.outputs, program.line = inputs, outputs, line
-    line.add(program)
-    try:
-        kind.__init__(program)
-    except Exception as exc:
-        from pnfarm.controller.program_file import placed  # noqa: PLC0415 - it imports this module
-
-        raise ConfigError(f"the program of axis {name} cannot be made: {placed(exc, kind.__module__)}") from exc
-    return program

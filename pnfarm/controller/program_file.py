@@ -20,9 +20,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pnfarm.config.controller import Program
+    from pnfarm.controller.axis_program import Line
+    from pnfarm.drives.signal_view import Inputs, Outputs
     from pnfarm.farm.file.reading import FarmConfig
 
-__all__ = ["error_text", "load_program", "place_of", "placed", "program_of", "program_settings"]
+__all__ = ["error_text", "load_program", "make_program", "place_of", "placed", "program_of", "program_settings"]
 
 #: Longest file, octets.
 MAX_OCTETS = 1_000_000
@@ -157,3 +159,18 @@ def error_text(error: BaseException) -> str:
         text = ""
     kind = type(error).__name__
     return f"{kind}: {text[:MAX_TEXT]}" if text else kind
+
+
+def make_program(
+    kind: type[AxisProgram], line: Line, *, name: str, model: str, cycle_ns: int, inputs: Inputs, outputs: Outputs
+) -> AxisProgram:
+    """An axis' program, ready to be called.  Raises :class:`ConfigError` where its ``__init__`` fails."""
+    program = kind.__new__(kind)
+    program.name, program.model, program.cycle_ns = name, model, cycle_ns
+    program.inputs, program.outputs, program.line = inputs, outputs, line
+    line.add(program)
+    try:
+        kind.__init__(program)
+    except Exception as exc:
+        raise ConfigError(f"the program of axis {name} cannot be made: {placed(exc, kind.__module__)}") from exc
+    return program

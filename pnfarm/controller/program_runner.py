@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.controller.axis_program import AxisProgram, Line, make_program
-from pnfarm.controller.program_file import error_text, place_of
+from pnfarm.controller.axis_program import AxisProgram, Line
+from pnfarm.controller.program_file import error_text, make_program, place_of
 from pnfarm.controller.program_worker import Call, Worker
 from pnfarm.drives.signal_view import Inputs, Outputs
 from pnfarm.firmware.profidrive.axis_program import READY

@@ -8,7 +8,7 @@ answers for no address any more.
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.farm.events import (
     LeaseLost,
@@ -26,15 +26,34 @@ from pnfarm.links.linux import PacketLink
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.farm.core import FarmCore
+    from pnfarm.engine.columns import Columns
     from pnfarm.farm.lease import LeaseChanged
     from pnfarm.farm.postgres import PostgresState
+    from pnfarm.faults.manager import InjectionManager
+    from pnfarm.links.base import Link
     from pnfarm.station.event_log import EventLog
+    from pnfarm.station.station import Station
 
-__all__ = ["Leaseholder"]
+__all__ = ["LeasedFarm", "Leaseholder"]
 
 #: Between two looks at the lease, when nothing is new.
 LOOK_SECONDS = 0.1
+
+
+class LeasedFarm(Protocol):
+    """What the keeper of a lease needs of its farm."""
+
+    columns: Columns
+    link: Link
+    stations: list[Station]
+    injections: InjectionManager
+    #: Whether the drives may send at this moment; None: always.
+    may_speak: Callable[[], bool] | None
+    leaseholder: Leaseholder | None
+
+    def settle(self, station: Station, now: int) -> None:
+        """Let a changed station process the consequences."""
+        ...
 
 
 class Leaseholder:
@@ -44,7 +63,7 @@ class Leaseholder:
         self.state = state
         self._log = log
         self._now = now
-        self._core: FarmCore | None = None
+        self._core: LeasedFarm | None = None
         self._poke: Callable[[], None] = lambda: None
         self._loop = asyncio.get_running_loop()
         self._handle: asyncio.TimerHandle | None = None
@@ -89,7 +108,7 @@ class Leaseholder:
 
     # -- while it runs
 
-    def start(self, core: FarmCore, poke: Callable[[], None]) -> None:
+    def start(self, core: LeasedFarm, poke: Callable[[], None]) -> None:
         """The drives are about to speak.  ``poke`` lets the runtime process what was changed."""
         self._core, self._poke = core, poke
         engine = core.columns.engine[0]

@@ -11,17 +11,23 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.faults.kind import InjectionKind
     from pnfarm.wire.direction import Direction
 
-__all__ = ["GivenInjection"]
+__all__ = ["GivenInjection", "NamedKind"]
+
+
+class NamedKind(Protocol):
+    """What an effect reads of its kind."""
+
+    @property
+    def name(self) -> str: ...
 
 
 class GivenInjection(Protocol):
     """Times are nanoseconds; None is a field that was left out."""
 
     @property
-    def kind(self) -> InjectionKind: ...
+    def kind(self) -> NamedKind: ...
 
     @property
     def params(self) -> Mapping[str, Any]:

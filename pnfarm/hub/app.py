@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from fastapi import FastAPI, Query, Request
 from starlette.responses import Response, StreamingResponse
 
-from pnfarm import __version__
 from pnfarm.api.app import LIVE_STREAM, describe_problems
 from pnfarm.api.changes import Changes
 from pnfarm.api.guard import Guard
@@ -23,6 +22,7 @@ from pnfarm.hub.routes_farm import add_hub_farm
 from pnfarm.hub.routes_faults import add_hub_faults
 from pnfarm.hub.routes_traces import add_hub_traces
 from pnfarm.hub.scenarios import HubScenarios
+from pnfarm.version import __version__
 from pnfarm.web.bodies import PREFIX
 
 if TYPE_CHECKING:

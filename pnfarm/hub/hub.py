@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 import anyio
 import structlog
 
-from pnfarm import __version__
 from pnfarm.hub.client import REQUEST_SECONDS, Answer, ShardClient
 from pnfarm.hub.log import MergedLog
 from pnfarm.hub.shards import AwayError, Shard, Shards
 from pnfarm.hub.states import ShardEvent
+from pnfarm.version import __version__
 from pnfarm.web.bodies import PREFIX
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 
-from pnfarm import __version__
+from pnfarm.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

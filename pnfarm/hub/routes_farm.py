@@ -9,7 +9,6 @@ from fastapi import Header, Query
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 
-from pnfarm import __version__
 from pnfarm.api.answers import Alive
 from pnfarm.api.app import EVENT_STREAM
 from pnfarm.api.schemas import Clock, Version
@@ -19,6 +18,7 @@ from pnfarm.hub.merging import joined_health
 from pnfarm.hub.metrics import HubCollector
 from pnfarm.hub.shards import AwayError
 from pnfarm.hub.states import ShardState
+from pnfarm.version import __version__
 from pnfarm.web.bodies import PREFIX, Json
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ import numpy as np
 from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
 from prometheus_client.registry import Collector
 
-from pnfarm import __version__
 from pnfarm.buses.registry import bus
 from pnfarm.drives.model_parts import fault_label
 from pnfarm.firmware.axis import AXIS
@@ -24,6 +23,7 @@ from pnfarm.metrics.recovery import REACTION_EDGES_NS, RECONNECT_EDGES_NS, Recov
 from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS, JITTER_BUCKETS, JITTER_EDGES_NS
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 from pnfarm.table.observed import PEAK_WINDOW_NS
+from pnfarm.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
