@@ -134,7 +134,7 @@ def page(name: str) -> str:
         f"After {described['manual']}, {described['edition']}. Bus: {BUSES[bus].title}.",
         "",
         f"Its [parameters](../parameters/{parameters}.md), [what of the manual it does](../coverage.md#{parameters}),",
-        f"[what the manual leaves open](../behaviour.md#{parameters}).",
+        f"[what the manual leaves open](../behaviour.md#{name}).",
         "",
         (NOTES / f"{name}.md").read_text(encoding="utf-8").strip(),
         "",

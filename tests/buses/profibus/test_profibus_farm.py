@@ -55,6 +55,18 @@ def test_each_kind_of_telegram_is_configured_by_its_identifiers(farm, telegram):
     assert len(master(line).master.stations[0].inputs) == octets
 
 
+def test_polls_take_as_long_as_the_octets_of_the_answer_s_form(farm):
+    took = {}
+    for answers in ("variable-length", "fixed-length"):
+        more = f", behaviour: {{eight-octet-answers: {answers}}}"
+        line = farm(more=more, keys="telegram: 106", cycle="1ms", watchdog="2s", link=", baud: 9600", running=False)
+        line.wait_connected(5)
+        line.run(1.0)
+        took[answers] = master(line).master.cycle_ns
+    # three octets of eleven bits more in front of DA
+    assert took["variable-length"] - took["fixed-length"] == pytest.approx(33 * 1e9 / 9600, abs=3)
+
+
 def test_telegram_1_is_the_variant_with_the_profile_generator(farm):
     assert DP.profidrive.telegrams[1].settings[301] == 0
     line = farm()
