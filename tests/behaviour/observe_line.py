@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from open_points import observes
+from open_points import Plc, observes
 from virtual_line import VirtualLine
 
 #: Of eight octets in each direction.
@@ -23,3 +23,11 @@ def eight_octet_answers(name: str, behaviour: str) -> object:
     assert line.plc.master.counts["answers"] - counted == count > 40
     assert len(line.plc.master.stations[0].inputs) == 8
     return (tally.octets.sent - octets) / count
+
+
+@observes("address-parameter", {"in-force": 11, "setting": 126})
+def address_parameter(name: str, behaviour: str) -> object:
+    """P-0918 of a drive as it comes whose coding switches are set to 11, by DP-V1."""
+    plc = Plc(name, behaviour, 1)
+    assert plc.plc.master.stations[0].plan.address == 11
+    return plc.read(918)

@@ -14,7 +14,7 @@ from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.buses.profibus.device.kept_values import check_kept
 from pnfarm.buses.profibus.device.product import Product
 from pnfarm.buses.profibus.device.short_way import READY
-from pnfarm.buses.profibus.device.station_address import DEFAULT_ADDRESS, station_address
+from pnfarm.buses.profibus.device.station_address import DEFAULT_ADDRESS, SWITCHES, station_address
 from pnfarm.buses.profibus.device.user import DriveUser
 from pnfarm.buses.profibus.device.view import connection_of, details_of, losses_in_words, view_of
 from pnfarm.drives.network import NoNetwork
@@ -149,9 +149,11 @@ class ProfibusDevice:
 
     def _address(self) -> int:
         """By the coding switches, else by the parameter (Moog MSD manual 4.2.2); both count at power-on."""
-        parameter = self.store.raw(self.product.address_parameter, DEFAULT_ADDRESS)
-        found = station_address(self.config.switches, parameter)
+        parameter = self.product.address_parameter
+        found = station_address(self.config.switches, self.store.raw(parameter, DEFAULT_ADDRESS))
         self.address_from = found.origin
+        if found.origin == SWITCHES and self.product.address_in_force:
+            self.store.overruled[parameter] = found.address
         return found.address
 
     def start(self, now: int) -> list[str]:

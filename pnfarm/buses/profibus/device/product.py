@@ -34,6 +34,8 @@ class Product:
     #: Answers with eight octets of data go as SD3.
     fixed_length: bool
     address_parameter: int
+    #: It is read as the address in force, also where the switches give that.
+    address_in_force: bool
     baud_parameter: int
     diagnosis_parameter: int
     diagnosis_modes: tuple[int, ...]
@@ -116,7 +118,10 @@ _FIELDS: dict[str, Any] = {
     "baud_codes": _numbers(0, 0xFFFF),
     "silence_ns": _number(0, 600_000_000_000),
     **dict.fromkeys(
-        ("freeze", "sync", "fail_safe", "address_changes", "class_two_exchanged", "fixed_length"), _is_flag
+        (
+            "freeze", "sync", "fail_safe", "address_changes", "address_in_force", "class_two_exchanged", "fixed_length",
+        ),
+        _is_flag,
     ),
     "connections": _number(0, 49),
     "longest_record": _number(1, 240),
