@@ -8,9 +8,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import assembly_types
+
 from pnfarm.buses.registry import BUSES
 from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.model_json import as_json
+from pnfarm.drives.profiles.cip.part import CIP
 from pnfarm.vocabulary.durations import format_duration
 
 __all__ = ["index", "page"]
@@ -148,6 +151,7 @@ def page(name: str) -> str:
         "[Tool by tool](index.md#engineering-tools) says where such a file goes.",
         "",
         *_telegrams(described),
+        *(assembly_types.lines(model(name)) if model(name).profile == CIP else []),
         *_identity(described),
         *_limits(described),
     ]
