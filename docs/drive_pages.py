@@ -8,9 +8,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import assembly_types
+
 from pnfarm.buses.registry import BUSES
 from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.model_json import as_json
+from pnfarm.drives.profiles.cip.part import CIP
 from pnfarm.vocabulary.durations import format_duration
 
 __all__ = ["index", "page"]
@@ -134,7 +137,7 @@ def page(name: str) -> str:
         f"After {described['manual']}, {described['edition']}. Bus: {BUSES[bus].title}.",
         "",
         f"Its [parameters](../parameters/{parameters}.md), [what of the manual it does](../coverage.md#{parameters}),",
-        f"[what the manual leaves open](../behaviour.md#{parameters}).",
+        f"[what the manual leaves open](../behaviour.md#{name}).",
         "",
         (NOTES / f"{name}.md").read_text(encoding="utf-8").strip(),
         "",
@@ -148,6 +151,7 @@ def page(name: str) -> str:
         "[Tool by tool](index.md#engineering-tools) says where such a file goes.",
         "",
         *_telegrams(described),
+        *(assembly_types.lines(model(name)) if model(name).profile == CIP else []),
         *_identity(described),
         *_limits(described),
     ]

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from model_pages import effects
 
-from pnfarm.drives.catalogue import model
+from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.effects import EFFECTS
 
 FOLDER = Path(__file__).resolve().parent / "coverage"
@@ -79,9 +79,21 @@ def numbered(manual: str) -> set[str]:
     return {match[1] for line in lines for match in [_HEADING.match(line) or _CAPTION.match(line)] if match}
 
 
-def left_open(name: str, section: str) -> list[str]:
-    """The open points of a model that stand in this section of its manual."""
-    return [point.name for point in model(name).behaviour if section.lower() in point.source.lower().split(", ")]
+def sharing(name: str) -> list[str]:
+    """The models of the same manual, this one last."""
+    manual = model(name).manual, model(name).edition
+    others = [other for other in sorted(models()) if (model(other).manual, model(other).edition) == manual]
+    return [*(other for other in others if other != name), name]
+
+
+def left_open(name: str, section: str) -> dict[str, str]:
+    """The open points in this section of a model's manual, each with a model that has it, this one where it does."""
+    return {
+        point.name: other
+        for other in sharing(name)
+        for point in model(other).behaviour
+        if section.lower() in point.source.lower().split(", ")
+    }
 
 
 def page() -> str:
@@ -114,10 +126,14 @@ def page() -> str:
     for name, found in every.items():
         lines += ["", f"## {name}", "", "| section | about | status | held by | note |", "|---|---|---|---|---|"]
         for row in found:
-            points = ", ".join(f"`{point}`" for point in left_open(name, row.section))
+            points = left_open(name, row.section)
             proof = [*row.proof, READINGS_TEST] if points else row.proof
             tests = "<br>".join(f"`{test.rpartition('::')[2]}`" for test in proof)
-            chosen = f"[you choose](behaviour.md#{name}): {points}" if points else ""
-            note = "; ".join(filter(None, (row.note, chosen)))
+            chosen = [
+                f"[you choose](behaviour.md#{other}): "
+                + ", ".join(f"`{point}`" for point, has in points.items() if has == other)
+                for other in dict.fromkeys(points.values())
+            ]
+            note = "; ".join(filter(None, (row.note, *chosen)))
             lines.append(f"| {row.section} | {row.title} | {row.status} | {tests} | {note} |")
     return "\n".join([*lines, ""])

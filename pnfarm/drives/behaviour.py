@@ -6,7 +6,7 @@ no code checks for a reading by its name:
 
 * ``firmware``: fields of writer ``parameter`` that neither a parameter nor the section ``firmware`` sets;
 * ``defaults``: PNU -> raw number, the default of a parameter that is not an array;
-* ``model``: ``section.key`` of the sections that :data:`SECTIONS` names.
+* ``model``: ``section.key`` of the sections that :data:`SECTIONS` names, and of the one named after the model's bus.
 """
 
 from __future__ import annotations
@@ -30,14 +30,16 @@ if TYPE_CHECKING:
     from pnfarm.drives.parameter import Parameter
     from pnfarm.drives.parameter_numbers import ParameterNumbers
 
-__all__ = ["SECTIONS", "read_behaviour", "with_behaviour"]
+__all__ = ["BUS_FACTS", "SECTIONS", "read_behaviour", "with_behaviour"]
 
-#: Sections whose values a reading may set, and their place in the model.
+#: Sections whose values a reading may set for any bus, and their place in the model.
 SECTIONS = {
     "communication_loss": "communication_loss",
     "parameter_access": "access",
     "position_units": "position_units",
 }
+#: Place of the section named after the bus.
+BUS_FACTS = "bus_facts"
 FILE = "behaviour.toml"
 _NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 #: YAML reads these as booleans or null.
@@ -52,13 +54,15 @@ def read_behaviour(
     files: ModelFiles,
     parameters: Mapping[int, Parameter],
     numbers: ParameterNumbers,
-    fixed: AbstractSet[str],
+    fixed: AbstractSet[object],
+    sections: Mapping[str, str],
     section_value: Callable[[str, str, Any, str], Any],
 ) -> tuple[Point, ...]:
     """Check and build the points, none without the file; raises :class:`ConfigError` that names the entry.
 
-    ``fixed`` are the fields that other data of the model set; ``section_value`` converts the value of a section's key
-    to the model's form, or raises.
+    ``fixed`` is what other data of the model set: fields, and keys of sections with the section's place.  ``sections``
+    are those whose values a reading may set, with their places; ``section_value`` converts the value of a section's
+    key to the model's form, or raises.
     """
     points: list[Point] = []
     owners: dict[object, str] = {}
@@ -70,7 +74,7 @@ def read_behaviour(
         if not _is_word(str(name)):
             raise ConfigError(f"{where}: not a name of a-z, 0-9 and - between")
         readings = {
-            key: _reading(str(key), entry, parameters, numbers, section_value, f"{where}.{key}")
+            key: _reading(str(key), entry, parameters, numbers, sections, section_value, f"{where}.{key}")
             for key, entry in table.required("readings").items()
         }
         texts = {key: str(table.required(key)) for key in ("about", "default", "reason", "source")}
@@ -89,6 +93,7 @@ def _reading(
     entry: Mapping[str, Any],
     parameters: Mapping[int, Parameter],
     numbers: ParameterNumbers,
+    sections: Mapping[str, str],
     section_value: Callable[[str, str, Any, str], Any],
     where: str,
 ) -> Reading:
@@ -113,14 +118,14 @@ def _reading(
     model: dict[tuple[str, str], Any] = {}
     for key, value in entry.get("model", {}).items():
         section, _, inside = key.partition(".")
-        if section not in SECTIONS:
-            raise ConfigError(f"{where}, model.{key}: the section must be one of {', '.join(SECTIONS)}")
+        if section not in sections:
+            raise ConfigError(f"{where}, model.{key}: the section must be one of {', '.join(sections)}")
         given = tuple(value) if isinstance(value, list) else value
-        model[SECTIONS[section], inside] = section_value(section, inside, given, f"{where}, model.{key}")
+        model[sections[section], inside] = section_value(section, inside, given, f"{where}, model.{key}")
     return Reading(name, does, firmware, defaults, model)
 
 
-def _check_point(point: Point, fixed: AbstractSet[str], owners: dict[object, str], where: str) -> None:
+def _check_point(point: Point, fixed: AbstractSet[object], owners: dict[object, str], where: str) -> None:
     """Check that all readings set the same keys, to different values, and that nothing else sets them."""
     if len(point.readings) < 2 or point.default not in point.readings:
         raise ConfigError(f"{where}: must have at least two readings, and one of them as its default")
@@ -133,10 +138,15 @@ def _check_point(point: Point, fixed: AbstractSet[str], owners: dict[object, str
             raise ConfigError(f"{where}.{name}: sets the same as {next(n for n in same if n != name)}")
     for key in default.keys:
         if key in fixed:
-            raise ConfigError(f"{where}: {key} is set by other data of the model")
+            raise ConfigError(f"{where}: {_named(key)} is set by other data of the model")
         if key in owners:
-            raise ConfigError(f"{where}: {key} is set by {owners[key]}")
+            raise ConfigError(f"{where}: {_named(key)} is set by {owners[key]}")
         owners[key] = point.name
+
+
+def _named(key: object) -> str:
+    """A key as an error names it; of a section only its key is written in the model's files."""
+    return str(key[1] if isinstance(key, tuple) else key)
 
 
 # in force
@@ -163,7 +173,10 @@ def with_behaviour(model: Model, chosen: Mapping[str, str]) -> Model:
         defaults |= reading.defaults
         for (section, key), value in reading.model.items():
             sections.setdefault(section, {})[key] = value
+    facts = sections.pop(BUS_FACTS, {})
     parts: dict[str, Any] = {section: replace(getattr(model, section), **keys) for section, keys in sections.items()}
+    if facts:
+        parts[BUS_FACTS] = {**model.bus_facts, **facts}
     absent = set(parts.get("access", model.access).absent)
     if defaults or absent != model.absent.keys():
         rows = {

@@ -18,7 +18,7 @@ from pnfarm.drives.axis_sections import (
     read_position_units,
     read_watched,
 )
-from pnfarm.drives.behaviour import read_behaviour, with_behaviour
+from pnfarm.drives.behaviour import BUS_FACTS, SECTIONS, read_behaviour, with_behaviour
 from pnfarm.drives.bus_sections import (
     read_access,
     read_address_mode,
@@ -114,14 +114,16 @@ def load_model(folder: Path) -> Model:
         facts=sections.facts,
     )
     written = {parameter.argument for parameter in described.axis_parameters}
-    fixed = written.union(described.firmware, *(kind.firmware for kind in described.motor_kinds.values()))
+    fixed: set[object] = {*written, *described.firmware, *((BUS_FACTS, key) for key in described.bus_facts)}
+    fixed.update(*(kind.firmware for kind in described.motor_kinds.values()))
 
     def value_of(section: str, key: str, value: Any, where: str) -> Any:
         """The value of a section's key under a reading that sets it; checked like the section itself."""
         changed = sections.section(section).with_value(key, value, where).numbered(numbers)
-        return getattr(_part(changed, faults, parameters), key)
+        return changed[key] if section == described.bus else getattr(_part(changed, faults, parameters), key)
 
-    points = read_behaviour(files, parameters, numbers, fixed, value_of)
+    places = SECTIONS | {described.bus: BUS_FACTS}
+    points = read_behaviour(files, parameters, numbers, fixed, places, value_of)
     described = replace(described, behaviour=points, effects=read_effects(described, sections.section("effects")))
     return with_behaviour(described, {})
 

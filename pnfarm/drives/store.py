@@ -98,8 +98,9 @@ class ParameterStore:
     """All parameters of one drive.
 
     ``handle`` is the drive's rows of the table, ``network`` its name and addresses; ``watchdog_ns`` (PNU 3022) is set
-    by the station on a connect.  ``keep`` writes a :meth:`snapshot` into non-volatile memory before a save is answered,
-    and says whether that was possible.
+    by the station on a connect.  ``overruled`` has the values of plain parameters that hardware gives, such as an
+    address by switches: they are read in place of the stored ones.  ``keep`` writes a :meth:`snapshot` into
+    non-volatile memory before a save is answered, and says whether that was possible.
     """
 
     __slots__ = (
@@ -112,6 +113,7 @@ class ParameterStore:
         "handle",
         "model",
         "network",
+        "overruled",
         "watchdog_ns",
     )
 
@@ -121,6 +123,7 @@ class ParameterStore:
         self.handle = handle
         self.network: Network = NoNetwork()
         self.watchdog_ns = 0
+        self.overruled: dict[int, int] = {}
         self._values = StoredValues(model)
         self._selection = TelegramSelection(self._values)
         self._axis = AxisFields(self._values, self._selection, handle)
@@ -387,7 +390,7 @@ class ParameterStore:
         if target.backing is Backing.FIELD:
             shown = self._axis.changed_meanwhile(target) if target.writable else self._axis.shown(target)
             return self.raw(target.pnu) if shown is None else shown
-        return self.raw(target.pnu)
+        return self.overruled.get(target.pnu, self.raw(target.pnu))
 
     def _mapped_setpoint(self, parameter: Parameter) -> Signal | None:
         """The value of the set point with the same number in the active cyclic channel.

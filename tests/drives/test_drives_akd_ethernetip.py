@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from functools import cache
 
 import pytest
@@ -17,6 +18,7 @@ from pnfarm.drives.parameter import Backing, ParameterError, ParameterErrorNumbe
 from pnfarm.drives.profiles.cip.part import Scaling
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.ethernetip.maps import COMMAND_SIZES, RESPONSE_SIZES
+from pnfarm.firmware.ethernetip.message_types import COMMAND_TYPES, RESPONSE_TYPES
 
 NAME = "akd-ethernetip"
 PROFINET = "akd-profinet"
@@ -216,3 +218,14 @@ def test_a_mistake_in_a_table_is_named_with_its_place(
     rewrite(folder, file, before, after)
     with pytest.raises(ConfigError, match=message):
         load_model(folder)
+
+
+# 6.2: types of commands and responses
+
+
+def test_6_2_every_type_with_a_number_in_the_manual_is_listed_with_its_section_and_every_other_one_is_assumed() -> None:
+    found = re.findall(r"\b(Command|Response) Type (?:[0O]x)?([0-9A-F]{1,2})\b", text())
+    printed = {(direction, int(number, 16)) for direction, number in found}
+    listed = {("Command", one) for one in COMMAND_TYPES} | {("Response", one) for one in RESPONSE_TYPES}
+    assert printed == {(direction, one.number) for direction, one in listed if one.source != "assumed"}
+    assert {one.number for _, one in listed if one.source == "assumed"} == {0x02, 0x03, 0x04}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from model_copy import copy_model, file_of, files_of
+from model_copy import copy_model, file_of, files_of, rewrite
 
 from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model, models
@@ -56,6 +56,47 @@ def test_a_reading_sets_fields_defaults_and_values_of_sections(folder: Path) -> 
     assert [p.default for p in other.axis_parameters if p.pnu == 2135] == [2]
     assert other.readings == {"first": "otherwise"}
     assert with_behaviour(other, {}) == usual, "and back"
+
+
+OF_THE_BUS = """
+[[behaviour]]
+name = "freezing"
+about = "whether the slave knows Freeze and Sync"
+default = "both"
+reason = "nothing says otherwise"
+source = "1.2"
+
+[behaviour.readings.both]
+does = "it knows both"
+model = { "profibus.freeze" = true, "profibus.sync" = true }
+
+[behaviour.readings.none]
+does = "it knows neither"
+model = { "profibus.freeze" = false, "profibus.sync" = false }
+"""
+
+
+@pytest.fixture
+def line_folder(tmp_path: Path) -> Path:
+    folder = copy_model("moog-msd-dp", tmp_path / "model")
+    file_of(folder, "behaviour.toml").write_text(OF_THE_BUS)
+    return folder
+
+
+def test_a_reading_sets_values_of_the_section_named_after_the_bus(line_folder: Path) -> None:
+    for key in ("freeze", "sync"):
+        rewrite(line_folder, "model.toml", f"{key} = {{", f"not_{key} = {{")
+    usual = load_model(line_folder)
+    assert (usual.bus_facts["freeze"].value, usual.bus_facts["sync"].value) == (True, True)
+    other = with_behaviour(usual, {"freezing": "none"})
+    assert (other.bus_facts["freeze"].value, other.bus_facts["sync"].value) == (False, False)
+    assert other.bus_facts["connections"] == usual.bus_facts["connections"]
+    assert with_behaviour(other, {}) == usual, "and back"
+
+
+def test_what_the_section_of_the_bus_says_itself_is_no_open_point(line_folder: Path) -> None:
+    with pytest.raises(ConfigError, match=r"behaviour freezing: (freeze|sync) is set by other data of the model"):
+        load_model(line_folder)
 
 
 def test_a_model_without_the_file_leaves_nothing_open(folder: Path) -> None:

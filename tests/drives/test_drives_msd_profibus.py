@@ -146,7 +146,8 @@ def test_the_json_has_telegrams_by_their_identifiers_and_no_modules() -> None:
 
 
 def test_only_data_of_the_bus_are_in_its_folder() -> None:
-    assert {path.name for path in models()[NAME].folder.iterdir()} == {"model.toml", "telegrams.toml", "parameters.csv"}
+    files = {path.name for path in models()[NAME].folder.iterdir()}
+    assert files == {"model.toml", "telegrams.toml", "parameters.csv", "behaviour.toml"}
 
 
 # identity

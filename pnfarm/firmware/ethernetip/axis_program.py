@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.ethernetip.commands import (
+from pnfarm.firmware.ethernetip.control_word import DIRECTION, ENABLE, LOAD
+from pnfarm.firmware.ethernetip.message_types import (
     AXIS,
     ERROR_TYPE,
     JOG_MOVE,
@@ -18,7 +19,6 @@ from pnfarm.firmware.ethernetip.commands import (
     POSITION_MOVE,
     SET_ATTRIBUTE,
 )
-from pnfarm.firmware.ethernetip.control_word import DIRECTION, ENABLE, LOAD
 from pnfarm.firmware.ethernetip.octets import put, received_octet, rounded
 from pnfarm.firmware.ethernetip.status import ENABLED, GENERAL_FAULT, HOMED, IN_MOTION, IN_POSITION, LOAD_COMPLETE
 from pnfarm.firmware.program_steps import begin_leg, enter, runs, speed_of

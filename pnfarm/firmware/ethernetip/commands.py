@@ -10,6 +10,24 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.ethernetip.control_word import DIRECTION, LOAD, RELATIVE, START_BLOCK
+from pnfarm.firmware.ethernetip.message_types import (
+    ACCELERATION,
+    AXIS,
+    DECELERATION,
+    JOG_MOVE,
+    NO_AXIS,
+    NO_COMMAND_TYPE,
+    NO_RESPONSE_AXIS,
+    NOT_READY,
+    OUT_OF_RANGE,
+    PARAMETER,
+    POSITION_MOVE,
+    SET_ATTRIBUTE,
+    TARGET_POSITION,
+    TARGET_VELOCITY,
+    TORQUE,
+    WRONG_MODE,
+)
 from pnfarm.firmware.ethernetip.octets import received, received_long, received_octet
 from pnfarm.firmware.ethernetip.tasks import TASK_ATTRIBUTE, TASK_MOVE, TASK_PARAMETER, idle, post
 from pnfarm.firmware.faults import raise_fault
@@ -19,31 +37,8 @@ from pnfarm.firmware.travel import at_limit_switch, within_limits
 from pnfarm.table.axis_codes import JOG_NONE, TASK_MDI
 from pnfarm.table.compiled import compiled, inlined
 
-__all__ = ["ERROR_TYPE", "TORQUE_FULL", "forget_commands", "take_commands", "target_velocity"]
+__all__ = ["TORQUE_FULL", "forget_commands", "take_commands", "target_velocity"]
 
-# Types of commands: octet 2, bits 0 to 4.  Those of one datum are in 6.2.2, and the first in the example of 6.2.4.
-TARGET_POSITION = 0x01
-TARGET_VELOCITY = 0x02
-ACCELERATION = 0x03
-DECELERATION = 0x04
-TORQUE = 0x05
-POSITION_MOVE = 0x06
-JOG_MOVE = 0x07
-SET_ATTRIBUTE = 0x1B
-PARAMETER = 0x1F
-
-#: Response type of an error.
-ERROR_TYPE = 0x14
-# Errors: general status, additional code in bits 8 to 15.
-NO_AXIS = 0x0105
-NO_RESPONSE_AXIS = 0x0205
-NO_COMMAND_TYPE = 0x0108
-OUT_OF_RANGE = 0xFF09
-WRONG_MODE = 0xFF0C  # OBJ_STATE_CONFLICT
-NOT_READY = 0xFF10  # DEVICE_STATE_CONFLICT
-
-#: The only axis.
-AXIS = 1
 #: Peak torque in attribute 0x19 (7.1).
 TORQUE_FULL = 3280.0
 # ``drive.opmode``.

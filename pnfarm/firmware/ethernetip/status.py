@@ -5,8 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.ethernetip.attributes import attribute_value, readable
-from pnfarm.firmware.ethernetip.commands import ERROR_TYPE
 from pnfarm.firmware.ethernetip.maps import DYNAMIC_MAP, MAP_TYPE, show_map
+from pnfarm.firmware.ethernetip.message_types import (
+    ACTUAL_TORQUE,
+    ERROR_TYPE,
+    NO_ATTRIBUTE,
+    NO_RESPONSE_TYPE,
+    RESPONSE_NUMBERS,
+)
 from pnfarm.firmware.ethernetip.octets import put, received_octet, rounded, signed32
 from pnfarm.firmware.measurement import measured_current, measured_position, measured_velocity
 from pnfarm.firmware.positioning import BRAKING, HOMING, TASK
@@ -32,11 +38,7 @@ POSITIVE_LIMIT = 0x08
 NEGATIVE_LIMIT = 0x10
 LOAD_COMPLETE = 0x80
 
-ACTUAL_TORQUE = 0x05
 ATTRIBUTE_TO_GET = 32
-# Errors that each command with them has: a response type, and an attribute, that there is not.
-NO_RESPONSE_TYPE = 0x0208
-NO_ATTRIBUTE = 0xFF14
 TORQUE_MODE = 0
 VELOCITY_MODE = 1
 POSITION_MODE = 2
@@ -113,7 +115,7 @@ def _error(image: Any, own: Any, attribute: int, kind: int) -> int:
         return int(own.error)
     if not image.valid:
         return 0
-    if kind not in (0, ACTUAL_TORQUE, ERROR_TYPE):
+    if kind not in RESPONSE_NUMBERS:
         return NO_RESPONSE_TYPE
     return NO_ATTRIBUTE if attribute != 0 and not readable(attribute) else 0
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from pnfarm.drives.catalogue import model
@@ -55,6 +57,18 @@ def test_each_kind_of_telegram_is_configured_by_its_identifiers(farm, telegram):
     assert len(master(line).master.stations[0].inputs) == octets
 
 
+def test_polls_take_as_long_as_the_octets_of_the_answer_s_form(farm):
+    took = {}
+    for answers in ("variable-length", "fixed-length"):
+        more = f", behaviour: {{eight-octet-answers: {answers}}}"
+        line = farm(more=more, keys="telegram: 106", cycle="1ms", watchdog="2s", link=", baud: 9600", running=False)
+        line.wait_connected(5)
+        line.run(1.0)
+        took[answers] = master(line).master.cycle_ns
+    # three octets of eleven bits more in front of DA
+    assert took["variable-length"] - took["fixed-length"] == pytest.approx(33 * 1e9 / 9600, abs=3)
+
+
 def test_telegram_1_is_the_variant_with_the_profile_generator(farm):
     assert DP.profidrive.telegrams[1].settings[301] == 0
     line = farm()
@@ -71,6 +85,24 @@ def test_telegram_1_is_the_variant_with_the_profile_generator(farm):
 def test_switches_count_up_to_125_and_else_the_parameter(farm, address, more, expected, source):
     line = farm(1, address=address, more=more)
     assert (shown(line)["station_address"], shown(line)["details"]["address_from"]) == (expected, source)
+
+
+@pytest.mark.parametrize(("reading", "seen"), [("in-force", 11), ("setting", 23)])
+def test_a_parameter_that_the_switches_overrule_keeps_what_is_written_for_when_they_do_not(farm, reading, seen):
+    line = farm(1, address="address: 11", more=f", behaviour: {{address-parameter: {reading}}}")
+    station = line.core.station("msd-01")
+    station.store.set("P-0918", 23)
+    assert station.store.get("P-0918") == seen
+    station.store.set("P-0971", 1)
+    line.run(0.1)
+    line["msd-01"].power_cycle()
+    line.run(0.5)
+    assert (shown(line)["station_address"], station.store.get("P-0918")) == (11, seen)
+    # both switches at F
+    station.config = replace(station.config, switches=0xFF)
+    line["msd-01"].power_cycle()
+    line.run(0.5)
+    assert (shown(line)["station_address"], station.store.get("P-0918")) == (23, 23)
 
 
 def test_a_new_address_of_the_parameter_counts_from_the_next_power_on(farm):
@@ -201,7 +233,7 @@ def test_the_manuals_schematic_an_answer_that_is_not_ready_is_refused_first(farm
 
     user.read_record = read
     line.run(1.0)
-    assert (job.ok, job.value) == (True, 126)
+    assert (job.ok, job.value) == (True, 11)
     assert refusals
     assert all(exc.code1 == 0xB5 for exc in refusals)
 
@@ -216,7 +248,7 @@ def test_the_parameter_channel_in_the_cyclic_data_answers(farm):
     master(line).put_parameter_task("msd-01", Pkw(1, 918, 0, 0, 0))
     line.run(0.3)
     answer = master(line).parameter_answer("msd-01")
-    assert (answer.identifier, answer.value) == (1, 126)
+    assert (answer.identifier, answer.value) == (1, 11)
 
 
 def test_a_silent_master_raises_32_1_and_zeroes_the_outputs(farm):

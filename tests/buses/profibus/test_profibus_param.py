@@ -103,10 +103,10 @@ def test_what_the_drive_refuses_has_its_error_number(parameter, value, named, nu
 
 @pytest.mark.parametrize("named", [None, "moog-msd-dp"])
 def test_a_value_that_does_not_fit_is_not_written(named):
-    asker, station, _ = ask("918", 70_000, named=named)
+    asker, station, _ = ask("1256", 70_000, named=named)
     with pytest.raises(RemoteError, match="70000 does not fit in the 2 octets of the parameter"):
         asker.result()
-    assert station.store.get("P-0918") == 126
+    assert station.store.get("P-1256") == 0
 
 
 def test_a_station_that_is_not_there_is_told():

@@ -12,17 +12,19 @@ from pnfarm.drives.catalogue import model
 from pnfarm.engine.columns import allocate
 from pnfarm.farm.snapshot import drive_snapshot
 from pnfarm.protocols.profibus.wire.dp import Parameters, PrmStatus, emit_parameters
-from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram
+from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram, parse_telegram
 from pnfarm.table.compiled import IS_COMPILED
 from pnfarm.table.image import IMAGE
 from pnfarm.testing import Line
 
 FARM = """
 farm: dp
-link: {kind: memory}
+link: {{kind: memory}}
 drives:
-  - {name: 'msd-{n:02}', count: 2, model: moog-msd-dp, address: 11}
+  - {{name: 'msd-{{n:02}}', count: 2, model: moog-msd-dp, address: 11, behaviour: {{eight-octet-answers: {answers}}}}}
 """
+#: Readings of the open point, and how answers with eight octets of data begin.
+BEGINS = {"variable-length": 0x68, "fixed-length": 0xA2}
 MASTER, FIRST, MS = 2, 11, 1_000_000
 SRD, SDN, FCB, FCV = 0x4D, 0x46, 0x20, 0x10
 CONTROL_WORDS = (0x0000, 0x0476, 0x0477, 0x047F, 0x04FF)
@@ -36,8 +38,8 @@ class Bench:
     ``way``: with "short" each is tried as a poll first, with "shortest" as one like the one before as well.
     """
 
-    def __init__(self, way: str, telegram: int = 1) -> None:
-        self.line = Line.from_text(FARM)
+    def __init__(self, way: str, telegram: int = 1, answers: str = "variable-length") -> None:
+        self.line = Line.from_text(FARM.format(answers=answers))
         self.line.run(0.1)
         self.core = self.line.core
         self.way, self.taken, self.repeated = way, 0, 0
@@ -129,6 +131,8 @@ class Bench:
         return found
 
 
+#: With eight octets in each direction.
+OF_EIGHT_OCTETS = 106
 TELEGRAMS = [number for number, one in model("moog-msd-dp").profidrive.telegrams.items() if one.identifiers]
 STEPS = st.tuples(
     st.sampled_from(
@@ -145,11 +149,14 @@ STEPS = st.tuples(
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     st.sampled_from(["short", "shortest", "shortest"]),
-    st.sampled_from(TELEGRAMS),
+    st.sampled_from([*TELEGRAMS, *[OF_EIGHT_OCTETS] * 8]),
+    st.sampled_from([*BEGINS]),
     st.lists(STEPS, min_size=1, max_size=40),
 )
-def test_whatever_a_line_brings_polls_by_a_short_way_answer_and_change_what_the_long_way_does(way, telegram, steps):
-    one, other = Bench(way, telegram), Bench("long", telegram)
+def test_whatever_a_line_brings_polls_by_a_short_way_answer_and_change_what_the_long_way_does(
+    way, telegram, answers, steps
+):
+    one, other = Bench(way, telegram, answers), Bench("long", telegram, answers)
     try:
         for step in [("set-up", 0, False, 0), ("first", 0, False, 0), *steps]:
             one.play(step)
@@ -188,6 +195,25 @@ def test_polls_that_are_like_the_one_before_take_the_shortest_way():
     counts = bench.core.stations[0].device.image.counts
     # the first interval counts from the second telegram: data exchange begins with the first one
     assert (counts.received, counts.sent, int(counts.intervals.sum())) == (100, 100, 98)
+    bench.line.close()
+
+
+@pytest.mark.parametrize("answers", [*BEGINS])
+@pytest.mark.parametrize("way", ["long", "short", "shortest"])
+def test_eight_octets_are_answered_on_every_way_in_the_form_that_the_farm_file_chooses(way, answers):
+    bench = Bench(way, OF_EIGHT_OCTETS, answers)
+    bench.play(("set-up", 0, False, 0))
+    bench.play(("diagnosis", 0, True, 0))
+    diagnosis = bench.sent[-1][1]
+    bench.play(("poll", 0, False, 0))
+    bench.play(("poll", 0, True, 0))
+    polled(bench)
+    answered = bench.sent[-11:]
+    assert (bench.taken > 0, bench.repeated > 0) == (way != "long", way == "shortest")
+    for octets in (diagnosis, *(octets for _, octets in answered)):
+        assert octets[0] == BEGINS[answers]
+        assert len(octets) == (17 if BEGINS[answers] == 0x68 else 14)
+        assert emit_telegram(parse_telegram(octets), fixed=BEGINS[answers] == 0xA2) == octets
     bench.line.close()
 
 

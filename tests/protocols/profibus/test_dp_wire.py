@@ -17,6 +17,7 @@ from pnfarm.protocols.profibus.wire.telegram import (
     Telegram,
     Token,
     checksum,
+    emit_data,
     emit_telegram,
     parse_telegram,
 )
@@ -28,9 +29,15 @@ TELEGRAMS = st.builds(
 LINES = TELEGRAMS | st.builds(Token, st.integers(0, 126), st.integers(0, 126)) | st.just(ShortAck())
 
 
-@given(LINES)
-def test_what_was_built_is_read_back(telegram):
-    assert parse_telegram(emit_telegram(telegram)) == telegram
+@given(LINES, st.booleans())
+def test_what_was_built_is_read_back(telegram, fixed):
+    assert parse_telegram(emit_telegram(telegram, fixed=fixed)) == telegram
+
+
+@given(st.integers(0, 127), st.integers(0, 127), st.integers(0, 255), st.binary(min_size=1, max_size=20), st.booleans())
+def test_the_short_form_for_data_without_access_points_has_the_same_octets(destination, source, function, data, fixed):
+    telegram = Telegram(destination, source, function, data=data)
+    assert emit_data(destination, source, function, data, fixed=fixed) == emit_telegram(telegram, fixed=fixed)
 
 
 @given(st.binary(max_size=300))
@@ -52,7 +59,11 @@ def test_telegrams_have_the_standards_octets():
     assert emit_telegram(diagnosis) == bytes.fromhex("68 05 05 68 83 82 6d 3c 3e ec 16")
     assert emit_telegram(Token(1, 2)) == bytes.fromhex("dc 01 02")
     assert emit_telegram(ShortAck()) == b"\xe5"
-    assert emit_telegram(Telegram(3, 2, 8, data=bytes(8)))[0] == 0xA2
+    assert emit_telegram(Telegram(3, 2, 8, data=bytes(8))) == bytes.fromhex("a2 03 02 08 0000000000000000 0d 16")
+    # a diagnosis as an SPC3 sends it: six octets, and the access points
+    diagnosis = Telegram(2, 8, 8, 62, 60, bytes.fromhex("02 05 00 ff 0a 35"))
+    assert emit_telegram(diagnosis, fixed=False) == bytes.fromhex("680b0b68 8288083e3c 020500ff0a35 d1 16")
+    assert emit_telegram(diagnosis) == bytes.fromhex("a2 8288083e3c 020500ff0a35 d1 16")
     with pytest.raises(ValueError, match="at most 246"):
         emit_telegram(Telegram(3, 2, 8, data=bytes(247)))
 

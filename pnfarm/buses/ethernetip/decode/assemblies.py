@@ -5,6 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.drives.profiles.cip.words import CONTROL_BITS, STATUS_1_BITS, STATUS_2_BITS
+from pnfarm.firmware.ethernetip.message_types import (
+    COMMAND_TYPES,
+    ERROR_TYPE,
+    JOG_MOVE,
+    PARAMETER,
+    POSITION_MOVE,
+    RESPONSE_TYPES,
+    SET_ATTRIBUTE,
+    TARGET_POSITION,
+    TORQUE,
+)
 from pnfarm.protocols.enip.status import status_text
 
 if TYPE_CHECKING:
@@ -19,15 +30,8 @@ STATIC: Final = 36
 #: Class of the position controller, whose attributes are numbered in the assemblies.
 _CONTROLLER: Final = 0x25
 _LOAD: Final = 0x01
-_ERROR: Final = 0x14
-_SET_ATTRIBUTE, _PARAMETER = 0x1B, 0x1F
-_POSITION_MOVE, _JOG = 0x06, 0x07
-_COMMANDS: Final = {
-    0x00: "none", 0x01: "Target Position", 0x02: "Target Velocity", 0x03: "Acceleration", 0x04: "Deceleration",
-    0x05: "Torque", _POSITION_MOVE: "Position Move", _JOG: "Jog Move", _SET_ATTRIBUTE: "Set Attribute",
-    _PARAMETER: "Parameter",
-}  # fmt: skip
-_RESPONSES: Final = {0x00: "none", 0x05: "Actual Torque", _ERROR: "Command/Response Error"}
+_COMMANDS: Final = {0x00: "none"} | {one.number: one.name for one in COMMAND_TYPES}
+_RESPONSES: Final = {one.number: one.name for one in RESPONSE_TYPES}
 _MAPS: Final = {0: "static", 1: "custom map", 2: "dynamic map"}
 # Octets.
 _CONTROL, _BLOCK, _COMMAND, _RESPONSE, _DATA = 0, 1, 2, 3, 4
@@ -75,21 +79,21 @@ def _command(data: bytes, model: Model | None) -> str:
     """What a loaded command asks for."""
     kind = data[_COMMAND] & 0x1F
     text = _type(data[_COMMAND], _COMMANDS)
-    if kind in {_POSITION_MOVE, _JOG}:
-        target = f"position {_signed(data, _POSITION)}, " if kind == _POSITION_MOVE else ""
+    if kind in {POSITION_MOVE, JOG_MOVE}:
+        target = f"position {_signed(data, _POSITION)}, " if kind == POSITION_MOVE else ""
         velocity, up, down = (_signed(data, place) for place in (_VELOCITY, _ACCELERATION, _DECELERATION))
         return f"{text}: {target}velocity {velocity}, acceleration {up}, deceleration {down}"
-    if kind == _SET_ATTRIBUTE:
+    if kind == SET_ATTRIBUTE:
         number = _number(data, _DATA, 2)
         return f"{text}: {_attribute(number, model)} = {_signed(data, _PARAMETER_DATA, 8)}"
-    if kind == _PARAMETER:
+    if kind == PARAMETER:
         number = _number(data, _DATA, 2)
         row = model.cip.instances.get(number) if model is not None else None
         name = f"{number} {row.name}" if row is not None else str(number)
         if data[_DATA + 2] == 1:
             return f"{text}: writes {name} = {_signed(data, _PARAMETER_DATA, 8)}"
         return f"{text}: reads {name}"
-    if 1 <= kind <= 5:
+    if TARGET_POSITION <= kind <= TORQUE:
         return f"{text}: {_signed(data, _DATA)}"
     return text
 
@@ -140,7 +144,7 @@ def _response_changes(before: bytes, after: bytes) -> Iterator[tuple[str, str, d
     if before[_BLOCK] != after[_BLOCK]:
         text = f"{before[_BLOCK]} -> {after[_BLOCK]}"
         yield "executing block", text, {"before": before[_BLOCK], "after": after[_BLOCK]}
-    if after[_RESPONSE] & 0x1F == _ERROR:
+    if after[_RESPONSE] & 0x1F == ERROR_TYPE:
         if before[_RESPONSE : _DATA + 4] != after[_RESPONSE : _DATA + 4]:
             status = {"status": after[_DATA], "additional": after[_DATA + 1]}
             yield "response error", _error(after), status
@@ -158,7 +162,7 @@ def values(data: bytes, *, from_device: bool) -> str:
             f"{numbers}"
         )
     first, second, motion = data[_STATUS_1], data[_STATUS_2], _number(data, _MOTION, 4)
-    answer = _error(data) if data[_RESPONSE] & 0x1F == _ERROR else _type(data[_RESPONSE], _RESPONSES)
+    answer = _error(data) if data[_RESPONSE] & 0x1F == ERROR_TYPE else _type(data[_RESPONSE], _RESPONSES)
     return (
         f"status 1 0x{first:02X} ({_set_bits(first, STATUS_1_BITS)}) status 2 0x{second:02X} "
         f"({_set_bits(second, STATUS_2_BITS)}) response {answer} {numbers} motion status 0x{motion:08X}"

@@ -14,7 +14,7 @@ from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.buses.profibus.device.kept_values import check_kept
 from pnfarm.buses.profibus.device.product import Product
 from pnfarm.buses.profibus.device.short_way import READY
-from pnfarm.buses.profibus.device.station_address import DEFAULT_ADDRESS, station_address
+from pnfarm.buses.profibus.device.station_address import DEFAULT_ADDRESS, SWITCHES, station_address
 from pnfarm.buses.profibus.device.user import DriveUser
 from pnfarm.buses.profibus.device.view import connection_of, details_of, losses_in_words, view_of
 from pnfarm.drives.network import NoNetwork
@@ -23,7 +23,15 @@ from pnfarm.firmware.interpolation import POSITION_MODE
 from pnfarm.protocols.profibus import slave_user as dp
 from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave, SlaveOptions
 from pnfarm.protocols.profibus.wire.dp import DpState
-from pnfarm.protocols.profibus.wire.telegram import FCB, SD2, Answer, Telegram, emit_data, emit_telegram, parse_telegram
+from pnfarm.protocols.profibus.wire.telegram import (
+    BODY,
+    FCB,
+    Answer,
+    Telegram,
+    emit_data,
+    emit_telegram,
+    parse_telegram,
+)
 from pnfarm.station.events import ControllerModeChanged, WatchdogExpired
 from pnfarm.station.lateness import budget_ns
 from pnfarm.station.parameter_words import StationParameterWords
@@ -141,9 +149,11 @@ class ProfibusDevice:
 
     def _address(self) -> int:
         """By the coding switches, else by the parameter (Moog MSD manual 4.2.2); both count at power-on."""
-        parameter = self.store.raw(self.product.address_parameter, DEFAULT_ADDRESS)
-        found = station_address(self.config.switches, parameter)
+        parameter = self.product.address_parameter
+        found = station_address(self.config.switches, self.store.raw(parameter, DEFAULT_ADDRESS))
         self.address_from = found.origin
+        if found.origin == SWITCHES and self.product.address_in_force:
+            self.store.overruled[parameter] = found.address
         return found.address
 
     def start(self, now: int) -> list[str]:
@@ -186,7 +196,7 @@ class ProfibusDevice:
         slave = self.slave
         answer = slave.receive(telegram, now)
         if answer is not None:
-            self._answers.append(emit_telegram(answer))
+            self._answers.append(emit_telegram(answer, fixed=self.product.fixed_length))
         # a poll of a slave that exchanges data moves its deadlines to later times, and nothing else
         self._only_polled = (
             self._due is not None and slave.state is DpState.DATA_EXCH and slave.quiet and type(telegram) is Telegram
@@ -200,14 +210,15 @@ class ProfibusDevice:
         """
         if self.deaf or self._answers or self._due is None or not self.image.input_octets:
             return None
-        begin = 4 if octets[0] == SD2 else 1
+        begin = BODY[octets[0]]
         source, function = octets[begin + 1], octets[begin + 2]
         self.catch_up_polls()
         inputs = self.slave.poll(source, function, octets[begin + 3 : -2], now)
         if inputs is None:
             return None
-        self.image.repeat(source, function & FCB)
-        return emit_data(source, self.slave.address, Answer.DL, inputs)
+        answer = emit_data(source, self.slave.address, Answer.DL, inputs, fixed=self.product.fixed_length)
+        self.image.repeat(source, function & FCB, BODY[answer[0]])
+        return answer
 
     def _not_as_before(self) -> None:
         self.image.cells[READY] = 0

@@ -113,10 +113,13 @@ class CyclicImage:
         """When inputs were last sent."""
         return int(self.cells[short.SENT_NS])
 
-    def repeat(self, master: int, fcb: int) -> None:
-        """The next poll of this master is as the last one was: the short way may answer it."""
+    def repeat(self, master: int, fcb: int, body: int) -> None:
+        """The next poll of this master is as the last one was, whose answer's DA was at ``body``.
+
+        The short way may answer it.
+        """
         cells = self.cells
-        cells[short.MASTER], cells[short.FCB_CELL] = master, fcb
+        cells[short.MASTER], cells[short.FCB_CELL], cells[short.BODY] = master, fcb, body
         cells[short.OUTPUTS], cells[short.INPUTS] = self.output_octets, self.input_octets
         cells[short.READY] = 1
 

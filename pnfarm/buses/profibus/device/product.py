@@ -31,7 +31,11 @@ class Product:
     longest_record: int
     send_timeout_ns: int
     class_two_exchanged: bool
+    #: Answers with eight octets of data go as SD3.
+    fixed_length: bool
     address_parameter: int
+    #: It is read as the address in force, also where the switches give that.
+    address_in_force: bool
     baud_parameter: int
     diagnosis_parameter: int
     diagnosis_modes: tuple[int, ...]
@@ -113,7 +117,12 @@ _FIELDS: dict[str, Any] = {
     "baud_rates": lambda value: isinstance(value, tuple) and set(value) <= set(BAUD_RATES),
     "baud_codes": _numbers(0, 0xFFFF),
     "silence_ns": _number(0, 600_000_000_000),
-    **dict.fromkeys(("freeze", "sync", "fail_safe", "address_changes", "class_two_exchanged"), _is_flag),
+    **dict.fromkeys(
+        (
+            "freeze", "sync", "fail_safe", "address_changes", "address_in_force", "class_two_exchanged", "fixed_length",
+        ),
+        _is_flag,
+    ),
     "connections": _number(0, 49),
     "longest_record": _number(1, 240),
     "send_timeout_ns": _number(10_000_000, 600_000_000_000),

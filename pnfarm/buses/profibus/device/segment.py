@@ -6,7 +6,7 @@ from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profibus.device.short_way import ShortWay
-from pnfarm.protocols.profibus.wire.telegram import BROADCAST, EXTENDED, SD1, SD2, SD3, body_of_data
+from pnfarm.protocols.profibus.wire.telegram import BODY, BROADCAST, EXTENDED, body_of_data
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -17,8 +17,6 @@ __all__ = ["ProfibusSegment"]
 
 #: What is counted of all slaves: requests that came again, diagnoses read, Set_Prm and Chk_Cfg that did not fit.
 COUNTED = ("repeated", "diagnosis", "refused")
-#: Start delimiter -> place of the destination address.
-_DESTINATION = {SD1: 1, SD2: 4, SD3: 1}
 
 
 class ProfibusSegment:
@@ -51,7 +49,7 @@ class ProfibusSegment:
 
     def audience(self, frame: bytes, besides: Collection[int] = ()) -> Sequence[int] | None:
         del besides
-        place = _DESTINATION.get(frame[0]) if frame else None
+        place = BODY.get(frame[0]) if frame else None
         destination = frame[place] & 0x7F if place is not None and len(frame) > place else None
         if destination == BROADCAST:
             return None

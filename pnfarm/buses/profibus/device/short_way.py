@@ -23,22 +23,23 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 __all__ = [
-    "CELLS", "CHANGED", "FCB_CELL", "FIRST_INTERVAL", "INPUTS", "INTERVAL_SUM", "LAST", "LEFT", "LOW_NONE",
+    "BODY", "CELLS", "CHANGED", "FCB_CELL", "FIRST_INTERVAL", "INPUTS", "INTERVAL_SUM", "LAST", "LEFT", "LOW_NONE",
     "LOW_SINGLE", "MASTER", "OUTPUTS", "READY", "RECEIVED", "SENT", "SENT_NS", "SINCE", "ShortWay", "Words",
 ]  # fmt: skip
 
 # Cells of a slave, one number each.
 #: 1: the next poll may be answered here.  Set behind a poll that the slave answered, cleared by all else.
 READY = 0
-#: The slave's master, the FCB of the poll before, octets of outputs and inputs.
-MASTER, FCB_CELL, OUTPUTS, INPUTS = 1, 2, 3, 4
+#: The slave's master, the FCB of the poll before, octets of outputs and inputs, the place of DA in the answer (1 of an
+#: SD3, 4 of an SD2).
+MASTER, FCB_CELL, OUTPUTS, INPUTS, BODY = 1, 2, 3, 4, 5
 #: 1: polls were answered here that the slave does not know of yet.
-CHANGED = 5
+CHANGED = 6
 #: Time of the last outputs, ns; begin of the intervals that are averaged, and how many are left; time of the last
 #: inputs.
-LAST, SINCE, LEFT, SENT_NS = 6, 7, 8, 9
+LAST, SINCE, LEFT, SENT_NS = 7, 8, 9, 10
 #: What was counted here and not yet added to the drive's counters.
-RECEIVED, SENT, INTERVAL_SUM, FIRST_INTERVAL = 10, 11, 12, 13
+RECEIVED, SENT, INTERVAL_SUM, FIRST_INTERVAL = 11, 12, 13, 14
 CELLS = FIRST_INTERVAL + INTERVAL_BUCKETS
 #: The row in the process image, and how many words of each direction there are.
 _IMAGE, _TAKEN, _GIVEN = CELLS, CELLS + 1, CELLS + 2
@@ -188,7 +189,7 @@ def answer_poll(
     for k in range(cells[OUTPUTS]):
         kept[row, 0, k] = octets[begin + k]
     inputs = cells[INPUTS]
-    first = 1 if inputs == 8 else 4
+    first = cells[BODY]
     for k in range(inputs):
         answer[first + 3 + k] = 0
     _give(answer, first + 3, words[row, 1], cells[_GIVEN], image_words[image])

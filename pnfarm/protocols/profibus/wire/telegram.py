@@ -12,6 +12,8 @@ start  octets                                                   what it is
 
 LE counts from DA to the last octet of data; FCS is their sum modulo 256.  The highest bit of an address says that an
 access point (SAP) follows as an octet of the data, that of the destination first.
+
+Eight octets of data may go as SD3 or as SD2: both are read; who emits says which (``fixed``).
 """
 
 from __future__ import annotations
@@ -24,8 +26,8 @@ from typing import Final, NamedTuple
 from pnfarm.errors import DecodeError
 
 __all__ = [
-    "BROADCAST", "ED", "EXTENDED", "FCB", "FCV", "LONGEST_DATA", "LONGEST_TELEGRAM", "REQUEST", "SC", "SD1", "SD2",
-    "SD3", "SD4", "Answer", "Line", "Request", "Sap", "ShortAck", "Station", "Telegram", "Token", "body_of_data",
+    "BODY", "BROADCAST", "ED", "EXTENDED", "FCB", "FCV", "LONGEST_DATA", "LONGEST_TELEGRAM", "REQUEST", "SC", "SD1",
+    "SD2", "SD3", "SD4", "Answer", "Line", "Request", "Sap", "ShortAck", "Station", "Telegram", "Token", "body_of_data",
     "checksum", "emit_data", "emit_telegram", "parse_telegram", "telegram_length",
 ]  # fmt: skip
 
@@ -34,6 +36,8 @@ SD2: Final = 0x68
 SD3: Final = 0xA2
 SD4: Final = 0xDC
 SC: Final = 0xE5
+#: Start delimiter of a request or an answer -> place of DA.
+BODY: Final = {SD1: 1, SD2: 4, SD3: 1}
 ED: Final = 0x16
 #: All stations; no answer follows.
 BROADCAST: Final = 127
@@ -203,11 +207,11 @@ def body_of_data(octets: bytes) -> int:
     return begin if octets[-1] == ED and sum(octets[begin:-2]) & 0xFF == octets[-2] else 0
 
 
-def emit_data(destination: int, source: int, function: int, data: bytes) -> bytes:
+def emit_data(destination: int, source: int, function: int, data: bytes, *, fixed: bool = True) -> bytes:
     """:func:`emit_telegram` of a telegram with data and without access points, the shortest way."""
     body = bytes((destination, source, function)) + data
     end = bytes((sum(body) & 0xFF, ED))
-    if len(data) == _FIXED:
+    if fixed and len(data) == _FIXED:
         return _SD3 + body + end
     return bytes((SD2, len(body), len(body), SD2)) + body + end
 
@@ -230,7 +234,7 @@ def parse_telegram(octets: bytes) -> Line:
         return Token(octets[1] & 0x7F, octets[2] & 0x7F)
     if octets[-1] != ED:
         raise DecodeError("no-end", f"0x{octets[-1]:02x} instead of 0x16")
-    body = octets[4:-2] if start == SD2 else octets[1:-2]
+    body = octets[BODY[start] : -2]
     if checksum(body) != octets[-2]:
         raise DecodeError("bad-fcs", f"0x{octets[-2]:02x} instead of 0x{checksum(body):02x}")
     destination, source, function, data = body[0], body[1], body[2], body[3:]
@@ -248,8 +252,11 @@ def _access_point(data: bytes) -> tuple[int, bytes]:
     return data[0], data[1:]
 
 
-def emit_telegram(telegram: Line) -> bytes:
-    """As SD1 without data, SD3 with eight octets of it, else SD2.  Raises :class:`ValueError` for too much data."""
+def emit_telegram(telegram: Line, *, fixed: bool = True) -> bytes:
+    """As SD1 without data, as SD3 with eight octets of it where ``fixed`` says so, else as SD2.
+
+    Raises :class:`ValueError` for too much data.
+    """
     if isinstance(telegram, ShortAck):
         return _SHORT
     if isinstance(telegram, Token):
@@ -263,10 +270,7 @@ def emit_telegram(telegram: Line) -> bytes:
         data = bytes(sap for sap in (dsap, ssap) if sap is not None) + data
     if len(data) > LONGEST_DATA:
         raise ValueError(f"{len(data)} octets of data; a telegram has at most {LONGEST_DATA}")
-    body = bytes((destination, source, function)) + data
-    end = bytes((checksum(body), ED))
-    if not data:
-        return _SD1 + body + end
-    if len(data) == _FIXED:
-        return _SD3 + body + end
-    return bytes((SD2, len(body), len(body), SD2)) + body + end
+    if data:
+        return emit_data(destination, source, function, data, fixed=fixed)
+    body = bytes((destination, source, function))
+    return _SD1 + body + bytes((checksum(body), ED))
