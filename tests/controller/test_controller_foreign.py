@@ -112,8 +112,8 @@ def test_a_device_whose_file_requires_no_status_octets_is_connected_without_them
 def with_ratio_1(gsdml):
     """The device that names the send clocks of 0.5, 1, 2 and 4 ms and no ratio but 1."""
     (dap,) = gsdml.daps
-    timing = {"send_clocks": Numbers.of([16, 32, 64, 128]), "ratios": Numbers.of([1])}
-    return replace(gsdml, daps=(replace(dap, interfaces=(replace(dap.interfaces[0], **timing),)),))
+    relations = replace(dap.relations, send_clocks=Numbers.of([16, 32, 64, 128]), ratios=Numbers.of([1]))
+    return replace(gsdml, daps=(replace(dap, interfaces=(replace(dap.interfaces[0], relations=relations),)),))
 
 
 @pytest.mark.parametrize(("cycle", "pair"), [("500us", (16, 1)), ("1ms", (32, 1)), ("2ms", (64, 1)), ("4ms", (128, 1))])
@@ -186,7 +186,8 @@ def test_what_the_device_cannot_do_is_reported_with_its_file(tmp_path, more, sen
 def test_a_configured_start_up_that_the_device_does_not_support_is_reported(tmp_path):
     gsdml = describe_model(model("akd"))
     (dap,) = gsdml.daps
-    only = replace(dap, interfaces=(replace(dap.interfaces[0], startup_modes=("Advanced",)),))
+    relations = replace(dap.relations, startup_modes=("Advanced",))
+    only = replace(dap, interfaces=(replace(dap.interfaces[0], relations=relations),))
     write(tmp_path, replace(gsdml, daps=(only,)))
     assert plans(tmp_path)[0].startup == "advanced"
     with pytest.raises(ConfigError, match="does not support start-up legacy"):

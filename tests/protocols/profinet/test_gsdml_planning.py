@@ -31,7 +31,8 @@ def places(device):
 def planned_with(gsdml, send_clocks, ratios):
     """The device as if its file named these, at every cycle from 31.25 us on."""
     (dap,) = gsdml.daps
-    interface = replace(dap.interfaces[0], send_clocks=Numbers.of(send_clocks), ratios=Numbers.of(ratios))
+    relations = replace(dap.relations, send_clocks=Numbers.of(send_clocks), ratios=Numbers.of(ratios))
+    interface = replace(dap.interfaces[0], relations=relations)
     return from_gsdml(replace(gsdml, daps=(replace(dap, min_device_interval=1, interfaces=(interface,)),)))
 
 

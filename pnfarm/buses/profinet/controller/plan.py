@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.axis_program import IDLE, axis_program
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, ProfinetPlan
-from pnfarm.buses.profinet.controller.gsdml import load_gsdml
+from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.signal_steps import KnownSteps, SignalSteps
 from pnfarm.drives.signal_view import axis_signals
 from pnfarm.errors import ConfigError
