@@ -37,9 +37,9 @@ _CLASS = re.compile(r"\bI?RT\b|isochron|taktsynchron", re.IGNORECASE)
 def identity_of(document: Gsdml, model: Model, dap_ident: int | None = None) -> DescribedIdentity:
     """What the farm file's ``identity`` would hold; ``dap_ident`` chooses one of several access points.
 
-    ``notes`` tell what the file does not have, or what the drive cannot take from it.
+    ``notes`` say what the file does not have, or what the drive cannot take from it.
     """
-    notes: list[str] = []
+    notes = [*document.remarks]
     dap, matched = _access_point(document, model, dap_ident, notes)
     found: dict[str, Any] = {"vendor": document.vendor_id, "device": document.device_id}
     if dap is None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import re
 
 import pytest
 from gsdml_kit import HEAD, MINIATURE
+from gsdml_versions import VERSIONS, gsdml_of
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.profinet.gsdml import safe_xml
+from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRef
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
@@ -331,7 +334,8 @@ def test_a_range_of_all_numbers_costs_nothing():
 
 
 def use(data):
-    """Read octets and make every record; what comes out must be a value or one of the two errors, each a sentence."""
+    """Read octets, make every record and plan each access point; what comes out must be a value or one of the two
+    errors, each a sentence."""
     try:
         gsdml = parse_gsdml(data)
     except DecodeError as exc:
@@ -341,6 +345,9 @@ def use(data):
             for record in submodule.records:
                 with contextlib.suppress(ConfigError):
                     assert len(record.octets()) == record.length
+        for dap in gsdml.daps:
+            with contextlib.suppress(ConfigError):
+                assert from_gsdml(gsdml, dap=dap.id).submodules is not None
         return
     assert reason
     assert "\n" not in sentence
@@ -352,10 +359,22 @@ def test_any_octets_are_a_description_or_a_decode_error(data):
         parse_gsdml(data)
 
 
-@given(st.integers(0, len(MINIATURE) - 1), st.integers(0, 40), st.binary(max_size=12))
-def test_a_bent_file_is_a_description_or_a_decode_error(place, cut, put):
-    data = MINIATURE.encode()
+FILES = [MINIATURE, *map(gsdml_of, VERSIONS)]
+
+
+@given(st.sampled_from(FILES), st.floats(0, 1), st.integers(0, 40), st.binary(max_size=12))
+def test_a_bent_file_is_a_description_or_a_decode_error(text, part, cut, put):
+    data = text.encode()
+    place = int(part * len(data))
     use(data[:place] + put + data[place + cut :])
+
+
+@given(st.sampled_from(FILES), st.data())
+def test_a_file_without_some_of_its_attributes_is_a_description_or_a_decode_error(text, data):
+    found = list(re.finditer(r' [A-Za-z_]+="[^"]*"', text[text.index("<ProfileBody>") :]))
+    for one in data.draw(st.lists(st.sampled_from(found), min_size=1, max_size=6)):
+        text = text.replace(one[0], "", data.draw(st.integers(1, 3)))
+    use(text.encode())
 
 
 ATTRIBUTES = [

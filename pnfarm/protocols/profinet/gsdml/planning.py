@@ -32,6 +32,8 @@ _SEND_CLOCKS = tuple(1 << exponent for exponent in range(8))
 
 #: Modules of a device and submodules of a module; real ones have some hundred.
 _MOST = 4096
+#: Octets of a device's records; real ones have some thousand.
+_MOST_OCTETS = 1 << 22
 
 #: Slot and subslot.
 Place = tuple[int, int]
@@ -184,6 +186,7 @@ class _Planner:
         self._parameters = dict(parameters)
         self.submodules: dict[Place, PlannedSubmodule] = {}
         self._records: list[tuple[int, ParameterRecord]] = []
+        self._octets = 0
 
     def plug(self, slot: int, holder: Dap | ModuleItem, chosen: Mapping[int, str | None]) -> None:
         """Everything of one slot."""
@@ -221,6 +224,9 @@ class _Planner:
             api, slot, module_ident, subslot, item.ident, *lengths, properties
         )
         for record in item.records:
+            self._octets += record.length
+            if self._octets > _MOST_OCTETS:
+                raise ConfigError(f"slot {slot} has more records than can be written, at most {_MOST_OCTETS} octets")
             given = self._parameters.pop((slot, subslot, record.index), None)
             if isinstance(given, bytes):
                 if len(given) != record.length:

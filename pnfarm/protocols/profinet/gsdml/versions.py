@@ -2,8 +2,8 @@
 
 The reader asks :class:`Attributes` for each attribute, and the attribute's row in :data:`TABLE` says what counts where
 a file does not have it: its default.  A file without an attribute that has none, and that is a number or that something
-refers to, is refused.  Where the file's version asks for an attribute that a device can be planned and played without,
-the row says why it can; then the default counts, and :attr:`Attributes.remarks` says what is missing.  An attribute
+refers to, is refused.  Where the file's version asks for an attribute that a connection can do without, the row says
+why it can; then the default counts, and :attr:`Attributes.remarks` says what is missing.  An attribute
 that only later versions have counts like any other: makers use them.
 
 Facts: PI's schemas V2.35 and V2.44 (what they require, their defaults, and what they keep for files of older
@@ -47,6 +47,7 @@ class Row:
     """An attribute: the first version that has it, the first that asks for it (empty: none does), and its default.
 
     ``lenient``: why a file may lack it although its version asks for it; where it is empty, such a file is refused.
+    ``note``: what else is known of it.
     """
 
     element: str
@@ -55,12 +56,20 @@ class Row:
     required: str = ""
     default: str = ""
     lenient: str = ""
+    note: str = ""
 
 
 # reasons
-_UNUSED = "nothing that is planned or played depends on it"
-_UNREFERENCED = "nothing refers to it: the subslot says which one it is"
+_UNUSED = "no connection depends on it"
+_UNREFERENCED = "nothing refers to it, the subslot says which one it is"
 _ONE_INSTANCE = "devices have one instance, and makers number it 1"
+
+# notes
+_TIMEOUT = "the schema's default is 300 s; 0 says that the file does not name it"
+_ONE_SUBMODULE = "V1.0 has one submodule in each module, in subslot 1 and API 0"
+_NO_SYSTEM = "V1.0 has neither interfaces nor ports"
+_MOVED = "V1.0 has it at the access point, later versions at its interface"
+_SHARED = "V2.35 has no records that several submodules share"
 
 #: Subslots of interfaces begin there.
 _INTERFACE = "32768"
@@ -84,13 +93,12 @@ TABLE = (
     Row("DeviceAccessPointItem", "IOXS_Required", "2.1", "", "true"),
     Row("DeviceAccessPointItem", "AddressAssignment", "2.1", "", "DCP"),
     Row("DeviceAccessPointItem", "PhysicalSubslots", "2.1"),
-    # the schema's default is 300 s; 0 says that the file does not name it
-    Row("DeviceAccessPointItem", "RemoteApplicationTimeout", "2.1", "", "0"),
+    Row("DeviceAccessPointItem", "RemoteApplicationTimeout", "2.1", "", "0", note=_TIMEOUT),
     Row("DeviceAccessPointItem", "MaxSupportedRecordSize", "2.1", "", "4068"),
     Row("DeviceAccessPointItem", "NameOfStationNotTransferable", "2.25", "2.3", "false", _UNUSED),
     Row("DeviceAccessPointItem", "SharedDeviceSupported", "2.25", "", "false"),
     Row("DeviceAccessPointItem", "SharedInputSupported", "2.25", "", "false"),
-    Row("DeviceAccessPointItem", "DeviceAccessSupported", "2.25", "2.25", "false", "a device without is planned alike"),
+    Row("DeviceAccessPointItem", "DeviceAccessSupported", "2.25", "2.25", "false", _UNUSED),
     Row("DeviceAccessPointItem", "NumberOfDeviceAccessAR", "2.25", "", "0"),
     Row("DeviceAccessPointItem", "PNIO_Version", "2.3", "2.3", lenient=_UNUSED),
     Row("DeviceAccessPointItem", "LLDP_NoD_Supported", "2.3", "", "false"),
@@ -114,11 +122,11 @@ TABLE = (
     Row("SubmoduleItemRef", "AllowedInSubslots", "2.1"),
     Row("SubmoduleItemRef", "UsedInSubslots", "2.1"),
     Row("SubmoduleItemRef", "FixedInSubslots", "2.1"),
-    # submodules with data; V1.0 has one in each module, in subslot 1 and API 0
+    # submodules with data
     Row("VirtualSubmoduleItem", "ID", "1.0", "1.0", "", _UNREFERENCED),
     Row("VirtualSubmoduleItem", "SubmoduleIdentNumber", "1.0", "1.0"),
-    Row("VirtualSubmoduleItem", "API", "2.0", "", "0"),
-    Row("VirtualSubmoduleItem", "FixedInSubslots", "2.0", "", "1"),
+    Row("VirtualSubmoduleItem", "API", "2.0", "", "0", note=_ONE_SUBMODULE),
+    Row("VirtualSubmoduleItem", "FixedInSubslots", "2.0", "", "1", note=_ONE_SUBMODULE),
     Row("VirtualSubmoduleItem", "PROFIsafeSupported", "2.0", "", "false"),
     Row("VirtualSubmoduleItem", "Writeable_IM_Records", "2.1"),
     Row("VirtualSubmoduleItem", "MayIssueProcessAlarm", "2.32", "2.32", "false", _UNUSED),
@@ -128,61 +136,53 @@ TABLE = (
     Row("SubmoduleItem", "PROFIsafeSupported", "2.1", "", "false"),
     Row("SubmoduleItem", "Writeable_IM_Records", "2.1"),
     Row("SubmoduleItem", "MayIssueProcessAlarm", "2.32", "2.32", "false", _UNUSED),
-    # gone in V2.35; every device has one octet
-    Row("IOData", "IOPS_Length", "1.0", "", "1"),
-    Row("IOData", "IOCS_Length", "1.0", "", "1"),
+    Row("IOData", "IOPS_Length", "1.0", "", "1", note="V2.35 does not have it"),
+    Row("IOData", "IOCS_Length", "1.0", "", "1", note="V2.35 does not have it"),
     Row("Input", "Consistency", "1.0", "", "Item consistency"),
     Row("Output", "Consistency", "1.0", "", "Item consistency"),
     Row("DataItem", "DataType", "1.0", "1.0"),
-    # asked for where the type has no length of its own
-    Row("DataItem", "Length", "1.0", "1.0"),
+    Row("DataItem", "Length", "1.0", "1.0", note="of types that have no length of their own"),
     Row("DataItem", "UseAsBits", "1.0", "", "false"),
-    # interfaces and ports, which V1.0 does not have
+    # interfaces and ports
     Row("InterfaceSubmoduleItem", "ID", "2.25", "2.25", "", _UNREFERENCED),
-    Row("InterfaceSubmoduleItem", "SubmoduleIdentNumber", "2.0", "2.0"),
+    Row("InterfaceSubmoduleItem", "SubmoduleIdentNumber", "2.0", "2.0", note=_NO_SYSTEM),
     Row("InterfaceSubmoduleItem", "SubslotNumber", "2.0", "", _INTERFACE),
     Row("InterfaceSubmoduleItem", "SupportedRT_Class", "2.0", "", "Class1"),
-    # takes the place of the one above
-    Row("InterfaceSubmoduleItem", "SupportedRT_Classes", "2.1"),
+    Row("InterfaceSubmoduleItem", "SupportedRT_Classes", "2.1", note="in place of SupportedRT_Class"),
     Row("InterfaceSubmoduleItem", "SupportedProtocols", "2.1", "2.1", "", _UNUSED),
     Row("InterfaceSubmoduleItem", "NetworkComponentDiagnosisSupported", "2.1", "", "false"),
     Row("InterfaceSubmoduleItem", "DCP_HelloSupported", "2.2", "", "false"),
     Row("InterfaceSubmoduleItem", "PTP_BoundarySupported", "2.3", "", "false"),
     Row("InterfaceSubmoduleItem", "DCP_BoundarySupported", "2.3", "", "false"),
     Row("PortSubmoduleItem", "ID", "2.25", "2.25", "", _UNREFERENCED),
-    Row("PortSubmoduleItem", "SubmoduleIdentNumber", "2.0", "2.0"),
+    Row("PortSubmoduleItem", "SubmoduleIdentNumber", "2.0", "2.0", note=_NO_SYSTEM),
     Row("PortSubmoduleItem", "SubslotNumber", "2.0", "2.0"),
     Row("PortSubmoduleItem", "MaxPortRxDelay", "2.0", "", "0"),
     Row("PortSubmoduleItem", "MaxPortTxDelay", "2.0", "", "0"),
     Row("PortSubmoduleItem", "MAUType", "2.0", "", "100BASETXFD"),
-    # takes the place of the one above, and MAUTypeList, since V2.32, that of this
-    Row("PortSubmoduleItem", "MAUTypes", "2.3"),
-    Row("MAUTypeItem", "Value", "2.32", "2.32"),
-    # V1.0 has them at the access point, later versions at its interface
+    Row("PortSubmoduleItem", "MAUTypes", "2.3", note="in place of MAUType"),
+    Row("MAUTypeItem", "Value", "2.32", "2.32", note="in place of MAUTypes"),
     Row("ApplicationRelations", "PullModuleAlarmSupported", "2.2", "", "false"),
     Row("ApplicationRelations", "StartupMode", "2.3", "", "Legacy"),
     Row("ApplicationRelations", "NumberOfAR", "2.3", "", "1"),
-    Row("TimingProperties", "SendClock", "1.0", "", "32"),
-    Row("TimingProperties", "ReductionRatio", "1.0", "", _RATIOS),
-    # takes the place of the one above where that is missing
-    Row("TimingProperties", "ReductionRatioPow2", "2.3"),
+    Row("TimingProperties", "SendClock", "1.0", "", "32", note=_MOVED),
+    Row("TimingProperties", "ReductionRatio", "1.0", "", _RATIOS, note=_MOVED),
+    Row("TimingProperties", "ReductionRatioPow2", "2.3", note="where ReductionRatio is missing"),
     # parameter records
     Row("ParameterRecordDataItem", "Index", "1.0", "1.0"),
     Row("ParameterRecordDataItem", "Length", "1.0", "1.0"),
     Row("ParameterRecordDataItem", "TransferSequence", "1.0", "", "0"),
-    # those that several submodules have: in V2.44, not yet in V2.35
-    Row("ParameterRecordDataItem", "ID", "2.44", "2.44"),
-    Row("ParameterRecordDataRef", "RecordDataTarget", "2.44", "2.44"),
-    Row("ParameterRecordDataRef", "TransferSequence", "2.44"),
+    Row("ParameterRecordDataItem", "ID", "2.44", "2.44", note=_SHARED),
+    Row("ParameterRecordDataRef", "RecordDataTarget", "2.44", "2.44", note=_SHARED),
+    Row("ParameterRecordDataRef", "TransferSequence", "2.44", note=_SHARED),
     Row("Const", "ByteOffset", "1.0", "", "0"),
-    Row("Const", "Data", "1.0", "1.0", "", "it says nothing: octets without a value are 0"),
+    Row("Const", "Data", "1.0", "1.0", "", "octets without a value are 0"),
     Row("Ref", "DataType", "1.0", "1.0"),
     Row("Ref", "ByteOffset", "1.0", "1.0"),
     Row("Ref", "BitOffset", "1.0", "", "0"),
     Row("Ref", "BitLength", "1.0", "", "1"),
     Row("Ref", "Length", "1.0", "", "0"),
-    # records ask for it, fields of diagnosis do not; octets without a value are 0
-    Row("Ref", "DefaultValue", "1.0"),
+    Row("Ref", "DefaultValue", "1.0", note="octets without a value are 0"),
     Row("Ref", "AllowedValues", "1.0"),
     Row("Ref", "Changeable", "1.0", "", "true"),
     Row("Ref", "Visible", "1.0", "", "true"),
