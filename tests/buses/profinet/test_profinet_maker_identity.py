@@ -121,6 +121,16 @@ def test_a_drive_takes_its_identity_from_a_file_of_each_version_and_is_connected
         assert [one.ident for one in seen.model.dap.submodules] == [1, *system]
 
 
+def test_of_two_access_points_the_one_with_the_drives_interface_and_port_is_taken():
+    """Makers of older files have another one for controllers that know neither."""
+    document = parse_gsdml(gsdml_of("2.1").encode())
+    (dap,) = document.daps
+    bare = dataclasses.replace(dap, id="Bare", ident=0x99, interfaces=(), ports=())
+    for daps in ((dap, bare), (bare, dap)):
+        found = identity_of(dataclasses.replace(document, daps=daps), model("akd-profinet"))
+        assert (found.overrides["dap"], found.overrides["dap_submodules"]) == (0x10, {1: 1, 0x8000: 2, 0x8001: 3})
+
+
 def test_what_the_file_lacks_for_its_version_is_among_the_notes():
     text = gsdml_of("2.25").replace(' ID="Port"', "")
     notes = identity_of(parse_gsdml(text.encode()), model("akd-profinet")).notes

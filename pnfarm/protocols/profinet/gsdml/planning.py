@@ -180,7 +180,8 @@ def _system(
 
 class _Planner:
     def __init__(self, gsdml: Gsdml, parameters: Parameters, *, ioxs_required: bool) -> None:
-        self._pluggable: dict[str, _Any] = {one.id: one for one in (*gsdml.submodules, *gsdml.pluggable_ports)}
+        pluggable: tuple[_Any, ...] = (*gsdml.submodules, *gsdml.pluggable_ports)
+        self._pluggable = {one.id: one for one in pluggable}
         # what captured controllers do where the file has IOXS_Required="false": submodules without data alone
         self._without_data = 0 if ioxs_required else SubmoduleProperties.DISCARD_IOXS
         self._parameters = dict(parameters)

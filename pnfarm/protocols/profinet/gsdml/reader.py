@@ -217,18 +217,20 @@ class _Reader:
     def _virtual(self, node: Node) -> tuple[SubmoduleItem, ...]:
         return tuple(map(self._submodule, node.all("VirtualSubmoduleList", "VirtualSubmoduleItem")))
 
-    def _system(self, node: Node) -> tuple[tuple[InterfaceSubmodule, ...], tuple[PortSubmodule, ...]]:
-        """What a module or an access point has built in besides; with its virtual submodules, each in its subslot."""
-        interfaces = node.all("SystemDefinedSubmoduleList", "InterfaceSubmoduleItem")
-        ports = node.all("SystemDefinedSubmoduleList", "PortSubmoduleItem")
-        read = tuple(self._interface(one, node) for one in interfaces), tuple(map(self._port, ports))
+    def _ports(self, node: Node) -> tuple[PortSubmodule, ...]:
+        return tuple(map(self._port, node.all("SystemDefinedSubmoduleList", "PortSubmoduleItem")))
+
+    def _check_subslots(self, node: Node) -> None:
+        """What a module or an access point has built in is in subslots of its own."""
         taken = [
             (*span, one)
             for one in node.all("VirtualSubmoduleList", "VirtualSubmoduleItem")
             for span in self._at.numbers(one, "FixedInSubslots").ranges
         ]
-        system = zip((*interfaces, *ports), (*read[0], *read[1]), strict=True)
-        taken += [(one.subslot, one.subslot, element) for element, one in system]
+        for item in ("InterfaceSubmoduleItem", "PortSubmoduleItem"):
+            for one in node.all("SystemDefinedSubmoduleList", item):
+                subslot = self._at.number(one, "SubslotNumber", _U16)
+                taken.append((subslot, subslot, one))
         taken.sort(key=lambda span: (span[0], span[2].line))
         for (_, last, first), (begin, _, second) in pairwise(taken):
             if begin <= last:
@@ -237,22 +239,23 @@ class _Reader:
                 raise DecodeError(
                     "bad-value", f"line {other.line}: {other.name} is in {place}; one submodule fits there"
                 )
-        return read
 
     def _module(self, node: Node) -> ModuleItem:
+        self._check_subslots(node)
         return ModuleItem(
             id=self._at.word(node, "ID"),
             ident=self._at.number(node, "ModuleIdentNumber", _U32),
             info=self._info(node),
             physical_subslots=self._at.numbers(node, "PhysicalSubslots"),
             submodules=self._virtual(node),
-            ports=self._system(node)[1],
+            ports=self._ports(node),
             useable=self._useable_submodules(node),
         )
 
     def _dap(self, node: Node) -> Dap:
+        self._check_subslots(node)
         io = node.child("IOConfigData")
-        interfaces, ports = self._system(node)
+        interfaces = node.all("SystemDefinedSubmoduleList", "InterfaceSubmoduleItem")
         relations = node.child("ApplicationRelations")
         modules = node.all("UseableModules", "ModuleItemRef")
         return Dap(
@@ -288,8 +291,8 @@ class _Reader:
             certification=self._certification(node),
             modules=self._refs(modules, "ModuleItemTarget", self._modules, "Slots"),
             submodules=self._virtual(node),
-            interfaces=interfaces,
-            ports=ports,
+            interfaces=tuple(self._interface(one, node) for one in interfaces),
+            ports=self._ports(node),
             useable=self._useable_submodules(node),
             own_relations=self._relations(relations) if relations else None,
         )
