@@ -3,13 +3,14 @@
 The reader asks :class:`Attributes` for each attribute, and the attribute's row in :data:`TABLE` says what counts where
 a file does not have it: its default.  A file without an attribute that has none, and that is a number or that something
 refers to, is refused.  Where the file's version asks for an attribute that a connection can do without, the row says
-why it can; then the default counts, and :attr:`Attributes.remarks` says what is missing.  An attribute
-that only later versions have counts like any other: makers use them.
+why it can; then the default counts, and :attr:`Attributes.remarks` says what is missing.  An attribute that only later
+versions have counts like any other: makers use them.
 
 Facts: PI's schemas V2.35 and V2.44 (what they require, their defaults, and what they keep for files of older
-versions), and some sixty files of seventeen makers, V1.0 to V2.45: ``since`` is the first version whose files have the
+versions), and sixty files of seventeen makers, V1.0 to V2.44: ``since`` is the first version whose files have the
 attribute, or the one that its place in the schema's order suggests, and ``required`` the first one from which on every
-file has it, where the schemas require it.  No schema of another version was at hand.
+file has it, where the schemas require it.  No schema of another version was at hand (assumed: V2.45, of which the
+access points of one file were seen, asks for nothing more).
 """
 
 from __future__ import annotations
