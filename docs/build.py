@@ -4,9 +4,9 @@
 Both come from the code's own tables, so they cannot say anything else; a test compares them.  ``coverage.md`` is what
 of each manual the drives do (`manual_coverage`), ``behaviour.md`` what the manuals leave open, ``bus.md`` what a bus
 offers (`bus_page`), ``faults.md`` what can be injected (`fault_page`), ``metrics.md``, ``api.md`` and ``commands.md``
-what a farm serves and the program takes, ``drives/MODEL.md`` what an engineer needs to know of a drive (`drive_pages`),
-and ``parameters/MODEL.md`` every parameter with what it does (`model_pages`).  ``configs/schema/``
-has the JSON Schemas.
+what a farm serves and the program takes, ``gsdml.md`` what is read of makers' files (`gsdml_page`), ``drives/MODEL.md``
+what an engineer needs to know of a drive (`drive_pages`), and ``parameters/MODEL.md`` every parameter with what it does
+(`model_pages`).  ``configs/schema/`` has the JSON Schemas.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import bus_page
 import command_page
 import drive_pages
 import fault_page
+import gsdml_page
 import manual_coverage
 import metric_page
 import model_pages
@@ -269,6 +270,7 @@ PAGES = {
     "behaviour.md": model_pages.behaviour,
     "bus.md": bus_page.page,
     "faults.md": fault_page.page,
+    "gsdml.md": gsdml_page.page,
     "metrics.md": metric_page.page,
     "api.md": api_page.page,
     "commands.md": command_page.page,

@@ -7,6 +7,7 @@ from dataclasses import replace
 from ipaddress import IPv4Interface
 
 import pytest
+from gsdml_versions import VERSIONS, file_name, gsdml_of
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.core import ControllerCore
@@ -45,13 +46,14 @@ def plans(folder, more="", name="axis-01", text=FILE):
 class Line:
     """A drive, and a controller that knows it from its file."""
 
-    def __init__(self, planned):
-        farm = VirtualLine(controller=False)
+    def __init__(self, planned, identity="{}"):
+        farm = VirtualLine(controller=False, identity=identity)
         self.world, self.station = farm.world, farm.farm.stations[0]
+        self.log = EventLog(quiet=True)
         link = self.world.link()
         (port,) = asyncio.run(link.open([PortSpec("plc", bytes.fromhex("0200000000fe"))]))
         self.plc = ControllerCore(
-            "plc", planned, link, port, ip=IPv4Interface("10.77.1.250/23"), log=EventLog(quiet=True), seed=b"x"
+            "plc", planned, link, port, ip=IPv4Interface("10.77.1.250/23"), log=self.log, seed=b"x"
         )
         self.world.join(self.plc, [port])
         self.plc.start(self.world.now)
@@ -71,6 +73,38 @@ def test_a_device_is_connected_and_exchanges_data_by_its_file_alone(tmp_path, mo
     assert row["frames_received"] > 20
     assert row["cycle_seconds"] == (0.032 if "32ms" in more else 0.016)
     assert line.station.store.telegram_number == (353 if "353" in more else 1)
+
+
+def plan_of_version(folder, text, version):
+    (folder / file_name(version)).write_text(text, encoding="utf-8")
+    return plans(folder, text=FILE.replace("drive.xml", file_name(version)))
+
+
+# the drive has the subslots of a V2.0 device at least: V1.0 has one submodule in each module
+@pytest.mark.parametrize("version", VERSIONS[1:])
+def test_a_drive_under_a_files_identity_is_connected_by_that_file_alone_whatever_its_version(tmp_path, version):
+    planned = plan_of_version(tmp_path, gsdml_of(version), version)
+    line = Line(planned, identity=f"{{gsdml: {tmp_path / file_name(version)}}}")
+    assert line.connect(), line.plc.sessions[0].measures.last_reason
+    line.world.run(1.0)
+    (row,) = line.plc.snapshot()
+    assert (row["state"], row["model"], row["losses"]) == ("DATA", "Sample servo", 0)
+    assert row["frames_received"] > 20
+    assert line.station.store.telegram_number == 1
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_device_is_planned_by_a_file_of_each_version(tmp_path, version):
+    (plan,) = plan_of_version(tmp_path, gsdml_of(version), version)
+    assert (plan.vendor_id, plan.device_id, plan.startup, plan.cycle_ns) == (0xFEED, 0x0A1D, "legacy", 16_000_000)
+    assert (len(plan.submodules), plan.remarks) == (2 if version == "1.0" else 5, ())
+
+
+def test_what_a_devices_file_lacks_for_its_version_is_in_the_log(tmp_path):
+    text = gsdml_of("2.35").replace(' CheckDeviceID_Allowed="true"', "")
+    line = Line(plan_of_version(tmp_path, text, "2.35"))
+    (entry,) = [entry for entry in line.log.entries("axis-01") if entry.event == "remark on the GSDML file"]
+    assert entry.data["remark"].startswith(f"{file_name('2.35')}, line 15: DeviceAccessPointItem/@CheckDeviceID_Al")
 
 
 def test_a_device_has_the_time_to_be_ready_that_its_file_names_unless_the_farm_file_says_another(tmp_path):
@@ -112,8 +146,8 @@ def test_a_device_whose_file_requires_no_status_octets_is_connected_without_them
 def with_ratio_1(gsdml):
     """The device that names the send clocks of 0.5, 1, 2 and 4 ms and no ratio but 1."""
     (dap,) = gsdml.daps
-    timing = {"send_clocks": Numbers.of([16, 32, 64, 128]), "ratios": Numbers.of([1])}
-    return replace(gsdml, daps=(replace(dap, interfaces=(replace(dap.interfaces[0], **timing),)),))
+    relations = replace(dap.relations, send_clocks=Numbers.of([16, 32, 64, 128]), ratios=Numbers.of([1]))
+    return replace(gsdml, daps=(replace(dap, interfaces=(replace(dap.interfaces[0], relations=relations),)),))
 
 
 @pytest.mark.parametrize(("cycle", "pair"), [("500us", (16, 1)), ("1ms", (32, 1)), ("2ms", (64, 1)), ("4ms", (128, 1))])
@@ -186,7 +220,8 @@ def test_what_the_device_cannot_do_is_reported_with_its_file(tmp_path, more, sen
 def test_a_configured_start_up_that_the_device_does_not_support_is_reported(tmp_path):
     gsdml = describe_model(model("akd"))
     (dap,) = gsdml.daps
-    only = replace(dap, interfaces=(replace(dap.interfaces[0], startup_modes=("Advanced",)),))
+    relations = replace(dap.relations, startup_modes=("Advanced",))
+    only = replace(dap, interfaces=(replace(dap.interfaces[0], relations=relations),))
     write(tmp_path, replace(gsdml, daps=(only,)))
     assert plans(tmp_path)[0].startup == "advanced"
     with pytest.raises(ConfigError, match="does not support start-up legacy"):

@@ -10,7 +10,7 @@ import pytest
 from farm_file import CONFIGS, GOOD, KNOWN, issues, parse, the_issue
 
 from pnfarm.buses.profinet.config.send_clock import clock_of
-from pnfarm.buses.profinet.controller.gsdml import load_gsdml
+from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.cli.files import check_impairments, known_names
 from pnfarm.config.known import catalogue
 from pnfarm.errors import ConfigError

@@ -13,6 +13,7 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from uuid import UUID
 
+from gsdml_versions import VERSIONS, gsdml_of
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
@@ -380,9 +381,11 @@ def unheard() -> Iterator[tuple[str, bytes]]:
 
 
 def _descriptions() -> Iterator[tuple[str, bytes]]:
-    """Files of makers: those that the project writes, and a small one that has a little of everything."""
+    """Files of makers: the project's own, one of each schema version, and a small one with a little of everything."""
     for name in (name for name, entry in catalogue.models().items() if entry.bus == "profinet"):
         yield "gsdml", emit_gsdml(describe_model(catalogue.model(name))).encode()
+    for version in VERSIONS:
+        yield "gsdml", gsdml_of(version).encode()
     yield "gsdml", (Path(__file__).parents[1] / "protocols" / "profinet" / "gsdml_miniature.xml").read_bytes()
 
 

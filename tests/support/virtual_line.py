@@ -17,6 +17,7 @@ drives:
   - name: axis-{{n:02}}
     count: {drives}
     model: {model}
+    identity: {identity}
     params: {params}
     motion_tasks: {tasks}
     motor: {motor}
@@ -54,7 +55,7 @@ class VirtualLine:
                  startup: str = "legacy", telegram: int = 1, model: str = "akd-profinet", controller: bool = True,
                  memory: VolatileMemory | None = None, params: str = "{}", tasks: str = "[]",
                  motor: str = "{}", load: str = "{}", machine: str = "{}", behaviour: str = "{}", realism: str = "{}",
-                 top: str = "",
+                 top: str = "", identity: str = "{}",
                  program: str = "{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}") -> None:  # fmt: skip
         #: Whether it is a line, with a master.
         self.is_on_line = catalogue.model(model).bus == "profibus"
@@ -69,6 +70,7 @@ class VirtualLine:
             startup=startup,
             telegram=telegram,
             model=model,
+            identity=identity,
             params=params,
             tasks=tasks,
             motor=motor,

@@ -72,7 +72,7 @@ class Profinet:
         return "gsdml"
 
     def described_identity(self, path: Path, model: Model, own: Mapping[str, Any]) -> DescribedIdentity:
-        from pnfarm.buses.profinet.controller.gsdml import load_gsdml
+        from pnfarm.buses.profinet.gsdml_file import load_gsdml
         from pnfarm.buses.profinet.maker_identity import identity_of
 
         dap = own.get("dap")

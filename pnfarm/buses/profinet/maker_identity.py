@@ -37,9 +37,9 @@ _CLASS = re.compile(r"\bI?RT\b|isochron|taktsynchron", re.IGNORECASE)
 def identity_of(document: Gsdml, model: Model, dap_ident: int | None = None) -> DescribedIdentity:
     """What the farm file's ``identity`` would hold; ``dap_ident`` chooses one of several access points.
 
-    ``notes`` tell what the file does not have, or what the drive cannot take from it.
+    ``notes`` say what the file does not have, or what the drive cannot take from it.
     """
-    notes: list[str] = []
+    notes = [*document.remarks]
     dap, matched = _access_point(document, model, dap_ident, notes)
     found: dict[str, Any] = {"vendor": document.vendor_id, "device": document.device_id}
     if dap is None:
@@ -87,14 +87,18 @@ def identity_of(document: Gsdml, model: Model, dap_ident: int | None = None) -> 
 def _access_point(
     document: Gsdml, model: Model, wanted: int | None, notes: list[str]
 ) -> tuple[Dap | None, dict[int, list[_Pair | None]]]:
-    """The one with the most telegrams, the last of several in the file; and its modules by telegram."""
+    """The one with the most telegrams and of the drive's submodules, the last of several; and its modules by telegram.
+
+    Makers of older files have a second one for controllers that know no interfaces and ports.
+    """
     daps = [dap for dap in document.daps if wanted is None or dap.ident == wanted]
     if not daps:
         known = ", ".join(f"0x{dap.ident:X}" for dap in document.daps) or "none"
         notes.append(f"no access point of it has the ident 0x{wanted or 0:X}; it has {known}")
         return None, {}
     found = [(dap, _matched(document, dap, model)) for dap in daps]
-    dap, matched = max(reversed(found), key=lambda pair: len(pair[1]))
+    own = {submodule.subslot for submodule in model.dap.submodules}
+    dap, matched = max(reversed(found), key=lambda pair: (len(pair[1]), _in_common(pair[0], own)))
     if len(daps) > 1:
         name = dap.info.name or dap.id
         notes.append(f"of its {len(daps)} access points, {name} (0x{dap.ident:X}) is taken; `dap:` chooses another")
@@ -181,6 +185,12 @@ def _lengths(telegram: Telegram) -> tuple[int, int]:
 
 def _is_alone(model: Model, lengths: tuple[int, int]) -> bool:
     return sum(_lengths(telegram) == lengths for telegram in model.profidrive.telegrams.values()) == 1
+
+
+def _in_common(dap: Dap, own: set[int]) -> int:
+    """How many of these subslots it has a submodule for."""
+    system = {interface.subslot for interface in dap.interfaces} | {port.subslot for port in dap.ports}
+    return len(own & system) + sum(subslot in one.fixed for one in dap.submodules for subslot in own)
 
 
 def _dap_submodules(dap: Dap, model: Model, notes: list[str]) -> dict[int, int]:

@@ -11,7 +11,7 @@ from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.imports import FoundDrive, FoundStation
-from pnfarm.buses.profinet.controller.gsdml import load_gsdml
+from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.profinet.maker_identity import identity_of, numbers_in
 from pnfarm.drives.catalogue import model, models
 from pnfarm.errors import ConfigError

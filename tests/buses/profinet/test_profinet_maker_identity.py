@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import pytest
+from gsdml_versions import VERSIONS, file_name, gsdml_of
 
 from pnfarm.buses.profinet.maker_identity import identity_of
 from pnfarm.drives.catalogue import model, models
@@ -95,6 +96,45 @@ def test_a_controller_that_has_the_maker_s_file_alone_connects(tmp_path):
         seen = line.core.station("a")
         assert seen.model.dap.ident == own.dap.ident > MOVED
         assert seen.device.connection().exchanging
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_drive_takes_its_identity_from_a_file_of_each_version_and_is_connected(tmp_path, version):
+    (tmp_path / file_name(version)).write_text(gsdml_of(version), encoding="utf-8")
+    file = tmp_path / "x.pnfarm.yml"
+    file.write_text(
+        FARM.format(model="akd-profinet", file=file_name(version), more="", address="ip: 10.77.0.1/24, telegram: 1")
+    )
+    with Line.from_file(file) as line:
+        line.wait_connected(5)
+        seen = line.core.station("a")
+        assert seen.device.connection().exchanging
+        own, telegrams = seen.model.profidrive.identity, seen.model.profidrive.telegrams
+        assert (own.vendor_id, own.device_id, own.order_id) == (0xFEED, 0x0A1D, "SW-4711")
+        assert [telegrams[number].module.ident for number in (1, 9)] == [0x101, 0x109]
+        assert [telegrams[number].module.submodules[1].ident for number in (1, 9)] == [0x12, 0x12]
+        # V1.0 describes neither interfaces and ports nor parameter access points: the drive keeps its own
+        kept = model("akd-profinet") if version == "1.0" else None
+        point = kept.profidrive.telegrams[1].module.submodules[0].ident if kept else 0x11
+        assert telegrams[1].module.submodules[0].ident == point
+        system = [one.ident for one in kept.dap.submodules[1:]] if kept else [2, 3]
+        assert [one.ident for one in seen.model.dap.submodules] == [1, *system]
+
+
+def test_of_two_access_points_the_one_with_the_drives_interface_and_port_is_taken():
+    """Makers of older files have another one for controllers that know neither."""
+    document = parse_gsdml(gsdml_of("2.1").encode())
+    (dap,) = document.daps
+    bare = dataclasses.replace(dap, id="Bare", ident=0x99, interfaces=(), ports=())
+    for daps in ((dap, bare), (bare, dap)):
+        found = identity_of(dataclasses.replace(document, daps=daps), model("akd-profinet"))
+        assert (found.overrides["dap"], found.overrides["dap_submodules"]) == (0x10, {1: 1, 0x8000: 2, 0x8001: 3})
+
+
+def test_what_the_file_lacks_for_its_version_is_among_the_notes():
+    text = gsdml_of("2.25").replace(' ID="Port"', "")
+    notes = identity_of(parse_gsdml(text.encode()), model("akd-profinet")).notes
+    assert notes[0].startswith("line 15: PortSubmoduleItem/@ID is missing; V2.25 and later ask for it, nothing refers")
 
 
 def test_keys_of_the_farm_file_count_before_those_of_the_file(tmp_path):

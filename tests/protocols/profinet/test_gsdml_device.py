@@ -103,7 +103,7 @@ def test_a_new_project_has_the_module_that_is_plugged_at_power_on(drive_model):
 @pytest.mark.parametrize("startup", ["legacy", "advanced"])
 def test_every_module_connects_as_the_file_says_without_a_difference(drive_model, startup):
     gsdml, device = described(drive_model)
-    assert startup in {mode.lower() for mode in gsdml.daps[0].startup_modes()}
+    assert startup in {mode.lower() for mode in gsdml.daps[0].relations.startup_modes}
     for module in gsdml.modules:
         both = station_of(plan_of(gsdml, module.id, startup=startup), device)
         both.start()
@@ -235,7 +235,7 @@ def test_the_file_has_no_parameter_records_because_the_drives_parameters_have_an
 def test_the_device_takes_as_many_controllers_as_the_file_says(limited):
     gsdml, device = described(limited)
     (dap,) = gsdml.daps
-    number = dap.interfaces[0].number_of_ars
+    number = dap.relations.number_of_ars
     assert number == limited.limits.io_controllers
     assert dap.shared_device == (number > 1)
     bench = Bench(device)
@@ -346,7 +346,7 @@ def test_other_abilities_are_in_the_file_as_given():
     (dap,) = describe_model(model(NAMES[0]), able).daps
     (interface,) = dap.interfaces
     assert (interface.protocols, interface.dcp_hello, dap.lldp_nod) == (("SNMP", "LLDP"), True, True)
-    assert (list(dap.reset_modes), dap.startup_modes()) == ([2], ("Legacy",))
+    assert (list(dap.reset_modes), dap.relations.startup_modes) == ([2], ("Legacy",))
 
 
 def test_faults_that_are_reported_as_diagnosis_have_their_texts_in_the_file():

@@ -14,6 +14,7 @@ from pnfarm.protocols.profinet.cmctl_events import ArEstablished
 from pnfarm.protocols.profinet.gsdml.document import Gsdml, ItemRef
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
+from pnfarm.protocols.profinet.gsdml.records import ParameterRecord
 from pnfarm.protocols.profinet.gsdml.values import Numbers
 from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
 
@@ -31,7 +32,8 @@ def places(device):
 def planned_with(gsdml, send_clocks, ratios):
     """The device as if its file named these, at every cycle from 31.25 us on."""
     (dap,) = gsdml.daps
-    interface = replace(dap.interfaces[0], send_clocks=Numbers.of(send_clocks), ratios=Numbers.of(ratios))
+    relations = replace(dap.relations, send_clocks=Numbers.of(send_clocks), ratios=Numbers.of(ratios))
+    interface = replace(dap.interfaces[0], relations=relations)
     return from_gsdml(replace(gsdml, daps=(replace(dap, min_device_interval=1, interfaces=(interface,)),)))
 
 
@@ -94,7 +96,7 @@ def test_records_are_changed_as_a_whole_or_by_the_names_of_their_values(gsdml):
         ({"modules": {4: None}}, "slot 4 cannot be empty, END is fixed there"),
         ({"submodules": {(2, 2): "T1"}}, "slot 2 has no module, submodules need one"),
         ({"modules": {2: "AX"}, "submodules": {(2, 3): "T1"}}, "subslot 3 takes no submodule 'T1', it takes T9"),
-        ({"modules": {2: "AX"}, "submodules": {(2, 3): "SAFE"}}, "SAFE is fail-safe, this controller"),
+        ({"modules": {2: "AX"}, "submodules": {(2, 3): "SAFE"}}, r"line \d+: SAFE is fail-safe, this controller"),
         ({"parameters": {(1, 1, 7): b""}}, "slot 1, subslot 0x0001 has no record 7 in the file"),
         ({"parameters": {(1, 1, 1): b"\1"}}, "record 1 of slot 1, subslot 0x0001 is given 1 octets, it has 2"),
         ({"parameters": {(1, 1, 2): {"Filter time": 0}}}, r"record 2, Filter time: '0' is given, allowed is 1\.\.1000"),
@@ -123,6 +125,16 @@ def test_a_file_that_fixes_something_everywhere_is_refused(gsdml):
     everywhere = ItemRef("END", fixed=Numbers(((1, 65535),)))
     with pytest.raises(ConfigError, match="at most 4096 can be planned"):
         from_gsdml(replace(gsdml, daps=(replace(dap, modules=(everywhere,)),)))
+
+
+def test_a_file_with_more_submodules_or_records_than_a_device_can_have_is_refused(gsdml):
+    (dap,) = gsdml.daps
+    everywhere = replace(dap.submodules[0], fixed=Numbers(((1, 0x7FFF),)))
+    with pytest.raises(ConfigError, match="slot 0 has more submodules than fit, at most 4096"):
+        from_gsdml(replace(gsdml, daps=(replace(dap, submodules=(everywhere,)),)))
+    endless = replace(dap.submodules[0], records=tuple(ParameterRecord(index, 0x10000) for index in range(100)))
+    with pytest.raises(ConfigError, match="slot 0 has more records than can be written, at most 4194304 octets"):
+        from_gsdml(replace(gsdml, daps=(replace(dap, submodules=(endless,)),)))
 
 
 def test_cycles_are_held_against_the_file(gsdml):

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import contextlib
+import re
 
 import pytest
 from gsdml_kit import HEAD, MINIATURE
+from gsdml_versions import VERSIONS, gsdml_of
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.profinet.gsdml import safe_xml
+from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRef
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
@@ -59,8 +62,8 @@ def test_interface_and_port_carry_timings_start_up_and_mau_types():
     (dap,) = read().daps
     (interface,), (port,) = dap.interfaces, dap.ports
     assert (interface.subslot, interface.name, interface.protocols) == (0x8000, "Interface X1", ("SNMP", "LLDP"))
-    assert (interface.startup_modes, interface.number_of_ars) == (("Advanced",), 2)
-    assert (list(interface.send_clocks), list(interface.ratios)) == ([32, 64], [1, 2, 4, 8])
+    assert (dap.relations.startup_modes, dap.relations.number_of_ars) == (("Advanced",), 2)
+    assert (list(dap.relations.send_clocks), list(dap.relations.ratios)) == ([32, 64], [1, 2, 4, 8])
     assert (interface.rt_classes, interface.dcp_boundary, interface.ptp_boundary) == (
         ("RT_CLASS_1", "RT_CLASS_3"),
         True,
@@ -75,8 +78,8 @@ def test_older_files_have_timings_at_the_access_point_and_mau_types_in_an_attrib
     text = text.replace('<MAUTypeList><MAUTypeItem Value="16"/><MAUTypeItem Value="30"/></MAUTypeList>', "")
     text = text.replace('TextId="P1T"', 'TextId="P1T" MAUTypes="16"')
     (dap,) = read(text).daps
-    assert dap.interfaces[0].startup_modes == ("Advanced",)
-    assert list(dap.interfaces[0].send_clocks) == [32, 64]
+    assert dap.relations.startup_modes == ("Advanced",)
+    assert list(dap.relations.send_clocks) == [32, 64]
     assert list(dap.ports[0].mau_types) == [16]
 
 
@@ -230,8 +233,47 @@ def test_what_is_missing_or_wrong_is_reported_with_line_element_and_what_is_allo
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('<ModuleItem ID="AX"', '<ModuleItem ID="DI"',
+         r"line 61: ModuleItem/@ID is 'DI', as that of the ModuleItem in line 39; each has its own"),
+        ('<SubmoduleItem ID="T9"', '<SubmoduleItem ID="T1"',
+         r"SubmoduleItem/@ID is 'T1', as that of the SubmoduleItem in line \d+"),
+        ('ModuleItemTarget="END"', 'ModuleItemTarget="FIN"',
+         r"line 18: ModuleItemRef/@ModuleItemTarget is 'FIN', the ID of none that the file describes"),
+        ('SubmoduleItemTarget="T9"', 'SubmoduleItemTarget="DI1"',
+         r"SubmoduleItemRef/@SubmoduleItemTarget is 'DI1', the ID of none"),
+        ('SubslotNumber="32769"', 'SubslotNumber="32768"',
+         r"line 32: PortSubmoduleItem is in subslot 0x8000, as the InterfaceSubmoduleItem in line 26; one"),
+        ('SubmoduleIdentNumber="0x11"', 'SubmoduleIdentNumber="0x11" FixedInSubslots="1 32769"',
+         r"line 32: PortSubmoduleItem is in subslot 0x8001, as the VirtualSubmoduleItem in line 21"),
+        ('Index="1" Length="2"', 'Index="2" Length="2"', r"line 55: record 2 is there already, each is once"),
+        ("<RecordDataList>", '<RecordDataList><ParameterRecordDataRef RecordDataTarget="R"/>',
+         r"ParameterRecordDataRef/@RecordDataTarget is 'R', the ID of none"),
+    ],
+)  # fmt: skip
+def test_what_is_there_twice_or_leads_nowhere_is_reported_with_its_line(old, new, sentence):
+    with pytest.raises(DecodeError, match=sentence) as caught:
+        changed(old, new)
+    assert caught.value.reason == "bad-value"
+
+
+def test_ids_that_nothing_refers_to_may_be_there_twice():
+    """Makers' files have them: those of virtual submodules, interfaces and ports."""
+    text = MINIATURE.replace('ID="DI1"', 'ID="DS"').replace('ID="P1"', 'ID="IF"').replace('ID="E1" ', "")
+    assert [submodule.id for submodule in read(text).all_submodules()].count("DS") == 2
+
+
+@pytest.mark.parametrize(("kind", "octets"), [("TimeStamp", 12), ("Unsigned16_S", 2), ("OctetString2+Unsigned8", 3)])
+def test_types_that_tools_know_by_their_name_need_no_length(kind, octets):
+    (inputs,) = changed('DataType="OctetString" Length="3"', f'DataType="{kind}"').module("DI").submodules
+    assert inputs.input_octets == 1 + octets
+
+
+@pytest.mark.parametrize(
     ("text", "sentence"),
     [
+        ("<!DOCTYPE html><html></html>", "line 1: the file is a web page"),
         ("<html/>", "root is html, that of a GSDML file is ISO15745Profile"),
         (HEAD + "</ISO15745Profile>", "ISO15745Profile has no ProfileBody"),
         (HEAD + "<ProfileBody/></ISO15745Profile>", "ProfileBody has no ApplicationProcess"),
@@ -292,7 +334,8 @@ def test_a_range_of_all_numbers_costs_nothing():
 
 
 def use(data):
-    """Read octets and make every record; what comes out must be a value or one of the two errors, each a sentence."""
+    """Read octets, make every record and plan each access point; what comes out must be a value or one of the two
+    errors, each a sentence."""
     try:
         gsdml = parse_gsdml(data)
     except DecodeError as exc:
@@ -302,6 +345,9 @@ def use(data):
             for record in submodule.records:
                 with contextlib.suppress(ConfigError):
                     assert len(record.octets()) == record.length
+        for dap in gsdml.daps:
+            with contextlib.suppress(ConfigError):
+                assert from_gsdml(gsdml, dap=dap.id).submodules is not None
         return
     assert reason
     assert "\n" not in sentence
@@ -313,10 +359,22 @@ def test_any_octets_are_a_description_or_a_decode_error(data):
         parse_gsdml(data)
 
 
-@given(st.integers(0, len(MINIATURE) - 1), st.integers(0, 40), st.binary(max_size=12))
-def test_a_bent_file_is_a_description_or_a_decode_error(place, cut, put):
-    data = MINIATURE.encode()
+FILES = [MINIATURE, *map(gsdml_of, VERSIONS)]
+
+
+@given(st.sampled_from(FILES), st.floats(0, 1), st.integers(0, 40), st.binary(max_size=12))
+def test_a_bent_file_is_a_description_or_a_decode_error(text, part, cut, put):
+    data = text.encode()
+    place = int(part * len(data))
     use(data[:place] + put + data[place + cut :])
+
+
+@given(st.sampled_from(FILES), st.data())
+def test_a_file_without_some_of_its_attributes_is_a_description_or_a_decode_error(text, data):
+    found = list(re.finditer(r' [A-Za-z_]+="[^"]*"', text[text.index("<ProfileBody>") :]))
+    for one in data.draw(st.lists(st.sampled_from(found), min_size=1, max_size=6)):
+        text = text.replace(one[0], "", data.draw(st.integers(1, 3)))
+    use(text.encode())
 
 
 ATTRIBUTES = [

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.document import (
     DATA_TYPE_OCTETS,
+    NO_NUMBERS,
     Certification,
     ChannelDiagnosis,
     Dap,
@@ -21,6 +24,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
     ItemRef,
     ModuleItem,
     PortSubmodule,
+    Relations,
     SubmoduleItem,
     UnitDiagnosis,
 )
@@ -36,13 +40,19 @@ TEXT = st.text(
     max_size=12,
 )
 ID = st.text("abcXYZ0189_-.", min_size=1, max_size=8)
+#: Of what nothing refers to.
+MAYBE_ID = ID | st.just("")
 TOKENS = st.lists(st.sampled_from(["Legacy", "Advanced", "RT_CLASS_1", "LLDP", "SNMP"]), max_size=3).map(tuple)
 NUMBERS = st.lists(U16, max_size=6).map(Numbers.of)
 INFO = st.builds(Info, TEXT, TEXT, TEXT, TEXT, TEXT, TEXT)
 
 
-def tuples(strategy, size=3):
-    return st.lists(strategy, max_size=size).map(tuple)
+def tuples(strategy, size=3, **options):
+    return st.lists(strategy, max_size=size, **options).map(tuple)
+
+
+def records(size):
+    return tuples(RECORD, size, unique_by=lambda record: record.index)
 
 
 ITEM = st.one_of(
@@ -79,7 +89,7 @@ RECORD = st.builds(
 )
 SUBMODULE = st.builds(
     SubmoduleItem,
-    ID,
+    MAYBE_ID,
     U32,
     INFO,
     api=U32,
@@ -88,28 +98,32 @@ SUBMODULE = st.builds(
     outputs=DATA,
     iops_length=U8,
     iocs_length=U8,
-    records=tuples(RECORD),
+    records=records(3),
     may_issue_process_alarm=st.booleans(),
     writeable_im=NUMBERS,
     profisafe=st.booleans(),
 )
 ITEM_REF = st.builds(ItemRef, ID, NUMBERS, NUMBERS, NUMBERS)
-PORT = st.builds(PortSubmodule, ID, U32, U16, TEXT, NUMBERS, U32, U32, tuples(RECORD, 1))
+PORT = st.builds(PortSubmodule, MAYBE_ID, U32, U16, TEXT, NUMBERS, U32, U32, records(1))
+RELATIONS = st.builds(
+    Relations,
+    startup_modes=TOKENS,
+    number_of_ars=U16,
+    pull_module_alarm=st.booleans(),
+    send_clocks=NUMBERS,
+    ratios=NUMBERS,
+)
 INTERFACE = st.builds(
     InterfaceSubmodule,
-    ID,
+    MAYBE_ID,
     U32,
     U16,
     TEXT,
     TOKENS,
     TOKENS,
     *[st.booleans()] * 4,
-    startup_modes=TOKENS,
-    number_of_ars=U16,
-    pull_module_alarm=st.booleans(),
-    send_clocks=NUMBERS,
-    ratios=NUMBERS,
-    records=tuples(RECORD, 1),
+    relations=RELATIONS,
+    records=records(1),
 )
 MODULE = st.builds(ModuleItem, ID, U32, INFO, NUMBERS, tuples(SUBMODULE, 2), tuples(PORT, 1), tuples(ITEM_REF, 2))
 DAP = st.builds(
@@ -148,6 +162,7 @@ DAP = st.builds(
     interfaces=tuples(INTERFACE, 1),
     ports=tuples(PORT, 2),
     useable=tuples(ITEM_REF, 1),
+    own_relations=st.none() | RELATIONS,
 )
 API = st.none() | U32
 EXTENDED = tuples(st.builds(ExtDiagnosis, U16, TEXT, TEXT)).map(lambda e: tuple(sorted(e, key=lambda x: x.error_type)))
@@ -160,6 +175,48 @@ def makers_first(items):
     return tuple(sorted(items, key=lambda item: item.api is not None))
 
 
+def named(items, letter):
+    """Each with an ID of its own."""
+    return tuple(replace(item, id=f"{letter}{number}-{item.id}") for number, item in enumerate(items))
+
+
+def leading(refs, items):
+    """References to what there is."""
+    return tuple(replace(ref, target=items[place % len(items)].id) for place, ref in enumerate(refs) if items)
+
+
+def apart(holder):
+    """Each submodule in subslots of its own."""
+    free = iter(range(0x8000, 0xFFFF))
+    parts = {
+        "submodules": tuple(
+            replace(item, fixed=Numbers.of(100 * place + subslot % 100 for subslot in item.fixed))
+            for place, item in enumerate(holder.submodules)
+        ),
+        "ports": tuple(replace(port, subslot=next(free)) for port in holder.ports),
+    }
+    if isinstance(holder, Dap):
+        parts["interfaces"] = tuple(replace(one, subslot=next(free)) for one in holder.interfaces)
+    return replace(holder, **parts)
+
+
+def consistent(gsdml):
+    """A description that a file can hold."""
+    modules = named(gsdml.modules, "M")
+    submodules, ports = named(gsdml.submodules, "S"), named(gsdml.pluggable_ports, "P")
+    pluggable = (*submodules, *ports)
+    return replace(
+        gsdml,
+        daps=tuple(
+            replace(apart(dap), modules=leading(dap.modules, modules), useable=leading(dap.useable, pluggable))
+            for dap in named(gsdml.daps, "D")
+        ),
+        modules=tuple(replace(apart(module), useable=leading(module.useable, pluggable)) for module in modules),
+        submodules=submodules,
+        pluggable_ports=ports,
+    )
+
+
 GSDML = st.builds(
     Gsdml,
     U16,
@@ -168,16 +225,14 @@ GSDML = st.builds(
     TEXT,
     TEXT,
     TEXT,
-    schema_version=st.sampled_from(["", "V2.35", "V2.4", "V2.43"]),
+    schema_version=st.sampled_from(["", "V1.0", "V2.1", "V2.35", "V2.4", "V2.45"]),
     daps=st.lists(DAP, min_size=1, max_size=2).map(tuple),
     modules=tuples(MODULE, 2),
-    submodules=tuples(SUBMODULE.map(lambda s: s), 1),
-    pluggable_ports=tuples(
-        st.builds(PortSubmodule, ID, U32, st.just(0), TEXT, NUMBERS, U32, U32, tuples(RECORD, 1)), 1
-    ),
+    submodules=tuples(SUBMODULE.map(lambda item: replace(item, fixed=NO_NUMBERS)), 1),
+    pluggable_ports=tuples(st.builds(PortSubmodule, ID, U32, st.just(0), TEXT, NUMBERS, U32, U32, records(1)), 1),
     diagnoses=tuples(DIAGNOSIS).map(makers_first),
     unit_diagnoses=tuples(UNIT, 2).map(makers_first),
-)
+).map(consistent)
 
 
 @settings(suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large], max_examples=60)

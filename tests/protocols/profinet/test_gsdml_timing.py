@@ -43,9 +43,11 @@ def test_the_device_takes_the_pairs_of_clock_and_ratio_that_its_file_names_and_n
         timed = {"send_clock_factor": clock, "reduction_ratio": ratio, "phase": 1, "data_hold_factor": 3}
         request.iocrs = [replace(cr, **timed) for cr in whole]
         codes = None
-        if clock not in interface.send_clocks:
+        if clock not in interface.relations.send_clocks:
             codes = (0xDB, 0x81, 2, 10)
-        elif ratio not in interface.ratios or not dap.min_device_interval <= clock * ratio <= slowest(limited):
+        elif ratio not in interface.relations.ratios or not dap.min_device_interval <= clock * ratio <= slowest(
+            limited
+        ):
             codes = (0xDB, 0x81, 2, 11)
         try:
             check_connect(request, device)
@@ -70,7 +72,10 @@ def test_with_lax_limits_it_takes_every_clock_and_ratio_of_the_standard(drive_mo
 def test_the_e1_names_the_send_clocks_of_its_manual_and_is_reached_at_each_of_its_cycles():
     gsdml, device = described(model("hiwin-e1"))
     (interface,) = gsdml.daps[0].interfaces
-    assert (list(interface.send_clocks), list(interface.ratios)) == ([16, 32, 64, 128], [1, 2, 4, 8])
+    assert (list(interface.relations.send_clocks), list(interface.relations.ratios)) == (
+        [16, 32, 64, 128],
+        [1, 2, 4, 8],
+    )
     planned = from_gsdml(gsdml)
     assert [planned.clock(*usual) for usual in ((16, 1), (32, 1), (32, 2), (32, 4))] == [
         (16, 1),
@@ -88,11 +93,11 @@ def test_the_device_takes_every_cycle_of_the_file_and_none_below_its_minimum(lim
     gsdml, device = described(limited)
     (dap,) = gsdml.daps
     (interface,) = dap.interfaces
-    assert 32 in interface.send_clocks
+    assert 32 in interface.relations.send_clocks
     planned = from_gsdml(gsdml)
     taken = set()
-    for factor in interface.send_clocks:
-        for ratio in interface.ratios:
+    for factor in interface.relations.send_clocks:
+        for ratio in interface.relations.ratios:
             if factor * ratio > 128 * 128:
                 continue  # no device may take those
             accepted = connected(plan_of(gsdml, clock=(factor, ratio)), device).ok
@@ -112,7 +117,7 @@ def test_the_device_takes_every_cycle_of_the_file_and_none_below_its_minimum(lim
 def test_every_cycle_that_the_device_takes_can_be_had_by_the_file(limited):
     gsdml, device = described(limited)
     (interface,) = gsdml.daps[0].interfaces
-    in_file = {f * r for f in interface.send_clocks for r in interface.ratios}
+    in_file = {f * r for f in interface.relations.send_clocks for r in interface.relations.ratios}
     for exponent in range(3, 15):  # cycles from 250 us, the fastest that this format knows for RT class 1
         factor, ratio = min(1 << exponent, 32), max(1, (1 << exponent) // 32)
         if connected(plan_of(gsdml, clock=(factor, ratio)), device).ok:
@@ -127,7 +132,7 @@ def test_every_send_clock_that_the_format_knows_and_the_device_takes_is_in_the_f
         for factor in (8, 16, 32, 64, 128)
         if connected(plan_of(gsdml, clock=(factor, max(1, fastest // factor))), device).ok
     ]
-    assert list(gsdml.daps[0].interfaces[0].send_clocks) == taken
+    assert list(gsdml.daps[0].relations.send_clocks) == taken
 
 
 def test_rt_class_1_is_taken_with_both_of_its_frame_ids_and_rt_class_3_is_not(drive_model):

@@ -149,6 +149,8 @@ class ControllerCore:
         for session in self.sessions:
             session.due_ns = now
             self._deadlines.set(session.index, session.due_ns)
+            for remark in session.plan.remarks:
+                self.log.record(now, session.plan.name, events.FileRemarked(remark))
         self._settle(now)
 
     # -- node --------------------------------------------------------------------------------------------------------

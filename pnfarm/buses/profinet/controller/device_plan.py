@@ -66,6 +66,8 @@ class DevicePlan:
     texts: DescribedDiagnosis | None = None
     #: The signals of the drive's telegram, for a program of the user's.
     signals: AxisSignals | None = None
+    #: About the file that describes the device.
+    remarks: tuple[str, ...] = ()
 
     @property
     def cycle_ns(self) -> int:

@@ -18,6 +18,7 @@ __all__ = [
     "ConnectFailed",
     "Connected",
     "ConnectionBroken",
+    "FileRemarked",
     "IdentificationDiffers",
     "IdentificationUnread",
     "ModuleDiffers",
@@ -30,6 +31,14 @@ __all__ = [
     "Released",
     "SubmodulesChanged",
 ]
+
+
+@dataclass(frozen=True, slots=True)
+class FileRemarked(Event):
+    """A device's GSDML file lacks what its schema version asks for; it was read nevertheless."""
+
+    TEXT = "remark on the GSDML file"
+    remark: str
 
 
 @dataclass(frozen=True, slots=True)

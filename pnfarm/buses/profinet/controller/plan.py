@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.axis_program import IDLE, axis_program
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, ProfinetPlan
-from pnfarm.buses.profinet.controller.gsdml import load_gsdml
+from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.signal_steps import KnownSteps, SignalSteps
 from pnfarm.drives.signal_view import axis_signals
 from pnfarm.errors import ConfigError
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.config.controller import ForeignDevice, ProfinetController
     from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
     from pnfarm.drives.model import Model
-    from pnfarm.protocols.profinet.gsdml.document import Gsdml
 
 __all__ = ["plan_controller", "plan_devices"]
 
@@ -81,21 +80,18 @@ def _records(section: ProfinetController, name: str, models: Sequence[str] = ())
     )
 
 
-def _plan_foreign(
-    section: ProfinetController, device: ForeignDevice, folder: Path, ip: IPv4Interface, known: dict[Path, Gsdml]
-) -> DevicePlan:
+def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Path, ip: IPv4Interface) -> DevicePlan:
     """A device by its GSDML file.
 
     A record of the farm file takes the place of the same one of the GSDML file; others follow.
     """
     path = folder / device.gsdml
-    if path not in known:
-        known[path] = load_gsdml(path)
+    gsdml = load_gsdml(path)
     clock = clock_of(section, device.cycle_ns)
     wanted = device.startup or (section.startup if "startup" in section.model_fields_set else None)
     try:
         planned = from_gsdml(
-            known[path],
+            gsdml,
             dap=device.dap,
             modules=device.modules,
             submodules={
@@ -134,10 +130,11 @@ def _plan_foreign(
         reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
         read_identification=section.identification,
         takeover_allowed=section.takeover_allowed,
-        texts=DescribedDiagnosis(known[path].diagnoses, known[path].unit_diagnoses),
+        texts=DescribedDiagnosis(gsdml.diagnoses, gsdml.unit_diagnoses),
         instance=planned.instance,
         multiple_write=planned.multiple_write,
         application_ready_ns=_ready_ns(section, planned.dap.application_seconds),
+        remarks=tuple(f"{path.name}, {remark}" for remark in gsdml.remarks),
     )
 
 
@@ -200,10 +197,9 @@ def plan_devices(
                 application_ready_ns=section.application_ready_ns,
             )
         )
-    known: dict[Path, Gsdml] = {}
     for device in section.devices:
         ip = addresses.of(device.ip, f"device {device.name}")
-        plans.append(_plan_foreign(section, device, folder or Path(), ip, known))
+        plans.append(_plan_foreign(section, device, folder or Path(), ip))
     return plans
 
 

@@ -30,6 +30,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
     ItemRef,
     ModuleItem,
     PortSubmodule,
+    Relations,
     SubmoduleItem,
     UnitDiagnosis,
 )
@@ -221,10 +222,12 @@ def _system(
                 name=data.name,
                 protocols=abilities.protocols,
                 dcp_hello=abilities.sends_hello,
-                startup_modes=abilities.startup_modes,
-                number_of_ars=description.limits.max_ars,
-                send_clocks=clocks,
-                ratios=ratios,
+                relations=Relations(
+                    startup_modes=abilities.startup_modes,
+                    number_of_ars=description.limits.max_ars,
+                    send_clocks=clocks,
+                    ratios=ratios,
+                ),
             )
         )
     return tuple(interfaces), tuple(ports)

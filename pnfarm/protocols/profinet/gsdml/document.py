@@ -1,12 +1,13 @@
 """What a GSDML file says, as data: :class:`Gsdml` and what it is made of.
 
-Attributes carry the file's names in this project's spelling; defaults are those of the schema (PI, GSDML
-specification for PROFINET, V2.0 to V2.4x).  Texts are those of the primary language.
+Attributes carry the file's names in this project's spelling; what a file leaves out has the default of its schema
+version (`versions`).  Texts are those of the primary language.  ``line`` is the element's in the file, 0 in a
+description that was not read.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -36,6 +37,7 @@ __all__ = [
     "ItemRef",
     "ModuleItem",
     "PortSubmodule",
+    "Relations",
     "SubmoduleItem",
     "UnitDiagnosis",
 ]
@@ -78,6 +80,13 @@ DATA_TYPE_OCTETS = {
     "Unsigned8+Unsigned8": 2,
     "F_MessageTrailer4Byte": 4,
     "F_MessageTrailer5Byte": 5,
+    "TimeStamp": 12,
+    "TimeStampDifference": 12,
+    "TimeStampDifferenceShort": 8,
+    "OctetString2+Unsigned8": 3,
+    "Unsigned8_S": 1,
+    "Unsigned16_S": 2,
+    "Integer16_S": 2,
 }
 
 NO_NUMBERS = Numbers()
@@ -126,7 +135,7 @@ class DataItems:
 
 @dataclass(frozen=True, slots=True)
 class SubmoduleItem:
-    """A virtual submodule (``fixed`` names its subslots), or one of the pluggable ones.
+    """A virtual submodule (``fixed`` names its subslots, and nothing refers to its ID), or one of the pluggable ones.
 
     ``inputs`` go to the controller, ``outputs`` come from it; None: the element is missing.
     """
@@ -144,6 +153,7 @@ class SubmoduleItem:
     may_issue_process_alarm: bool = False
     writeable_im: Numbers = NO_NUMBERS
     profisafe: bool = False
+    line: int = field(default=0, compare=False)
 
     @property
     def input_octets(self) -> int:
@@ -163,6 +173,7 @@ class ItemRef:
     allowed: Numbers = NO_NUMBERS
     used: Numbers = NO_NUMBERS
     fixed: Numbers = NO_NUMBERS
+    line: int = field(default=0, compare=False)
 
     def takes(self, place: int) -> bool:
         return place in self.allowed or place in self.fixed or place in self.used
@@ -170,7 +181,7 @@ class ItemRef:
 
 @dataclass(frozen=True, slots=True)
 class PortSubmodule:
-    """A port of an interface."""
+    """A port of an interface; a built-in one may have no ID, as all before V2.25."""
 
     id: str
     ident: int
@@ -183,8 +194,19 @@ class PortSubmodule:
 
 
 @dataclass(frozen=True, slots=True)
+class Relations:
+    """ApplicationRelations: how connections start, how many there are, and their cycles, send clocks in 31.25 us."""
+
+    startup_modes: tuple[str, ...] = ("Legacy",)
+    number_of_ars: int = 1
+    pull_module_alarm: bool = False
+    send_clocks: Numbers = DEFAULT_SEND_CLOCKS
+    ratios: Numbers = DEFAULT_RATIOS
+
+
+@dataclass(frozen=True, slots=True)
 class InterfaceSubmodule:
-    """An interface with the timings of its application relations, send clocks in 31.25 us."""
+    """An interface; before V2.25 it has no ID."""
 
     id: str
     ident: int
@@ -196,11 +218,7 @@ class InterfaceSubmodule:
     ptp_boundary: bool = False
     dcp_boundary: bool = False
     network_component_diagnosis: bool = False
-    startup_modes: tuple[str, ...] = ("Legacy",)
-    number_of_ars: int = 1
-    pull_module_alarm: bool = False
-    send_clocks: Numbers = DEFAULT_SEND_CLOCKS
-    ratios: Numbers = DEFAULT_RATIOS
+    relations: Relations = Relations()
     records: tuple[ParameterRecord, ...] = ()
 
 
@@ -233,7 +251,8 @@ class Certification:
 class Dap:
     """A device access point.  ``min_device_interval`` counts 31.25 us; ``instance`` is ObjectUUID_LocalIndex;
     ``max_input`` and ``max_output`` are octets of a frame with their status octets; ``application_seconds`` is
-    RemoteApplicationTimeout, 0 where the file does not name it."""
+    RemoteApplicationTimeout, 0 where the file does not name it; ``own_relations`` are those of V1.0, which has no
+    interfaces."""
 
     id: str
     ident: int
@@ -270,15 +289,17 @@ class Dap:
     interfaces: tuple[InterfaceSubmodule, ...] = ()
     ports: tuple[PortSubmodule, ...] = ()
     useable: tuple[ItemRef, ...] = ()
+    own_relations: Relations | None = None
 
     @property
     def slot(self) -> int:
         """The DAP's slot unless another is chosen."""
         return next(iter(chain(self.fixed_slots, self.allowed_slots)), 0)
 
-    def startup_modes(self) -> tuple[str, ...]:
-        """Start-up modes of its first interface; the schema's default is legacy."""
-        return self.interfaces[0].startup_modes if self.interfaces else ("Legacy",)
+    @property
+    def relations(self) -> Relations:
+        """Those of its first interface, else its own; what the schema says where there are none."""
+        return self.interfaces[0].relations if self.interfaces else self.own_relations or Relations()
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,7 +338,8 @@ class UnitDiagnosis:
 
 @dataclass(frozen=True, slots=True)
 class Gsdml:
-    """A whole file.  ``schema_version`` is such as ``V2.35``, empty when the file names none."""
+    """A whole file.  ``schema_version`` is such as ``V2.35``, empty when the file names none; ``remarks`` are about
+    what its version asks for and it lacks."""
 
     vendor_id: int
     device_id: int
@@ -332,6 +354,7 @@ class Gsdml:
     pluggable_ports: tuple[PortSubmodule, ...] = ()
     diagnoses: tuple[ChannelDiagnosis, ...] = ()
     unit_diagnoses: tuple[UnitDiagnosis, ...] = ()
+    remarks: tuple[str, ...] = field(default=(), compare=False)
 
     def module(self, wanted: str) -> ModuleItem | None:
         """The module of this ID."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
-from pnfarm.protocols.profinet.gsdml.document import DEFAULT_RATIOS, DEFAULT_SEND_CLOCKS, PortSubmodule, SubmoduleItem
+from pnfarm.protocols.profinet.gsdml.document import PortSubmodule, SubmoduleItem
 from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
@@ -29,6 +29,11 @@ __all__ = ["Place", "PlannedDevice", "from_gsdml"]
 
 #: SendClockFactors of the RT classes.
 _SEND_CLOCKS = tuple(1 << exponent for exponent in range(8))
+
+#: Modules of a device and submodules of a module; real ones have some hundred.
+_MOST = 4096
+#: Octets of a device's records; real ones have some thousand.
+_MOST_OCTETS = 1 << 22
 
 #: Slot and subslot.
 Place = tuple[int, int]
@@ -83,9 +88,7 @@ class PlannedDevice:
 
     def check_clock(self, send_clock_factor: int, reduction_ratio: int) -> None:
         """Raise :class:`ConfigError` when the device does not take this cycle."""
-        interface = self.dap.interfaces[0] if self.dap.interfaces else None
-        clocks = interface.send_clocks if interface else DEFAULT_SEND_CLOCKS
-        ratios = interface.ratios if interface else DEFAULT_RATIOS
+        clocks, ratios = self.dap.relations.send_clocks, self.dap.relations.ratios
         if send_clock_factor not in clocks:
             raise ConfigError(
                 f"the device does not support send clock factor {send_clock_factor}; its file names {clocks.emit()}"
@@ -103,7 +106,7 @@ class PlannedDevice:
 
     def startup(self, wanted: Literal["legacy", "advanced"] | None = None) -> Literal["legacy", "advanced"]:
         """The start-up mode: the requested one, else legacy if the device supports it.  Raises :class:`ConfigError`."""
-        modes = tuple(mode.lower() for mode in self.dap.startup_modes())
+        modes = tuple(mode.lower() for mode in self.dap.relations.startup_modes)
         if wanted is None:
             return "advanced" if "legacy" not in modes and "advanced" in modes else "legacy"
         if wanted not in modes:
@@ -131,10 +134,16 @@ def _contents(
     """Place -> target: what is fixed, what a new project has, and what was chosen."""
     filled: dict[int, str] = {}
     fixed: dict[int, str] = {}
+    placed = 0
     for ref in refs:
-        filled |= dict.fromkeys(_few(ref.used, ref.target, place), ref.target)
-    for ref in refs:
-        fixed |= dict.fromkeys(_few(ref.fixed, ref.target, place), ref.target)
+        placed += len(ref.used) + len(ref.fixed)
+        if placed > _MOST:
+            raise ConfigError(
+                f"{_line(ref.line)}{ref.target} and those before it are fixed in {placed} {place}s, "
+                f"at most {_MOST} can be planned"
+            )
+        filled |= dict.fromkeys(ref.used, ref.target)
+        fixed |= dict.fromkeys(ref.fixed, ref.target)
     filled |= fixed
     for number, target in chosen.items():
         if target is None:
@@ -152,10 +161,9 @@ def _contents(
     return filled
 
 
-def _few(numbers: Numbers, item: str, place: str) -> Numbers:
-    if len(numbers) > 4096:
-        raise ConfigError(f"{item} is fixed in {len(numbers)} {place}s at once, at most 4096 can be planned")
-    return numbers
+def _line(line: int) -> str:
+    """Where the file says something; nothing for a description that was not read."""
+    return f"line {line}: " if line else ""
 
 
 def _system(
@@ -172,26 +180,26 @@ def _system(
 
 class _Planner:
     def __init__(self, gsdml: Gsdml, parameters: Parameters, *, ioxs_required: bool) -> None:
-        self._gsdml = gsdml
+        pluggable: tuple[_Any, ...] = (*gsdml.submodules, *gsdml.pluggable_ports)
+        self._pluggable = {one.id: one for one in pluggable}
         # what captured controllers do where the file has IOXS_Required="false": submodules without data alone
         self._without_data = 0 if ioxs_required else SubmoduleProperties.DISCARD_IOXS
         self._parameters = dict(parameters)
         self.submodules: dict[Place, PlannedSubmodule] = {}
         self._records: list[tuple[int, ParameterRecord]] = []
+        self._octets = 0
 
     def plug(self, slot: int, holder: Dap | ModuleItem, chosen: Mapping[int, str | None]) -> None:
         """Everything of one slot."""
         for virtual in holder.submodules:
-            for subslot in _few(virtual.fixed, virtual.id, "subslot"):
+            for subslot in virtual.fixed:
                 self._add(slot, subslot, holder.ident, virtual)
         interfaces = getattr(holder, "interfaces", ())
         for subslot, port in _system(interfaces, holder.ports):
             self._add(slot, subslot, holder.ident, port)
         filled = _contents(holder.useable, chosen, holder.physical_subslots, "submodule", f"slot {slot}, subslot")
         for subslot, target in filled.items():
-            item: _Any | None = self._gsdml.submodule(target) or next(
-                (port for port in self._gsdml.pluggable_ports if port.id == target), None
-            )
+            item = self._pluggable.get(target)
             if item is None:
                 raise ConfigError(f"the file names submodule {target!r} for slot {slot} and does not describe it")
             self._add(slot, subslot, holder.ident, item)
@@ -199,18 +207,27 @@ class _Planner:
     def _add(self, slot: int, subslot: int, module_ident: int, item: _Any) -> None:
         if (slot, subslot) in self.submodules:
             raise ConfigError(f"slot {slot}, subslot 0x{subslot:04X} is taken twice, one submodule fits there")
+        if len(self.submodules) >= _MOST:
+            raise ConfigError(f"slot {slot} has more submodules than fit, at most {_MOST} can be planned")
         api, lengths = 0, (0, 0)
         if isinstance(item, SubmoduleItem):
             if item.profisafe:
-                raise ConfigError(f"{item.id} is fail-safe, this controller does not support PROFIsafe")
+                raise ConfigError(
+                    f"{_line(item.line)}{item.id} is fail-safe, this controller does not support PROFIsafe"
+                )
             if (item.iops_length, item.iocs_length) != (1, 1):
-                raise ConfigError(f"{item.id} has status fields longer than one octet, this controller sends one")
+                raise ConfigError(
+                    f"{_line(item.line)}{item.id} has status fields longer than one octet, this controller sends one"
+                )
             api, lengths = item.api, (item.input_octets, item.output_octets)
         properties = 0 if any(lengths) else self._without_data
         self.submodules[slot, subslot] = PlannedSubmodule(
             api, slot, module_ident, subslot, item.ident, *lengths, properties
         )
         for record in item.records:
+            self._octets += record.length
+            if self._octets > _MOST_OCTETS:
+                raise ConfigError(f"slot {slot} has more records than can be written, at most {_MOST_OCTETS} octets")
             given = self._parameters.pop((slot, subslot, record.index), None)
             if isinstance(given, bytes):
                 if len(given) != record.length:
@@ -254,8 +271,9 @@ def from_gsdml(
     if access_point.slot in (modules or {}):
         raise ConfigError(f"slot {access_point.slot} is the access point's, modules are in other slots")
     filled = _contents(access_point.modules, modules or {}, access_point.physical_slots, "module", "slot")
+    known = {module.id: module for module in gsdml.modules}
     for slot, target in sorted(filled.items()):
-        module = gsdml.module(target)
+        module = known.get(target)
         if module is None:
             raise ConfigError(f"the file names module {target!r} for slot {slot} and does not describe it")
         planner.plug(slot, module, chosen.pop(slot, {}))

@@ -13,13 +13,14 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.values import parse_octets
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.protocols.profinet.gsdml.safe_xml import Node
+    from pnfarm.protocols.profinet.gsdml.versions import Attributes
 
 __all__ = ["MAX_RECORD", "ParameterConst", "ParameterRecord", "ParameterRef", "parse_record", "read_ref"]
 
@@ -210,10 +211,10 @@ class ParameterRecord:
         return bytes(octets)
 
 
-def _const(node: Node, length: int) -> ParameterConst:
-    offset = node.number("ByteOffset", 0xFFFF, 0)
+def _const(attributes: Attributes, node: Node, length: int) -> ParameterConst:
+    offset = attributes.number(node, "ByteOffset", 0xFFFF)
     try:
-        data = parse_octets(node.text("Data"))
+        data = parse_octets(attributes.text(node, "Data"))
     except ValueError as exc:
         node.fail("Data", str(exc))
     if offset + len(data) > length:
@@ -221,35 +222,35 @@ def _const(node: Node, length: int) -> ParameterConst:
     return ParameterConst(data, offset)
 
 
-def read_ref(node: Node, length: int, text: Callable[[Node | None], str]) -> ParameterRef:
+def read_ref(attributes: Attributes, node: Node, length: int, text: Callable[[Node | None], str]) -> ParameterRef:
     """A Ref of something that has ``length`` octets."""
     ref = ParameterRef(
-        data_type=node.word("DataType"),
-        byte_offset=node.number("ByteOffset", 0xFFFF),
-        bit_offset=node.number("BitOffset", 0xFF, 0),
-        bit_length=node.number("BitLength", 64, 1),
-        length=node.number("Length", MAX_RECORD, 0),
-        default=node.text("DefaultValue"),
-        allowed=node.text("AllowedValues"),
+        data_type=attributes.word(node, "DataType"),
+        byte_offset=attributes.number(node, "ByteOffset", 0xFFFF),
+        bit_offset=attributes.number(node, "BitOffset", 0xFF),
+        bit_length=attributes.number(node, "BitLength", 64),
+        length=attributes.number(node, "Length", MAX_RECORD),
+        default=attributes.text(node, "DefaultValue"),
+        allowed=attributes.text(node, "AllowedValues"),
         name=text(node),
-        changeable=node.flag("Changeable", default=True),
-        visible=node.flag("Visible", default=True),
+        changeable=attributes.flag(node, "Changeable"),
+        visible=attributes.flag(node, "Visible"),
     )
     if ref.byte_offset + (ref.octets or 0) > length:
         node.fail("ByteOffset", f"a place inside the record's {length} octets")
     return ref
 
 
-def parse_record(node: Node, text: Callable[[Node | None], str]) -> ParameterRecord:
+def parse_record(attributes: Attributes, node: Node, text: Callable[[Node | None], str]) -> ParameterRecord:
     """A ParameterRecordDataItem; ``text`` finds the text that an element's TextId names."""
-    length = node.number("Length", MAX_RECORD)
+    length = attributes.number(node, "Length", MAX_RECORD)
     if length == 0:
-        raise DecodeError("bad-value", f"line {node.line}: {node.name}/@Length is '0', a record has octets")
+        node.refuse("Length", "a record has octets")
     return ParameterRecord(
-        index=node.number("Index", 0xFFFF),
+        index=attributes.number(node, "Index", 0xFFFF),
         length=length,
         name=text(node.child("Name")),
-        transfer_sequence=node.number("TransferSequence", 0xFFFF, 0),
-        consts=tuple(_const(c, length) for c in node.all("Const")),
-        refs=tuple(read_ref(c, length, text) for c in node.all("Ref")),
+        transfer_sequence=attributes.number(node, "TransferSequence", 0xFFFF),
+        consts=tuple(_const(attributes, const, length) for const in node.all("Const")),
+        refs=tuple(read_ref(attributes, ref, length, text) for ref in node.all("Ref")),
     )

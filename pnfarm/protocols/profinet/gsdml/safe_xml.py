@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, NoReturn
 from xml.parsers import expat
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.gsdml.values import Numbers, parse_number, parse_tokens
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,8 +23,6 @@ MAX_OCTETS = 16 << 20
 MAX_ELEMENTS = 400_000
 MAX_DEPTH = 40
 MAX_ATTRIBUTES = 200
-
-_FLAGS = {"true": True, "1": True, "false": False, "0": False}
 
 
 @dataclass(slots=True)
@@ -39,9 +36,13 @@ class Node:
 
     def fail(self, attribute: str, allowed: str) -> NoReturn:
         """Raise :class:`DecodeError` with line, element and attribute, and what is allowed there."""
+        self.refuse(attribute, f"allowed is {allowed}")
+
+    def refuse(self, attribute: str, why: str) -> NoReturn:
+        """The same with any other reason."""
         value = self.attributes.get(attribute)
         what = "is missing" if value is None else f"is {_shown(value)}"
-        raise DecodeError("bad-value", f"line {self.line}: {self.name}/@{attribute} {what}, allowed is {allowed}")
+        raise DecodeError("bad-value", f"line {self.line}: {self.name}/@{attribute} {what}, {why}")
 
     # children
 
@@ -69,47 +70,8 @@ class Node:
         parent = self.child(*path[:-1])
         return [c for c in parent.children if c.name == path[-1]] if parent else []
 
-    # attributes
-
-    def text(self, attribute: str, default: str = "") -> str:
-        return self.attributes.get(attribute, default)
-
-    def word(self, attribute: str) -> str:
-        """A required text that is not empty."""
-        value = self.attributes.get(attribute, "")
-        if not value:
-            self.fail(attribute, "a text that is not empty")
-        return value
-
-    def number(self, attribute: str, maximum: int, default: int | None = None) -> int:
-        """An unsigned number; without ``default`` it must be there."""
-        value = self.attributes.get(attribute)
-        if value is None and default is not None:
-            return default
-        try:
-            return parse_number(value or "", maximum)
-        except ValueError as exc:
-            self.fail(attribute, str(exc))
-
-    def flag(self, attribute: str, *, default: bool = False) -> bool:
-        value = self.attributes.get(attribute)
-        if value is None:
-            return default
-        found = _FLAGS.get(value.strip())
-        return found if found is not None else self.fail(attribute, "true or false")
-
-    def numbers(self, attribute: str, default: Numbers | None = None, maximum: int = 0xFFFF) -> Numbers:
-        value = self.attributes.get(attribute)
-        if value is None:
-            return Numbers() if default is None else default
-        try:
-            return Numbers.parse(value, maximum)
-        except ValueError as exc:
-            self.fail(attribute, str(exc))
-
-    def tokens(self, attribute: str, default: tuple[str, ...] = ()) -> tuple[str, ...]:
-        value = self.attributes.get(attribute)
-        return default if value is None else parse_tokens(value)
+    def text(self, attribute: str) -> str:
+        return self.attributes.get(attribute, "")
 
 
 def _shown(value: str) -> str:
@@ -127,10 +89,11 @@ class _Builder:
         self.parser.StartElementHandler = self._start
         self.parser.EndElementHandler = self._end
 
-    def _doctype(self, *_: object) -> NoReturn:
-        raise DecodeError(
-            "doctype", f"line {self.parser.CurrentLineNumber}: a document type is declared, GSDML files have none"
-        )
+    def _doctype(self, name: str, *_: object) -> NoReturn:
+        what = "a document type is declared, GSDML files have none"
+        if name.lower() == "html":
+            what = "the file is a web page, perhaps the one that offers the GSDML file"
+        raise DecodeError("doctype", f"line {self.parser.CurrentLineNumber}: {what}")
 
     def _start(self, name: str, attributes: Mapping[str, str]) -> None:
         line = self.parser.CurrentLineNumber

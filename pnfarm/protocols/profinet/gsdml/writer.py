@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         ItemRef,
         ModuleItem,
         PortSubmodule,
+        Relations,
         UnitDiagnosis,
     )
     from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRef
@@ -219,9 +220,9 @@ class _Writer:
             _numbers("PhysicalSubslots", module.physical_subslots),
         )
         self._info(module.info)
-        self._useable(module.useable)
         self._virtual(module.submodules)
         self._system((), module.ports)
+        self._useable(module.useable)
         self._close("ModuleItem")
 
     def _dap(self, dap: Dap) -> None:
@@ -262,9 +263,11 @@ class _Writer:
             _number("MaxDataLength", dap.max_data, 0),
         )
         self._refs(dap.modules, "UseableModules", "ModuleItemRef", "ModuleItemTarget", "Slots")
-        self._useable(dap.useable)
         self._virtual(dap.submodules)
         self._system(dap.interfaces, dap.ports)
+        if dap.own_relations is not None:
+            self._relations(dap.own_relations)
+        self._useable(dap.useable)
         self._close("DeviceAccessPointItem")
 
     def _certification(self, certification: Certification | None) -> None:
@@ -282,7 +285,7 @@ class _Writer:
     def _submodule(self, element: str, item: SubmoduleItem, usual: Numbers) -> None:
         self._open(
             element,
-            ("ID", item.id),
+            ("ID", item.id or None),
             ("SubmoduleIdentNumber", f"0x{item.ident:08X}"),
             _number("API", item.api, 0),
             _numbers("FixedInSubslots", item.fixed, usual),
@@ -356,7 +359,7 @@ class _Writer:
     def _port(self, port: PortSubmodule, *, pluggable: bool = False) -> None:
         self._open(
             "PortSubmoduleItem",
-            ("ID", port.id),
+            ("ID", port.id or None),
             ("SubmoduleIdentNumber", f"0x{port.ident:08X}"),
             ("SubslotNumber", None if pluggable else str(port.subslot)),
             ("TextId", None if pluggable else self._text_id(port.name)),
@@ -368,17 +371,16 @@ class _Writer:
             self._open("ModuleInfo")
             self._named("Name", port.name)
             self._close("ModuleInfo")
-        if port.mau_types:
-            self._open("MAUTypeList")
-            for value in port.mau_types:
-                self._element("MAUTypeItem", _number("Value", value))
-            self._close("MAUTypeList")
+        self._open("MAUTypeList")
+        for value in port.mau_types:
+            self._element("MAUTypeItem", _number("Value", value))
+        self._close("MAUTypeList")
         self._close("PortSubmoduleItem")
 
     def _interface(self, interface: InterfaceSubmodule) -> None:
         self._open(
             "InterfaceSubmoduleItem",
-            ("ID", interface.id),
+            ("ID", interface.id or None),
             ("SubmoduleIdentNumber", f"0x{interface.ident:08X}"),
             ("SubslotNumber", str(interface.subslot)),
             ("TextId", self._text_id(interface.name)),
@@ -391,19 +393,22 @@ class _Writer:
             _flag("DCP_BoundarySupported", interface.dcp_boundary),
         )
         self._records(interface.records)
+        self._relations(interface.relations)
+        self._close("InterfaceSubmoduleItem")
+
+    def _relations(self, relations: Relations) -> None:
         self._open(
             "ApplicationRelations",
-            ("StartupMode", emit_tokens(interface.startup_modes)),
-            _number("NumberOfAR", interface.number_of_ars, 1),
-            _flag("PullModuleAlarmSupported", interface.pull_module_alarm),
+            ("StartupMode", emit_tokens(relations.startup_modes)),
+            _number("NumberOfAR", relations.number_of_ars, 1),
+            _flag("PullModuleAlarmSupported", relations.pull_module_alarm),
         )
         self._element(
             "TimingProperties",
-            _listed("SendClock", interface.send_clocks, DEFAULT_SEND_CLOCKS),
-            _listed("ReductionRatio", interface.ratios, DEFAULT_RATIOS),
+            _listed("SendClock", relations.send_clocks, DEFAULT_SEND_CLOCKS),
+            _listed("ReductionRatio", relations.ratios, DEFAULT_RATIOS),
         )
         self._close("ApplicationRelations")
-        self._close("InterfaceSubmoduleItem")
 
     def _diagnoses(self, diagnoses: Sequence[ChannelDiagnosis]) -> None:
         if not diagnoses:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError, DecodeError
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
 __all__ = ["load_gsdml"]
 
+#: A farm's many groups and a project's many devices have a few files.
+_parsed = lru_cache(maxsize=8)(parse_gsdml)
+
 
 def load_gsdml(path: Path) -> Gsdml:
     """Read a file; :class:`ConfigError` with its name, and what is wrong where, if it is not a GSDML file."""
@@ -24,6 +28,6 @@ def load_gsdml(path: Path) -> Gsdml:
     except OSError as exc:
         raise ConfigError(f"the GSDML file {path} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
     try:
-        return parse_gsdml(data)
+        return _parsed(data, path.name)
     except DecodeError as exc:
         raise ConfigError(f"{path}, {exc.detail or exc.reason}") from exc
