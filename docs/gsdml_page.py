@@ -29,8 +29,8 @@ One reader reads them all: `identity: {{gsdml: FILE}}` of a drive, `devices:` of
   refers to it; a text that the list of texts does not have, which is shown as its ID.
 
 `since` is the first version with the attribute, as far as PI's schemas V2.35 and V2.44 and makers' files of
-V1.0 to V2.44 show it, and `asked for` the first version that asks for it. `without it` is what counts where a file lacks
-it.
+V1.0 to V2.44 show it, and `asked for` the first version that asks for it. `without it` is what counts where a file
+lacks it.
 
 | element | attribute | since | asked for | without it | |
 |---|---|---|---|---|---|
