@@ -15,7 +15,6 @@ from pnfarm.vocabulary.conditions import ConditionError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.library.farm import Farm
     from pnfarm.library.fault import FaultHandle
     from pnfarm.library.passing import Passing
     from pnfarm.station.station import Station
@@ -24,16 +23,16 @@ __all__ = ["Drive"]
 
 
 class Drive(DriveReadings):
-    """A drive: every reading is the present one."""
+    """A drive: every reading is the present one.  ``inject`` is :meth:`pnfarm.Farm.fault`."""
 
-    def __init__(self, farm: Farm, passing: Passing, station: Station) -> None:
+    def __init__(self, inject: Callable[..., FaultHandle], passing: Passing, station: Station) -> None:
         super().__init__(passing.core, station, passing.now)
-        self._farm = farm
+        self._inject = inject
         self._passing = passing
 
     def fault(self, kind: str, **options: Any) -> FaultHandle:
         """Break it: :meth:`pnfarm.Farm.fault` on this drive; ``await`` the result or use it with ``async with``."""
-        return self._farm.fault(kind, self.name, **options)
+        return self._inject(kind, self.name, **options)
 
     async def wait_for(self, condition: str, within: float | str) -> float:
         """Until a condition holds, as scenarios write it: ``"state == S4 and velocity > 1000"``; how long it took, s.

@@ -88,7 +88,7 @@ class Farm:
         """Start it; on failure nothing is left behind.  Raises :class:`~pnfarm.errors.EnvironmentError_`."""
         await self._passing.open()
         self._began_ns = self._passing.now()
-        self._drives = {s.configured_name: Drive(self, self._passing, s) for s in self.core.stations}
+        self._drives = {s.configured_name: Drive(self.fault, self._passing, s) for s in self.core.stations}
 
     async def close(self) -> None:
         """End every fault, stop the drives, and remove every interface that the farm made.  Twice does nothing."""

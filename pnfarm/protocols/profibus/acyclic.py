@@ -7,7 +7,7 @@ Guideline 2.082; Moog MSD manual 9.1, tables 9.2 and 9.3.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profibus.slave_user import AcyclicClosed, AcyclicOpened, RecordRefusedError
@@ -32,7 +32,9 @@ from pnfarm.protocols.profibus.wire.dpv1 import (
 from pnfarm.protocols.profibus.wire.telegram import Answer, Sap, ShortAck
 
 if TYPE_CHECKING:
-    from pnfarm.protocols.profibus.slave import Slave
+    from collections import Counter
+
+    from pnfarm.protocols.profibus.slave_user import SlaveEvent, SlaveOptions, SlaveUser
     from pnfarm.protocols.profibus.wire.telegram import Line, Telegram
 
 __all__ = ["ClassOne", "ClassTwo"]
@@ -45,10 +47,30 @@ PATIENCE: Final = 3
 LEAST_SEND_TIMEOUT_NS: Final = 100_000_000
 
 
+class RecordSlave(Protocol):
+    """What the two channels need of their slave."""
+
+    user: SlaveUser
+    options: SlaveOptions
+    dropped: Counter[str]
+
+    def note(self, event: SlaveEvent) -> None:
+        """Something happened."""
+        ...
+
+    def answer_data(self, telegram: Telegram, data: bytes) -> Line:
+        """An answer with data of the services of DP-V1."""
+        ...
+
+    def answer_without(self, telegram: Telegram, answer: Answer) -> Line:
+        """An answer of theirs without."""
+        ...
+
+
 class _Records:
     """One request at a time of one client: what it asked for, and what is to be answered."""
 
-    def __init__(self, slave: Slave, client: int) -> None:
+    def __init__(self, slave: RecordSlave, client: int) -> None:
         self._slave = slave
         self._client = client
         self._working: Access | None = None
@@ -113,7 +135,7 @@ class _Records:
 class ClassOne:
     """MSAC1: access point 51 on both sides."""
 
-    def __init__(self, slave: Slave) -> None:
+    def __init__(self, slave: RecordSlave) -> None:
         self._slave = slave
         self._records = _Records(slave, 0)
 
@@ -157,7 +179,7 @@ class _Connection:
 class ClassTwo:
     """MSAC2: resource manager at access point 49, connections at those below."""
 
-    def __init__(self, slave: Slave) -> None:
+    def __init__(self, slave: RecordSlave) -> None:
         self._slave = slave
         self._connections: dict[int, _Connection] = {}
 

@@ -58,12 +58,11 @@ from pnfarm.protocols.profibus.wire.timing import LEAST_TSDR_BITS
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.protocols.profibus.slave_user import SlaveEvent, SlaveUser
+    from pnfarm.protocols.profibus.slave_user import SlaveEvent, SlaveOptions, SlaveUser
     from pnfarm.protocols.profibus.wire.telegram import Line
 
 __all__ = [
     "BAD_LENGTH", "CONFIGURED_WRONG", "LEFT", "PARAMETERS_AGAIN", "PARAMETERS_WRONG", "UNLOCKED", "WATCHDOG", "Slave",
-    "SlaveOptions",
 ]  # fmt: skip
 
 # Why a slave left what it did.
@@ -96,28 +95,6 @@ _SDA: Final = frozenset({Request.SDA_LOW, Request.SDA_HIGH})
 )  # fmt: skip
 #: Longest that an answer of DP may make the others wait is told in Set_Prm; longer ones are not believed.
 _NO_WATCHDOG: Final = 0
-
-
-@dataclass(slots=True)
-class SlaveOptions:
-    """What a slave is; injections replace some of it.
-
-    ``silence_ns``: without a good telegram for so long, the slave seeks the baud rate again.  ``address_changes``:
-    whether Set_Slave_Add is taken.  ``connections``: of masters of class 2.  ``class_two_exchanged``: their requests
-    are taken with DSAP and SSAP exchanged, too.
-    """
-
-    ident: int
-    supports_freeze: bool = True
-    supports_sync: bool = True
-    supports_fail_safe: bool = False
-    address_changes: bool = True
-    v1: bool = True
-    connections: int = 4
-    longest_record: int = 240
-    send_timeout_ns: int = 1_000_000_000
-    class_two_exchanged: bool = False
-    silence_ns: int = 5_000_000_000
 
 
 class _Sign(Enum):

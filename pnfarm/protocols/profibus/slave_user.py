@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "AcyclicClosed", "AcyclicOpened", "AddressSet", "BaudFound", "BaudLost", "ClearChanged", "ConfigurationRefused",
-    "ExchangeBegan", "Left", "ParametersRefused", "ParametersTaken", "RecordRefusedError", "SlaveEvent", "SlaveUser",
+    "ExchangeBegan", "Left", "ParametersRefused", "ParametersTaken", "RecordRefusedError", "SlaveEvent", "SlaveOptions",
+    "SlaveUser",
 ]  # fmt: skip
 
 
@@ -23,6 +24,28 @@ class RecordRefusedError(Exception):
         super().__init__(f"0x{code1:02x} 0x{code2:02x}")
         self.code1 = code1
         self.code2 = code2
+
+
+@dataclass(slots=True)
+class SlaveOptions:
+    """What a slave is; injections replace some of it.
+
+    ``silence_ns``: without a good telegram for so long, the slave seeks the baud rate again.  ``address_changes``:
+    whether Set_Slave_Add is taken.  ``connections``: of masters of class 2.  ``class_two_exchanged``: their requests
+    are taken with DSAP and SSAP exchanged, too.
+    """
+
+    ident: int
+    supports_freeze: bool = True
+    supports_sync: bool = True
+    supports_fail_safe: bool = False
+    address_changes: bool = True
+    v1: bool = True
+    connections: int = 4
+    longest_record: int = 240
+    send_timeout_ns: int = 1_000_000_000
+    class_two_exchanged: bool = False
+    silence_ns: int = 5_000_000_000
 
 
 class SlaveUser(Protocol):

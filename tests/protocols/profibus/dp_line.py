@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from pnfarm.protocols.profibus.master import Master, MasterSettings, SlavePlan
-from pnfarm.protocols.profibus.slave import Slave, SlaveOptions
-from pnfarm.protocols.profibus.slave_user import RecordRefusedError
+from pnfarm.protocols.profibus.slave import Slave
+from pnfarm.protocols.profibus.slave_user import RecordRefusedError, SlaveOptions
 from pnfarm.protocols.profibus.wire.telegram import emit_telegram, parse_telegram
 from pnfarm.protocols.profibus.wire.timing import bits_ns, line_ns
 

@@ -9,7 +9,8 @@ from dp_line import IDENT, MS, Drive
 
 from pnfarm.protocols.profibus.record_request import RecordRequest
 from pnfarm.protocols.profibus.records_master import RecordsMaster, RecordsSettings
-from pnfarm.protocols.profibus.slave import Slave, SlaveOptions
+from pnfarm.protocols.profibus.slave import Slave
+from pnfarm.protocols.profibus.slave_user import SlaveOptions
 from pnfarm.protocols.profibus.wire.telegram import Request, ShortAck, Telegram, Token, emit_telegram, parse_telegram
 
 

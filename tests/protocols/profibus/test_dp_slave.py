@@ -8,8 +8,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from pnfarm.protocols.profibus.slave import TRANSITIONS, Slave, SlaveOptions
-from pnfarm.protocols.profibus.slave_user import AddressSet, BaudFound, BaudLost, Left, ParametersRefused
+from pnfarm.protocols.profibus.slave import TRANSITIONS, Slave
+from pnfarm.protocols.profibus.slave_user import AddressSet, BaudFound, BaudLost, Left, ParametersRefused, SlaveOptions
 from pnfarm.protocols.profibus.wire.dp import (
     NO_MASTER,
     Control,

@@ -12,7 +12,7 @@ from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
     from pnfarm.buses.ethernetip.device.channels import IoChannels
-    from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
+    from pnfarm.buses.ethernetip.device.parts import DeviceParts
     from pnfarm.protocols.enip.connection import Connection
 
 __all__ = ["CONNECTION_STATES", "USUAL_LOSSES", "connection_of", "details_of", "losses_in_words", "view_of"]
@@ -31,13 +31,13 @@ _WORDS = {
 }
 
 
-def _main(device: EthernetIpDevice) -> IoChannels | None:
+def _main(device: DeviceParts) -> IoChannels | None:
     """The owner's connection, else the oldest one."""
     opened = list(device.channels.open.values())
     return next((one for one in opened if one.feeds), opened[0] if opened else None)
 
 
-def connection_of(device: EthernetIpDevice) -> ConnectionView | None:
+def connection_of(device: DeviceParts) -> ConnectionView | None:
     """The owner's cyclic connection, or another one; a class 3 connection has only a state."""
     channels = _main(device)
     if channels is None:
@@ -57,12 +57,12 @@ def connection_of(device: EthernetIpDevice) -> ConnectionView | None:
     )
 
 
-def losses_in_words(device: EthernetIpDevice) -> dict[str, int]:
+def losses_in_words(device: DeviceParts) -> dict[str, int]:
     """Lost connections, by the reason in words."""
     return {_WORDS[reason]: count for reason, count in device.connections.lost.items()}
 
 
-def view_of(device: EthernetIpDevice) -> dict[str, Any]:
+def view_of(device: DeviceParts) -> dict[str, Any]:
     """Name and address: a drive's data that only EtherNet/IP has."""
     config = device.config
     return {
@@ -73,7 +73,7 @@ def view_of(device: EthernetIpDevice) -> dict[str, Any]:
     }
 
 
-def details_of(device: EthernetIpDevice) -> dict[str, Any]:
+def details_of(device: DeviceParts) -> dict[str, Any]:
     """Sessions, and each row of the Connection Manager's table."""
     return {
         "sessions": device.adapter.encapsulation.sessions,

@@ -21,7 +21,8 @@ from pnfarm.drives.network import NoNetwork
 from pnfarm.errors import DecodeError
 from pnfarm.firmware.interpolation import POSITION_MODE
 from pnfarm.protocols.profibus import slave_user as dp
-from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave, SlaveOptions
+from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave
+from pnfarm.protocols.profibus.slave_user import SlaveOptions
 from pnfarm.protocols.profibus.wire.dp import DpState
 from pnfarm.protocols.profibus.wire.telegram import (
     BODY,
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
-    from pnfarm.buses.profibus.device.segment import ProfibusSegment
+    from pnfarm.buses.profibus.device.parts import LineParts
     from pnfarm.drives.store import ParameterStore
     from pnfarm.engine.closed_channels import ClosedChannels
     from pnfarm.protocols.profibus.slave_user import SlaveEvent
@@ -84,7 +85,7 @@ class ProfibusDevice:
         self._rate = getattr(station.port, "rate", None)
         self._baud = getattr(station.port, "baud", 0)
         #: What the slaves of the line share; set by the segment.
-        self.line: ProfibusSegment | None = None
+        self.line: LineParts | None = None
         self._answers: list[bytes] = []
         #: Counts parametrisations: which of them is in force.
         self.number = 0

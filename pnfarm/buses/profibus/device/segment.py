@@ -11,7 +11,7 @@ from pnfarm.protocols.profibus.wire.telegram import BODY, BROADCAST, EXTENDED, b
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from pnfarm.buses.profibus.device.device import ProfibusDevice
+    from pnfarm.buses.profibus.device.parts import SlaveParts
 
 __all__ = ["ProfibusSegment"]
 
@@ -26,7 +26,7 @@ class ProfibusSegment:
     lives.
     """
 
-    def __init__(self, devices: Sequence[ProfibusDevice]) -> None:
+    def __init__(self, devices: Sequence[SlaveParts]) -> None:
         self._devices = {device.port.index: device for device in devices}
         #: Ports that a telegram to an address concerns.
         self._by_address: dict[int | None, list[int]] = {}

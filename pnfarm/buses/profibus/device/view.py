@@ -18,7 +18,7 @@ from pnfarm.protocols.profibus.wire.dp import NO_MASTER, DpState
 from pnfarm.station.device import ConnectionView
 
 if TYPE_CHECKING:
-    from pnfarm.buses.profibus.device.device import ProfibusDevice
+    from pnfarm.buses.profibus.device.parts import SlaveParts
 
 __all__ = ["CONNECTION_STATES", "USUAL_LOSSES", "connection_of", "details_of", "lamps_of", "losses_in_words", "view_of"]
 
@@ -43,7 +43,7 @@ _WORDS = {
 }
 
 
-def connection_of(device: ProfibusDevice) -> ConnectionView | None:
+def connection_of(device: SlaveParts) -> ConnectionView | None:
     """The master's hold on the slave; None while it waits for parameters."""
     slave = device.slave
     if slave.master == NO_MASTER:
@@ -59,12 +59,12 @@ def connection_of(device: ProfibusDevice) -> ConnectionView | None:
     )
 
 
-def losses_in_words(device: ProfibusDevice) -> dict[str, int]:
+def losses_in_words(device: SlaveParts) -> dict[str, int]:
     """Lost connections, by the reason in words."""
     return {_WORDS[reason]: count for reason, count in device.lost.items()}
 
 
-def lamps_of(device: ProfibusDevice) -> dict[str, str]:
+def lamps_of(device: SlaveParts) -> dict[str, str]:
     """H1 to H3 and how each is lit (Moog MSD manual 4.2.1)."""
     slave = device.slave
     state = LampState(
@@ -81,7 +81,7 @@ def lamps_of(device: ProfibusDevice) -> dict[str, str]:
     return lamps(device.product, state)
 
 
-def view_of(device: ProfibusDevice) -> dict[str, Any]:
+def view_of(device: SlaveParts) -> dict[str, Any]:
     """Address, lamps, masters: a drive's data that only PROFIBUS has."""
     slave = device.slave
     return {
@@ -91,7 +91,7 @@ def view_of(device: ProfibusDevice) -> dict[str, Any]:
     }
 
 
-def details_of(device: ProfibusDevice) -> dict[str, Any]:
+def details_of(device: SlaveParts) -> dict[str, Any]:
     """What is set on its line, and by whom."""
     slave = device.slave
     return {

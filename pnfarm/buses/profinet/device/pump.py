@@ -7,11 +7,12 @@ the device, which recreates them at each power-on.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.buses.profinet.device import events as happened
 from pnfarm.buses.profinet.device.factory_reset import clear_memory
 from pnfarm.buses.profinet.device.neighbours import port_diagnosis
+from pnfarm.buses.profinet.device.parts import DeviceParts
 from pnfarm.buses.profinet.device.record_memory import record_word
 from pnfarm.errors import InternalError
 from pnfarm.protocols.ip.host import DatagramReceived
@@ -26,7 +27,15 @@ from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_etherne
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.buses.profinet.device.device import ProfinetDevice
+    from pnfarm.buses.profinet.device.config import DeviceConfig
+    from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
+    from pnfarm.buses.profinet.device.connections import StationConnections
+    from pnfarm.protocols.ip.host import IpHost
+    from pnfarm.protocols.profinet.record_store import DeviceRecords
+    from pnfarm.protocols.profinet.rpc_client import RpcClient
+    from pnfarm.protocols.profinet.rpc_server import RpcServer
+    from pnfarm.protocols.profinet.snmp import SnmpAgent
+    from pnfarm.station.station import Station
 
 __all__ = ["CALL_PORT", "DevicePump"]
 
@@ -36,10 +45,28 @@ CALL_PORT = 49_152
 ARGS_MAXIMUM = 16_384
 
 
+class PumpedDevice(DeviceParts, Protocol):
+    """The machines between which events are carried, and the drive."""
+
+    station: Station
+    budget: ConnectBudget
+    connections: StationConnections
+    ip: IpHost
+    rpc: RpcServer
+    client: RpcClient
+    records: DeviceRecords
+    snmp: SnmpAgent
+
+    @property
+    def config(self) -> DeviceConfig:
+        """This drive's settings in the farm file."""
+        ...
+
+
 class DevicePump:
     """See the module's docstring."""
 
-    def __init__(self, device: ProfinetDevice) -> None:
+    def __init__(self, device: PumpedDevice) -> None:
         self._device = device
         #: Tokens of the context management's open calls, by the RPC client's id.
         self._calls: dict[int, int] = {}

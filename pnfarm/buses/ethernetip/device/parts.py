@@ -1,0 +1,44 @@
+"""A device as its observers see it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address
+
+    from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
+    from pnfarm.buses.ethernetip.device.address import DeviceAddress
+    from pnfarm.buses.ethernetip.device.channels import StationChannels
+    from pnfarm.buses.ethernetip.device.connections import StationConnections
+    from pnfarm.protocols.enip.adapter import Adapter
+    from pnfarm.protocols.enip.connection import Connection
+
+__all__ = ["DeviceParts"]
+
+
+class DeviceParts(Protocol):
+    """The machines are recreated at each power-on."""
+
+    adapter: Adapter
+    address: DeviceAddress
+    channels: StationChannels
+    connections: StationConnections
+
+    @property
+    def config(self) -> EthernetIpDriveConfig:
+        """This drive's settings in the farm file."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """The present station name."""
+        ...
+
+    def next_hop(self, address: IPv4Address) -> bytes | None:
+        """The MAC address to which frames for an address go, None while it is not known."""
+        ...
+
+    def originator_name(self, connection: Connection) -> str:
+        """Who opened the connection, for people."""
+        ...
