@@ -7,7 +7,7 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING
 
 from pnfarm.api.guard import SAFE_METHODS, WHO
-from pnfarm.station.events import Event
+from pnfarm.station.event import Event
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -9,7 +9,6 @@ and its sign of life goes on, so that the drive stops along its ramp.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,7 @@ from pnfarm.controller.program_file import error_text, make_program, place_of
 from pnfarm.controller.program_worker import Call, Worker
 from pnfarm.drives.signal_view import Inputs, Outputs
 from pnfarm.firmware.profidrive.axis_program import READY
-from pnfarm.station.events import Event
+from pnfarm.station.event import Event, event
 from pnfarm.table.channel import IDLE
 
 if TYPE_CHECKING:
@@ -39,23 +38,19 @@ Note = Callable[[int, str, Event], object]
 TOLD_AGAIN = 10
 
 
-@dataclass(frozen=True, slots=True)
+@event("axis program failed", "error")
 class ProgramFailed(Event):
     """A user's program raised an exception or did not return: its axis is stopped for good."""
 
-    TEXT = "axis program failed"
-    LEVEL = "error"
     error: str
     file: str
     line: int
 
 
-@dataclass(frozen=True, slots=True)
+@event("axis program late", "warning")
 class ProgramLate(Event):
     """A user's program takes longer than the cycle: telegrams went out with old set points."""
 
-    TEXT = "axis program late"
-    LEVEL = "warning"
     duration_seconds: float
     cycle_seconds: float
     missed_cycles: int

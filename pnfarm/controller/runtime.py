@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.engine.realtime import RealTimeSettings
     from pnfarm.links.base import Link
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
 
 __all__ = ["Plc"]
 

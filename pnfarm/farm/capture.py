@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from pnfarm.links.base import Port
     from pnfarm.links.pcap_files import BlockSink
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
     from pnfarm.wire.direction import Direction
 
 __all__ = ["CaptureSettings", "FarmCapture", "parse_size", "prepare"]

@@ -71,7 +71,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.model import Model
     from pnfarm.faults.manager import Injection, InjectionManager
     from pnfarm.links.base import Link, Port
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
 
 __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
 

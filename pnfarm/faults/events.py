@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from pnfarm.station.events import Event
+from pnfarm.station.event import Event, event
 
 __all__ = ["InjectionBegan", "InjectionEnded"]
 
 
-@dataclass(frozen=True, slots=True)
+@event("fault injected", "warning")
 class InjectionBegan(Event):
     """An injection took effect on a drive."""
 
-    TEXT = "fault injected"
-    LEVEL = "warning"
     id: str
     kind: str
 
 
-@dataclass(frozen=True, slots=True)
+@event("injected fault ended")
 class InjectionEnded(Event):
     """An injection ended on a drive, with its evidence.
 
     ``reason``: ``count``, ``time``, ``cleared``, ``ttl``, or why it failed; ``why`` it was not confirmed.
     """
 
-    TEXT = "injected fault ended"
     id: str
     kind: str
     reason: str

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     import httpx
 
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
 
 __all__ = ["Hub", "read"]
 

@@ -17,7 +17,7 @@ import structlog
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
 
 __all__ = ["EventLog", "LogEntry"]
 

@@ -45,8 +45,8 @@ if TYPE_CHECKING:
     from pnfarm.drives.model import Model
     from pnfarm.drives.motion_tasks import MotionTask
     from pnfarm.station.device import Device
+    from pnfarm.station.event import Event
     from pnfarm.station.event_log import EventLog
-    from pnfarm.station.events import Event
     from pnfarm.station.imperfections import Imperfections
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 

@@ -42,7 +42,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shown
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
 
 __all__ = ["EVENTS", "TRIGGER", "EventTrigger", "SignalTrigger", "Trigger", "parse_trigger"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from pnfarm.station.events import Event
+from pnfarm.station.event import Event
 
 
 @dataclass(frozen=True)

@@ -144,6 +144,11 @@ class Connection:
     last_reply: bytes = field(default=b"", repr=False)
 
     @property
+    def originator_name(self) -> str:
+        """Vendor and serial number of the originator: it has no name."""
+        return f"0x{self.triad.vendor_id:04x}-{self.triad.originator_serial:08x}"
+
+    @property
     def timeout_ns(self) -> int:
         """Silence of the originator that ends the connection: the interval times 4, 8, ... 512."""
         return (self.o_to_t_api_us * 1000) << (2 + self.timeout_multiplier)

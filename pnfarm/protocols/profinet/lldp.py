@@ -197,6 +197,10 @@ class Neighbour:
         """MAC address of the neighbour's interface, as PROFINET's TLV has it."""
         return next((t.mac for t in self.tlvs if isinstance(t, ChassisMac)), None)
 
+    def facts(self) -> dict[str, str]:
+        """Its names and address, for events."""
+        return {"neighbour": self.station_name, "neighbour_port": self.port_name, "mac": self.mac.hex(":")}
+
     @property
     def mau_type(self) -> int | None:
         return next((t.mau_type for t in self.tlvs if isinstance(t, MacPhyStatus)), None)

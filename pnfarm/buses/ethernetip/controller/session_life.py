@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Port
     from pnfarm.links.sockets import SocketCarrier
     from pnfarm.protocols.enip.originator_events import OriginatorNote
+    from pnfarm.station.event import Event
     from pnfarm.station.event_log import EventLog
-    from pnfarm.station.events import Event
 
 __all__ = ["SessionLife"]
 

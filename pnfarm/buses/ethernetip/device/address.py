@@ -10,16 +10,16 @@ from __future__ import annotations
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
 
-from pnfarm.buses.ethernetip.device import events as happened
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.ip.claim import AddressClaim, ClaimSign, ClaimState
+from pnfarm.station.events import AddressConflict, AddressConflictOver, AddressNotUsed
 from pnfarm.wire.arp import OPERATION_REPLY, OPERATION_REQUEST, ArpPacket, emit_arp, parse_arp
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
 
 __all__ = ["DeviceAddress"]
 
@@ -118,16 +118,16 @@ class DeviceAddress:
                 if self._defended is None or now - self._defended >= DEFEND_NS:
                     self._defended = now
                     self._announce()
-                    self._note(now, happened.AddressConflict(self.ip, other))
+                    self._note(now, AddressConflict(self.ip, other))
             case "refuse":
-                self._note(now, happened.AddressNotUsed(self.ip, other))
+                self._note(now, AddressNotUsed(self.ip, other))
             case "take":
                 self.conflict_mac = None
                 self._announce()
-                self._note(now, happened.AddressConflictOver(self.ip))
+                self._note(now, AddressConflictOver(self.ip))
             case "settle":
                 self.conflict_mac = None
-                self._note(now, happened.AddressConflictOver(self.ip))
+                self._note(now, AddressConflictOver(self.ip))
 
     def _announce(self) -> None:
         self._send(OPERATION_REQUEST, self.ip, NIL, self.ip, BROADCAST)

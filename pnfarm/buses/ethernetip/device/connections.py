@@ -126,14 +126,12 @@ class StationConnections:
             self.lost_owner = False
             self._station.store.watchdog_ns = connection.timeout_ns
             self._station.handle.axis.interpolation.settings.cycle_ns = channels.cycle_ns
-        triad = connection.triad
         self._station.note(
             now,
             happened.IoConnectionOpened(
                 connection.kind.value,
                 connection.originator,
-                triad.vendor_id,
-                triad.originator_serial,
+                connection.originator_name,
                 channels.cycle_ns,
                 channels.production_ns,
                 connection.timeout_ns,

@@ -55,9 +55,8 @@ if TYPE_CHECKING:
     from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
     from pnfarm.drives.store import ParameterStore
     from pnfarm.engine.closed_channels import ClosedChannels
-    from pnfarm.protocols.enip.connection import Connection
     from pnfarm.station.device import ConnectionView
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
     from pnfarm.station.station import Station
     from pnfarm.wire.endpoint import SocketAction, SocketEvent
 
@@ -449,10 +448,6 @@ class EthernetIpDevice:
     def details(self) -> dict[str, Any]:
         """See :class:`pnfarm.station.device.Device`."""
         return details_of(self)
-
-    def originator_name(self, connection: Connection) -> str:
-        """Vendor and serial number of a connection's originator: it has no name."""
-        return f"0x{connection.triad.vendor_id:04x}-{connection.triad.originator_serial:08x}"
 
     # -- inside ------------------------------------------------------------------------------------------------------
 

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from pnfarm.buses.ethernetip.device.channels import StationChannels
     from pnfarm.buses.ethernetip.device.connections import StationConnections
     from pnfarm.protocols.enip.adapter import Adapter
-    from pnfarm.protocols.enip.connection import Connection
 
 __all__ = ["DeviceParts"]
 
@@ -37,8 +36,4 @@ class DeviceParts(Protocol):
 
     def next_hop(self, address: IPv4Address) -> bytes | None:
         """The MAC address to which frames for an address go, None while it is not known."""
-        ...
-
-    def originator_name(self, connection: Connection) -> str:
-        """Who opened the connection, for people."""
         ...

@@ -46,7 +46,7 @@ def connection_of(device: DeviceParts) -> ConnectionView | None:
     connection = channels.connection
     return ConnectionView(
         connection.state.value,
-        device.originator_name(connection),
+        connection.originator_name,
         connection.originator,
         device.next_hop(connection.originator) or b"",
         channels.cycle_ns,
@@ -81,7 +81,7 @@ def details_of(device: DeviceParts) -> dict[str, Any]:
             {
                 "kind": connection.kind.value,
                 "ip": str(connection.originator),
-                "originator": device.originator_name(connection),
+                "originator": connection.originator_name,
                 "serial": f"0x{connection.triad.serial:04X}",
                 "state": connection.state.value,
                 "rpi_seconds": connection.o_to_t_api_us / 1e6,

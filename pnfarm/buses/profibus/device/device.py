@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.closed_channels import ClosedChannels
     from pnfarm.protocols.profibus.slave_user import SlaveEvent
     from pnfarm.station.device import ConnectionView
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
     from pnfarm.station.lateness import Lateness
     from pnfarm.station.station import Station
 

@@ -26,6 +26,7 @@ from pnfarm.protocols.profinet.dcp_rules import (
     SignalEnded,
 )
 from pnfarm.protocols.profinet.wire.fsu import FSU_DATA_ADJUST_INDEX, parse_fsu_data_adjust
+from pnfarm.station import events as happened
 from pnfarm.station.events import StartUpPhase
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.device.config import DeviceConfig
     from pnfarm.protocols.ip.host import IpEvent
     from pnfarm.protocols.profinet.dcp_rules import DcpDeviceEvent
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
 
 __all__ = ["Note", "StationAddress"]
 
@@ -148,13 +149,13 @@ class StationAddress:
         match event:
             case AddressConflict(ip, mac) if mac != self.conflict_mac:
                 self.dcp.ip_conflict, self.conflict_mac = True, mac
-                self._note(now, events.AddressConflict(ip, mac))
+                self._note(now, happened.AddressConflict(ip, mac))
             case AddressRefused(ip, mac):
                 self.dcp.ip_conflict, self.dcp.ip_in_use, self.conflict_mac = True, False, mac
-                self._note(now, events.AddressNotUsed(ip, mac))
+                self._note(now, happened.AddressNotUsed(ip, mac))
             case AddressSettled(ip):
                 self._no_conflict()
-                self._note(now, events.AddressConflictOver(ip))
+                self._note(now, happened.AddressConflictOver(ip))
             case _:
                 pass
 

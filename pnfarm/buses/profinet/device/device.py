@@ -70,7 +70,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.dcp_device import DcpDevice
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
     from pnfarm.station.device import ConnectionView
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
     from pnfarm.station.station import Station
 
 __all__ = ["ProfinetDevice"]

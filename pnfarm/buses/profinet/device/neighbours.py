@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.lldp import Neighbour
     from pnfarm.protocols.profinet.pdev_checks import CheckPassed
     from pnfarm.protocols.profinet.wire.lldp import Lldpdu
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
 
 __all__ = ["StationNeighbours", "port_diagnosis", "port_numbers", "system_identification"]
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.dcp_device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription
     from pnfarm.protocols.profinet.mib_view import SystemText
-    from pnfarm.station.events import Event
+    from pnfarm.station.event import Event
     from pnfarm.station.parameter_words import StationParameterWords
 
 __all__ = ["DeviceParts"]
