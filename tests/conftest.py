@@ -15,10 +15,16 @@ from pathlib import Path
 import pytest
 from _pytest.runner import runtestprotocol
 from hypothesis import HealthCheck, settings
+from hypothesis.database import DirectoryBasedExampleDatabase
 
 # A time is no property: the machine may be busy, or the code interpreted.  Nor is how often a draw is filtered out.
+# What failed once is tried again on this machine, by any checkout: a clone of CI is new each time.
+EXAMPLES = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pnfarm" / "examples"
 settings.register_profile(
-    "pnfarm", deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much]
+    "pnfarm",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much],
+    database=DirectoryBasedExampleDatabase(EXAMPLES),
 )
 settings.load_profile("pnfarm")
 

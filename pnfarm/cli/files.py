@@ -223,7 +223,7 @@ def summary(config: FarmConfig) -> str:
         on = f" on {bus_of_controller(section).title}" if several else ""
         parts.append(f"controller {section.name}{on}")
         if section.device_names:
-            parts.append(f"{counted(len(section.device_names), 'device')} by GSDML file")
+            parts.append(f"{counted(len(section.device_names), 'device')} by {section.description_file} file")
     return ", ".join(parts)
 
 

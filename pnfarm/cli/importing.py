@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -13,14 +12,10 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.imports import FoundDrive, FoundStation
 
-__all__ = ["farm_text", "importing"]
+__all__ = ["importing"]
 
-#: Characters of a comment's line.
-_WIDTH = 116
 #: Frames between two looks at how far the reading is.
 SHOWN_FRAMES = 5000
-#: A name that a farm file may have.
-_NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]*[a-z0-9])?(?:\.[a-z0-9](?:[a-z0-9-]*[a-z0-9])?)*")
 
 
 def importing(
@@ -54,18 +49,22 @@ def importing(
 ) -> None:
     """Make a farm file of a capture or a TIA project's CAx data: what no model stands for is listed in comments."""
     from pnfarm.errors import ConfigError
+    from pnfarm.farm.file.found import farm_name, write_farm
     from pnfarm.terminal.output import print_line
 
+    folder = Path.cwd() if output is None else output.resolve().parent
     if _is_project(file):
         # names of files in a farm file are relative to its folder
-        base = Path.cwd() if output is None else output.resolve().parent
-        drives, others = _of_project(file, [*(gsdml or []), file.parent], base)
+        drives, others = _of_project(file, [*(gsdml or []), file.parent], folder)
     else:
         drives, others = _of_capture(file)
     if not drives and not others:
         needed = "a capture needs the start of a connection (Connect, Forward_Open, Set_Prm), or an answer to a search"
         raise ConfigError(f"{file} shows no device" + ("" if _is_project(file) else f": {needed}"))
-    text = farm_text(drives, others, name or _farm_name(file.stem), parent, str(file.name))
+    made = write_farm(drives, others, name or farm_name(file.stem), parent, file.name, folder)
+    for line in made.left_out:
+        typer.echo(f"{file}: {line}", err=True)
+    text, drives, others = made.text, made.drives, made.others
     if output is None:
         typer.echo(text, nl=False)
         return
@@ -84,7 +83,7 @@ def importing(
         print_line("next: read its comments, choose a model (`pnfarm models`), and add `drives:`")
 
 
-def _counted(drives: list[FoundDrive], others: list[FoundStation]) -> tuple[tuple[Sequence[object], str], ...]:
+def _counted(drives: Sequence[FoundDrive], others: Sequence[FoundStation]) -> tuple[tuple[Sequence[object], str], ...]:
     return (drives, "drive"), (others, "other station")
 
 
@@ -148,83 +147,3 @@ def _of_capture(file: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
     if reader.complaint is not None:
         typer.echo(f"{file}: the file cannot be read to its end: {reader.complaint}", err=True)
     return _parted([one for key, bus in importing_buses.items() for one in bus.found(decoder.buses[key])])
-
-
-def _farm_name(stem: str) -> str:
-    found = re.sub(r"[^a-z0-9-]+", "-", stem.lower()).strip("-")
-    return found[:40] or "imported"
-
-
-def farm_text(drives: Sequence[FoundDrive], others: Sequence[FoundStation], name: str, parent: str, source: str) -> str:
-    """The farm file, with comments about what was seen."""
-    lines = [
-        f"# Made by `pnfarm import {source}`. What was seen of each drive is in its comments: check them.",
-        f"farm: {name}",
-        *_link(drives or others, parent),
-        "api: 127.0.0.1:8702",
-    ]
-    if drives:
-        lines.append("drives:")
-        taken: set[str] = set()
-        for drive in drives:
-            lines += _group(drive, taken)
-    else:
-        lines += [
-            "# No drive of a known kind was seen (`pnfarm models` lists them), and a farm needs one:",
-            "# drives:",
-        ]
-    if others:
-        lines += ["", "# Other stations, which no model stands for:"]
-        for one in others:
-            lines += _comment(f"{one.name}: {'; '.join(one.facts)}", "#   ")
-    return "\n".join(lines) + "\n"
-
-
-def _link(stations: Sequence[FoundDrive | FoundStation], parent: str) -> list[str]:
-    """The network's link, a line, or both; a capture does not say how a line is reached, nor its rate."""
-    lines = sorted({one.line for one in stations if one.line})
-    if lines and all(one.line for one in stations):
-        return ["link: {kind: serial, pty: auto}   # the log has its far end; or {kind: serial, port: ..., baud: ...}"]
-    network = f"kind: macvlan, parent: {parent}"
-    if lines:
-        network += ", lines: {" + ", ".join(f"{name}: {{pty: auto}}" for name in lines) + "}"
-    return [f"link: {{{network}}}   # the interface that leads to the PLC"]
-
-
-def _group(drive: FoundDrive, taken: set[str]) -> list[str]:
-    lines = []
-    own = drive.name.lower()
-    if _NAME.fullmatch(own) is None or own in taken:
-        lines += _comment(f"its name was {drive.name!r}", "  # ")
-        own = re.sub(r"[^a-z0-9]+", "-", own).strip("-") or "drive"
-        while own in taken:
-            own += "-again"
-    taken.add(own)
-    for note in drive.notes:
-        lines += _comment(note, "  # ")
-    lines += [f"  - name: {own}", f"    model: {drive.model}"]
-    # a number that is no ident, such as a telegram's, is decimal
-    lines += [f"    {key}: {value if isinstance(value, int) else _value(value)}" for key, value in drive.keys.items()]
-    return lines
-
-
-def _value(value: Any) -> str:
-    """In YAML's flow style; idents as hexadecimal numbers."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{_key(key)}: {_value(one)}" for key, one in value.items()) + "}"
-    if isinstance(value, int):
-        return f"0x{value:X}"
-    text = str(value)
-    # 2.1 would be a number
-    plain = re.fullmatch(r"[A-Za-z0-9./-]+", text) and not re.fullmatch(r"[0-9.]+", text)
-    return text if plain else "'" + text.replace("'", "''") + "'"
-
-
-def _key(key: Any) -> str:
-    return f"0x{key:X}" if isinstance(key, int) and key >= 0x8000 else str(key)
-
-
-def _comment(text: str, begin: str) -> list[str]:
-    import textwrap
-
-    return textwrap.wrap(text, _WIDTH, initial_indent=begin, subsequent_indent=begin + "  ") or [begin.rstrip()]

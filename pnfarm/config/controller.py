@@ -125,6 +125,8 @@ class ControllerSection(Section):
     }
     #: Keys of one bus only: a device has one description, on one bus.
     single_keys: ClassVar[frozenset[str]] = frozenset({"devices"})
+    #: The kind of file by which a maker describes a device of this bus.
+    description_file: ClassVar[str] = ""
 
     name: NamePattern = Field(default="plc", description="Its station name.")
     interface: Interface | None = Field(default=None, description="Existing interface to use; it is not changed.")

@@ -69,6 +69,8 @@ def read_farm_name(value: Any) -> str:
 
 def read_name_pattern(value: Any) -> str:
     allowed = "a station name such as press, axis-{n} or axis-{n:02}"
+    if isinstance(value, dict):
+        allowed += ', in flow style with quotes around it: "axis-{n}"'
     text = _text(value, allowed)
     if not text or len(text) > 240:
         raise Problem("a station name has 1 to 240 characters", allowed)

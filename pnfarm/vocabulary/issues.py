@@ -11,7 +11,7 @@ from pnfarm.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-__all__ = ["FarmFileError", "FileIssue", "Location", "Report", "field_path"]
+__all__ = ["FarmFileError", "FileIssue", "Location", "Report", "field_path", "parse_path"]
 
 #: Path of a value in a file: keys and list indexes from the root.
 Location = tuple[str | int, ...]
@@ -58,3 +58,13 @@ def field_path(location: Location) -> str:
         else:
             text += f".{step}" if text else step
     return text
+
+
+def parse_path(key: str) -> Location:
+    """``drives[0].load`` as a location: the inverse of :func:`field_path`."""
+    steps: list[str | int] = []
+    for part in key.split("."):
+        name, *indexes = part.replace("]", "").split("[")
+        steps.append(name)
+        steps += [int(index) if index.isdecimal() else index for index in indexes]
+    return tuple(steps)

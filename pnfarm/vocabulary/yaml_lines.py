@@ -22,7 +22,17 @@ import yaml
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["MAX_DEPTH", "MAX_NODES", "MAX_OCTETS", "Document", "Node", "YamlError", "YamlProblem", "parse_yaml"]
+__all__ = [
+    "MAX_DEPTH",
+    "MAX_NODES",
+    "MAX_OCTETS",
+    "Document",
+    "Node",
+    "YamlError",
+    "YamlProblem",
+    "parse_yaml",
+    "resolve",
+]
 
 #: Longest file, octets: 4,094 drives written out one by one take about a third of it.
 MAX_OCTETS = 1 << 20
@@ -45,6 +55,11 @@ _OCTAL = re.compile(r"0o[0-7]{1,40}")
 _HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]{1,40}")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
 _SPECIAL = re.compile(r"([-+]?)\.(inf|Inf|INF|nan|NaN|NAN)")
+
+#: A value with a place for a number, ``axis-{n:02}``, without quotes.
+_BRACES = re.compile(
+    r"""(?P<key>[\w-]+):[ ]+(?P<value>[^\s"',\[\]{}]*[{]n(?::[^\s"',\[\]{}]*)?[}][^\s"',\[\]{}]*)""", re.ASCII
+)
 
 _CORE_TAG = "tag:yaml.org,2002:"
 _MERGE_KEY = "<<"
@@ -122,6 +137,7 @@ def parse_yaml(data: bytes | str) -> Document:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
         _judge_own_bounds(text[: mark.index if mark else 0])
+        _judge_braces(text, error)
         what = " ".join(part for part in (error.context, error.problem) if part)
         raise YamlError(YamlProblem(line, column, "", f"is not valid YAML here: {what}", "YAML 1.2")) from error
     except yaml.reader.ReaderError as error:
@@ -141,6 +157,19 @@ def _judge_own_bounds(text: str) -> None:
     """
     with contextlib.suppress(yaml.YAMLError):
         _Builder(text).build()
+
+
+def _judge_braces(text: str, error: yaml.MarkedYAMLError) -> None:
+    """Raise an error that says so if what the parser refuses is a name with ``{n}`` that flow style wants in quotes."""
+    marks = [mark for mark in (error.context_mark, error.problem_mark) if mark]
+    lines = text.split("\n")
+    for number in range(min(mark.line for mark in marks), max(mark.line for mark in marks) + 1) if marks else ():
+        found = _BRACES.search(lines[number]) if number < len(lines) else None
+        if found is not None:
+            key, value = found["key"], found["value"]
+            what = f"{value} has braces, which begin a mapping in flow style"
+            allowed = f'quotes around it: {key}: "{value}"'
+            raise YamlError(YamlProblem(number + 1, found.start() + 1, key, what, allowed)) from error
 
 
 def _decode(data: bytes | str) -> str:
@@ -268,10 +297,10 @@ class _Builder:
     def _scalar(self, event: Any, path: str) -> Any:
         tag, text = event.tag, event.value
         if event.implicit[0] and tag is None:
-            return _resolve(text)
+            return resolve(text)
         if tag is None or tag in {"!", _CORE_TAG + "str"}:
             return text
-        value = _resolve(text)
+        value = resolve(text)
         if tag == _CORE_TAG + "float" and type(value) is int:
             return float(value)
         names = {"int": int, "float": float, "bool": bool, "null": type(None)}
@@ -293,8 +322,8 @@ def _node_at(event: Any, content: Any, size: int = 1) -> Node:
     return Node(event.start_mark.line + 1, event.start_mark.column + 1, content, size)
 
 
-def _resolve(text: str) -> Any:
-    """A plain scalar's value in the core schema."""
+def resolve(text: str) -> Any:
+    """A plain scalar's value in the core schema; a text is itself."""
     if text in _NULL:
         return None
     if text in _TRUE:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import zipfile
+from xml.sax.saxutils import escape
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from imported import check_found
 
 from pnfarm.buses.caex import MAX_DEPTH, NotCaexError, parse_caex
+from pnfarm.buses.profinet.project import of_project
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, load_farm, parse_farm
@@ -161,7 +164,7 @@ def test_names_that_a_farm_file_cannot_have_are_changed_and_told(pnfarm, tmp_pat
     file = tmp_path / "line.aml"
     file.write_text(project(drive("Axis 1", "10.7.0.11"), drive("axis-1", "10.7.0.12")))
     text = pnfarm("import", file).out
-    assert [one.name for one in expand(parse_farm(text))] == ["axis-1", "axis-1-again"]
+    assert [one.name for one in expand(parse_farm(text))] == ["axis-1", "axis-1-2"]
     assert "# its name was 'Axis 1'" in text
 
 
@@ -199,3 +202,33 @@ def test_no_damage_of_a_project_has_another_outcome_than_a_decode_error(data):
     except NotCaexError:
         return
     assert sum(1 for _ in root.walk()) >= 1
+
+
+_WORDS = st.text(max_size=60) | st.sampled_from(
+    ["axis-1", "AXIS 1", "x" * 300, "10.7.0.11", "10.7.0.255", "0.0.0.0", "255.255.0.255", "a\x85b", "{n}", "ID_T111"]
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.tuples(_WORDS, _WORDS, _WORDS, _WORDS, st.tuples(_WORDS, _WORDS)), min_size=1, max_size=4))
+def test_whatever_is_in_a_project_the_farm_file_can_be_read(tmp_path_factory, devices):
+    folder = tmp_path_factory.getbasetemp()
+    (folder / HIWIN.lower()).write_text(emit_gsdml(describe_model(model("hiwin-e1"))))
+    # as an element holds it; what XML cannot hold no project has
+    text = project(
+        *(
+            drive(
+                *(quoted(one) for one in (name, ip)),
+                dap=quoted(dap),
+                router=quoted(router),
+                module=tuple(map(quoted, module)),
+            )
+            for name, ip, dap, router, module in devices
+        )
+    )
+    check_found(of_project(parse_caex(text.encode()), [folder], folder), folder)
+
+
+def quoted(text):
+    allowed = "".join(one for one in text if one.isprintable() or one in "\t\n\x85\u2028")
+    return escape(allowed.encode("utf-8", "replace").decode(), {'"': "&quot;"})

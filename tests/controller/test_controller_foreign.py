@@ -263,9 +263,29 @@ def test_a_farm_file_with_wrong_devices_is_refused_with_its_line(text, line, sen
     assert line in {issue.line for issue in caught.value.issues}
 
 
-def test_validate_counts_the_devices():
+def test_validate_counts_the_devices_by_their_kind_of_file():
     config = parse_farm(FILE.format(name="axis-01", more=""))
     assert summary(config) == "controller plc, 1 device by GSDML file"
+    config = parse_farm("""
+farm: mixed
+link: {kind: veth, lines: {profibus: {pty: auto}}}
+drives:
+  - {name: net, model: akd-profinet, ip: 10.0.0.11/24}
+  - {name: eip, model: akd-ethernetip, ip: 10.0.0.12/24}
+  - {name: dp, model: moog-msd-dp, address: 5}
+controller:
+  name: plc
+  profinet: {interface: eth8, ip: 10.0.0.1/24, devices: [{name: a, gsdml: a.xml, ip: 10.0.0.21/24}]}
+  ethernetip:
+    ip: 10.0.0.2/24
+    interface: eth9
+    devices: [{name: b, eds: b.eds, ip: 10.0.0.22/24}, {name: c, eds: c.eds, ip: 10.0.0.23/24}]
+  profibus: {interface: eth7, devices: [{name: d, gsd: d.gsd, address: 9}]}
+""")
+    counted = summary(config)
+    assert "on PROFINET, 1 device by GSDML file" in counted
+    assert "on EtherNet/IP, 2 devices by EDS file" in counted
+    assert "on PROFIBUS, 1 device by GSD file" in counted
 
 
 def test_a_controller_of_devices_alone_finds_its_own_address_beside_theirs(tmp_path):

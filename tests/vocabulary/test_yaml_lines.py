@@ -102,6 +102,32 @@ def test_what_is_no_yaml_says_where_and_why(text, line, what):
         parse_farm(text, "x.yml")
 
 
+@pytest.mark.parametrize(
+    ("text", "line", "quoted"),
+    [
+        ("farm: f\ndrives:\n  - {name: axis-{n:02}, count: 8}\n", 3, 'name: "axis-{n:02}"'),
+        ("farm: f\ndrives:\n  - {count: 8, name: axis-{n}}\n", 3, 'name: "axis-{n}"'),
+        ("farm: f\ndrives:\n  - {count: 8,\n     name: axis-{n}-x, model: hiwin-e1}\n", 4, 'name: "axis-{n}-x"'),
+        ("farm: f\ndrives: [{name: {n:02}-x}]\n", 2, 'name: "{n:02}-x"'),
+        ("steps: [{fault: {kind: f702, on: axis-{n}}}]\n", 1, 'on: "axis-{n}"'),
+    ],
+)
+def test_a_name_with_a_counter_in_flow_style_is_shown_with_its_quotes(text, line, quoted):
+    with pytest.raises(YamlError) as caught:
+        parse_yaml(text)
+    assert (caught.value.problem.line, caught.value.problem.allowed) == (line, f"quotes around it: {quoted}")
+    assert parse_yaml(text.replace(quoted.replace('"', ""), quoted))
+
+
+def test_a_counter_that_flow_style_takes_for_a_mapping_is_shown_with_quotes():
+    with pytest.raises(FarmFileError, match=r"drives\[0\].name: is a mapping.*quotes"):
+        parse_farm("farm: f\nlink: {kind: memory}\ndrives: [{name: {n}, model: hiwin-e1}]\n")
+
+
+def test_a_counter_in_block_style_needs_no_quotes():
+    assert parse_yaml("name: axis-{n:02}\n").root.plain() == {"name": "axis-{n:02}"}
+
+
 def test_a_byte_order_mark_is_no_error():
     assert parse_yaml("\ufeffa: 1".encode()).root.plain() == parse_yaml("\ufeffa: 1").root.plain() == {"a": 1}
 

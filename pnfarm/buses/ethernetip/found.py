@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 
 __all__ = ["found"]
 
-#: Intervals of the built-in scanner.
-SHORTEST_NS, LONGEST_NS = 1_000_000, 10_000_000_000
-_LONGEST_NAME = 32
 #: No frame says how long an address's prefix is.
 PREFIX = 24
 
@@ -69,20 +66,13 @@ def _station(seen: SeenAdapter, opening: SeenOpening | None) -> FoundDrive | Fou
         ("product_name", "product_name", seen.product_name),
         ("revision", "revision", seen.revision if any(seen.revision) else None),
     ):
-        if not value or value == getattr(product, field):
-            continue
-        if _can_be(value):
+        if value and value != getattr(product, field):
             identity[key] = ".".join(map(str, value)) if isinstance(value, tuple) else value
-        else:
-            notes.append(f"its {key.replace('_', ' ')} {value!r} cannot be a drive's")
     if identity:
         keys["identity"] = identity
     if opening is not None:
         rpi_ns = opening.request.t_to_o_rpi_us * 1000
-        if not SHORTEST_NS <= rpi_ns <= LONGEST_NS:
-            notes.append(f"its interval of {rpi_ns / 1e6:g} ms is none that the built-in scanner has")
-        else:
-            keys["rpi"] = format_duration(rpi_ns)
+        keys["rpi"] = format_duration(rpi_ns)
         if rpi_ns < product.min_rpi_ns:
             keys["limits"] = "lax"
             notes.append(f"its interval of {format_duration(rpi_ns)} is shorter than the manual's: limits are lax")
@@ -90,17 +80,6 @@ def _station(seen: SeenAdapter, opening: SeenOpening | None) -> FoundDrive | Fou
             notes.append(f"its connection was refused in the capture: {opening.refused}")
     octets = seen.ip.packed
     return FoundDrive(f"drive-{octets[2]}-{octets[3]}", drive_model.name, keys, (*notes, *facts))
-
-
-def _can_be(value: object) -> bool:
-    """Whether a farm file's ``identity`` takes it."""
-    match value:
-        case str():
-            return len(value) <= _LONGEST_NAME and value.isascii() and value.isprintable()
-        case (int(), int()):
-            return all(value)
-        case _:
-            return True
 
 
 def _model(seen: SeenAdapter, opening: SeenOpening | None) -> tuple[Model, list[str]] | None:

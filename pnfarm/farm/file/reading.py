@@ -31,7 +31,7 @@ from pnfarm.farm.file.expand import controller_mac, expand_sections
 from pnfarm.farm.file.identities import with_identities
 from pnfarm.farm.file.lists import with_lists
 from pnfarm.farm.file.sections import CHOICE, AnyGroup, FarmSections
-from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path
+from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path, parse_path
 from pnfarm.vocabulary.quoting import few_hints, shown
 from pnfarm.vocabulary.regular_file import read_regular
 from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
@@ -135,7 +135,7 @@ class FarmConfig(FarmSections):
         issues: list[FileIssue] = []
         set_here: set[Location] = set()
         for key, value in overrides.items():
-            location = _parse_key(key)
+            location = parse_path(key)
             try:
                 _set(values, location, parse_yaml(value).root.plain() if _is_text(value) else value)
             except YamlError as error:
@@ -386,15 +386,6 @@ def _place(path: Path | None, document: Document | None, location: Location) -> 
 
 def _is_text(value: Any) -> bool:
     return isinstance(value, str) and value.strip() != ""
-
-
-def _parse_key(key: str) -> Location:
-    steps: list[str | int] = []
-    for part in key.split("."):
-        name, *indexes = part.replace("]", "").split("[")
-        steps.append(name)
-        steps += [int(index) if index.isdecimal() else index for index in indexes]
-    return tuple(steps)
 
 
 def _set(values: dict[str, Any], location: Location, value: Any) -> None:

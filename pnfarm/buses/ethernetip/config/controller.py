@@ -62,6 +62,7 @@ class EthernetIpController(IpController):
     """The built-in EtherNet/IP scanner."""
 
     last_keys: ClassVar[tuple[str, ...]] = ("program", "devices", "reconnect")
+    description_file: ClassVar[str] = "EDS"
 
     rpi_ns: Rpi | None = Field(
         default=None,

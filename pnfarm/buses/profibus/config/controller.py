@@ -44,6 +44,7 @@ class ProfibusController(ControllerSection):
     """The built-in PROFIBUS master, of class 1 and 2."""
 
     last_keys: ClassVar[tuple[str, ...]] = ("program", "devices", "reconnect")
+    description_file: ClassVar[str] = "GSD"
 
     address: Address = Field(default=1, description="Its station address.")
     cycle_ns: Cycle = Field(

@@ -94,6 +94,7 @@ class ProfinetController(IpController):
     """The built-in PROFINET IO controller."""
 
     last_keys: ClassVar[tuple[str, ...]] = ("program", "records", "devices", "reconnect")
+    description_file: ClassVar[str] = "GSDML"
 
     cycle_ns: Cycle | None = Field(
         default=None,
