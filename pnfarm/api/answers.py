@@ -198,6 +198,7 @@ class ScenarioCase(Schema):
     value: float | None
     held_after_seconds: dict[str, float] = Field(description="By drive.")
     values: dict[str, dict[str, Any]] = Field(description="The signals at its end, by drive.")
+    shown: dict[str, dict[str, str]] = Field(description="The same for people, with units.")
 
 
 class ScenarioSummary(Schema):

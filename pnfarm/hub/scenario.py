@@ -25,7 +25,7 @@ from pnfarm.hub.hub import read
 from pnfarm.hub.routes_drives import drives_view
 from pnfarm.hub.shards import AwayError
 from pnfarm.scenario.flow import EndedError, Flow, Life
-from pnfarm.scenario.measures import measured, reading_of, show_value
+from pnfarm.scenario.measures import measured, reading_of, show_comparison
 from pnfarm.scenario.record import Case, Verdict
 from pnfarm.scenario.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.station import events
@@ -346,6 +346,7 @@ class HubRun(Flow):
             drives=[name for case in cases for name in case["drives"]] + [n for one in lost for n in one["drives"]],
             took={name: round(s * 1e9) for case in cases for name, s in case["held_after_seconds"].items()},
             values={name: values for case in cases for name, values in case["values"].items()},
+            shown={name: texts for case in cases for name, texts in case["shown"].items()},
             late_ns=round(max(late) * 1e9) if late else None,
         )
         return message
@@ -386,8 +387,8 @@ class HubRun(Flow):
         records = yield from self._await(self._all_parts(waits, length))
         value = measured(asked, before, (yield from self._read_metric(metric)))
         bound = step.values[asked]
-        shown = show_value(metric.name, value)
-        message = f"{asked} {shown}, wanted {bound.sign} {show_value(metric.name, bound.value)}"
+        shown, wanted = show_comparison(metric.name, value, bound)
+        message = f"{asked} {shown}, wanted {wanted}"
         verdict = Verdict.PASSED if bound.holds(value) else Verdict.FAILED
         if verdict is Verdict.FAILED and any(map(_was_late, records)):
             verdict = Verdict.INCONCLUSIVE

@@ -8,7 +8,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.readings import DriveReadings
 from pnfarm.farm.wait import NotInTime
 from pnfarm.library.arguments import duration_ns
-from pnfarm.scenario.watch import Watch
+from pnfarm.scenario.watch import Watch, as_text
 from pnfarm.station.conditions import bind
 from pnfarm.vocabulary.conditions import ConditionError
 
@@ -61,7 +61,7 @@ class Drive(DriveReadings):
         finally:
             unsubscribe()
         if not held:
-            values = ", ".join(f"{key} = {value}" for key, value in watch.values()[self.name].items())
+            values = as_text(watch.shown()[self.name])
             raise NotInTime(f"{condition} did not hold within {within_ns / 1e9:g} s: {values}; {self!r}")
         return max(0, watch.held_ns[self.name] - began) / 1e9
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 
 from pnfarm.scenario.matrix import runs_of
+from pnfarm.scenario.watch import as_text
 from pnfarm.vocabulary.durations import format_measured
 
 if TYPE_CHECKING:
@@ -106,10 +107,7 @@ def _told(case: Mapping[str, Any]) -> str:
     lines += [
         f"{drive}: held after {format_measured(seconds)}" for drive, seconds in case["held_after_seconds"].items()
     ]
-    lines += [
-        f"{drive}: " + ", ".join(f"{name} = {value}" for name, value in values.items())
-        for drive, values in case["values"].items()
-    ]
+    lines += [f"{drive}: {as_text(texts)}" for drive, texts in case["shown"].items()]
     return "\n".join(lines)
 
 

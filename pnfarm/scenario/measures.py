@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import ConfigError
 from pnfarm.scenario.steps import QUANTILES
 from pnfarm.vocabulary.durations import format_measured
+from pnfarm.vocabulary.quantities import show_quantity
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
@@ -16,9 +17,9 @@ if TYPE_CHECKING:
     from prometheus_client import Metric
 
     from pnfarm.metrics import FarmCollector
-    from pnfarm.scenario.steps import MetricName
+    from pnfarm.scenario.steps import Bound, MetricName
 
-__all__ = ["Reading", "check_metric", "measured", "read_metric", "reading_of", "show_value"]
+__all__ = ["Reading", "check_metric", "measured", "read_metric", "reading_of", "show_comparison", "show_value"]
 
 #: Sum of the matching series by sample name, and for buckets also by upper bound.
 Reading = dict[tuple[str, str], float]
@@ -74,13 +75,26 @@ def measured(asked: str, before: Reading, after: Reading) -> float:
     })  # fmt: skip
 
 
-def show_value(metric: str, value: float) -> str:
-    """A measured value for people, with its unit where the metric, by its name, is a time."""
+#: Units by the last word of a metric's name; in each case the base unit is in the name.
+_UNITS = {"rpm": "rpm", "revolutions": "revolutions", "amperes": "A", "celsius": "°C", "bytes": "bytes"}
+
+
+def show_value(metric: str, value: float, beside: Iterable[float] = ()) -> str:
+    """A measured value for people, with the unit that the metric's name has.
+
+    ``beside``: what it was compared with.
+    """
     if math.isnan(value):
         return "nothing counted"
-    if metric.endswith(("_seconds", "_seconds_sum", "_seconds_total")):
-        return format_measured(value)
-    return f"{value:g}"
+    name = metric.removesuffix("_sum").removesuffix("_total")
+    if name.endswith("_seconds"):
+        return format_measured(value, beside)
+    return show_quantity(value, _UNITS.get(name.rpartition("_")[2], ""), beside)
+
+
+def show_comparison(metric: str, value: float, bound: Bound) -> tuple[str, str]:
+    """The value, and the sign and the bound, so that what is different looks different."""
+    return show_value(metric, value, (bound.value,)), f"{bound.sign} {show_value(metric, bound.value, (value,))}"
 
 
 def _quantile(q: float, cumulative: Mapping[float, float]) -> float:

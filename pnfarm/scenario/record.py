@@ -67,6 +67,8 @@ class Case:
     drives: Sequence[str] = ()
     took: Mapping[str, int] = field(default_factory=dict)
     values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    #: The same for people, with units.
+    shown: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def as_dict(self, origin: int) -> dict[str, Any]:
         """For JSON; times are seconds from the start of the run."""
@@ -87,6 +89,7 @@ class Case:
             "value": self.value if self.value is not None and self.value == self.value else None,
             "held_after_seconds": {name: took / 1e9 for name, took in self.took.items()},
             "values": {name: dict(values) for name, values in self.values.items()},
+            "shown": {name: dict(texts) for name, texts in self.shown.items()},
         }
 
 
@@ -137,7 +140,7 @@ class Record:
             # a run of days checks all drives again and again
             self._values -= len(case.values)
             self._values_left_out += bool(case.values)
-            case.values = {}
+            case.values, case.shown = {}, {}
         self.cases.append(case)
 
     def step(self, step: Step, now: int) -> None:

@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from pnfarm.scenario.matrix import runs_of
 from pnfarm.scenario.plots import plots
+from pnfarm.scenario.watch import as_text
 from pnfarm.trace.interactive import chart_head
 from pnfarm.trace.plot import as_charts
 from pnfarm.trace.recording import Recording
@@ -80,9 +81,9 @@ def _of_run(record: Mapping[str, Any], pictures: Sequence[Mapping[str, Any]], nu
 
 def _shown(case: Mapping[str, Any]) -> list[str]:
     """The values at the end of a case, a line for each drive: first those on which it did not hold."""
-    values = case["values"]
-    order = [*(name for name in case["drives"] if name in values), *(n for n in values if n not in case["drives"])]
-    lines = [f"{name}: " + ", ".join(f"{key} = {value}" for key, value in values[name].items()) for name in order]
+    shown = case["shown"]
+    order = [*(name for name in case["drives"] if name in shown), *(n for n in shown if n not in case["drives"])]
+    lines = [f"{name}: {as_text(shown[name])}" for name in order]
     rest = len(lines) - MAX_LINES
     return [*lines[:MAX_LINES], *([f"and {rest} more drives"] if rest > 0 else [])]
 

@@ -15,11 +15,11 @@ from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.faults.manager import RunState
 from pnfarm.scenario.controllers import controllers
 from pnfarm.scenario.flow import EndedError, Flow, Life, Tell
-from pnfarm.scenario.measures import check_metric, measured, read_metric, show_value
+from pnfarm.scenario.measures import check_metric, measured, read_metric, show_comparison
 from pnfarm.scenario.moments import Moments, named_drives
 from pnfarm.scenario.record import Case, Verdict
 from pnfarm.scenario.steps import DEFAULT_WITHIN_NS, QUANTILES
-from pnfarm.scenario.watch import Watch
+from pnfarm.scenario.watch import Watch, as_text
 from pnfarm.station.events import ConnectionLost, StateChanged, WatchdogExpired
 from pnfarm.station.lateness import Lateness
 from pnfarm.vocabulary.durations import format_duration, format_measured
@@ -298,8 +298,8 @@ class ScenarioRun(Flow):
         bound = step.values[asked]
         holds = bound.holds(value)
         verdict = Verdict.PASSED if holds else Verdict.INCONCLUSIVE if self._late(begin) else Verdict.FAILED
-        shown = show_value(metric.name, value)
-        message = f"{asked} {shown}, wanted {bound.sign} {show_value(metric.name, bound.value)}"
+        shown, wanted = show_comparison(metric.name, value, bound)
+        message = f"{asked} {shown}, wanted {wanted}"
         if verdict is Verdict.INCONCLUSIVE and self._lateness is not None:
             message += f"; the farm was itself {self._lateness.told}"
         drives = [metric.labels["drive"]] if verdict is not Verdict.PASSED and "drive" in metric.labels else []
@@ -321,12 +321,8 @@ class ScenarioRun(Flow):
                 verdict = Verdict.INCONCLUSIVE
                 ago = _time(self._now - min(self._own_losses[name] for name in own))
                 message += f"; the farm itself, being late, lost the connection of {_few(own)} {ago} before"
-        shown = watch.values()
-        measured = "; ".join(
-            f"{name}: " + ", ".join(f"{signal} = {value}" for signal, value in shown[name].items())
-            for name in drives[:MOST_MEASURED]
-            if name in shown
-        )
+        shown = watch.shown()
+        measured = "; ".join(f"{name}: {as_text(shown[name])}" for name in drives[:MOST_MEASURED] if name in shown)
         self._case(step, verdict, begin, message, watch=watch, measured=measured, drives=drives)
 
     def _case(  # type: ignore[override]  # with the keywords that it takes
@@ -347,7 +343,7 @@ class ScenarioRun(Flow):
         number = self._numbers[id(step)]
         case = Case(number, step, verdict, begin, self._now, message=message, value=value, measured=measured)
         if watch is not None:
-            case.values = watch.values()
+            case.values, case.shown = watch.values(), watch.shown()
             case.took = {name: when - begin for name, when in watch.held_ns.items()}
         case.drives = list(drives)
         if self._lateness is not None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pnfarm.station.station import Station
     from pnfarm.vocabulary.conditions import Value
 
-__all__ = ["Watch", "signals_of_event"]
+__all__ = ["Watch", "as_text", "signals_of_event"]
 
 
 def signals_of_event(entry: LogEntry) -> dict[str, Value]:
@@ -111,3 +111,12 @@ class Watch:
             }
             for name, condition in self._conditions.items()
         }
+
+    def shown(self) -> dict[str, dict[str, str]]:
+        """The same for people, with units."""
+        return {name: self._conditions[name].shown(values) for name, values in self.values().items()}
+
+
+def as_text(shown: Mapping[str, str]) -> str:
+    """The values of one drive: ``velocity = 22.82 rpm, state = S4``."""
+    return ", ".join(f"{signal} = {value}" for signal, value in shown.items())

@@ -22,10 +22,12 @@ from pnfarm.vocabulary.conditions import (
     Not,
     Number,
     Text,
+    comparisons_in,
     evaluate,
     names_in,
     parse_condition,
 )
+from pnfarm.vocabulary.quantities import show_quantity
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
@@ -73,6 +75,19 @@ class Condition:
     def values(self, station: Station) -> dict[str, Any]:
         """The present value of each of its signals, for a report; a state's word, numbers in the signal's unit."""
         return {name: signal.read(station) for name, signal in self.signals.items()}
+
+    def shown(self, values: Mapping[str, Any]) -> dict[str, str]:
+        """Values as of :meth:`values` for people: with units, and as many digits as its comparisons need."""
+        beside: dict[str, list[float]] = {}
+        for one in comparisons_in(self.tree):
+            for side, other in ((one.left, one.right), (one.right, one.left)):
+                if isinstance(side, Name):
+                    number = values.get(other.name) if isinstance(other, Name) else other.value
+                    if isinstance(number, (int, float)):
+                        beside.setdefault(side.name, []).append(number)
+        return {
+            name: show_quantity(value, self.signals[name].unit, beside.get(name, ())) for name, value in values.items()
+        }
 
 
 def bind(text: str, model: Model) -> Condition:

@@ -48,6 +48,11 @@ const zero = u => {
   u.ctx.stroke();
   u.ctx.restore();
 };
+// all charts of a trace begin at one place: beside the longest name of a lane
+const pen = document.createElement("canvas").getContext("2d");
+pen.font = "12px system-ui, sans-serif";
+const names = trace.charts.flatMap(chart => chart.lanes ? chart.columns.map(column => column.name) : []);
+const left = Math.max(80, ...names.map(name => Math.ceil(pen.measureText(name).width) + 24));
 for (const chart of trace.charts) {
   const shown = (column, y) => {
     if (y === null || y === undefined) return "--";
@@ -65,8 +70,12 @@ for (const chart of trace.charts) {
     cursor: {sync: {key: box.id}, drag: {x: true, y: false}},
     scales: {x: {time: false}},
     axes: [{stroke: ink, grid: {stroke: line}, ticks: {stroke: line}}, {
-      size: 80, stroke: ink, grid: {stroke: line}, ticks: {stroke: line},
-      ...(chart.lanes && {values: (u, at) => at.map(() => ""), grid: {show: false}}),
+      size: left, stroke: ink, grid: {stroke: line}, ticks: {stroke: line},
+      // each lane has its name, in the middle of its height
+      ...(chart.lanes && {
+        splits: () => chart.columns.map(column => column.lane + 0.5), filter: (u, at) => at,
+        values: () => chart.columns.map(column => column.name), grid: {show: false},
+      }),
     }],
     hooks: {setScale: [together], draw: [zero]},
     series: [{label: "time", value: (u, x) => x === null ? "--" : x.toFixed(6) + " s"}, ...series],
@@ -110,11 +119,11 @@ def chart_head() -> str:
 
 
 def chart_body(
-    place: str, time: Any, charts: Sequence[tuple[str, Sequence[Column], bool]], colours: Sequence[str]
+    place: str, time: Any, charts: Sequence[tuple[str, Sequence[Column], Sequence[str]]], colours: Sequence[str]
 ) -> str:
     """The data of the charts that replace the element ``place``, which is of the class ``picture``.
 
-    A chart is a title, columns, and whether they are bits in lanes.
+    A chart is a title, columns, and where these are bits in lanes the name of each lane.
     """
     drawn = []
     for title, columns, lanes in charts:
@@ -122,13 +131,14 @@ def chart_body(
         drawn.append(
             {
                 "title": title,
-                "lanes": lanes,
+                "lanes": bool(lanes),
                 "columns": [
                     {
                         "title": column.title,
                         "colour": colours[number % len(colours)],
                         "real": column.form == "real",
                         "lane": lane,
+                        "name": lanes[number] if lanes else column.title,
                         "labels": {str(value): label for value, label in column.labels.items()},
                         "values": _values(column, lane),
                     }

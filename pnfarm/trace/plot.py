@@ -28,6 +28,8 @@ MAX_CHARTS, MAX_LINES = 64, 16
 _BLOCKS = " ▁▂▃▄▅▆▇█"
 _COLOURS = ("#1f5fbf", "#c2410c", "#15803d", "#7c3aed", "#b91c1c", "#0e7490", "#a16207", "#be185d")
 _WIDTH, _LEFT, _RIGHT, _HEIGHT, _LANE, _GAP = 960, 84, 16, 150, 22, 34
+#: Characters of a lane's name, and the room for each beside it.
+_NAME, _CHARACTER = 36, 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +62,20 @@ def _charts(recording: Recording) -> tuple[list[_Chart], int]:
     charts += [_Chart("bits", tuple(bits[at : at + 2 * MAX_LINES]), True) for at in range(0, len(bits), 2 * MAX_LINES)]
     left_out = sum(len(chart.columns) for chart in charts[MAX_CHARTS:])
     return charts[:MAX_CHARTS], left_out
+
+
+def _lane_names(columns: Sequence[Column]) -> list[str]:
+    """What stands beside each lane: without the drive where all are of one, long ones without their middle."""
+    of_one = len({column.drive for column in columns}) == 1
+    names = [column.signal if of_one else column.title for column in columns]
+    half = _NAME // 2
+    return [name if len(name) <= _NAME else f"{name[: half - 1]}…{name[-half:]}" for name in names]
+
+
+def _left(charts: Sequence[_Chart]) -> int:
+    """Where the charts of a drawing begin: beside the longest name of a lane."""
+    names = [name for chart in charts if chart.lanes for name in _lane_names(chart.columns)]
+    return max([_LEFT, *(12 + _CHARACTER * len(name) for name in names)])
 
 
 def _span(recording: Recording) -> tuple[float, float]:
@@ -135,9 +151,10 @@ def as_svg(recording: Recording) -> str:
     parts: list[str] = []
     top = 46
     first, last = _span(recording)
+    left = _left(charts)
     for chart in charts:
         height = _LANE * len(chart.columns) if chart.lanes else _HEIGHT
-        parts += _draw(chart, recording, first, last, top, height)
+        parts += _draw(chart, recording, first, last, left, top, height)
         top += height + _GAP + (0 if chart.lanes else 14 * ((len(chart.columns) + 2) // 3))
     foot = f"{left_out} more columns are not drawn" if left_out else ""
     by = f" on {recording.triggered_by}" if recording.triggered_by and " on " not in recording.trigger else ""
@@ -148,22 +165,24 @@ def as_svg(recording: Recording) -> str:
         [
             f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="system-ui, sans-serif" font-size="11">',
             f'<rect width="{_WIDTH}" height="{total}" fill="#fff"/>',
-            f'<text x="{_LEFT}" y="20" font-size="14">{html.escape(head)}</text>',
+            f'<text x="{left}" y="20" font-size="14">{html.escape(head)}</text>',
             *parts,
-            f'<text x="{_LEFT}" y="{total - 6}" fill="#555">{html.escape(foot)}</text>',
+            f'<text x="{left}" y="{total - 6}" fill="#555">{html.escape(foot)}</text>',
             "</svg>",
             "",
         ]
     )
 
 
-def _draw(chart: _Chart, recording: Recording, first: float, last: float, top: int, height: int) -> Iterator[str]:
+def _draw(
+    chart: _Chart, recording: Recording, first: float, last: float, left: int, top: int, height: int
+) -> Iterator[str]:
     right = _WIDTH - _RIGHT
 
     def x_of(time: float) -> float:
-        return _LEFT + (time - first) / (last - first) * (right - _LEFT)
+        return left + (time - first) / (last - first) * (right - left)
 
-    yield f'<rect x="{_LEFT}" y="{top}" width="{right - _LEFT}" height="{height}" fill="#f8fafc" stroke="#cbd5e1"/>'
+    yield f'<rect x="{left}" y="{top}" width="{right - left}" height="{height}" fill="#f8fafc" stroke="#cbd5e1"/>'
     for time in _ticks(first, last):
         x = x_of(time)
         yield f'<line x1="{x:.1f}" y1="{top}" x2="{x:.1f}" y2="{top + height}" stroke="#e2e8f0"/>'
@@ -177,17 +196,19 @@ def _draw(chart: _Chart, recording: Recording, first: float, last: float, top: i
         for bound, y in ((high, top + 10), (low, top + height - 2)):
             text = chart.columns[0].labels.get(int(bound), "") if chart.columns[0].labels else ""
             shown = html.escape(text or f"{bound:.5g}")
-            yield f'<text x="{_LEFT - 6}" y="{y}" text-anchor="end" fill="#555">{shown}</text>'
+            yield f'<text x="{left - 6}" y="{y}" text-anchor="end" fill="#555">{shown}</text>'
         middle, name = top + height // 2, html.escape(chart.title[:14])
-        yield f'<text x="{_LEFT - 6}" y="{middle}" text-anchor="end">{name}</text>'
+        yield f'<text x="{left - 6}" y="{middle}" text-anchor="end">{name}</text>'
+    names = _lane_names(chart.columns)
     for number, column in enumerate(chart.columns):
         colour = _COLOURS[number % len(_COLOURS)]
         title = html.escape(column.title)
         if chart.lanes:
             base, room = top + _LANE * (number + 1) - 4, _LANE - 8
             points = _points(recording.time, column.values, x_of, lambda v, b=base, r=room: b - v * r, steps=True)
-            name = html.escape(column.title[-14:])
-            yield f'<text x="{_LEFT - 6}" y="{base}" text-anchor="end"><title>{title}</title>{name}</text>'
+            name = html.escape(names[number])
+            beside = f'x="{left - 6}" y="{base}" text-anchor="end" fill="{colour}"'
+            yield f"<text {beside}><title>{title}</title>{name}</text>"
         else:
             scale = (height - 8) / (high - low)
             points = _points(
@@ -197,7 +218,7 @@ def _draw(chart: _Chart, recording: Recording, first: float, last: float, top: i
                 lambda v, s=scale: top + height - 4 - (v - low) * s,
                 steps=column.form != "real",
             )
-            at_x, at_y = _LEFT + 290 * (number % 3), top + height + 28 + 14 * (number // 3)
+            at_x, at_y = left + 290 * (number % 3), top + height + 28 + 14 * (number // 3)
             yield f'<text x="{at_x}" y="{at_y}" fill="{colour}">{title}</text>'
         line = f'fill="none" stroke="{colour}" stroke-width="1.3" points="{points}"'
         yield f"<polyline {line}><title>{title}</title></polyline>"
@@ -243,7 +264,10 @@ def _points(time: NDArray[Any], values: NDArray[Any], x_of: Any, y_of: Any, *, s
 
 def as_charts(recording: Recording, place: str) -> str:
     """The drawing, and what makes charts of it in a page with :func:`.chart_head`; ``place`` is unique in the page."""
-    charts = [(chart.title, chart.columns, chart.lanes) for chart in _charts(recording)[0]]
+    charts = [
+        (chart.title, chart.columns, _lane_names(chart.columns) if chart.lanes else [])
+        for chart in _charts(recording)[0]
+    ]
     body = chart_body(place, recording.time, charts, _COLOURS)
     return f'<div class="picture" id="{place}">{as_svg(recording)}</div>\n{body}'
 

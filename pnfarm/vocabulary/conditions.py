@@ -42,6 +42,7 @@ __all__ = [
     "Text",
     "Tree",
     "Value",
+    "comparisons_in",
     "evaluate",
     "names_in",
     "parse_condition",
@@ -317,6 +318,19 @@ class _Parser:
             raise ConditionError("param needs one name in quotes", token.column, 'such as param("DRV.OPMODE")')
         name = argument.text[1:-1] if argument.kind == "text" else argument.text
         return Name(name, token.column, parameter=True)
+
+
+def comparisons_in(tree: Tree) -> list[Comparison]:
+    """Every comparison of a tree, in the order of the text."""
+    match tree:
+        case Comparison():
+            return [tree]
+        case Not():
+            return comparisons_in(tree.inner)
+        case Both() | Either():
+            return [one for part in tree.parts for one in comparisons_in(part)]
+        case _:
+            return []
 
 
 def names_in(tree: Tree) -> list[Name]:

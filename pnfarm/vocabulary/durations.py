@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import re
 from decimal import Decimal
+from typing import TYPE_CHECKING
 
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 __all__ = [
     "DURATION_PATTERN",
@@ -68,16 +72,26 @@ def format_duration(duration_ns: int) -> str:
     return f"{duration_ns}ns"
 
 
-def format_measured(seconds: float) -> str:
+def format_measured(seconds: float, beside: Iterable[float] = ()) -> str:
     """A measured time for people: ``43.3 ms``, ``850 us``, ``3 s``, ``2.504 s``; no file or parser reads it.
 
-    Three significant digits below a second, to the millisecond above, so that places in a run stay distinct.
+    Three significant digits below a second, to the millisecond above, so that places in a run stay distinct; more
+    where it would look equal to one of the times ``beside``, with which it was compared.
     """
+    others = [other for other in beside if other != seconds]
+    for digits in range(3, 18):
+        text = _rounded(seconds, digits)
+        if all(text != _rounded(other, digits) for other in others):
+            break
+    return text
+
+
+def _rounded(seconds: float, digits: int) -> str:
     size = abs(seconds)
     for unit, factor in (("ns", 1e9), ("us", 1e6), ("ms", 1e3)):
         # rounded first: 999.96 us are 1 ms
-        rounded = float(f"{size * factor:.3g}")
+        rounded = float(f"{size * factor:.{digits}g}")
         if rounded < 1000:
             sign = "-" if seconds < 0 and rounded else ""
-            return f"{sign}{rounded:g} {unit}" if rounded else "0 s"
-    return f"{round(seconds, 3):.3f}".rstrip("0").rstrip(".") + " s"
+            return f"{sign}{rounded:.{digits}g} {unit}" if rounded else "0 s"
+    return f"{round(seconds, digits):.{digits}f}".rstrip("0").rstrip(".") + " s"

@@ -39,6 +39,14 @@ STEPS = f"""
       for: 100ms
       name: "a ]]> & b"
 """
+#: What is drawn is not in the document: its texts are noted as they are drawn.
+NOTE_WRITTEN = """
+const written = [], write = CanvasRenderingContext2D.prototype.fillText;
+CanvasRenderingContext2D.prototype.fillText = function(text, ...rest) {
+  written.push(text);
+  return write.call(this, text, ...rest);
+};
+"""
 #: What the schema junit-10.xsd of Jenkins' xUnit plugin allows.
 CHILDREN = {
     "testsuites": {"testsuite"},
@@ -105,7 +113,7 @@ def test_the_report_opens_in_a_browser_without_a_request_an_error_or_a_foreign_s
     record: dict[str, Any], tmp_path: Path
 ) -> None:
     page = tmp_path / "report.html"
-    page.write_text(report_html(record), "utf-8")
+    page.write_text(report_html(record).replace("<script>", f"<script>{NOTE_WRITTEN}", 1), "utf-8")
     with Browser(tmp_path / "profile", width=1200, height=1000) as browser:
         browser.open(page.as_uri())
         browser.until("document.readyState == 'complete'")
@@ -118,6 +126,9 @@ def test_the_report_opens_in_a_browser_without_a_request_an_error_or_a_foreign_s
         browser.ask("document.querySelector('.picture').scrollIntoView()")
         browser.until("document.querySelectorAll('.charts canvas').length > 1")
         assert browser.ask("document.querySelector('.picture').hidden")
+        lanes = [one["signal"] for one in record["traces"][0]["trace"]["columns"] if one["form"] == "bit"]
+        assert len(lanes) > 5
+        browser.until(f"{json.dumps(lanes)}.every(lane => written.some(text => text.endsWith(lane)))")
         browser.ask("scrollTo(0, 0)")
         assert browser.ask("document.querySelectorAll('svg.timeline rect.fault').length") == 1
         # nothing is wider than the window, and no name of a lane reaches into the plot
@@ -138,6 +149,7 @@ def test_the_report_of_thousands_of_steps_and_long_names_stays_readable_and_smal
         "number": 0, "name": "x" * 200, "line": 1, "loop": {}, "verdict": "failed", "drives": [drive],
         "allowed": "at once", "measured": "", "message": "m" * 300, "began_seconds": 0.0, "ended_seconds": 1.0,
         "farm_late_seconds": 0.1, "value": None, "held_after_seconds": {}, "values": {drive: {"state": "S4"}},
+        "shown": {drive: {"state": "S4"}},
     }  # fmt: skip
     base = run("\n  - wait: 1ms\n")
     cases = [{**case, "number": n, "began_seconds": n / 10, "ended_seconds": n / 10 + 0.1} for n in range(10_000)]
@@ -227,3 +239,18 @@ def test_a_window_of_a_failure_without_drives_is_about_all() -> None:
     assert failure_windows({"cases": [case, passed]}, 0) == [
         Window(1_000_000_000, 3_500_000_000, None, "error: x (line 7): m")
     ]
+
+
+def test_measured_values_have_their_unit_and_few_digits_in_every_report(tmp_path: Path) -> None:
+    failed = run("""
+  - wait: {until: state == S4, within: 20s}
+  - wait: 537ms
+  - expect: {drive: axis-01, that: velocity > 100000 and position > 1e9, within: 10ms, name: too fast}
+""")
+    (case,) = [case for case in failed["cases"] if case["verdict"] == "failed"]
+    assert re.fullmatch(r"axis-01: velocity = -?[\d.]{1,6} rpm, position = -?[\d.]{1,7} revolutions", case["measured"])
+    told = case["shown"]["axis-01"]
+    assert float(told["velocity"].split()[0]) == pytest.approx(case["values"]["axis-01"]["velocity"], rel=1e-3)
+    write_junit(failed, tmp_path / "j.xml")
+    for text in (report_html(failed), (tmp_path / "j.xml").read_text("utf-8")):
+        assert f"velocity = {told['velocity']}, position = {told['position']}" in text
