@@ -96,6 +96,16 @@ def _seeds_of_faults(request, monkeypatch):
         monkeypatch.setattr(start, "secrets", same)
 
 
+@pytest.fixture(autouse=True)
+def _no_lines_held_back():
+    """What the log holds back of a test is not written in a later one, which may have set up its own."""
+    yield
+    logs = sys.modules.get("pnfarm.cli.logging")
+    if logs is not None:
+        logs._flush()
+        logs._limits.clear()
+
+
 class RepeatStalled:
     """Runs a failed test of real time again, with new fixtures, if the machine stalled since they were made.
 
