@@ -54,6 +54,8 @@ def add_health(app: FastAPI, context: ApiContext) -> None:
                     {"up_to_seconds": bound, "count": count}
                     for bound, count in zip(bounds, engine.lateness.tolist(), strict=True)
                 ],
+                # a farm in memory has no ticks that a clock wants
+                "lateness_measured": core.link.kind != "memory",
                 "lateness_mean_seconds": int(engine.lateness_sum_ns) / max(1, int(engine.lateness.sum())) / 1e9,
                 "last_seconds": BACK_NS / 1e9,
                 "engine_late_seconds": late.engine_ns / 1e9,

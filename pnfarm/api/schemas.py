@@ -359,6 +359,7 @@ class Health(Schema):
 
     engine: Engine
     lateness: list[LatenessBucket] = Field(description="Of the engine's ticks, since the start.")
+    lateness_measured: bool = Field(description="False on a memory link, where no tick can be late.")
     lateness_mean_seconds: float
     last_seconds: float = Field(description="How far back the following look.")
     engine_late_seconds: float = Field(description="Sum over late ticks.")

@@ -147,6 +147,7 @@ def joined_health(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     return {
         "engine": joined_engine(part["engine"] for part in parts),
         "lateness": [{"up_to_seconds": bound, "count": bounds[bound]} for bound in order],
+        "lateness_measured": any(part["lateness_measured"] for part in parts),
         "lateness_mean_seconds": mean,
         "last_seconds": max((part["last_seconds"] for part in parts), default=0.0),
         **worst,

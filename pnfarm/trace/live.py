@@ -21,7 +21,7 @@ __all__ = ["MOST_DRIVES", "LiveSignals", "LiveViewer"]
 
 INTERVAL = "10ms"
 #: What a viewer that comes anew sees of the past.
-PAST = "5s"
+PAST = "10s"
 #: Traces of a farm are few, and most of them are for those who ask for one.
 MOST_DRIVES = 4
 #: A trace that no viewer has read for this time is given up.

@@ -60,6 +60,14 @@ globalThis.type = (label, text) => {
 };
 globalThis.rows = first => all("main .scroll tbody tr")
   .filter(row => row.cells[0].textContent === first).map(row => row.textContent);
+globalThis.hover = on => {
+  // every element as it looks under the pointer: a copy of each rule for it that holds anywhere
+  for (const sheet of document.styleSheets) for (let i = sheet.cssRules.length - 1; i >= 0; i--) {
+    const rule = sheet.cssRules[i].cssText;
+    if (!on && rule.includes(":not(.no-such)")) sheet.deleteRule(i);
+    else if (on && rule.includes(":hover")) sheet.insertRule(rule.replaceAll(":hover", ":not(.no-such)"), i + 1);
+  }
+};
 globalThis.text = selector => all(selector).map(one => one.textContent).join(" ");
 """
 VIEWS = {
@@ -176,6 +184,26 @@ def test_no_view_breaks_a_rule_of_accessibility(page, scheme):
         if found:
             broken[view] = found
     assert broken == {}
+
+
+@pytest.mark.usefixtures("axe")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_what_is_chosen_can_be_read_also_under_the_pointer(page, scheme):
+    page.scheme(scheme)
+    unreadable = {}
+    for view, word in VIEWS.items():
+        show(page, view)
+        page.until(f"text('main').includes({json.dumps(word)})")
+        if view == "#/faults":
+            page.until("press('button.kind', 'delay')")
+            page.until("all('button.kind[aria-pressed=true]').length === 1")
+        page.ask("hover(true)")
+        found = page.ask("""axe.run(document, {runOnly: ["color-contrast"], resultTypes: ["violations"]}).then(result =>
+            result.violations.flatMap(one => one.nodes.map(node => node.html.slice(0, 160))))""")
+        page.ask("hover(false)")
+        if found:
+            unreadable[view] = found
+    assert unreadable == {}
 
 
 def test_a_fault_by_click_turns_the_drive_red_and_the_plc_brings_it_back(page):
@@ -427,6 +455,62 @@ def test_what_is_typed_reaches_the_farm_in_its_type(page, farm):
     assert list(fault["drives"]) == ["akd-02"]
     page.until(f"press('button', 'Clear {fault['id']}')")
     page.until("text('main').includes('No fault is pending or active.')")
+
+
+def test_health_of_a_farm_in_memory_says_that_no_lateness_is_measured(page):
+    show(page, "#/health")
+    page.until("text('main').includes('Not measured on a memory link')")
+    assert page.ask("all('table.histogram').length") == 0
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("#/drives/akd-01", "There is no page #/drives/akd-01"),
+        ("#/drive/nobody", "There is no drive nobody"),
+        ("#/drive/akd-01/nothing", "There is no page"),
+        ("#/nowhere?x=1", "There is no page #/nowhere"),
+    ],
+)
+def test_an_address_that_leads_nowhere_says_so_and_leads_to_the_overview(page, address, words):
+    page.ask(f"location.hash = '{address}'")
+    page.until(f"text('main h2').includes({json.dumps(words)})")
+    page.ask("press('main a', 'Overview')")
+    page.until("document.querySelectorAll('table.drives tbody th').length === 7")
+
+
+def test_an_address_with_the_word_of_the_api_leads_to_the_drive(page):
+    page.ask("location.hash = '#/drives/akd-02'")
+    page.until("press('main a', 'The drive akd-02')")
+    page.until("text('main h2') === 'akd-02'")
+
+
+def test_a_reason_why_drives_cannot_have_a_fault_is_shown_once(page):
+    show(page, "#/faults")
+    page.until("press('button.kind', 'baud-change')")
+    page.until("type('on', 'all')")
+    page.until("text('[role=status]').includes('Would hit 1 drive: dp-01')")
+    reasons = page.ask("text('.send .bad')")
+    assert reasons.startswith("6 drives (akd-01, akd-02, akd-03 …): ")
+    assert reasons.count("baud-change") <= 1
+
+
+def test_the_plots_of_a_drive_begin_with_the_last_seconds(page):
+    show(page, "#/")
+    page.ask("import('/page/lib/live.js').then(live => { globalThis.farmNow = () => live.farm; })")
+    # the page follows all drives while it shows any view
+    begun = page.ask("farmNow().seconds")
+    page.until(f"farmNow().seconds > {begun} + 2.5")
+    show(page, "#/drive/msd-01/live")
+    page.until("farmNow().signals !== null && farmNow().signals.seconds.length > 0")
+    first = page.ask(
+        "(({seconds, values}) => [seconds.at(-1) - seconds[0], values.velocity[0], values.zsw1[0]])(farmNow().signals)"
+    )
+    assert first[0] > 2.0
+    assert first[1] is not None
+    # what the overview has not begins with the drive's own samples
+    assert first[2] is None
+    page.until("all('.plot canvas').length > 1")
 
 
 def test_health_shows_the_machine(page):

@@ -3,7 +3,7 @@ import {html, render, useEffect, useState} from "./lib/html.js";
 import {look} from "./lib/live.js";
 import {Toasts, useFarm} from "./lib/ui.js";
 import {clock, plural} from "./lib/words.js";
-import {Drive} from "./views/drive.js";
+import {Drive, TABS} from "./views/drive.js";
 import {Faults} from "./views/faults.js";
 import {Health} from "./views/health.js";
 import {Overview} from "./views/overview.js";
@@ -21,14 +21,23 @@ function readPlace() {
 
 function View({parts, query}) {
   switch (parts[0]) {
-    case "drive": return html`<${Drive} name=${parts[1]} tab=${parts[2] || "live"}/>`;
+    case "": return html`<${Overview}/>`;
+    case "drive": return TABS.some(([id]) => id === (parts[2] || "live")) ? html`<${Drive} name=${parts[1]} tab=${parts[2] || "live"}/>` : html`<${Unknown} parts=${parts}/>`;
     case "faults": return html`<${Faults} on=${query.get("on") || ""}/>`;
     case "reactions": return html`<${Reactions}/>`;
     case "topology": return html`<${Topology}/>`;
     case "scenarios": return html`<${Scenarios} id=${parts[1] || ""}/>`;
     case "health": return html`<${Health}/>`;
-    default: return html`<${Overview}/>`;
+    default: return html`<${Unknown} parts=${parts}/>`;
   }
+}
+
+/** An address that leads nowhere: which, and where the reader may want to go. */
+function Unknown({parts = []}) {
+  const farm = useFarm();
+  const drive = parts.find(part => farm.byName.has(part));
+  return html`<section aria-label="Unknown address"><h2>There is no page ${location.hash}</h2>
+    <p>${drive ? html`<a href=${"#/drive/" + encodeURIComponent(drive)}>The drive ${drive}</a> · ` : null}<a href="#/">Overview</a></p></section>`;
 }
 
 function App() {
@@ -46,7 +55,8 @@ function App() {
     addEventListener("keydown", key);
     return () => { removeEventListener("hashchange", moved); removeEventListener("keydown", key); };
   }, []);
-  const drive = place.parts[0] === "drive" ? place.parts[1] : null;
+  // a stream of a drive that the farm has not is refused
+  const drive = place.parts[0] === "drive" && farm.byName.has(place.parts[1]) ? place.parts[1] : null;
   useEffect(() => look(drive), [drive]);
   const chosen = place.parts[0] === "drive" ? "" : place.parts[0];
   return html`

@@ -100,6 +100,8 @@ export function LogicRows({times, values, bits, range, label, at: place = null})
       context.beginPath();
       let before = null;
       for (let i = first; i < end; i++) {
+        // not known yet
+        if (values[i] === null) continue;
         const value = values[i] >> bit & 1, y = value ? high : low, at = Math.max(0, x(times[i]));
         if (before === null) context.moveTo(at, y);
         else if (value !== before) { context.lineTo(at, before ? high : low); context.lineTo(at, y); }

@@ -1,6 +1,10 @@
 // The farm as the live stream tells it: one stream for the page, of all drives and of the one that is looked at.
 
 export const HISTORY = 60;
+/** Overviews that are kept, ten seconds: what a drive's plots begin with, before its own samples come. */
+const PAST = 100;
+const KNOWN_PAST = ["velocity", "setpoint", "current"];
+const past = {seconds: new Float64Array(PAST).fill(NaN), head: 0};
 const MOST_LOG = 500;
 const listeners = new Set();
 let source = null;
@@ -16,6 +20,7 @@ function blank(place) {
   return {
     place, name: "", model: "", bus: "", state: 0, velocity: 0, setpoint: 0, current: 0, fault: 0, warning: 0,
     injected: [], neighbours: [], history: new Float32Array(HISTORY).fill(NaN), head: 0, known: false,
+    past: Object.fromEntries(KNOWN_PAST.map(name => [name, new Float32Array(PAST).fill(NaN)])),
   };
 }
 
@@ -51,7 +56,10 @@ function takeOverview(message) {
   for (const drive of farm.drives) {
     drive.history[drive.head] = drive.velocity;
     drive.head = (drive.head + 1) % HISTORY;
+    for (const name of KNOWN_PAST) drive.past[name][past.head] = drive[name];
   }
+  past.seconds[past.head] = farm.seconds;
+  past.head = (past.head + 1) % PAST;
   if (message.engine) farm.engine = message.engine;
 }
 
@@ -79,7 +87,7 @@ function takeSignals(message) {
   farm.signalsFull = message === null;
   if (message === null) return;
   let known = farm.signals;
-  if (!known || known.id !== message.id) known = {id: message.id, seconds: [], values: {}};
+  if (!known || known.id !== message.id || !known.seconds.length) known = pastOf(message);
   const seconds = known.seconds.concat(message.seconds);
   const first = Math.max(0, seconds.findIndex(one => one >= seconds[seconds.length - 1] - KEPT_SECONDS));
   const values = {};
@@ -87,6 +95,25 @@ function takeSignals(message) {
     values[name] = (known.values[name] || []).concat(more).slice(first);
   }
   farm.signals = {id: known.id, seconds: seconds.slice(first), values};
+}
+
+/** What the overviews had of the drive before the first of these samples; of other signals null. */
+function pastOf(message) {
+  const begun = {id: message.id, seconds: [], values: Object.fromEntries(Object.keys(message.signals).map(name => [name, []]))};
+  const drive = farm.byName.get(chosen), newest = message.seconds[message.seconds.length - 1];
+  if (!drive || newest === undefined) return begun;
+  // the newest sample and the newest overview are of one moment
+  const newestOverview = past.seconds[(past.head + PAST - 1) % PAST];
+  for (let i = 0; i < PAST; i++) {
+    const place = (past.head + i) % PAST, at = past.seconds[place] - newestOverview + newest;
+    if (!(at < message.seconds[0])) continue;
+    begun.seconds.push(at);
+    for (const name of Object.keys(begun.values)) {
+      const value = name in drive.past ? drive.past[name][place] : NaN;
+      begun.values[name].push(Number.isNaN(value) ? null : value);
+    }
+  }
+  return begun;
 }
 
 function open() {

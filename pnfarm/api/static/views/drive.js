@@ -6,7 +6,7 @@ import {Act, FaultText, Problem, State, Tabs, act, inject, say, useFarm, useLoad
 import {clock, controllerOf, number, plural, time} from "../lib/words.js";
 import {Trace} from "./trace.js";
 
-const TABS = [["live", "Live"], ["trace", "Trace"], ["parameters", "Parameters"], ["events", "Faults and events"], ["connection", "Connection"], ["modules", "Modules"]];
+export const TABS = [["live", "Live"], ["trace", "Trace"], ["parameters", "Parameters"], ["events", "Faults and events"], ["connection", "Connection"], ["modules", "Modules"]];
 const PLOTS = [
   [["setpoint", "rpm"], ["velocity", "rpm"]],
   [["position", "rev"]],
@@ -212,7 +212,8 @@ function Lamps({lamps}) {
 export function Drive({name, tab}) {
   const farm = useFarm();
   const row = farm.byName.get(name), drive = farm.drive && farm.drive.name === name ? farm.drive : null;
-  if (!row) return html`<p class="dim">${farm.drives.some(one => !one.known) || !farm.drives.length ? "Loading…" : `There is no drive ${name}.`}</p>`;
+  if (!row) return farm.drives.some(one => !one.known) || !farm.drives.length ? html`<p class="dim">Loading…</p>`
+    : html`<section aria-label="Unknown drive"><h2>There is no drive ${name} in farm ${farm.name}</h2><p><a href="#/">Overview</a></p></section>`;
   const on = {on: name};
   const power = action => act(() => call("POST", path("drives", name, action)), `${name}: ${action}`);
   const others = farm.drives.filter(one => one.known);

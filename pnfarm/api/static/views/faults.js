@@ -66,7 +66,7 @@ function Reach({spec}) {
       if (!spec.on.length) return setText({good: "", bad: "Name a drive, or all."});
       try {
         const reach = await call("POST", "faults?dry_run=true", spec);
-        const hit = reach.drives, reasons = reach.cannot.map(one => one.why);
+        const hit = reach.drives, reasons = byReason(reach.cannot);
         const others = reach.left_out.map(one => one.drive || one);
         setText({
           good: `Would hit ${plural(hit.length, "drive")}: ${hit.slice(0, 12).join(", ")}${hit.length > 12 ? " …" : ""}${others.length ? `; leaves out ${others.slice(0, 12).join(", ")}` : ""}`,
@@ -79,6 +79,17 @@ function Reach({spec}) {
     return () => clearTimeout(timer);
   }, [key]);
   return html`<p role="status"><span class="good">${text.good}</span> <span class="bad">${text.bad}</span></p>`;
+}
+
+/** Drives that cannot have a fault, by the reason without their names: `8 drives (a, b, c ...): reason`. */
+function byReason(cannot) {
+  const found = new Map();
+  for (const {drive, why} of cannot) {
+    const reason = why.startsWith(`${drive} `) ? why.slice(drive.length + 1) : why.replaceAll(drive, "the drive");
+    found.set(reason, [...(found.get(reason) || []), drive]);
+  }
+  return [...found].map(([reason, drives]) => drives.length === 1
+    ? `${drives[0]} ${reason}` : `${plural(drives.length, "drive")} (${drives.slice(0, 3).join(", ")}${drives.length > 3 ? " …" : ""}): ${reason}`);
 }
 
 const blank = on => ({kind: "", on, params: {}, common: {}, direction: ""});

@@ -87,4 +87,4 @@ class SlavePart(DrivePart):
         self._settle(now)
 
 
-SLAVE: Part[SlavePart] = Part("a slave of its own")
+SLAVE: Part[SlavePart] = Part("slave of PROFIBUS")
