@@ -21,7 +21,7 @@ from panels import (
 )
 
 from pnfarm.metrics.collector import connection_numbers
-from pnfarm.protocols.profinet.ar import CmdevState
+from pnfarm.protocols.profinet.cm.ar import CmdevState
 
 if TYPE_CHECKING:
     from collections.abc import Callable

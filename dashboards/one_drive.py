@@ -42,7 +42,7 @@ from panels import (
     zero_is,
 )
 
-from pnfarm.farm.snapshot import STW1_BITS, ZSW1_BITS
+from pnfarm.farm.views.snapshot import STW1_BITS, ZSW1_BITS
 
 
 def one_drive() -> Json:

@@ -17,7 +17,7 @@ from pnfarm.firmware.ethernetip.message_types import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.firmware.ethernetip.message_types import MessageType, Octets
 
 __all__ = ["lines"]

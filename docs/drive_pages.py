@@ -12,7 +12,7 @@ import assembly_types
 
 from pnfarm.buses.registry import BUSES
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.model_json import as_json
+from pnfarm.drives.description.as_json import as_json
 from pnfarm.drives.profiles.cip.part import CIP
 from pnfarm.vocabulary.durations import format_duration
 

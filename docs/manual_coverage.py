@@ -19,7 +19,7 @@ from pathlib import Path
 from model_pages import effects
 
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.effects import EFFECTS
+from pnfarm.drives.parameters.effects import EFFECTS
 
 FOLDER = Path(__file__).resolve().parent / "coverage"
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.effects import EFFECTS
-from pnfarm.drives.model_json import as_json
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.parameters.effects import EFFECTS
 
 __all__ = ["behaviour", "effects", "parameters"]
 

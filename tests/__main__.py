@@ -25,7 +25,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from pnfarm.table.compiled import IS_COMPILED, is_cached
+from pnfarm.table.compiling.compiled import IS_COMPILED, is_cached
 from tests.conftest import EXCLUSIVE, MIXED, REQUIRE_ALL, TESTS, UNCOMPILED
 
 #: pytest's exit codes for all passed, and for nothing chosen.

@@ -100,7 +100,7 @@ def _seeds_of_faults(request, monkeypatch):
 def _no_lines_held_back():
     """What the log holds back of a test is not written in a later one, which may have set up its own."""
     yield
-    logs = sys.modules.get("pnfarm.cli.logging")
+    logs = sys.modules.get("pnfarm.cli.log.setup")
     if logs is not None:
         logs._flush()
         logs._limits.clear()

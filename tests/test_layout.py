@@ -1,11 +1,16 @@
-"""How the tests' own files depend on each other."""
+"""How files depend on each other, the package's and the tests' own, and how many a folder has."""
 
 from __future__ import annotations
 
 import ast
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 TESTS = Path(__file__).resolve().parent
+PACKAGE = TESTS.parent / "pnfarm"
+#: Folders that are lists of like things: they may be long.
+LISTS = {"faults/kinds", "firmware/records"}
+MOST_MODULES = 20
 
 
 def imported(path: Path) -> set[str]:
@@ -34,3 +39,25 @@ def test_no_two_modules_have_one_name():
     names = [path.stem for folder in {*folders, TESTS / "support"} for path in folder.glob("*.py")]
     twice = {name for name in names if names.count(name) > 1}
     assert twice <= {"conftest", "__main__"}
+
+
+def test_no_modules_import_each_other_in_a_circle_not_even_for_types():
+    files = {
+        ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in PACKAGE.rglob("*.py")
+    }
+    graph = {name: (imported(path) & files.keys()) - {name} for name, path in files.items()}
+    assert sum(map(len, graph.values())) > 5000
+    # raises CycleError, which names the circle
+    TopologicalSorter(graph).prepare()
+
+
+def test_no_folder_has_more_modules_than_a_reader_takes_in():
+    counts = {
+        folder.relative_to(PACKAGE).as_posix(): sum(path.stem != "__init__" for path in folder.glob("*.py"))
+        for folder in PACKAGE.rglob("*")
+        if folder.is_dir()
+    }
+    assert len(counts) > 50
+    assert {name: count for name, count in counts.items() if count > MOST_MODULES and name not in LISTS} == {}
+    assert counts.keys() >= LISTS

@@ -14,7 +14,7 @@ from virtual_line import VirtualLine
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.metrics import FarmCollector
 from pnfarm.metrics.families import Family, Histogram, Room
 from pnfarm.table.channel import FRUN

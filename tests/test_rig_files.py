@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pnfarm.cli.files import read
+from pnfarm.cli.farm_file import read
 from pnfarm.farm.file.reading import expand
 from pnfarm.vocabulary.durations import parse_duration
 

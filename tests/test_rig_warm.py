@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pnfarm.table.compiled import cache_directory
+from pnfarm.table.compiling.compiled import cache_directory
 
 SUPPORT = Path(__file__).resolve().parent / "support"
 #: A farm with its controller in virtual time, and an engine's thread on a socket of no network.
@@ -70,7 +70,7 @@ def test_a_farm_compiles_nothing_once_the_engine_is_warm(tmp_path):
 CHANGED = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiling.compiled import compiled
 from {name} import number
 from numba.core import event
 
@@ -85,7 +85,7 @@ print(len(recorder.buffer) // 2)
 
 def test_a_change_in_a_file_compiles_what_depends_on_it_and_a_copy_elsewhere_nothing(tmp_path):
     settings = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "NUMBA_DISABLE_JIT": "0"}
-    source = "from pnfarm.table.compiled import compiled\n\n@compiled\ndef number(): return {number}\n"
+    source = "from pnfarm.table.compiling.compiled import compiled\n\n@compiled\ndef number(): return {number}\n"
     places = [tmp_path / "one" / "place", tmp_path / "other" / "place"]
     for place in places:
         place.mkdir(parents=True)

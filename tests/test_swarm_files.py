@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pnfarm.cli.files import read
+from pnfarm.cli.farm_file import read
 from pnfarm.farm.file.reading import expand
 
 ROOT = Path(__file__).resolve().parents[1]

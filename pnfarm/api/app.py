@@ -10,20 +10,20 @@ import anyio.to_thread
 from fastapi import FastAPI, Header, Query, Request
 from starlette.responses import PlainTextResponse, Response, StreamingResponse
 
+from pnfarm.api.access.guard import Guard
+from pnfarm.api.access.throttle import Throttle
 from pnfarm.api.answers import Alive
 from pnfarm.api.changes import Changes
 from pnfarm.api.context import ApiContext
 from pnfarm.api.drives import add_drives
 from pnfarm.api.events import event_stream, start_of
 from pnfarm.api.faults import add_faults
-from pnfarm.api.guard import Guard
 from pnfarm.api.health import add_health
 from pnfarm.api.live import LiveViews
 from pnfarm.api.page import add_page
 from pnfarm.api.problems import install_handlers
 from pnfarm.api.scenarios import add_scenarios
 from pnfarm.api.schemas import PROBLEMS, Clock, Problem, Ready, Version, problems_of
-from pnfarm.api.throttle import Throttle
 from pnfarm.api.traces import add_traces
 from pnfarm.buses.registry import BUSES
 from pnfarm.errors import EnvironmentError_

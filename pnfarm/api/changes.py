@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from typing import TYPE_CHECKING
 
-from pnfarm.api.guard import SAFE_METHODS, WHO
+from pnfarm.api.access.guard import SAFE_METHODS, WHO
 from pnfarm.station.event import Event
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import anyio
 
 from pnfarm.api.messages import Messages
 from pnfarm.errors import ConfigError
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.web.errors import NotFoundError
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ from fastapi import Query, Request
 
 from pnfarm.api.changes import ParameterWritten, PowerCycleRequested, PowerOffRequested, PowerOnRequested, who
 from pnfarm.api.schemas import ControllerView, Drive, FarmView, ParameterList, ParameterValue, ParameterWrite
-from pnfarm.drives.model_parts import fault_label
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.description.parts import fault_label
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import fault_situations
-from pnfarm.farm.controller_view import controller_view
-from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot, injected_faults, line_snapshot
+from pnfarm.farm.views.controller_view import controller_view
+from pnfarm.farm.views.snapshot import drive_snapshot, engine_snapshot, injected_faults, line_snapshot
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.web.bodies import PREFIX, Json, body_of, checked, read_object
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from pnfarm.api.context import ApiContext
-    from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.parameters.parameter import Parameter
     from pnfarm.station.station import Station
 
 __all__ = ["add_drives"]

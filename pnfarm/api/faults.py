@@ -10,7 +10,7 @@ from fastapi import Query, Request
 
 from pnfarm.api.answers import Fault, FaultKinds, Faults
 from pnfarm.api.changes import FaultCleared, FaultRequested, changes_nothing, shortened, who
-from pnfarm.api.schemas import Reach, Reset
+from pnfarm.api.schemas import Reset, Targets
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
 from pnfarm.web.bodies import PREFIX, Json, read_object
@@ -91,7 +91,7 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
         tags=tags,
         summary="Inject a fault; with dry_run only list the drives that it would hit, and why others cannot",
         status_code=201,
-        responses={201: {"model": Fault}, 200: {"model": Reach}},
+        responses={201: {"model": Fault}, 200: {"model": Targets}},
         openapi_extra=SPEC_BODY,
     )
     async def post_fault(

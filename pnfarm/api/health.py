@@ -9,9 +9,9 @@ import anyio
 import anyio.to_thread
 
 from pnfarm.api.schemas import Findings, Health, Reactions
-from pnfarm.farm.doctor import examine
-from pnfarm.farm.reactions import reactions
-from pnfarm.farm.snapshot import engine_snapshot
+from pnfarm.farm.doctor.machine import examine
+from pnfarm.farm.views.reactions import reactions
+from pnfarm.farm.views.snapshot import engine_snapshot
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 from pnfarm.web.bodies import PREFIX, Json
 

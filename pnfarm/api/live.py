@@ -4,7 +4,7 @@
 event                 data
 ====================  =============================================================================================
 ``farm``              once: name, link, interface, lines, count of drives, faults by model, what this client may do
-``overview``          ten times a second, what changed since the message before (:mod:`pnfarm.farm.overview`)
+``overview``          ten times a second, what changed since the message before (:mod:`pnfarm.farm.views.overview`)
 ``log``               new entries of the event log; ``lost``, if the client was too slow for some
 ``drive``             of the chosen drive: its whole state, four times a second
 ``signals``           of the chosen drive: samples of its signals since the message before (:mod:`pnfarm.trace.live`)
@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any
 
 import anyio
 
-from pnfarm.api.guard import WHO
-from pnfarm.farm.overview import Overview
+from pnfarm.api.access.guard import WHO
+from pnfarm.farm.views.overview import Overview
 from pnfarm.links.base import interface_below
 from pnfarm.trace.live import LiveSignals, LiveViewer
 

@@ -1,7 +1,7 @@
 """The web page: files of :file:`pnfarm/api/static`, read once, and what a browser may do with them.
 
 The page's modules load nothing from elsewhere, and a page of another origin can neither show it nor call the API
-(:mod:`pnfarm.api.guard`).
+(:mod:`pnfarm.api.access.guard`).
 """
 
 from __future__ import annotations

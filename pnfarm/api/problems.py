@@ -16,7 +16,7 @@ from starlette.requests import ClientDisconnect
 from starlette.routing import Match
 
 from pnfarm.drives.axis_handle import CommandRingFullError
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
 from pnfarm.faults.errors import InjectionError
 from pnfarm.trace import TraceError

@@ -126,7 +126,7 @@ def add_scenario_routes(app: FastAPI, scenarios: Scenarios_, now: Callable[[], i
         responses={200: {"content": {"text/html": {"schema": {"type": "string"}}}}},
     )
     async def get_report(scenario_id: str) -> Response:
-        from pnfarm.scenario.report import report_html  # noqa: PLC0415 - only for those who open one
+        from pnfarm.scenario.report.page import report_html  # noqa: PLC0415 - only for those who open one
 
         found = _known(scenario_id)
         if not found.run.finished:

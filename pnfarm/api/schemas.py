@@ -28,10 +28,10 @@ __all__ = [
     "ParameterValue",
     "ParameterWrite",
     "Problem",
-    "Reach",
     "Reactions",
     "Ready",
     "Reset",
+    "Targets",
     "Version",
     "problems_of",
 ]
@@ -420,7 +420,7 @@ class Refusal(Schema):
     why: str = Field(description="Why this drive refuses the fault.")
 
 
-class Reach(Schema):
+class Targets(Schema):
     dry_run: bool = Field(description="Always true: nothing was changed.")
     kind: str
     spec: dict[str, Any] = Field(description="The fault as it would be, with the seed that chose the drives.")

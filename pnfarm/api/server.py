@@ -11,10 +11,10 @@ import anyio
 import uvicorn
 from anyio import TASK_STATUS_IGNORED
 
+from pnfarm.api.access.connections import BACKLOG, Connections, connection_limit, protocol_of
+from pnfarm.api.access.token import token_of
 from pnfarm.api.app import make_app
-from pnfarm.api.connections import BACKLOG, Connections, connection_limit, protocol_of
 from pnfarm.api.problems import REPORTED
-from pnfarm.api.token import token_of
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.events import ApiListening
 
@@ -156,7 +156,7 @@ async def serve_farm(
 ) -> None:
     """Serve a running farm as its file's ``api`` section says; returns at once when that is ``off``.
 
-    A farm that listens beyond loopback has a token (:mod:`pnfarm.api.token`): the log reports its file, or the
+    A farm that listens beyond loopback has a token (:mod:`pnfarm.api.access.token`): the log reports its file, or the
     token itself where it is not in a file.
     """
     section = farm.config.api

@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 from pnfarm.errors import PnfarmError
-from pnfarm.links.sandbox import enter_sandbox
+from pnfarm.links.kernel.sandbox import enter_sandbox
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
 __all__ = ["main"]
@@ -30,9 +30,9 @@ NEAR, FAR = "pnbudget0", "pnbudget1"
 def _frame_ns() -> float:
     """CPU of a frame that goes from a macvlan to the far end of a veth pair, or back, in the floor's loop."""
     from pnfarm.engine.floor import make_vectors, run_floor
-    from pnfarm.engine.receive_ring import open_receive_ring
+    from pnfarm.engine.sockets.receive_ring import open_receive_ring
     from pnfarm.links.base import PortSpec
-    from pnfarm.links.interfaces import Interfaces
+    from pnfarm.links.kernel.interfaces import Interfaces
 
     with Interfaces() as interfaces:
         interfaces.create_cable(NEAR, FAR)

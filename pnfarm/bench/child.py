@@ -19,8 +19,8 @@ from typing import Any
 import anyio
 import anyio.to_thread
 
-from pnfarm.farm.garbage import keep_what_is_loaded, search_seldom
-from pnfarm.links.looks import LOOKING
+from pnfarm.farm.process.garbage import keep_what_is_loaded, search_seldom
+from pnfarm.links.serial.eager_loop import LOOKING
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 
 
@@ -164,7 +164,7 @@ async def _plc(settings: dict[str, Any]) -> None:
 def _floor(settings: dict[str, Any]) -> None:
     from pnfarm.engine.floor import make_vectors, run_floor
     from pnfarm.engine.realtime import RealTimeReport, RealTimeSettings, ask_kernel
-    from pnfarm.engine.receive_ring import open_receive_ring, receive_ring
+    from pnfarm.engine.sockets.receive_ring import open_receive_ring, receive_ring
 
     addresses = [(index, bytes.fromhex(source), bytes.fromhex(to)) for index, source, to in settings["addresses"]]
     packet = bytes.fromhex(settings.get("packet", ""))

@@ -12,7 +12,7 @@ from pnfarm.bench.loops import compiled_loop
 from pnfarm.bench.result import Windows
 from pnfarm.errors import InternalError
 from pnfarm.firmware.step import step
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiling.compiled import compiled
 
 if TYPE_CHECKING:
     from pnfarm.controller.line import VirtualLine

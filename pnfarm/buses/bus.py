@@ -23,17 +23,17 @@ if TYPE_CHECKING:
     from pnfarm.buses.farm_file import FarmFilePart
     from pnfarm.captures.decoder import FrameDecoder
     from pnfarm.captures.packet import Capture
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
+    from pnfarm.engine.channels.impairments import ImpairmentTable
+    from pnfarm.engine.channels.schedule import ChannelTable
     from pnfarm.engine.columns import Columns
-    from pnfarm.engine.impairments import ImpairmentTable
     from pnfarm.engine.lateness import LatenessRecord
-    from pnfarm.engine.schedule import ChannelTable
-    from pnfarm.faults.addresses import Addresses
-    from pnfarm.faults.carrier import Carriers
-    from pnfarm.faults.gate import GatedLink
+    from pnfarm.faults.effects.addresses import Addresses
+    from pnfarm.faults.effects.carrier import Carriers
+    from pnfarm.faults.effects.parts import InjectedDrive
+    from pnfarm.faults.gate.gate import GatedLink
+    from pnfarm.faults.gate.socket_gate import SocketGate
     from pnfarm.faults.kind import InjectionKind, KindOnBus
-    from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.socket_gate import SocketGate
     from pnfarm.station.device import Device
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command

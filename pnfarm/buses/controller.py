@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
-    from pnfarm.drives.signal_view import AxisSignals
+    from pnfarm.drives.telegrams.signal_view import AxisSignals
     from pnfarm.engine.columns import Columns
     from pnfarm.links.base import Link, Port
     from pnfarm.links.sockets import SocketCarrier

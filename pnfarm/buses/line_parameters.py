@@ -38,7 +38,7 @@ class Asked(Protocol):
         """As the API has a parameter: ``drive``, ``pnu``, ``subindex``, ``name``, ``value``, ``values``, ``unit``.
 
         Raises :class:`~pnfarm.errors.RemoteError` for a station that does not answer, and
-        :class:`~pnfarm.drives.parameter.ParameterError` for what it refuses.
+        :class:`~pnfarm.drives.parameters.parameter.ParameterError` for what it refuses.
         """
         ...
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.drives.signal_view import signal_units
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.parameters.store import ParameterStore
+from pnfarm.drives.telegrams.signal_view import signal_units
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.profidrive.tasks import ramp_step
 from pnfarm.table.axis_codes import TASKS_NONE
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pnfarm.config.drive import DriveConfig
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["KnownSteps", "SignalSteps", "signal_steps"]
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from pnfarm.captures.conversations import CyclicChannel
     from pnfarm.captures.reading import CapturedFrame
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["Decoder", "FrameDecoder", "Line", "LineDecoder", "PlannedDrive", "family_of"]
 
@@ -74,7 +74,7 @@ class LineDecoder(FrameDecoder, Protocol):
 
     @property
     def link_type(self) -> int:
-        """LINKTYPE of its telegrams, as :attr:`pnfarm.links.line.LineFormat.link_type` has it."""
+        """LINKTYPE of its telegrams, as :attr:`pnfarm.links.serial.line.LineFormat.link_type` has it."""
         ...
 
     def packet(self, frame: CapturedFrame) -> Packet:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

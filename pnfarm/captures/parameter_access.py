@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.parameter import ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ATTRIBUTE_DESCRIPTION,
     ATTRIBUTE_TEXT,
@@ -18,7 +18,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
 from pnfarm.errors import DecodeError
 
 if TYPE_CHECKING:
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["parameter_request", "parameter_response"]
 

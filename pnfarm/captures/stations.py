@@ -10,7 +10,7 @@ from pnfarm.wire.mac import BROADCAST, format_mac, is_group
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["Bounded", "Stations"]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from pnfarm.errors import EnvironmentError_, InternalError, PnfarmError
-from pnfarm.farm.address_space import is_exhausted
+from pnfarm.farm.process.address_space import is_exhausted
 from pnfarm.terminal.settings import settings
 
 if TYPE_CHECKING:

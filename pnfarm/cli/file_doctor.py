@@ -10,14 +10,14 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pnfarm.cli.files import counted
+from pnfarm.cli.farm_file import counted
 from pnfarm.config.database import redacted
 from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink, TapLink, VethLink
 from pnfarm.errors import EnvironmentError_
-from pnfarm.farm.doctor import Finding
+from pnfarm.farm.doctor.machine import Finding
 from pnfarm.farm.file.reading import expand
 from pnfarm.farm.load import Load, load_of
-from pnfarm.farm.postgres import answer_seconds
+from pnfarm.farm.memory.postgres import answer_seconds
 from pnfarm.farm.shard import part_of
 from pnfarm.terminal.working import working
 

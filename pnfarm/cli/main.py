@@ -12,13 +12,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pnfarm.buses import registry
-from pnfarm.cli import (
+from pnfarm.cli.commands import (
     bench,
     decode,
     demo,
     doctor,
     fault,
-    files,
     hub,
     importing,
     inspect,
@@ -28,11 +27,12 @@ from pnfarm.cli import (
     scan,
     trace,
     up,
+    validate,
 )
-from pnfarm.cli import run as scenario
+from pnfarm.cli.commands import run as scenario
 from pnfarm.cli.errors import report, silence_stdout
-from pnfarm.farm.address_space import COMMAND, few_threads, require_address_space
-from pnfarm.farm.garbage import search_seldom
+from pnfarm.farm.process.address_space import COMMAND, few_threads, require_address_space
+from pnfarm.farm.process.garbage import search_seldom
 from pnfarm.terminal.command import Command, Panel, arranged
 from pnfarm.terminal.settings import LogFormat, LogLevel, Settings, help_without_command, settings
 from pnfarm.version import __version__
@@ -49,7 +49,7 @@ COMMANDS = (
     Command("down", Panel.FARM, up.down),
     Command("hub", Panel.FARM, hub.hub),
     Command("import", Panel.FARM, importing.importing),
-    Command("validate", Panel.FARM, files.validate),
+    Command("validate", Panel.FARM, validate.validate),
     Command("run", Panel.FARM, scenario.run),
     Command("inspect", Panel.RUNNING, inspect.inspect),
     Command("trace", Panel.RUNNING, trace.trace),
@@ -59,7 +59,7 @@ COMMANDS = (
     Command("scan", Panel.CONTROLLER, scan.scan, behind="plc"),
     Command("decode", Panel.REFERENCE, decode.decode),
     Command("models", Panel.REFERENCE, models.models),
-    Command("schema", Panel.REFERENCE, files.schema),
+    Command("schema", Panel.REFERENCE, validate.schema),
     Command("doctor", Panel.MACHINE, doctor.doctor),
     Command("bench", Panel.MACHINE, bench.command),
 )
@@ -94,7 +94,7 @@ def _options(
     settings.log_format, settings.log_level, settings.debug = log_format, log_level, debug
     help_without_command(context)
     require_address_space(COMMAND)
-    from pnfarm.cli.logging import configure
+    from pnfarm.cli.log.setup import configure
 
     configure(as_json=settings.logs_json, level=log_level.value)
 

@@ -18,7 +18,7 @@ from pnfarm.errors import ConfigError, EnvironmentError_, RemoteError
 from pnfarm.farm.lines import line_bus, make_line
 
 if TYPE_CHECKING:
-    from pnfarm.links.serial_link import SerialLink
+    from pnfarm.links.serial.link import SerialLink
 
 __all__ = ["ask"]
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Self
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.scenario.record import Case
+    from pnfarm.scenario.definition.steps import Step
+    from pnfarm.scenario.report.record import Case
     from pnfarm.scenario.run import ScenarioRun
-    from pnfarm.scenario.steps import Step
 
 __all__ = ["Progress", "print_summary"]
 
@@ -116,7 +116,7 @@ def _clock(seconds: float) -> str:
 
 def print_summary(record: Mapping[str, Any]) -> None:
     """Of each run every expectation with what was allowed and what was measured, then the verdict in one line."""
-    from pnfarm.scenario.matrix import runs_of
+    from pnfarm.scenario.definition.matrix import runs_of
 
     runs = runs_of(record)
     for one in runs:

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.cli.run_progress import Progress
-    from pnfarm.scenario.file import Scenario
+    from pnfarm.scenario.definition.file import Scenario
     from pnfarm.terminal.client import FarmClient
 
 __all__ = ["run_remote"]
@@ -113,7 +113,7 @@ class _Remote:
     ) -> tuple[dict[str, Any], Exception]:
         """What was known last, as a record that ended."""
         from pnfarm.errors import EnvironmentError_
-        from pnfarm.scenario.record import Case, Verdict
+        from pnfarm.scenario.report.record import Case, Verdict
 
         why = f"the farm was lost: {error}"
         reached = {case["number"] for case in cases}

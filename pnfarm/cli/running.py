@@ -67,7 +67,7 @@ async def compile_ahead(*, in_memory: bool = True) -> None:
     Without ``in_memory`` what exchanges frames in memory is left out, an eighth of the work.
     Runs in a process of its own, so that a signal still ends the program, and before any interface is created.
     """
-    from pnfarm.table.compiled import IS_COMPILED, REAL_TIME, cache_directory, is_cached
+    from pnfarm.table.compiling.compiled import IS_COMPILED, REAL_TIME, cache_directory, is_cached
 
     part = "" if in_memory else REAL_TIME
     if not IS_COMPILED or is_cached(part) or not _writable(cache_directory()):

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field
 
 from pnfarm.config.section import Section
 from pnfarm.config.values import Duration
-from pnfarm.drives.motor_kinds import axis_value
+from pnfarm.drives.description.motor_kinds import axis_value
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import FASTEST_RPM
 from pnfarm.vocabulary.durations import format_duration

@@ -18,7 +18,7 @@ from pnfarm.config.values import NamePattern, Scalar
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.drives.motion_tasks import MotionTask
 
 __all__ = ["MAX_DRIVES", "Claim", "DriveConfig", "DriveGroup"]

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 from pnfarm.config.axis import axis_complaints
 from pnfarm.config.realism import missing_figures
 from pnfarm.drives import catalogue as drives
-from pnfarm.drives.given_values import raw_number
-from pnfarm.drives.model_identity import OVERRIDES, overrides_of, with_identity
-from pnfarm.drives.motor_kinds import ROTARY, with_motor
-from pnfarm.drives.parameter import Form, ParameterError
-from pnfarm.drives.parameter_list import read_parameter_list
+from pnfarm.drives.description.identity import OVERRIDES, overrides_of, with_identity
+from pnfarm.drives.description.motor_kinds import ROTARY, with_motor
+from pnfarm.drives.parameters.given_values import raw_number
+from pnfarm.drives.parameters.parameter import Form, ParameterError
+from pnfarm.drives.parameters.user_list import read_parameter_list
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.vocabulary.quoting import did_you_mean, shown
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from pnfarm.config.axis import Load, Motor
     from pnfarm.config.realism import Realism
-    from pnfarm.drives.model import Model
-    from pnfarm.drives.parameter_list import ListProblem
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.parameters.user_list import ListProblem
 
 __all__ = ["Complaint", "InstalledModel", "Known", "ModelFacts", "catalogue"]
 

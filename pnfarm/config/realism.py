@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 
 from pnfarm.config.section import Section
 from pnfarm.config.values import OFF
-from pnfarm.drives.realism import BOUNDS
+from pnfarm.drives.description.realism import BOUNDS
 from pnfarm.vocabulary.durations import format_duration, read_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
@@ -21,7 +21,7 @@ from pnfarm.vocabulary.quoting import shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["ALL", "OFF", "ON", "SWITCH", "BootTime", "DriveRealism", "Noise", "Realism", "asked_for", "missing_figures"]
 

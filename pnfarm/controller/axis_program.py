@@ -23,7 +23,7 @@ from pnfarm.vocabulary.quoting import did_you_mean
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.drives.signal_view import Inputs, Outputs
+    from pnfarm.drives.telegrams.signal_view import Inputs, Outputs
 
 __all__ = ["AxisProgram", "Line"]
 

@@ -15,14 +15,14 @@ from pnfarm.controller.group import Controllers
 from pnfarm.controller.plan import plan_controllers
 from pnfarm.controller.program_file import program_of, program_settings
 from pnfarm.controller.program_runner import ProgrammedNode, ProgramRunner
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import controller_mac, expand
 from pnfarm.farm.shard import part_of
 from pnfarm.farm.virtual import VirtualWorld
-from pnfarm.links.pcap import PcapLink
+from pnfarm.links.capture.pcap import PcapLink
 from pnfarm.station.event_log import EventLog
 
 if TYPE_CHECKING:
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from pnfarm.buses.controller import Controller
     from pnfarm.config.drive import DriveConfig
     from pnfarm.controller.axis_program import AxisProgram
-    from pnfarm.drives.memory import NonVolatile
+    from pnfarm.drives.parameters.memory import NonVolatile
     from pnfarm.farm.core import Node
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.farm.shard import Shard
     from pnfarm.links.base import Link, Port
+    from pnfarm.links.capture.files import BlockSink
     from pnfarm.links.memory import MemoryLink
-    from pnfarm.links.pcap_files import BlockSink
 
 __all__ = ["JoinedControllers", "VirtualLine", "join_controllers"]
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from pnfarm.buses.line_parameters import AskedController, LineQuestion
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError, RemoteError
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.controller import ControllerPlan
     from pnfarm.config.controller import ControllerSection
     from pnfarm.config.drive import DriveConfig
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.farm.file.reading import FarmConfig
 
 __all__ = ["PlannedController", "plan_controllers"]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pnfarm.config.controller import Program
     from pnfarm.controller.axis_program import Line
-    from pnfarm.drives.signal_view import Inputs, Outputs
+    from pnfarm.drives.telegrams.signal_view import Inputs, Outputs
     from pnfarm.farm.file.reading import FarmConfig
 
 __all__ = ["error_text", "load_program", "make_program", "place_of", "placed", "program_of", "program_settings"]

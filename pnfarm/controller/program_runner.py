@@ -17,7 +17,7 @@ import numpy as np
 from pnfarm.controller.axis_program import AxisProgram, Line
 from pnfarm.controller.program_file import error_text, make_program, place_of
 from pnfarm.controller.program_worker import Call, Worker
-from pnfarm.drives.signal_view import Inputs, Outputs
+from pnfarm.drives.telegrams.signal_view import Inputs, Outputs
 from pnfarm.firmware.profidrive.axis_program import READY
 from pnfarm.station.event import Event, event
 from pnfarm.table.channel import IDLE

@@ -32,13 +32,13 @@ from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
 from pnfarm.farm.lines import line_bus, make_line
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.links.base import unwrap
-from pnfarm.links.capabilities import require_for_link
 from pnfarm.links.interface import InterfaceLink
-from pnfarm.links.interfaces import remove_leftovers
-from pnfarm.links.kernel_addresses import hold_ports
+from pnfarm.links.kernel.addresses import hold_ports
+from pnfarm.links.kernel.capabilities import require_for_link
+from pnfarm.links.kernel.interfaces import remove_leftovers
+from pnfarm.links.kernel.ownership import FarmLock, bridge_name
 from pnfarm.links.macvlan import MacvlanLink
-from pnfarm.links.ownership import FarmLock, bridge_name
-from pnfarm.links.serial_link import SerialLink
+from pnfarm.links.serial.link import SerialLink
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
 from pnfarm.station.event_log import EventLog

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.axis_handle import CommandRingFullError
-from pnfarm.drives.parameter import Parameter, ParameterErrorNumber, refusal
+from pnfarm.drives.parameters.parameter import Parameter, ParameterErrorNumber, refusal
 from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CONTINUE,

@@ -9,13 +9,13 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model_files import MODEL_FILE, ModelFiles, required
-from pnfarm.drives.sections import NAMING_FILES, joined_data
+from pnfarm.drives.description.files import MODEL_FILE, ModelFiles, required
+from pnfarm.drives.description.loader import load_model
+from pnfarm.drives.description.sections import NAMING_FILES, joined_data
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["MODELS_VARIABLE", "SHIPPED_FOLDER", "Entry", "model", "models"]
 

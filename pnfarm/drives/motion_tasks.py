@@ -23,9 +23,9 @@ from pnfarm.table.axis_codes import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pnfarm.drives.axis_fields import AxisFields
-    from pnfarm.drives.model_parts import MotionTaskParameters
-    from pnfarm.drives.stored_values import StoredValues
+    from pnfarm.drives.description.parts import MotionTaskParameters
+    from pnfarm.drives.parameters.axis_fields import AxisFields
+    from pnfarm.drives.parameters.stored_values import StoredValues
 
 __all__ = ["MotionTask", "MotionTasks"]
 

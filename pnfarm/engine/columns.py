@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.by_address import link
 from pnfarm.table.channel import CPM, FRAME_SLOT, PPM
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.by_address import link
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.condition import CONDITION, CONDITION_OP, MAX_CONDITIONS, MAX_OPERATIONS
+from pnfarm.table.delay_queue import HELD
 from pnfarm.table.engine_row import ENGINE, EVENT, EVENTS
-from pnfarm.table.held import HELD
 from pnfarm.table.image import IMAGE
 from pnfarm.table.impairment import IMPAIRMENT
 from pnfarm.table.late import LATE, LATE_ROWS
@@ -42,7 +42,8 @@ class Columns(NamedTuple):
     ``frames``        (providers + held,          octets of each provider's frame, row for row, then of each
                       FRAME_SLOT)                 held frame
     ``frame_octets``  (octets of all frames,)     the same memory
-    ``held_order``    (2, held / 2)               slots of held frames by direction (:mod:`pnfarm.engine.held`)
+    ``held_order``    (2, held / 2)               slots of held frames by direction
+    (:mod:`pnfarm.engine.channels.delay_queue`)
     ``lookup``        (4, size, 2)                hash tables ``port << 32 | frame id`` -> consumer row + 1
     ``rx_frames``     (RX_BATCH, FRAME_SLOT)      frames received
     ``rx_octets``     (CHANGED_AT + FRAME_SLOT,)  the same memory, then the copy of one that an

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.condition import (
     OP_ABOVE,
     OP_AND,

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.engine.libc import (
+from pnfarm.engine.sockets.libc import (
     CLOCK_MONOTONIC,
     MSG_DONTWAIT,
     TIMER_ABSTIME,
@@ -20,8 +20,8 @@ from pnfarm.engine.libc import (
     sendmmsg,
     time_ns,
 )
-from pnfarm.engine.receive_ring import SLOT, SLOT_WORDS, ReceiveRing
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.engine.sockets.receive_ring import SLOT, SLOT_WORDS, ReceiveRing
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
 __all__ = ["FloorVectors", "copy_floor", "make_vectors", "run_floor"]

@@ -9,7 +9,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.station.lateness import Lateness
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiling.compiled import compiled
 from pnfarm.table.late import LATE_ROWS
 
 if TYPE_CHECKING:

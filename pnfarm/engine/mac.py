@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["mac_at"]
 

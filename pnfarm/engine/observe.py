@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.engine_row import CONTROL_BIT_CHANGED, emit
 from pnfarm.table.observed import PEAK_WINDOW_NS
 from pnfarm.table.signals import STW1

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from pnfarm.engine.columns import Columns
-from pnfarm.engine.express import Express
 from pnfarm.engine.lateness import LATE_NS, note_late
-from pnfarm.engine.libc import CLOCK_MONOTONIC, CLOCK_REALTIME, TIMER_ABSTIME, clock_nanosleep, time_ns, write
-from pnfarm.engine.receive_ring import give_back, take_batch
-from pnfarm.engine.rings import Ring, make_ring, send_batch
+from pnfarm.engine.sockets.libc import CLOCK_MONOTONIC, CLOCK_REALTIME, TIMER_ABSTIME, clock_nanosleep, time_ns, write
+from pnfarm.engine.sockets.receive_ring import give_back, take_batch
+from pnfarm.engine.sockets.rings import Ring, make_ring, send_batch
+from pnfarm.engine.sockets.xdp import XdpSocket
 from pnfarm.engine.tick import first_due, one_tick, receive_from
 from pnfarm.errors import InternalError
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiling.compiled import compiled
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 
 __all__ = ["RealTimeEngine", "RealTimeSettings", "run_loop"]
@@ -201,7 +201,7 @@ def ask_kernel(settings: RealTimeSettings, report: RealTimeReport) -> None:
 class RealTimeEngine:
     """Runs :func:`run_loop` in a thread between :meth:`start` and :meth:`stop`.
 
-    ``beside`` is a second socket to receive from: frames of another EtherType.  ``express``: how frames leave through
+    ``beside`` is a second socket to receive from: frames of another EtherType.  ``xdp``: how frames leave through
     one interface, where that has a way of its own.
     ``wake_fd`` becomes readable whenever the engine has written events; the reader drains it with
     ``os.eventfd_read``.
@@ -214,14 +214,14 @@ class RealTimeEngine:
         settings: RealTimeSettings | None = None,
         *,
         beside: socket.socket | None = None,
-        express: Express | None = None,
+        xdp: XdpSocket | None = None,
     ) -> None:
         self.columns = columns
         self.settings = settings or RealTimeSettings()
         self.report = RealTimeReport()
         self.wake_fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._socket = channel_socket
-        self._ring = make_ring(columns, channel_socket, beside, express=express, timestamps=self.settings.timestamps)
+        self._ring = make_ring(columns, channel_socket, beside, xdp=xdp, timestamps=self.settings.timestamps)
         self._one = np.ones(1, np.uint64)
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None

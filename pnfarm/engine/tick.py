@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.engine import class1, framing
+from pnfarm.engine.channels import class1, framing
+from pnfarm.engine.channels.consuming import accept, accept_rtc, check, check_rtc, zero
+from pnfarm.engine.channels.delay_queue import copy_octets, forget, release_all, take_first
+from pnfarm.engine.channels.impair import GOES_ON, HELD, IS_LOST, WAS_CHANGED, impair_received, impair_sent
+from pnfarm.engine.channels.providing import pack, pack_rtc
 from pnfarm.engine.columns import CHANGED_AT, Columns, lookup_find
 from pnfarm.engine.conditions import watch_conditions
-from pnfarm.engine.consuming import accept, accept_rtc, check, check_rtc, zero
-from pnfarm.engine.held import copy_octets, forget, release_all, take_first
-from pnfarm.engine.impair import GOES_ON, HELD, IS_LOST, WAS_CHANGED, impair_received, impair_sent
 from pnfarm.engine.mac import mac_at
 from pnfarm.engine.observe import fault_began, fault_ended, observe
-from pnfarm.engine.providing import pack, pack_rtc
 from pnfarm.engine.tracing import sample
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
@@ -26,7 +26,6 @@ from pnfarm.firmware.front import has_parameter_channel, step_program, tells
 from pnfarm.firmware.profidrive.sign_of_life import count_life
 from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import FAULT_SLOTS
-from pnfarm.table.by_address import by_address
 from pnfarm.table.channel import (
     DISCARD_IMPAIRED,
     FRAME_SLOT,
@@ -36,7 +35,9 @@ from pnfarm.table.channel import (
     RUN,
     W_START,
 )
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.by_address import by_address
+from pnfarm.table.compiling.compiled import compiled, inlined
+from pnfarm.table.delay_queue import INWARD, OUTWARD
 from pnfarm.table.engine_row import (
     ACKNOWLEDGE_REFUSED,
     EXPIRED,
@@ -49,7 +50,6 @@ from pnfarm.table.engine_row import (
     WARNING_CHANGED,
     emit,
 )
-from pnfarm.table.held import INWARD, OUTWARD
 from pnfarm.table.image import IMAGE, LOST_CLOSED, LOST_EXPIRED, LOST_STOP
 
 __all__ = [

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.engine_row import TRACE_ENDED, TRACE_TRIGGERED, emit
 from pnfarm.table.trace import (
     ARMED,

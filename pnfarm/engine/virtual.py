@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.engine.channels.delay_queue import sent_length
 from pnfarm.engine.columns import RX_BATCH, Columns
-from pnfarm.engine.held import sent_length
 from pnfarm.engine.mac import mac_at
 from pnfarm.engine.search import first_not_below
 from pnfarm.engine.tick import next_due, receive_at, tick
 from pnfarm.table.channel import FRAME_SLOT
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 
 __all__ = ["deliver", "run_alone", "run_virtual", "take"]
 

@@ -1,6 +1,6 @@
 """Compiles everything that runs each tick, before the first farm starts: ``python -m pnfarm.engine.warm``.
 
-For images and installations: the machine code goes to :func:`~pnfarm.table.code_cache.cache_directory`, and a
+For images and installations: the machine code goes to :func:`~pnfarm.table.compiling.code_cache.cache_directory`, and a
 farm that starts later loads it in half a second.  Nothing is sent, no privilege is needed, and nothing is run.
 
 Numba's compiler is written in Python, so that threads would not help: one process compiles the loops, another one the
@@ -32,15 +32,15 @@ import numpy as np
 from numba import typeof
 from numba.core import event, targetconfig
 
+from pnfarm.engine.channels.impair import impair_sent
 from pnfarm.engine.columns import Columns, allocate, lookup_rebuild
-from pnfarm.engine.impair import impair_sent
 from pnfarm.engine.realtime import run_loop
-from pnfarm.engine.rings import make_ring
+from pnfarm.engine.sockets.rings import make_ring
 from pnfarm.engine.tick import next_due, next_step, tick
 from pnfarm.engine.virtual import run_alone, run_virtual
 from pnfarm.errors import InternalError
-from pnfarm.table.by_address import promise
-from pnfarm.table.compiled import (
+from pnfarm.table.compiling.by_address import promise
+from pnfarm.table.compiling.compiled import (
     IS_COMPILED,
     REAL_TIME,
     cache_directory,

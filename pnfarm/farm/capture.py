@@ -1,9 +1,9 @@
 """A capture of a running farm: all frames of its drives, cyclic and acyclic, both ways, into pcapng files.
 
 Theory: the engine's frames never leave compiled code, so nothing that wraps a link can see them.  A separate packet
-socket (:mod:`pnfarm.links.packet_ring`) receives them at the drives' interfaces, and a thread of low priority writes
-them to the file.  The farm never waits for it: frames that the thread is too slow for are dropped by the kernel and
-counted here; without a capture neither socket nor thread exists.
+socket (:mod:`pnfarm.links.kernel.packet_ring`) receives them at the drives' interfaces, and a thread of low priority
+writes them to the file.  The farm never waits for it: frames that the thread is too slow for are dropped by the kernel
+and counted here; without a capture neither socket nor thread exists.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from pnfarm.engine.capture import ROOM_FACTOR, pack_block
+from pnfarm.engine.sockets.capture import ROOM_FACTOR, pack_block
 from pnfarm.errors import ConfigError, EnvironmentError_, InternalError
 from pnfarm.farm.events import CaptureEnded, CaptureFailed, CaptureLostFrames
-from pnfarm.links.bpf_capture import KINDS, atoms_of, capture_filter
-from pnfarm.links.packet_ring import BLOCK, RETIRE_MS, PacketRing
-from pnfarm.links.pcap import interface_description, interface_statistics, packet_block, section_header
-from pnfarm.links.pcap_files import CaptureFiles
-from pnfarm.links.serial_link import FIRST_PORT
+from pnfarm.links.capture.files import CaptureFiles
+from pnfarm.links.capture.pcap import interface_description, interface_statistics, packet_block, section_header
+from pnfarm.links.kernel.bpf_capture import KINDS, atoms_of, capture_filter
+from pnfarm.links.kernel.packet_ring import BLOCK, RETIRE_MS, PacketRing
+from pnfarm.links.serial.link import FIRST_PORT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from pnfarm.links.base import Port
-    from pnfarm.links.pcap_files import BlockSink
+    from pnfarm.links.capture.files import BlockSink
     from pnfarm.station.event import Event
     from pnfarm.wire.direction import Direction
 
@@ -118,7 +118,7 @@ class FarmCapture:
     """Made before the farm's interfaces, so that a file that cannot be written is reported before the drives send.
 
     ``note`` is called in the capture's thread.  Raises what :class:`CaptureSettings` and
-    :class:`~pnfarm.links.pcap_files.CaptureFiles` raise.
+    :class:`~pnfarm.links.capture.files.CaptureFiles` raise.
     """
 
     def __init__(self, settings: CaptureSettings, farm: str, names: Sequence[str], note: Note) -> None:

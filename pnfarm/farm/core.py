@@ -15,21 +15,21 @@ from pnfarm.buses.registry import bus
 from pnfarm.config.axis import apply_axis
 from pnfarm.config.machine import apply_machine
 from pnfarm.drives.axis_handle import AxisHandle
+from pnfarm.engine.channels.impairments import ImpairmentTable
+from pnfarm.engine.channels.schedule import ChannelTable
 from pnfarm.engine.columns import Columns, allocate
-from pnfarm.engine.impairments import ImpairmentTable
 from pnfarm.engine.lateness import LatenessRecord
-from pnfarm.engine.schedule import ChannelTable
 from pnfarm.errors import ConfigError, InternalError
-from pnfarm.farm.controller_record import ControllerRecords
 from pnfarm.farm.events import EngineEventsLost
 from pnfarm.farm.injections import make_manager
 from pnfarm.farm.realism import imperfections
-from pnfarm.faults.gate import GatedLink
-from pnfarm.faults.socket_gate import SocketGate
+from pnfarm.farm.views.controller_record import ControllerRecords
+from pnfarm.faults.gate.gate import GatedLink
+from pnfarm.faults.gate.socket_gate import SocketGate
 from pnfarm.links.base import unwrap
-from pnfarm.links.exits import exits_of
+from pnfarm.links.egress import egress_of
 from pnfarm.links.joined import lines_of
-from pnfarm.links.linux import PacketLink
+from pnfarm.links.kernel.linux import PacketLink
 from pnfarm.links.memory import MemoryLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.protocols.deadlines import Deadlines
@@ -52,12 +52,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
     from pnfarm.config.drive import DriveConfig
-    from pnfarm.drives.memory import NonVolatile
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.parameters.memory import NonVolatile
     from pnfarm.farm.leaseholder import Leaseholder
     from pnfarm.farm.shard import Shard
     from pnfarm.links.base import Clock, Link, Port
-    from pnfarm.links.line import LineTally
+    from pnfarm.links.serial.line import LineTally
     from pnfarm.station.event_log import EventLog
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
@@ -160,12 +160,12 @@ class FarmCore:
         #: The keeper of the memory's database and of the lease, None without.
         self.leaseholder: Leaseholder | None = None
         self.impairments = ImpairmentTable(self.columns)
-        exits = exits_of(link)
-        if exits is None:
+        egress = egress_of(link)
+        if egress is None:
             self.channels = ChannelTable(self.columns)
         else:
-            self.channels = ChannelTable(self.columns, exits.exit_for)
-            exits.set_listener(self.channels.choose_exits)
+            self.channels = ChannelTable(self.columns, egress.egress_for)
+            egress.set_listener(self.channels.choose_egress)
         #: How late the farm itself was.
         self.lateness = LatenessRecord(self.columns)
         #: What carries streams and datagrams of the drives that have addresses of their own.
@@ -355,7 +355,7 @@ class FarmCore:
     def poll(self, octets: bytes, now: int) -> tuple[int, bytes] | None:
         """Port and answer of a drive whose cyclic data these octets poll, None where more is to be done.
 
-        The short way of most telegrams of a line: no injection, no deadline and no listener is concerned.
+        The fast path of most telegrams of a line: no injection, no deadline and no listener is concerned.
         """
         segment = self._line_segment
         if segment is None or (self.may_speak is not None and not self.may_speak()):

@@ -18,10 +18,10 @@ from pnfarm.config.links import MemoryLink as MemorySection
 from pnfarm.config.links import SerialLink as SerialSection
 from pnfarm.config.links import TapLink as TapSection
 from pnfarm.config.links import VethLink as VethSection
-from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model as model_by_name
-from pnfarm.drives.model_identity import with_identity
-from pnfarm.drives.motor_kinds import with_motor
+from pnfarm.drives.description.behaviour import with_behaviour
+from pnfarm.drives.description.identity import with_identity
+from pnfarm.drives.description.motor_kinds import with_motor
 from pnfarm.engine.realtime import RealTimeSettings
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.capture import CaptureSettings, FarmCapture
@@ -38,25 +38,25 @@ from pnfarm.farm.events import (
     RealTimeOptionRefused,
 )
 from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
-from pnfarm.farm.files import raise_file_limit
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.lease import Lease
 from pnfarm.farm.leaseholder import Leaseholder
 from pnfarm.farm.lines import line_bus, make_line, make_lines
 from pnfarm.farm.load import line_name
-from pnfarm.farm.memory import MemoryDriver
-from pnfarm.farm.postgres import PostgresState
+from pnfarm.farm.memory.postgres import PostgresState
+from pnfarm.farm.memory.sqlite import FarmState
+from pnfarm.farm.memory_link import MemoryDriver
+from pnfarm.farm.process.open_files import raise_file_limit
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.shard import Shard, parse_shard, part_of
-from pnfarm.farm.state import FarmState
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.base import PortSpec, unwrap
-from pnfarm.links.capabilities import require_for_link
-from pnfarm.links.interfaces import Interfaces, remove_leftovers, remove_leftovers_now, run_to_completion
 from pnfarm.links.joined import JoinedLink, lines_of
-from pnfarm.links.leased import LeasedLink
+from pnfarm.links.kernel.capabilities import require_for_link
+from pnfarm.links.kernel.interfaces import Interfaces, remove_leftovers, remove_leftovers_now, run_to_completion
+from pnfarm.links.kernel.ownership import FarmLock, owner_of, shards_in
 from pnfarm.links.macvlan import MacvlanLink
-from pnfarm.links.ownership import FarmLock, owner_of, shards_in
+from pnfarm.links.muted import MutedLink
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
 from pnfarm.station.event_log import EventLog
@@ -68,7 +68,7 @@ if TYPE_CHECKING:
 
     from pnfarm.config.drive import DriveConfig
     from pnfarm.config.links import LineWay
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.faults.manager import Injection, InjectionManager
     from pnfarm.links.base import Link, Port
     from pnfarm.station.event import Event
@@ -317,7 +317,7 @@ class Farm:
         await run_to_completion(state.start)
         await holder.wait()
         if self.world is None:
-            self.link = LeasedLink(self.link, state.may_speak)
+            self.link = MutedLink(self.link, state.may_speak)
         return state
 
     @staticmethod

@@ -10,8 +10,8 @@ from pnfarm.buses.registry import bus, fault_kinds
 from pnfarm.drives import catalogue as drive_catalogue
 from pnfarm.errors import ConfigError
 from pnfarm.farm.events import AddressNotRestored, CarrierNotChanged
-from pnfarm.faults.addresses import Addresses
-from pnfarm.faults.carrier import Carriers
+from pnfarm.faults.effects.addresses import Addresses
+from pnfarm.faults.effects.carrier import Carriers
 from pnfarm.faults.manager import InjectionManager
 from pnfarm.faults.when import Conditions
 from pnfarm.vocabulary.globs import means
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
     from pnfarm.config.drive import DriveConfig
     from pnfarm.config.impairment import Impairment
+    from pnfarm.engine.channels.impairments import ImpairmentTable
     from pnfarm.engine.columns import Columns
-    from pnfarm.engine.impairments import ImpairmentTable
-    from pnfarm.faults.gate import GatedLink
-    from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.faults.socket_gate import SocketGate
+    from pnfarm.faults.effects.parts import InjectedDrive
+    from pnfarm.faults.gate.gate import GatedLink
+    from pnfarm.faults.gate.socket_gate import SocketGate
     from pnfarm.links.base import Clock
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.station import Station

@@ -19,16 +19,16 @@ from pnfarm.farm.events import (
     MemoryBack,
 )
 from pnfarm.farm.lease import LeaseState, margin_ns
-from pnfarm.faults.wire import WIRE
+from pnfarm.faults.effects.wire import WIRE
 from pnfarm.links.base import unwrap
-from pnfarm.links.linux import PacketLink
+from pnfarm.links.kernel.linux import PacketLink
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.engine.columns import Columns
     from pnfarm.farm.lease import LeaseChanged
-    from pnfarm.farm.postgres import PostgresState
+    from pnfarm.farm.memory.postgres import PostgresState
     from pnfarm.faults.manager import InjectionManager
     from pnfarm.links.base import Link
     from pnfarm.station.event_log import EventLog

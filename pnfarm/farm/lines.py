@@ -10,17 +10,17 @@ from pnfarm.buses.bus import LineBus
 from pnfarm.buses.registry import BUSES
 from pnfarm.config.links import SerialLink as SerialSection
 from pnfarm.errors import ConfigError
-from pnfarm.links.line import LineFormat
-from pnfarm.links.serial import PortLine, PtyLine
-from pnfarm.links.serial_link import SerialLink
-from pnfarm.links.serial_tcp import ConnectLine, ListenLine
+from pnfarm.links.serial.descriptor import PortLine, PtyLine
+from pnfarm.links.serial.line import LineFormat
+from pnfarm.links.serial.link import SerialLink
+from pnfarm.links.serial.tcp import ConnectLine, ListenLine
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.config.links import LineWay
     from pnfarm.farm.file.reading import FarmConfig
-    from pnfarm.links.line import Line
+    from pnfarm.links.serial.line import Line
 
 __all__ = ["line_bus", "line_ways", "make_line", "make_lines"]
 
@@ -92,7 +92,7 @@ def _way(way: LineWay) -> Line:
         return ConnectLine(*_place(way.connect), baud=way.rate)
     if way.rfc2217 is not None:
         # its threads are loaded by those who have one
-        from pnfarm.links.serial_rfc2217 import Rfc2217Line  # noqa: PLC0415
+        from pnfarm.links.serial.rfc2217 import Rfc2217Line  # noqa: PLC0415
 
         return Rfc2217Line(*_place(way.rfc2217), way.rate, LineFormat((way.rate,), "even"))
     if way.listen is not None:

@@ -6,14 +6,14 @@ import hashlib
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.config.realism import ALL, OFF, ON, asked_for
-from pnfarm.drives.motor_kinds import axis_value
-from pnfarm.drives.realism import RANGES
+from pnfarm.drives.description.motor_kinds import axis_value
+from pnfarm.drives.description.realism import RANGES
 from pnfarm.station.imperfections import NOISES, Imperfections
 from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
     from pnfarm.config.realism import Realism
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["imperfections"]
 

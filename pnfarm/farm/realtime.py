@@ -14,21 +14,21 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.engine.class1 import CLASS1_PORT
+from pnfarm.engine.channels.class1 import CLASS1_PORT
+from pnfarm.engine.channels.delay_queue import sent_length, sent_port
 from pnfarm.engine.columns import RX_BATCH
-from pnfarm.engine.express import open_express
-from pnfarm.engine.held import sent_length, sent_port
 from pnfarm.engine.lateness import note_late
 from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
+from pnfarm.engine.sockets.xdp import open_xdp
 from pnfarm.engine.tick import next_due, next_step, tick
 from pnfarm.errors import InternalError
 from pnfarm.farm.core import LineNode, SocketNode
 from pnfarm.farm.lateness import StolenTime
 from pnfarm.links.base import EngineLink, unwrap
-from pnfarm.links.exits import exits_of
+from pnfarm.links.egress import egress_of
 from pnfarm.links.joined import lines_of
-from pnfarm.links.linux import PacketLink
-from pnfarm.links.serial_link import SerialLink
+from pnfarm.links.kernel.linux import PacketLink
+from pnfarm.links.serial.link import SerialLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.links.tap import TapLink
 from pnfarm.table.record_fields import field_views
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     import socket
     from collections.abc import Callable
 
-    from pnfarm.engine.express import Express
     from pnfarm.engine.lateness import LatenessRecord
+    from pnfarm.engine.sockets.xdp import XdpSocket
     from pnfarm.farm.core import Node
-    from pnfarm.links.serial_link import Poll, RepeatedPoll
+    from pnfarm.links.serial.link import Poll, RepeatedPoll
     from pnfarm.wire.endpoint import SocketEvent
 
 __all__ = ["RealTimeDriver"]
@@ -68,7 +68,7 @@ class RealTimeDriver:
         self.engine: RealTimeEngine | None = None
         self._socket: socket.socket | None = None
         self._beside: socket.socket | None = None
-        self._express_socket: socket.socket | None = None
+        self._xdp_socket: socket.socket | None = None
         self._timer: asyncio.TimerHandle | None = None
         self._timer_due: int | None = None
         self._failed: asyncio.Future[None] | None = None
@@ -84,7 +84,7 @@ class RealTimeDriver:
             self._socket = link.engine_socket()
             self._beside = link.engine_datagrams(CLASS1_PORT) if isinstance(link, PacketLink) else None
             self.engine = RealTimeEngine(
-                self.node.columns, self._socket, self.settings, beside=self._beside, express=self._express()
+                self.node.columns, self._socket, self.settings, beside=self._beside, xdp=self._open_xdp()
             )
             self.engine.start()
             loop.add_reader(self.engine.wake_fd, self._guard, self._woken)
@@ -107,12 +107,12 @@ class RealTimeDriver:
         self._guard(self._service)
         self._check(loop)
 
-    def _express(self) -> Express | None:
-        exits = exits_of(self.node.link)
-        if exits is None or not exits.express:
+    def _open_xdp(self) -> XdpSocket | None:
+        egress = egress_of(self.node.link)
+        if egress is None or not egress.xdp_interface:
             return None
-        express, self._express_socket = open_express(exits.express, self.node.columns.ppm.shape[0])
-        return express
+        xdp, self._xdp_socket = open_xdp(egress.xdp_interface, self.node.columns.ppm.shape[0])
+        return xdp
 
     async def wait(self) -> None:
         """Wait until something fails; raises its exception."""
@@ -135,10 +135,10 @@ class RealTimeDriver:
             loop.remove_reader(self.engine.wake_fd)
             self.engine.close()
             self.engine = None
-        for sock in (self._socket, self._beside, self._express_socket):
+        for sock in (self._socket, self._beside, self._xdp_socket):
             if sock is not None:
                 sock.close()
-        self._socket = self._beside = self._express_socket = None
+        self._socket = self._beside = self._xdp_socket = None
         if self._failed is not None and not self._failed.done():
             self._failed.cancel()
 

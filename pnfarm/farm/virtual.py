@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pnfarm.engine.held import sent_length, sent_port
+from pnfarm.engine.channels.delay_queue import sent_length, sent_port
 from pnfarm.engine.tick import next_due, tick
 from pnfarm.engine.virtual import deliver, run_alone, run_virtual, take
 from pnfarm.errors import InternalError

@@ -6,13 +6,13 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.evidence import NOTHING, Evidence
+from pnfarm.faults.effects.evidence import NOTHING, Evidence
 from pnfarm.faults.run_states import RunState
 from pnfarm.vocabulary.durations import format_duration
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effect import Effect
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.effect import Effect
+    from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.faults.plan import InjectionSpec
     from pnfarm.faults.when import ConditionWatch
     from pnfarm.station.splitmix import SplitMix64

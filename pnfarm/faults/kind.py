@@ -25,8 +25,8 @@ from pnfarm.wire.mac import NIL, is_group, parse_mac
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from pnfarm.faults.effect import Effect
-    from pnfarm.faults.given import GivenInjection
+    from pnfarm.faults.effects.effect import Effect
+    from pnfarm.faults.effects.injection_fields import InjectionFields
     from pnfarm.wire.direction import Directions
 
 __all__ = [
@@ -194,7 +194,7 @@ class KindOnBus:
         return {"params": list(self.params), "wire": self.wire, "reports": self.reports, "refused": self.refused}
 
 
-def _no_misfits(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+def _no_misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
     del spec
     return ()
 
@@ -221,7 +221,7 @@ class InjectionKind:
     preset: Mapping[str, Any] = field(default_factory=dict)
     wire: str = ""
     reports: str = ""
-    misfits: Callable[[GivenInjection], Iterable[tuple[str, Problem]]] = _no_misfits
+    misfits: Callable[[InjectionFields], Iterable[tuple[str, Problem]]] = _no_misfits
     place: int = 1000
     on: Mapping[str, KindOnBus] = field(default_factory=dict)
 

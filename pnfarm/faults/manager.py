@@ -13,22 +13,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.errors import ConfigError
+from pnfarm.faults.effects.evidence import NOTHING, Evidence
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.events import InjectionBegan, InjectionEnded
-from pnfarm.faults.evidence import NOTHING, Evidence
 from pnfarm.faults.injection import DriveRun, Injection
-from pnfarm.faults.reach import check_parts, chosen, reach_of
 from pnfarm.faults.run_states import TRANSITIONS, RunEvent, RunState
 from pnfarm.faults.start import again, cycles_of, first_random, pause_of, seeded, wait_until, window_of
+from pnfarm.faults.targets import check_parts, chosen, targets_of
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from pnfarm.faults.catalogue import Catalogue
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.faults.plan import InjectionSpec
-    from pnfarm.faults.reach import Reach
+    from pnfarm.faults.targets import Targets
     from pnfarm.faults.when import Conditions
 
 __all__ = ["MOST_INJECTIONS", "DriveRun", "Injection", "InjectionManager", "RunState"]
@@ -137,12 +137,12 @@ class InjectionManager:
         self._retire(injection)
         return injection
 
-    def reach(self, fields: Mapping[str, Any]) -> Reach:
+    def reach(self, fields: Mapping[str, Any]) -> Targets:
         """Whom :meth:`inject` would hit, and which drives cannot; changes nothing.  Raises as :meth:`add` does."""
         spec = seeded(self.catalogue.parse(fields))
         if spec.name is not None and spec.name in self._injections:
             raise InjectionError([("as", f"there is an injection {spec.name} already", "another name")])
-        return reach_of(spec, self._drives, self._check_condition)
+        return targets_of(spec, self._drives, self._check_condition)
 
     def renew(self, injection_id: str, now: int) -> Injection:
         """Begin its time to live anew; raises :class:`ConfigError` for an unknown id, or one without such a time."""

@@ -6,14 +6,14 @@ import math
 import secrets
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.effect import Window, seed_of
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.effect import Window, seed_of
 from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
-    from pnfarm.faults.connection import Connection
+    from pnfarm.faults.effects.connection import Connection
+    from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.faults.injection import DriveRun
-    from pnfarm.faults.parts import InjectedDrive
     from pnfarm.faults.plan import InjectionSpec
 
 __all__ = ["again", "cycles_of", "first_random", "pause_of", "seeded", "wait_until", "window_of"]

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
 from pnfarm.faults.errors import InjectionError
-from pnfarm.faults.holes import Holes
 from pnfarm.firmware.axis import AXIS
 from pnfarm.station.conditions import bind
 from pnfarm.table import condition as codes
 from pnfarm.table.places import Place, place_of
 from pnfarm.table.plain import plain
+from pnfarm.table.segments import Segments
 from pnfarm.table.trace import SOURCE_AXIS_REAL
 from pnfarm.vocabulary.conditions import Both, Comparison, ConditionError, Either, Name, Not, Text, evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.engine.columns import Columns
     from pnfarm.station.conditions import Condition
     from pnfarm.station.station import Station
@@ -61,7 +61,7 @@ class Conditions:
         #: Rows below the highest one in use that are free.
         self._rows: list[int] = []
         self._most_rows = 0
-        self._holes = Holes(len(self._ops))
+        self._segments = Segments(len(self._ops))
         self._serial = 0
 
     def bind(self, drive: str, text: str) -> Condition:
@@ -92,7 +92,7 @@ class Conditions:
         """A row for a condition: its number, and its first operation.  Raises :class:`ConfigError` without room."""
         length = len(ops)
         row = self._rows[-1] if self._rows else self._most_rows
-        first = self._holes.take(length) if row < len(self._conditions) else None
+        first = self._segments.allocate(length) if row < len(self._conditions) else None
         if first is None:
             raise ConfigError(f"{len(self._watches)} conditions are watched already, which is all there is room for")
         if self._rows:
@@ -118,12 +118,12 @@ class Conditions:
         """What the event loop knows, for the engine."""
         self._ops[op]["given"] = value
 
-    def close(self, row: int, first: int, length: int) -> None:
+    def close(self, row: int, first: int) -> None:
         """Free a row."""
         self._conditions[row]["active"] = 0
         del self._watches[row]
         self._rows.append(row)
-        self._holes.give(first, length)
+        self._segments.release(first)
         if not self._watches:
             self._rows.clear()
             self._most_rows = 0
@@ -146,8 +146,8 @@ class ConditionWatch:
         self._conditions = conditions
         self._station = station
         self._condition = condition
-        #: Its row, first operation and number of operations.
-        self._row: tuple[int, int, int] | None = None
+        #: Its row and its first operation.
+        self._row: tuple[int, int] | None = None
         #: Operations whose value the event loop gives.
         self._given: dict[int, Tree] = {}
         self._telegram = -1
@@ -183,8 +183,7 @@ class ConditionWatch:
         builder.add(self._condition.tree)
         self._given = builder.given
         if builder.in_table:
-            row, first = self._conditions.open(self, builder.ops)
-            self._row = row, first, len(builder.ops)
+            self._row = self._conditions.open(self, builder.ops)
 
     def _value(self, leaf: Tree) -> float:
         def value_of(operand: Operand) -> Value:

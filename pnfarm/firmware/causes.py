@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.table.axis_codes import FAULT_ACTIONS, FAULT_SLOTS
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["NUMBER_MASK", "cause_held", "ignored"]
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["drive_time", "true_duration"]
 

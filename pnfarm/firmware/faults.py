@@ -12,7 +12,7 @@ from math import floor, inf
 from typing import Any
 
 from pnfarm.firmware.causes import NUMBER_MASK, ignored
-from pnfarm.firmware.supply import mains
+from pnfarm.firmware.motor.supply import mains
 from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CLEAR_HISTORY,
@@ -35,7 +35,7 @@ from pnfarm.table.axis_codes import (
     STOP_DROP,
     WARNING_SLOTS,
 )
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 
 __all__ = ["acknowledge", "raise_fault", "take_commands"]
 

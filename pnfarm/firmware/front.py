@@ -18,7 +18,7 @@ from pnfarm.firmware.profidrive import axis_program as profidrive_program
 from pnfarm.firmware.profidrive import front as profidrive
 from pnfarm.firmware.profidrive.parameter_words import exchange
 from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, FIRMWARE_PROFIDRIVE
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["has_parameter_channel", "show_state", "step_program", "take_orders", "tells"]
 

@@ -46,7 +46,7 @@ from pnfarm.table.axis_codes import (
     QUICK_STOP_STAYS,
     SENSOR_PARKING,
 )
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["at_once", "enabled_by_hardware", "quick_stop_ramp", "take_interlocks", "torque_free", "with_interlocks"]
 

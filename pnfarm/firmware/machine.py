@@ -22,7 +22,7 @@ from pnfarm.table.axis_codes import (
     MACHINE_SWITCH_LOW,
     USED_INPUTS,
 )
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["hold_at_stops", "take_switches"]
 

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.supply import bus_below
-from pnfarm.firmware.travel import limits_reached
+from pnfarm.firmware.motion.travel import limits_reached
+from pnfarm.firmware.motor.supply import bus_below
 from pnfarm.table.axis_codes import WARNING_SLOTS
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["warned", "watch_warnings"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import pi, sin
 from typing import Any
 
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.program import CONSTANT, RAMP, RUNNING, SINE
 
 __all__ = ["begin_leg", "enter", "runs", "speed_of"]

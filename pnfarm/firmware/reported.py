@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.interlocks import torque_free
-from pnfarm.firmware.measurement import measured_position, measured_velocity
-from pnfarm.firmware.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, OUT, TASK
-from pnfarm.firmware.travel import limits_reached
+from pnfarm.firmware.motion.positioning import BRAKING, HOMING, INTERMEDIATE_STOP, OUT, TASK
+from pnfarm.firmware.motion.travel import limits_reached
+from pnfarm.firmware.motor.measurement import measured_position, measured_velocity
 from pnfarm.table.axis_codes import LACKS_ENABLE, LACKS_RELEASE
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 
 __all__ = ["at_target", "drive_inputs", "has_task", "motion_status", "standing"]
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from pnfarm.firmware.transitions import as_array, possible
 from pnfarm.table.axis_codes import POWER_ENABLE, POWER_NO_COAST, POWER_NO_QUICK_STOP, POWER_ON
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 
 __all__ = ["PRIORITY", "S5_FAULT", "S5_QUICK", "S5_RAMP", "TRANSITIONS", "advance", "conditions"]
 

@@ -11,14 +11,14 @@ from pnfarm.firmware.direction import take_direction
 from pnfarm.firmware.faults import take_commands
 from pnfarm.firmware.front import show_state, take_orders
 from pnfarm.firmware.interlocks import take_interlocks, with_interlocks
-from pnfarm.firmware.jog import take_jog
 from pnfarm.firmware.machine import take_switches
-from pnfarm.firmware.measurement import measure
-from pnfarm.firmware.motor import brake_holds, constants_of, motor_step_ns, step_motor, watch_motor
+from pnfarm.firmware.motion.jog import take_jog
+from pnfarm.firmware.motion.positioning import take_motion
+from pnfarm.firmware.motion.ramp import velocity_command
+from pnfarm.firmware.motion.service_motion import step_service
+from pnfarm.firmware.motor.measurement import measure
+from pnfarm.firmware.motor.motor import brake_holds, constants_of, motor_step_ns, step_motor, watch_motor
 from pnfarm.firmware.own_warnings import watch_warnings
-from pnfarm.firmware.positioning import take_motion
-from pnfarm.firmware.ramp import velocity_command
-from pnfarm.firmware.service_motion import step_service
 from pnfarm.firmware.state_machine import advance, conditions
 from pnfarm.table.axis_codes import (
     DISABLE_AT_ONCE,
@@ -29,7 +29,7 @@ from pnfarm.table.axis_codes import (
     POWER_ON,
     REACTION_QUICK_STOP,
 )
-from pnfarm.table.compiled import compiled_apart, inlined
+from pnfarm.table.compiling.compiled import compiled_apart, inlined
 
 __all__ = ["step"]
 

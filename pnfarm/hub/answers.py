@@ -7,7 +7,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field
 
 from pnfarm.api.answers import Fault, Faults, Traces, TraceView
-from pnfarm.api.schemas import Drive, FarmView, Findings, Health, Reach, Reactions, Reset
+from pnfarm.api.schemas import Drive, FarmView, Findings, Health, Reactions, Reset, Targets
 from pnfarm.web.bodies import Schema
 
 __all__ = [
@@ -69,7 +69,7 @@ class HubFaults(Faults, _Partial):
     faults: list[HubFault]  # type: ignore[assignment]
 
 
-class HubReach(Reach, _Partial):
+class HubReach(Targets, _Partial):
     pass
 
 

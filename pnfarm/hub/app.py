@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 from fastapi import FastAPI, Query, Request
 from starlette.responses import Response, StreamingResponse
 
+from pnfarm.api.access.guard import Guard
+from pnfarm.api.access.throttle import Throttle
 from pnfarm.api.app import LIVE_STREAM, describe_problems
 from pnfarm.api.changes import Changes
-from pnfarm.api.guard import Guard
 from pnfarm.api.page import add_page
 from pnfarm.api.problems import install_handlers, problem
 from pnfarm.api.scenarios import add_scenario_routes
 from pnfarm.api.schemas import PROBLEMS
-from pnfarm.api.throttle import Throttle
 from pnfarm.hub.faults import HubFaults, RefusedError
 from pnfarm.hub.live import HubLive
-from pnfarm.hub.routes_drives import add_hub_drives, described_drives, passed_on
-from pnfarm.hub.routes_farm import add_hub_farm
-from pnfarm.hub.routes_faults import add_hub_faults
-from pnfarm.hub.routes_traces import add_hub_traces
+from pnfarm.hub.routes.drives import add_hub_drives, described_drives, passed_on
+from pnfarm.hub.routes.farm import add_hub_farm
+from pnfarm.hub.routes.faults import add_hub_faults
+from pnfarm.hub.routes.traces import add_hub_traces
 from pnfarm.hub.scenarios import HubScenarios
 from pnfarm.version import __version__
 from pnfarm.web.bodies import PREFIX

@@ -22,8 +22,8 @@ from pnfarm.buses.registry import fault_kinds
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.errors import ConfigError
 from pnfarm.faults.errors import InjectionError
-from pnfarm.faults.reach import chosen
 from pnfarm.faults.start import seeded
+from pnfarm.faults.targets import chosen
 from pnfarm.hub.merging import at_hub, joined_fault
 from pnfarm.hub.shards import AwayError, no_steps
 from pnfarm.web.errors import NotFoundError, RequestError

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import anyio
 
-from pnfarm.api.guard import WHO
+from pnfarm.api.access.guard import WHO
 from pnfarm.api.live import INTERVAL_SECONDS, MOST_BEHIND, MOST_ENTRIES, RETRY_MILLISECONDS
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.errors import ConfigError

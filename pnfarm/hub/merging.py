@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.evidence import NOTHING, Evidence
+from pnfarm.faults.effects.evidence import NOTHING, Evidence
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,7 @@
 """All drives of all shards at a glance: the shards' own messages of changes, joined into one row of numbers.
 
-As :mod:`pnfarm.farm.overview`, whose messages come in and go out here: each change has a number, and a viewer that
-knows the number that it saw last gets what changed since; it costs no memory here.
+As :mod:`pnfarm.farm.views.overview`, whose messages come in and go out here: each change has a number, and a viewer
+that knows the number that it saw last gets what changed since; it costs no memory here.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.farm.overview import LARGEST, VALUES
+from pnfarm.farm.views.overview import LARGEST, VALUES
 from pnfarm.hub.merging import joined_engine
 from pnfarm.hub.shards import AwayError
 
@@ -124,7 +124,7 @@ class HubOverview:
         self._texts.clear()
 
     def since(self, version: int) -> str:
-        """What changed after ``version``, as :meth:`pnfarm.farm.overview.Overview.since` tells it."""
+        """What changed after ``version``, as :meth:`pnfarm.farm.views.overview.Overview.since` tells it."""
         found = self._texts.get(version)
         if found is None:
             found = self._texts[version] = json.dumps(self._since(version), separators=(",", ":"), allow_nan=False)

@@ -22,12 +22,12 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.hub.hub import read
-from pnfarm.hub.routes_drives import drives_view
+from pnfarm.hub.routes.drives import drives_view
 from pnfarm.hub.shards import AwayError
+from pnfarm.scenario.definition.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.scenario.flow import EndedError, Flow, Life
 from pnfarm.scenario.measures import measured, reading_of, show_comparison
-from pnfarm.scenario.record import Case, Verdict
-from pnfarm.scenario.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, QUANTILES
+from pnfarm.scenario.report.record import Case, Verdict
 from pnfarm.station import events
 from pnfarm.vocabulary.durations import format_duration
 
@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     from pnfarm.hub.hub import Hub
     from pnfarm.hub.log import HubEntry
     from pnfarm.hub.shards import Shard
-    from pnfarm.scenario.binding import Binding
+    from pnfarm.scenario.definition.binding import Binding
+    from pnfarm.scenario.definition.steps import MetricName, Step
     from pnfarm.scenario.measures import Reading
-    from pnfarm.scenario.steps import MetricName, Step
 
 __all__ = ["HubRun"]
 

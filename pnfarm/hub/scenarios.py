@@ -9,8 +9,8 @@ from pnfarm.buses.registry import fault_kinds
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.errors import ConfigError
 from pnfarm.hub.scenario import HubRun
-from pnfarm.scenario.binding import bind_scenario
-from pnfarm.scenario.file import parse_scenario
+from pnfarm.scenario.definition.binding import bind_scenario
+from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.scenario.running import MOST_AT_WORK, MOST_KEPT, RunningScenario
 from pnfarm.vocabulary.quoting import shown
 

@@ -12,7 +12,7 @@ import anyio
 from anyio import TASK_STATUS_IGNORED
 
 from pnfarm.api.changes import shortened
-from pnfarm.hub.happened import DrivesClaimedTwice, ShardForgotten, ShardLost, ShardReturned
+from pnfarm.hub.shard_events import DrivesClaimedTwice, ShardForgotten, ShardLost, ShardReturned
 from pnfarm.hub.shards import AwayError
 from pnfarm.web.bodies import PREFIX
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
-from pnfarm.farm.readings import DriveReadings
+from pnfarm.farm.views.readings import DriveReadings
 from pnfarm.farm.wait import NotInTime
 from pnfarm.library.arguments import duration_ns
 from pnfarm.scenario.watch import Watch, as_text
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.library.fault import FaultHandle
-    from pnfarm.library.passing import Passing
+    from pnfarm.library.runner import FarmRunner
     from pnfarm.station.station import Station
 
 __all__ = ["Drive"]
@@ -25,7 +25,7 @@ __all__ = ["Drive"]
 class Drive(DriveReadings):
     """A drive: every reading is the present one.  ``inject`` is :meth:`pnfarm.Farm.fault`."""
 
-    def __init__(self, inject: Callable[..., FaultHandle], passing: Passing, station: Station) -> None:
+    def __init__(self, inject: Callable[..., FaultHandle], passing: FarmRunner, station: Station) -> None:
         super().__init__(passing.core, station, passing.now)
         self._inject = inject
         self._passing = passing
@@ -72,7 +72,8 @@ class Drive(DriveReadings):
     async def parameter(self, name: str | int) -> int:
         """A parameter by number or by the manual's name, ``NAME.SUB`` for an element: the number as on the wire.
 
-        Raises the drive's own error (:class:`pnfarm.drives.parameter.ParameterError`), which says what is wrong.
+        Raises the drive's own error (:class:`pnfarm.drives.parameters.parameter.ParameterError`), which says what is
+        wrong.
         """
         return self._get_parameter(name)
 

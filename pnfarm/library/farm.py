@@ -19,11 +19,11 @@ from pnfarm.library.drive import Drive
 from pnfarm.library.events import FarmEvent
 from pnfarm.library.fault import FaultHandle
 from pnfarm.library.metrics import Metrics
-from pnfarm.library.passing import RealPassing, VirtualPassing
 from pnfarm.library.remote import RemoteFarm
 from pnfarm.library.result import ScenarioResult
-from pnfarm.scenario.binding import bind_scenario
-from pnfarm.scenario.file import load_scenario
+from pnfarm.library.runner import RealTimeRunner, VirtualTimeRunner
+from pnfarm.scenario.definition.binding import bind_scenario
+from pnfarm.scenario.definition.file import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable, Mapping, Sequence
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.farm.shard import Shard
-    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.effects.evidence import Evidence
     from pnfarm.faults.manager import Injection, InjectionManager
-    from pnfarm.library.passing import Passing
+    from pnfarm.library.runner import FarmRunner
     from pnfarm.trace import Recording
 
 __all__ = ["Farm"]
@@ -58,7 +58,7 @@ class Farm:
     def __init__(self, config: FarmConfig, *, virtual: bool = False, shard: Shard | None = None) -> None:
         self.config = config
         self.is_virtual = virtual
-        self._passing: Passing = VirtualPassing(config, shard) if virtual else RealPassing(config, shard)
+        self._passing: FarmRunner = VirtualTimeRunner(config, shard) if virtual else RealTimeRunner(config, shard)
         self._began_ns = 0
         self._drives: dict[str, Drive] = {}
 
@@ -235,7 +235,7 @@ class Farm:
 
 
 class _LocalFault:
-    def __init__(self, passing: Passing, injection: Injection) -> None:
+    def __init__(self, passing: FarmRunner, injection: Injection) -> None:
         self._passing = passing
         self._injection = injection
 
@@ -271,7 +271,7 @@ class _LocalFault:
 class _Trace(FarmTrace):
     """In virtual time, time passes while its end is awaited."""
 
-    def __init__(self, passing: Passing, fields: Mapping[str, Any]) -> None:
+    def __init__(self, passing: FarmRunner, fields: Mapping[str, Any]) -> None:
         super().__init__(passing, fields)
         self._passing = passing
 

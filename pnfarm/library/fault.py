@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Generator
     from types import TracebackType
 
-    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.effects.evidence import Evidence
 
 __all__ = ["Bound", "FaultHandle"]
 

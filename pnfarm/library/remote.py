@@ -15,13 +15,13 @@ import anyio
 from prometheus_client.parser import text_string_to_metric_families
 
 from pnfarm.drives.catalogue import model as model_by_name
-from pnfarm.drives.signal_view import SignalForm, Word
-from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.drives.telegrams.signal_view import SignalForm, Word
+from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.errors import ConfigError
 from pnfarm.farm.injection_fields import fields_of
-from pnfarm.farm.readings import FaultReading
+from pnfarm.farm.views.readings import FaultReading
 from pnfarm.farm.wait import NotInTime
-from pnfarm.faults.evidence import Evidence
+from pnfarm.faults.effects.evidence import Evidence
 from pnfarm.library.arguments import duration_ns
 from pnfarm.library.events import FarmEvent
 from pnfarm.library.fault import FaultHandle

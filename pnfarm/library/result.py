@@ -41,13 +41,13 @@ class ScenarioResult:
 
     def write_junit(self, path: str | Path) -> None:
         """JUnit XML, each expectation a test case."""
-        from pnfarm.scenario.junit import write_junit  # noqa: PLC0415 - only for those who write one
+        from pnfarm.scenario.report.junit import write_junit  # noqa: PLC0415 - only for those who write one
 
         write_junit(self.record, Path(path))
 
     def write_html(self, path: str | Path) -> None:
         """The report for a browser, in one file."""
-        from pnfarm.scenario.report import report_html  # noqa: PLC0415 - only for those who write one
+        from pnfarm.scenario.report.page import report_html  # noqa: PLC0415 - only for those who write one
 
         Path(path).write_text(report_html(self.record), "utf-8")
 

@@ -5,8 +5,8 @@ the wire.  Cyclic frames do not pass here: on Linux interfaces the compiled engi
 own packet socket (:meth:`EngineLink.engine_socket`), in memory it copies them itself.  The one
 exception is a TAP, see :mod:`pnfarm.links.tap`.
 
-Wrappers (:mod:`pnfarm.links.pcap`, :mod:`pnfarm.faults.gate`) are links around a link; :func:`unwrap` finds the
-innermost.
+Wrappers (:mod:`pnfarm.links.capture.pcap`, :mod:`pnfarm.faults.gate.gate`) are links around a link; :func:`unwrap`
+finds the innermost.
 """
 
 from __future__ import annotations

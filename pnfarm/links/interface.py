@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.links.base import Clock, Port, PortSpec
-from pnfarm.links.interfaces import Interfaces
-from pnfarm.links.linux import PacketLink
+from pnfarm.links.kernel.interfaces import Interfaces
+from pnfarm.links.kernel.linux import PacketLink
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,7 +6,7 @@ from contextlib import AsyncExitStack
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
-from pnfarm.links.serial_link import SerialLink
+from pnfarm.links.serial.link import SerialLink
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence

@@ -10,9 +10,9 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from pnfarm.links.exits import ExitChoice, Exits
-from pnfarm.links.interfaces import Interfaces
-from pnfarm.links.linux import PacketLink
+from pnfarm.links.egress import Egress, EgressChoice
+from pnfarm.links.kernel.interfaces import Interfaces
+from pnfarm.links.kernel.linux import PacketLink
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ class MacvlanLink(PacketLink):
 
     kind = "macvlan"
 
-    def __init__(self, farm: str, parent: str, *, send: ExitChoice = "own", clock: Clock = time.monotonic_ns) -> None:
+    def __init__(self, farm: str, parent: str, *, send: EgressChoice = "own", clock: Clock = time.monotonic_ns) -> None:
         super().__init__(clock=clock)
-        self.exits = Exits(send)
+        self.egress = Egress(send)
         self._farm = farm
         self._parent = parent
         self._made: set[int] = set()
@@ -45,27 +45,27 @@ class MacvlanLink(PacketLink):
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         ports = await super().open(wanted)
         if self._shared is not None:
-            self.exits.open(self._shared, {port.index: port.mac for port in ports})
+            self.egress.open(self._shared, {port.index: port.mac for port in ports})
         return ports
 
     async def close(self) -> None:
-        self.exits.close()
+        self.egress.close()
         await super().close()
 
     def send(self, port_index: int, frame: bytes) -> None:
         # of all frames of a group LLDP is the only one that does not go beyond the cable
-        alone = frame[12:14] == _LLDP and self.exits.leaves_unheard(port_index)
+        alone = frame[12:14] == _LLDP and self.egress.leaves_unheard(port_index)
         self._sockets.send(port_index, frame, self._parent if alone else None)
 
     async def set_mac(self, port_index: int, mac: bytes) -> None:
         await super().set_mac(port_index, mac)
-        self.exits.set_mac(port_index, mac)
+        self.egress.set_mac(port_index, mac)
 
     async def set_carrier(self, port_index: int, up: bool) -> None:
         if not up:
-            self.exits.set_pulled(port_index, pulled=True)
+            self.egress.set_pulled(port_index, pulled=True)
         await super().set_carrier(port_index, up)
-        self.exits.set_pulled(port_index, not up)
+        self.egress.set_pulled(port_index, not up)
 
     def _create(self, wanted: Sequence[PortSpec]) -> list[Port]:
         with Interfaces() as interfaces:

@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import InternalError
 from pnfarm.links.base import MULTICAST_LLDP, Audience, Clock, LinkCounters, Port, PortSpec, Receiver
-from pnfarm.links.line import LineCounters, ReplyTimes
 from pnfarm.links.memory_sockets import MemoryNetwork, MemorySockets
+from pnfarm.links.serial.line import LineCounters, ReplyTimes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
 
-    from pnfarm.links.line import LineTally
+    from pnfarm.links.serial.line import LineTally
 
 __all__ = ["MemoryLink", "MemorySwitch"]
 
@@ -49,7 +49,7 @@ class _Socket:
 
 
 class _Tally:
-    """See :class:`pnfarm.links.line.LineTally`: what one link says, and hears of all others."""
+    """See :class:`pnfarm.links.serial.line.LineTally`: what one link says, and hears of all others."""
 
     way, where, is_up = "memory", "in memory", True
     withheld = 0

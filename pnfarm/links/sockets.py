@@ -1,6 +1,6 @@
 """What carries the streams and datagrams of stations with addresses of their own (:mod:`pnfarm.wire.endpoint`).
 
-A link that can has one as ``sockets``: the kernel's (:mod:`pnfarm.links.kernel_sockets`), or that of the switch in
+A link that can has one as ``sockets``: the kernel's (:mod:`pnfarm.links.kernel.sockets`), or that of the switch in
 memory (:mod:`pnfarm.links.memory_sockets`).  Everything is bounded; what exceeds a bound is closed and counted.
 """
 

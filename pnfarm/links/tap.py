@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.base import MULTICAST_LLDP, Clock, LinkCounters, Port, PortSpec, Receiver
-from pnfarm.links.interfaces import Interfaces, run_to_completion
+from pnfarm.links.kernel.interfaces import Interfaces, run_to_completion
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID
 

@@ -6,8 +6,8 @@ import time
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
-from pnfarm.links.interfaces import Interfaces, VethPair
-from pnfarm.links.linux import PacketLink
+from pnfarm.links.kernel.interfaces import Interfaces, VethPair
+from pnfarm.links.kernel.linux import PacketLink
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

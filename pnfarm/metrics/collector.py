@@ -14,7 +14,7 @@ from prometheus_client import CollectorRegistry, ProcessCollector, generate_late
 from prometheus_client.registry import Collector
 
 from pnfarm.buses.registry import bus
-from pnfarm.drives.model_parts import fault_label
+from pnfarm.drives.description.parts import fault_label
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.metrics.families import OTHER, Family, Histogram, Room, Values

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pnfarm.links.line import REPLY_EDGES_NS
+from pnfarm.links.serial.line import REPLY_EDGES_NS
 from pnfarm.metrics.families import Family, Histogram, Values
 
 if TYPE_CHECKING:

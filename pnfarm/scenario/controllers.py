@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.controller_view import controller_view
+from pnfarm.farm.views.controller_view import controller_view
 
 if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore

@@ -15,7 +15,15 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.scenario.steps import QUANTILES, Key, MetricName, StepKind, read_bound, read_metric_name, read_title
+from pnfarm.scenario.definition.steps import (
+    QUANTILES,
+    Key,
+    MetricName,
+    StepKind,
+    read_bound,
+    read_metric_name,
+    read_title,
+)
 from pnfarm.vocabulary.durations import format_duration, read_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
@@ -23,7 +31,7 @@ from pnfarm.vocabulary.quoting import shown
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.scenario.steps import Bound
+    from pnfarm.scenario.definition.steps import Bound
 
 __all__ = ["FIND", "WAYS", "Measure", "Search", "number_of", "read_range"]
 

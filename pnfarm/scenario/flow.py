@@ -12,15 +12,15 @@ from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import PnfarmError
-from pnfarm.scenario.file import walk
+from pnfarm.scenario.definition.file import walk
 from pnfarm.scenario.find import Search, number_of
 from pnfarm.scenario.measures import measured
-from pnfarm.scenario.record import Case, Record, Verdict
+from pnfarm.scenario.report.record import Case, Record, Verdict
 
 if TYPE_CHECKING:
-    from pnfarm.scenario.binding import Binding
+    from pnfarm.scenario.definition.binding import Binding
+    from pnfarm.scenario.definition.steps import MetricName, Step
     from pnfarm.scenario.measures import Reading
-    from pnfarm.scenario.steps import MetricName, Step
 
 __all__ = ["TRIES", "EndedError", "Flow", "Life", "Tell"]
 

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
-from pnfarm.scenario.steps import QUANTILES
+from pnfarm.scenario.definition.steps import QUANTILES
 from pnfarm.vocabulary.durations import format_measured
 from pnfarm.vocabulary.quantities import show_quantity
 from pnfarm.vocabulary.quoting import did_you_mean
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from prometheus_client import Metric
 
     from pnfarm.metrics import FarmCollector
-    from pnfarm.scenario.steps import Bound, MetricName
+    from pnfarm.scenario.definition.steps import Bound, MetricName
 
 __all__ = ["Reading", "check_metric", "measured", "read_metric", "reading_of", "show_comparison", "show_value"]
 

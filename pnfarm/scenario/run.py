@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.faults.manager import RunState
 from pnfarm.scenario.controllers import controllers
+from pnfarm.scenario.definition.steps import DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.scenario.flow import EndedError, Flow, Life, Tell
 from pnfarm.scenario.measures import check_metric, measured, read_metric, show_comparison
-from pnfarm.scenario.moments import Moments, named_drives
-from pnfarm.scenario.record import Case, Verdict
-from pnfarm.scenario.steps import DEFAULT_WITHIN_NS, QUANTILES
+from pnfarm.scenario.report.record import Case, Verdict
+from pnfarm.scenario.report.trace_excerpts import TraceExcerpts, named_drives
 from pnfarm.scenario.watch import Watch, as_text
 from pnfarm.station.events import ConnectionLost, StateChanged, WatchdogExpired
 from pnfarm.station.lateness import Lateness
@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
     from pnfarm.faults.manager import Injection
     from pnfarm.metrics import FarmCollector
-    from pnfarm.scenario.binding import Binding
+    from pnfarm.scenario.definition.binding import Binding
+    from pnfarm.scenario.definition.steps import MetricName, Step
     from pnfarm.scenario.lateness import FarmLateness
     from pnfarm.scenario.measures import Reading
-    from pnfarm.scenario.steps import MetricName, Step
     from pnfarm.station.event_log import LogEntry
 
-__all__ = ["LOOK_NS", "Passing", "ScenarioRun", "Tell"]
+__all__ = ["LOOK_NS", "FarmRunner", "ScenarioRun", "Tell"]
 
 #: Time between two looks at signals whose changes are no events.
 LOOK_NS = 1_000_000
@@ -42,7 +42,7 @@ LOOK_NS = 1_000_000
 MOST_MEASURED = 3
 
 #: Called with the run and the time while it waits; a text that it returns ends the run, and says why.
-Passing = Callable[["ScenarioRun", int], str]
+FarmRunner = Callable[["ScenarioRun", int], str]
 
 
 class ScenarioRun(Flow):
@@ -78,7 +78,7 @@ class ScenarioRun(Flow):
                 self._check_metric(step, "metric", step.values["metric"], _asked(step))
             if "measure" in step.values:
                 self._check_metric(step, "measure", step.values["measure"].metric, step.values["measure"].asked)
-        self._moments = Moments(core, named_drives(binding), now) if traced else None
+        self._moments = TraceExcerpts(core, named_drives(binding), now) if traced else None
         # what the farm lost before may not be back yet
         for name in self._stations:
             for entry in core.log.entries(name):

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
-from pnfarm.scenario.binding import bind_scenario
-from pnfarm.scenario.file import parse_scenario
+from pnfarm.scenario.definition.binding import bind_scenario
+from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.scenario.realtime import carry_out
 from pnfarm.scenario.run import ScenarioRun

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.model_parts import fault_label
+from pnfarm.drives.description.parts import fault_label
 from pnfarm.station import events
 from pnfarm.station.signals import EVENT_SIGNALS
 

@@ -33,7 +33,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shown
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.station.station import Station
     from pnfarm.vocabulary.conditions import Operand, Tree, Value
 

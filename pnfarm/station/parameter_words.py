@@ -10,7 +10,7 @@ from pnfarm.drives.profiles.profidrive.pkw_channel import PkwChannel
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.drives.store import ParameterStore
+    from pnfarm.drives.parameters.store import ParameterStore
 
 __all__ = ["StationParameterWords"]
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.drives.profiles.cip.part import CIP
 from pnfarm.drives.profiles.cip.words import CONTROL_BITS, STATUS_1_BITS, STATUS_2_BITS
-from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.profidrive.control_word import FAULT_ACKNOWLEDGE
@@ -27,7 +27,7 @@ from pnfarm.table.places import place_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.station.station import Station
     from pnfarm.table.places import Place
     from pnfarm.vocabulary.conditions import Value

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-from pnfarm.drives.given_values import raw_number
-from pnfarm.drives.store import (
+from pnfarm.drives.parameters.given_values import raw_number
+from pnfarm.drives.parameters.store import (
     DisplayBlinkRequested,
     FaultHistoryCleared,
     NonVolatileSaved,
@@ -41,9 +41,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.drives.axis_handle import AxisHandle
-    from pnfarm.drives.memory import NonVolatile
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.drives.motion_tasks import MotionTask
+    from pnfarm.drives.parameters.memory import NonVolatile
     from pnfarm.station.device import Device
     from pnfarm.station.event import Event
     from pnfarm.station.event_log import EventLog

@@ -59,7 +59,7 @@ JITTER_EDGES_NS = (
 )  # fmt: skip
 JITTER_BUCKETS = len(JITTER_EDGES_NS) + 1
 
-# Header and trailer of the data of a frame (``framing``; :mod:`pnfarm.engine.framing`).
+# Header and trailer of the data of a frame (``framing``; :mod:`pnfarm.engine.channels.framing`).
 FRAMING_RTC = 0  # frame id before the data, cycle counter and data status after it
 FRAMING_CLASS1 = 1  # UDP: connection id, sequences and run/idle header before the data, words little-endian
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiling.compiled import compiled
 from pnfarm.table.layout import Field, Layout
 
 __all__ = ["ENGINE", "EVENT", "EVENTS", "LATENESS_EDGES_NS", "emit"]

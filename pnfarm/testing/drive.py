@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-from pnfarm.farm.readings import DriveReadings, FaultReading
+from pnfarm.farm.views.readings import DriveReadings, FaultReading
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,7 +47,8 @@ class Drive(DriveReadings):
     def parameter(self, name: str | int) -> int:
         """A parameter by number or by the manual's name, ``NAME.SUB`` for an element: the number as on the wire.
 
-        Raises the drive's own error (:class:`pnfarm.drives.parameter.ParameterError`), which says what is wrong.
+        Raises the drive's own error (:class:`pnfarm.drives.parameters.parameter.ParameterError`), which says what is
+        wrong.
         """
         return self._get_parameter(name)
 

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import TracebackType
 
-    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.effects.evidence import Evidence
     from pnfarm.faults.manager import Injection
 
 __all__ = ["Fault"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.config.known import catalogue
 from pnfarm.controller.line import VirtualLine
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import load_farm, parse_farm
 from pnfarm.farm.injection_fields import fields_of

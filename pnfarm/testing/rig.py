@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from pnfarm.drives.signal_view import Word
-    from pnfarm.farm.readings import FaultReading
-    from pnfarm.faults.evidence import Evidence
+    from pnfarm.drives.telegrams.signal_view import Word
+    from pnfarm.farm.views.readings import FaultReading
+    from pnfarm.faults.effects.evidence import Evidence
     from pnfarm.library import Drive, FarmEvent, FaultHandle, Metrics, RemoteDrive, ScenarioResult
 
 __all__ = ["Rig", "RigDrive", "RigFault"]

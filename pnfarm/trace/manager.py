@@ -18,10 +18,10 @@ from pnfarm.faults.events import InjectionBegan, InjectionEnded
 from pnfarm.faults.plan import matching
 from pnfarm.station.events import FaultRaised, WarningChanged
 from pnfarm.table import trace as codes
+from pnfarm.table.segments import Segments
 from pnfarm.trace.events import TraceEnded, TraceTriggered
 from pnfarm.trace.recording import Column, Recording
 from pnfarm.trace.request import TraceError, TraceRequest
-from pnfarm.trace.segments import Segments
 from pnfarm.trace.signals import choose_signals, chooses_any, code_of, is_glob
 from pnfarm.trace.trigger import EVENTS, TRIGGER, EventTrigger, SignalTrigger, read_number
 from pnfarm.vocabulary.durations import format_duration

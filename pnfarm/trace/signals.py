@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.model_parts import fault_label
-from pnfarm.drives.word_bits import STW1_BITS
+from pnfarm.drives.description.parts import fault_label
+from pnfarm.drives.telegrams.word_bits import STW1_BITS
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
@@ -32,7 +32,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shown
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pnfarm.drives.telegram import Signal
+    from pnfarm.drives.telegrams.telegram import Signal
     from pnfarm.station.station import Station
 
 __all__ = ["TraceSignal", "choose_signals", "chooses_any", "code_of", "is_glob", "label_of", "signals_of"]

@@ -10,7 +10,7 @@ from events import Something
 
 from pnfarm.api.events import event_stream
 from pnfarm.api.schemas import Drive, FarmView, ParameterValue
-from pnfarm.drives.parameter import ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterErrorNumber
 
 
 @pytest.fixture(scope="module")

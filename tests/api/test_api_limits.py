@@ -15,9 +15,10 @@ import pytest
 from api_world import ApiWorld
 from events import Something
 
-from pnfarm.api import connections, serve, throttle
-from pnfarm.api.connections import BACKLOG, LEAST, MOST, RESERVED_FILES, connection_limit
-from pnfarm.farm.files import MOST_FILES, open_files, raise_file_limit
+from pnfarm.api import serve
+from pnfarm.api.access import connections, throttle
+from pnfarm.api.access.connections import BACKLOG, LEAST, MOST, RESERVED_FILES, connection_limit
+from pnfarm.farm.process.open_files import MOST_FILES, open_files, raise_file_limit
 
 
 def posted(length: int) -> bytes:

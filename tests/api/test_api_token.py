@@ -7,7 +7,7 @@ import stat
 
 import pytest
 
-from pnfarm.api.token import token_of
+from pnfarm.api.access.token import token_of
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
 

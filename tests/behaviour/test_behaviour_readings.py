@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from open_points import OBSERVATIONS
 
-from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model, models
+from pnfarm.drives.description.behaviour import with_behaviour
 
 for module in sorted(Path(__file__).parent.glob("observe_*.py")):
     importlib.import_module(module.stem)

@@ -15,16 +15,16 @@ from toybus.controlled import CONTROLLED_TOYBUS
 from pnfarm import Farm
 from pnfarm.api import make_app
 from pnfarm.buses import registry
-from pnfarm.cli.files import summary
+from pnfarm.cli.commands.run import bound
+from pnfarm.cli.farm_file import summary
 from pnfarm.cli.main import main
-from pnfarm.cli.run import bound
 from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.catalogue import MODELS_VARIABLE
 from pnfarm.drives.profiles.profidrive.pkw import Pkw
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import FarmFileError, controller_mac, parse_farm
 from pnfarm.metrics import FarmCollector
-from pnfarm.scenario.file import load_scenario
+from pnfarm.scenario.definition.file import load_scenario
 from pnfarm.scenario.virtual import run_virtual
 from pnfarm.testing import Line
 

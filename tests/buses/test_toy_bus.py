@@ -22,7 +22,7 @@ from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.catalogue import MODELS_VARIABLE
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.metrics import FarmCollector
 from pnfarm.station.event_log import EventLog
 from pnfarm.wire.ethernet import parse_ethernet

@@ -34,7 +34,7 @@ class Outcome:
 @pytest.fixture
 def pnfarm(capsys, monkeypatch):
     """One command line in this process; the test run keeps its own logging."""
-    monkeypatch.setattr("pnfarm.cli.logging.configure", lambda **_: None)
+    monkeypatch.setattr("pnfarm.cli.log.setup.configure", lambda **_: None)
     for name in os.environ.keys() - clean_environment().keys():
         monkeypatch.delenv(name)
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from pnfarm.cli.errors import report
-from pnfarm.farm import address_space
-from pnfarm.farm.address_space import is_exhausted
+from pnfarm.farm.process import address_space
+from pnfarm.farm.process.address_space import is_exhausted
 
 DEMO = Path(__file__).resolve().parents[2] / "configs" / "demo.pnfarm.yml"
 

@@ -9,8 +9,9 @@ import anyio
 import pytest
 import structlog
 
-from pnfarm.cli import demo, running
-from pnfarm.table import compiled
+from pnfarm.cli import running
+from pnfarm.cli.commands import demo
+from pnfarm.table.compiling import compiled
 
 
 @pytest.fixture
@@ -82,7 +83,7 @@ def test_the_demo_counts_from_after_the_compilation(monkeypatch):
     monkeypatch.setattr(demo, "_enter", lambda: ("memory", "as the test wants it"))
     monkeypatch.setattr(demo.time, "monotonic", lambda: clock[0])
     monkeypatch.setattr(running, "compile_ahead", compile_ahead)
-    monkeypatch.setattr("pnfarm.cli.demo_run.Demo", Demo)
+    monkeypatch.setattr("pnfarm.cli.demo.run.Demo", Demo)
     demo.command(drives=1, seconds=1.0, json_file=None, svg_file=None, pcap=None)
     assert begun == [65.0]
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from pnfarm.cli.farm_file import read
 from pnfarm.cli.file_doctor import examine_file, judge
-from pnfarm.cli.files import read
 from pnfarm.farm.load import Load, load_of
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from pnfarm.buses.registry import fault_kinds
-from pnfarm.cli import up
+from pnfarm.cli.commands import up
 from pnfarm.errors import ConfigError
-from pnfarm.farm.doctor import Finding
+from pnfarm.farm.doctor.machine import Finding
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
@@ -279,7 +279,7 @@ GONE = Finding("CAP_NET_RAW", False, "missing", "run with sudo")
 
 @pytest.mark.parametrize(("findings", "code"), [([FINE], 0), ([FINE, NOTE], 0), ([FINE, NOTE, GONE], 4)])
 def test_doctor_fails_only_for_what_a_farm_cannot_do_without(pnfarm, monkeypatch, findings, code):
-    monkeypatch.setattr("pnfarm.farm.doctor.examine", lambda: findings)
+    monkeypatch.setattr("pnfarm.farm.doctor.machine.examine", lambda: findings)
     found = pnfarm("doctor")
     assert found.code == code
     for finding in findings:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 
 from pnfarm.cli.main import main
-from pnfarm.farm.garbage import NEW_OBJECTS, keep_what_is_loaded
+from pnfarm.farm.process.garbage import NEW_OBJECTS, keep_what_is_loaded
 
 
 class Circle:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pnfarm.cli.one_device import one_device
+from pnfarm.cli.plc_device import one_device
 from pnfarm.drives.catalogue import models
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 

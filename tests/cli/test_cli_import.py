@@ -23,7 +23,7 @@ from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, parse_farm
-from pnfarm.links.pcap import PcapngWriter
+from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire import forward_open as fo
 from pnfarm.protocols.enip.wire.cpf import emit_items

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from imported import check_found
 
 from pnfarm.buses.caex import MAX_DEPTH, NotCaexError, parse_caex
+from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.buses.profinet.project import of_project
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, load_farm, parse_farm
-from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 
 HIWIN = "GSDML-V2.35-HIWIN-E1-20240101.XML"

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import structlog
 
-from pnfarm.cli.log_limit import ALL_LINES, KIND_LINES, MAX_KINDS, MAX_SUMS, LineLimit
+from pnfarm.cli.log.limit import ALL_LINES, KIND_LINES, MAX_KINDS, MAX_SUMS, LineLimit
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -169,7 +169,7 @@ def run(program: str, *arguments: str) -> str:
 def test_what_is_held_back_is_summed_up_when_the_program_ends(style):
     text = run(
         "import sys; sys.path.insert(0, 'tests/support'); from events import Something\n"
-        "from pnfarm.cli.logging import configure; from pnfarm.station.event_log import EventLog\n"
+        "from pnfarm.cli.log.setup import configure; from pnfarm.station.event_log import EventLog\n"
         "configure(as_json=sys.argv[1] == 'json')\n"
         "log = EventLog()\n"
         "for n in range(5000): log.record(n, 'axis-01', Something('connection replaced', {'peer': n}))\n"
@@ -183,7 +183,7 @@ def test_what_is_held_back_is_summed_up_when_the_program_ends(style):
 
 def test_a_traceback_shows_no_values_of_variables():
     text = run(
-        "import sys; from pnfarm.cli.logging import configure; import structlog\n"
+        "import sys; from pnfarm.cli.log.setup import configure; import structlog\n"
         "configure(as_json=sys.argv[1] == 'json')\n"
         "def fail(secret): raise ValueError('no')\n"
         "try: fail('hunter2' * 10000)\n"
@@ -202,7 +202,7 @@ sys.path[:0] = ["tests/support", "tests/api"]
 import anyio
 from api_world import ApiWorld
 from pnfarm.api import serve
-from pnfarm.cli.logging import configure
+from pnfarm.cli.log.setup import configure
 configure(as_json=True)
 world = ApiWorld(1, controller=False)
 

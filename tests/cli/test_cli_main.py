@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from pnfarm.cli import files
+from pnfarm.cli.commands import validate
 from pnfarm.errors import ConfigError, EnvironmentError_, InternalError, PnfarmError, RemoteError
 
 HEAVY = ("anyio", "fastapi", "httpx", "numba", "numpy", "pydantic", "structlog")
@@ -22,7 +22,7 @@ def failing(pnfarm, monkeypatch, tmp_path):
         def raise_it(_):
             raise error
 
-        monkeypatch.setattr(files, "read", raise_it)
+        monkeypatch.setattr(validate, "read", raise_it)
         return pnfarm(*options, "validate", tmp_path / "any.yml")
 
     return run
@@ -123,14 +123,14 @@ def test_a_closed_pipe_is_no_error():
 def log_line(*options: str) -> str:
     """What ``pnfarm OPTIONS`` and a log entry of the farm and of a library write to standard error."""
     program = (
-        "import sys, logging, structlog; from pnfarm.cli import main as m, files\n"
+        "import sys, logging, structlog; from pnfarm.cli import main as m; from pnfarm.cli.commands import validate\n"
         "def read(path):\n"
         "    structlog.get_logger('pnfarm').info('hello', drive='axis-01')\n"
         "    structlog.get_logger('pnfarm').debug('detail')\n"
         "    logging.getLogger('library').warning('careful %s', 1)\n"
         "    logging.getLogger('library').info('chatter')\n"
         "    sys.exit(0)\n"
-        "files.read = read\n"
+        "validate.read = read\n"
         "m.main(sys.argv[1:])"
     )
     run = subprocess.run([sys.executable, "-c", program, *options], check=False, capture_output=True, text=True)

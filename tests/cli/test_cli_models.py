@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from pnfarm.cli.models import models as print_models
+from pnfarm.cli.commands.models import models as print_models
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.effects import effect_of
+from pnfarm.drives.parameters.effects import effect_of
 from pnfarm.errors import ConfigError
 from pnfarm.terminal.settings import Format
 

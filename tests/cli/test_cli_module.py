@@ -75,8 +75,8 @@ def on_the_wire(monkeypatch, refused=""):
 
     from pnfarm.buses.profinet.commands import device
     from pnfarm.errors import RemoteError
-    from pnfarm.protocols.profinet.wire.blocks_any import emit_block
-    from pnfarm.protocols.profinet.wire.records import (
+    from pnfarm.protocols.profinet.wire.any_block import emit_block
+    from pnfarm.protocols.profinet.wire.records.identification import (
         ApiData,
         IdentificationApi,
         IdentificationData,

@@ -11,10 +11,10 @@ from pnfarm.buses.profinet.commands.record import WRITE_OCTETS, _lines
 from pnfarm.cli.main import main
 from pnfarm.links.base import Port
 from pnfarm.links.callbacks import raise_of_callbacks
+from pnfarm.protocols.profinet.wire.any_block import emit_block
+from pnfarm.protocols.profinet.wire.block import RawBlock
 from pnfarm.protocols.profinet.wire.block_texts import blocks_in_line, blocks_in_words
-from pnfarm.protocols.profinet.wire.blocks import RawBlock
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block
-from pnfarm.protocols.profinet.wire.pdev import MultipleBlock
+from pnfarm.protocols.profinet.wire.records.pdev import MultipleBlock
 
 IM0 = bytes.fromhex("00200038 0100 0105") + b"AKD".ljust(20) + b"S-1".ljust(16) + bytes.fromhex(
     "0003 56 011100 0000 3a00 0000 0101 000e"
@@ -127,7 +127,7 @@ class EchoLink:
             "pnfarm.buses.profinet.controller.record_client.RecordClient.receive",
             [*READ, "--name", "a", "--own-ip", "10.0.0.1/24"],
         ),
-        ("pnfarm.protocols.profinet.dcp_client.DcpClient.receive", ["scan", "-i", "nowhere0", "--seconds", "50"]),
+        ("pnfarm.protocols.profinet.dcp.client.DcpClient.receive", ["scan", "-i", "nowhere0", "--seconds", "50"]),
     ],
 )
 def test_an_error_in_a_callback_ends_the_command_as_an_internal_error(
@@ -137,7 +137,7 @@ def test_an_error_in_a_callback_ends_the_command_as_an_internal_error(
         raise ValueError("65536 does not fit in 2 octets")
 
     monkeypatch.setattr("pnfarm.links.interface.InterfaceLink", EchoLink)
-    monkeypatch.setattr("pnfarm.links.kernel_addresses.hold_ports", lambda *_: [])
+    monkeypatch.setattr("pnfarm.links.kernel.addresses.hold_ports", lambda *_: [])
     monkeypatch.setattr(machine, fail)
     assert main(arguments) == 5
     (sentence,) = capsys.readouterr().err.splitlines()

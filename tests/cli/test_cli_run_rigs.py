@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from pnfarm.links.ownership import interface_prefix
+from pnfarm.links.kernel.ownership import interface_prefix
 
 FARM = """\
 farm: rigtest

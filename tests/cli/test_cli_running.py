@@ -16,7 +16,7 @@ import pytest
 from forks import PROGRAM, Fork, clean_environment
 from own_interfaces import own_interfaces
 
-from pnfarm.links.ownership import interface_prefix
+from pnfarm.links.kernel.ownership import interface_prefix
 
 FARM = """\
 farm: clitest

@@ -10,8 +10,8 @@ import sys
 
 import structlog
 
-from pnfarm.cli.logging import configure
-from pnfarm.cli.standard_error import PIECE, StandardError
+from pnfarm.cli.log.setup import configure
+from pnfarm.cli.log.standard_error import PIECE, StandardError
 
 
 @contextlib.contextmanager

@@ -61,7 +61,7 @@ class Farm:
 def farm(monkeypatch):
     farm = Farm()
     monkeypatch.setattr("httpx.Client", farm.client)
-    monkeypatch.setattr("pnfarm.cli.trace.time", farm)
+    monkeypatch.setattr("pnfarm.cli.commands.trace.time", farm)
     return farm
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from virtual_line import VirtualLine
 
-from pnfarm.protocols.profinet.alarm import AlarmAcknowledged, AlarmChannel, PeerAborted
+from pnfarm.protocols.profinet.alarms.channel import AlarmAcknowledged, AlarmChannel, PeerAborted
 from pnfarm.protocols.profinet.errors import RtaError, rta_status
-from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmNotification, AlarmType
-from pnfarm.protocols.profinet.wire.rta import RtaType, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmNotification, AlarmType
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, parse_rta
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, emit_ethernet, parse_ethernet
 
 CHANNEL = (AlarmItem(0x8000, bytes.fromhex("800008000010")),)

@@ -12,13 +12,13 @@ from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.core import ControllerCore
 from pnfarm.buses.profinet.controller.plan import plan_devices
-from pnfarm.cli.files import summary
+from pnfarm.buses.profinet.model_gsdml import describe_model
+from pnfarm.cli.farm_file import summary
 from pnfarm.controller.plan import plan_controllers
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
 from pnfarm.links.base import PortSpec
-from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.document import ModuleItem
 from pnfarm.protocols.profinet.gsdml.records import ParameterConst, ParameterRecord
 from pnfarm.protocols.profinet.gsdml.values import Numbers

@@ -8,8 +8,8 @@ from virtual_line import VirtualLine
 from pnfarm.buses.profinet.controller import search
 from pnfarm.buses.profinet.controller.search import duplicate_names
 from pnfarm.buses.profinet.controller.session import SessionState
-from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered, StationInfo
-from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
+from pnfarm.protocols.profinet.dcp.client import IdentifyAnswered, StationInfo
+from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
 
 
 @pytest.mark.parametrize("startup", ["legacy", "advanced"])

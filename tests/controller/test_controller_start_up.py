@@ -8,7 +8,7 @@ from virtual_line import VirtualLine
 from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
-from pnfarm.protocols.profinet.cmctl import CmctlState
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmctlState
 
 SECOND = 1_000_000_000
 

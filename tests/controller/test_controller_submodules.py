@@ -15,8 +15,8 @@ from pnfarm.buses.profinet.controller.identity import read_im
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.links.base import PortSpec
-from pnfarm.protocols.profinet.wire.blocks_connect import ArType
-from pnfarm.protocols.profinet.wire.rpc import Opnum
+from pnfarm.protocols.profinet.wire.cm.connect import ArType
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 from pnfarm.station.event_log import EventLog
 
 TELEGRAM = (0x3A00, 1, 2)

@@ -8,11 +8,16 @@ import pytest
 from structlog.testing import capture_logs
 from virtual_line import VirtualLine
 
-from pnfarm.protocols.profinet.cmctl_events import AlarmIndicated, ApplicationReadyReceived, CmctlEvent, RecordRead
-from pnfarm.protocols.profinet.cmctl_response import ModuleDeviation
-from pnfarm.protocols.profinet.wire.alarm_texts import alarm_in_words
-from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmNotification, AlarmType
-from pnfarm.protocols.profinet.wire.rpc import Opnum, PacketType, emit_rpc, parse_rpc
+from pnfarm.protocols.profinet.cm.controller.events import (
+    AlarmIndicated,
+    ApplicationReadyReceived,
+    CmctlEvent,
+    RecordRead,
+)
+from pnfarm.protocols.profinet.cm.controller.response import ModuleDeviation
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmNotification, AlarmType
+from pnfarm.protocols.profinet.wire.alarms.texts import alarm_in_words
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum, PacketType, emit_rpc, parse_rpc
 
 
 @pytest.fixture

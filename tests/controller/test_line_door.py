@@ -12,7 +12,7 @@ import pytest
 from pnfarm.buses.line_parameters import LineQuestion
 from pnfarm.controller import line_door
 from pnfarm.controller.line_door import LineDoor, ask_controller
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.errors import ConfigError, RemoteError
 
 pytestmark = pytest.mark.asyncio

@@ -14,8 +14,8 @@ from pnfarm.buses.profinet.controller.module_client import DeviceModule, DeviceS
 from pnfarm.buses.profinet.controller.record_client import RecordClient, RecordTask
 from pnfarm.errors import RemoteError
 from pnfarm.links.base import PortSpec
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block
-from pnfarm.protocols.profinet.wire.records import (
+from pnfarm.protocols.profinet.wire.any_block import emit_block
+from pnfarm.protocols.profinet.wire.records.identification import (
     ApiData,
     IdentificationApi,
     IdentificationData,

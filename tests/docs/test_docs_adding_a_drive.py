@@ -12,10 +12,10 @@ import pytest
 from parameter_requests import read_request, results
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.drives.catalogue import MODELS_VARIABLE, model, models
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, emit_request, parse_response
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 from pnfarm.table.program import RUNNING

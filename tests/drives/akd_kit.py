@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from drives_kit import Running
 
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.table.signals import MDI_ACC, MDI_DEC, MDI_MOD, MDI_TARPOS, MDI_VELOCITY, SATZANW
 
 NAME = "akd-profinet"

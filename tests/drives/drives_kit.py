@@ -11,9 +11,9 @@ from stepping import pass_time
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.model import Model
-from pnfarm.drives.parameter import ParameterError
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.description.model import Model
+from pnfarm.drives.parameters.parameter import ParameterError
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.image import IMAGE, LOST_NOT
 from pnfarm.table.signals import NSOLL_A, STW1, ZSW1

@@ -10,7 +10,7 @@ from drives_kit import Drive, Running
 from manuals import manual_text
 
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.parameter import Backing, ParameterError
+from pnfarm.drives.parameters.parameter import Backing, ParameterError
 from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CLEAR_WARNING,

@@ -10,9 +10,9 @@ from drives_kit import Drive, Running, new_drive
 from manuals import manual_text
 from parameter_requests import read_request, response_error
 
-from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.parameter import Backing, ParameterError, ParameterErrorNumber
+from pnfarm.drives.description.behaviour import with_behaviour
+from pnfarm.drives.parameters.parameter import Backing, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ATTRIBUTE_DESCRIPTION,
     ParameterAddress,

@@ -13,8 +13,8 @@ from manuals import manual_text
 from model_copy import copy_model, rewrite
 
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.parameter import Backing, ParameterError, ParameterErrorNumber
+from pnfarm.drives.description.loader import load_model
+from pnfarm.drives.parameters.parameter import Backing, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.cip.part import Scaling
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.ethernetip.maps import COMMAND_SIZES, RESPONSE_SIZES

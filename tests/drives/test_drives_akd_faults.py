@@ -6,10 +6,10 @@ import pytest
 from drives_kit import Running, new_drive
 
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.effects import effect_of
-from pnfarm.drives.model_json import as_json
-from pnfarm.drives.model_parts import Effect
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.parts import Effect
+from pnfarm.drives.parameters.effects import effect_of
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
 from pnfarm.table.image import LOST_EXPIRED
 from pnfarm.table.signals import ZSW1

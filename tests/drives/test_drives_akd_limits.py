@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from drives_kit import Running
 
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.table.signals import ITIST_GLATT
 
 NAME = "akd-profinet"

@@ -7,7 +7,7 @@ from math import pi
 import pytest
 from drives_kit import new_drive
 
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.table.axis_codes import CMD_POWER_ON
 from pnfarm.table.image import LOST_NOT
 from pnfarm.table.signals import ITIST_GLATT, NSOLL_A, STW1, TORQUE_SETPOINT

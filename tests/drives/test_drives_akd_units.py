@@ -7,9 +7,9 @@ from akd_kit import NAME, E, Positioning, refused
 from drives_kit import Drive, Running, new_drive
 
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.description.behaviour import with_behaviour
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.image import IMAGE
 from pnfarm.table.signals import (

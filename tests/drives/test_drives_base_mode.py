@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.drives.catalogue import models
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ATTRIBUTE_DESCRIPTION,
     ATTRIBUTE_TEXT,
@@ -40,7 +41,6 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
 from pnfarm.drives.profiles.profidrive.description import format_of
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
-from pnfarm.drives.store import ParameterStore
 from pnfarm.errors import DecodeError
 from pnfarm.wire.octets import Reader
 

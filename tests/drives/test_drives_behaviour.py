@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from model_copy import copy_model, file_of, files_of, rewrite
 
-from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model_json import as_json
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.behaviour import with_behaviour
+from pnfarm.drives.description.loader import load_model
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 

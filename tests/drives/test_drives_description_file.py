@@ -8,14 +8,14 @@ import pytest
 from model_copy import drop_section, rewrite
 
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model_json import as_json
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.loader import load_model
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 ALARMS = 'alarms = { value = false, source = "5.13"'
 

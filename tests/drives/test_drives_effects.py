@@ -15,16 +15,16 @@ import pnfarm
 from pnfarm.buses.profinet.device.fault_diagnosis import fault_entry
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.effects import effect_of
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model import Model
-from pnfarm.drives.model_json import as_json
-from pnfarm.drives.model_parts import Effect
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.loader import load_model
+from pnfarm.drives.description.model import Model
+from pnfarm.drives.description.motor_kinds import with_motor
+from pnfarm.drives.description.parts import Effect
 from pnfarm.drives.motion_tasks import MotionTask
-from pnfarm.drives.motor_kinds import with_motor
-from pnfarm.drives.network import NoNetwork
-from pnfarm.drives.parameter import Backing, Parameter, ParameterError
-from pnfarm.drives.store import ParameterStore, ParameterWritten
+from pnfarm.drives.parameters.effects import effect_of
+from pnfarm.drives.parameters.network import NoNetwork
+from pnfarm.drives.parameters.parameter import Backing, Parameter, ParameterError
+from pnfarm.drives.parameters.store import ParameterStore, ParameterWritten
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table import signals

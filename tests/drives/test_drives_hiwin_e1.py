@@ -11,16 +11,16 @@ from manuals import manual_text
 from model_copy import copy_model, rewrite
 from parameter_requests import change_request, read_request, results
 
-from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.effects import effect_of
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model_json import as_json
-from pnfarm.drives.model_parts import Effect
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber, ParameterType
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.behaviour import with_behaviour
+from pnfarm.drives.description.loader import load_model
+from pnfarm.drives.description.parts import Effect
+from pnfarm.drives.parameters.effects import effect_of
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber, ParameterType
+from pnfarm.drives.parameters.store import FaultHistoryCleared, NonVolatileSaved, ParameterStore, ParameterWritten
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterValues, emit_request, parse_response
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
-from pnfarm.drives.store import FaultHistoryCleared, NonVolatileSaved, ParameterStore, ParameterWritten
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import CMD_CLEAR_HISTORY

@@ -13,10 +13,10 @@ from model_copy import copy_model, rewrite
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.motor_kinds import with_motor
-from pnfarm.drives.parameter import ParameterError
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.description.loader import load_model
+from pnfarm.drives.description.motor_kinds import with_motor
+from pnfarm.drives.parameters.parameter import ParameterError
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.image import IMAGE

@@ -17,12 +17,12 @@ from model_copy import copy_model, file_of, rewrite
 
 from pnfarm.drives import catalogue
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model_identity import with_identity
-from pnfarm.drives.model_json import as_json
-from pnfarm.drives.parameter import Backing, ParameterError, ParameterType
-from pnfarm.drives.telegram import MappingError, signal_codes, signal_numbers
-from pnfarm.drives.word_bits import WordBits, bit_names
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.identity import with_identity
+from pnfarm.drives.description.loader import load_model
+from pnfarm.drives.parameters.parameter import Backing, ParameterError, ParameterType
+from pnfarm.drives.telegrams.telegram import MappingError, signal_codes, signal_numbers
+from pnfarm.drives.telegrams.word_bits import WordBits, bit_names
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS, SLOTS, WORD_NONE, word_code

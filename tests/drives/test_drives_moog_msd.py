@@ -12,11 +12,11 @@ from manuals import manual_text
 from model_copy import copy_model, rewrite
 
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model_identity import with_identity
-from pnfarm.drives.model_json import as_json
-from pnfarm.drives.model_parts import fault_label, fault_number
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.identity import with_identity
+from pnfarm.drives.description.loader import load_model
+from pnfarm.drives.description.parts import fault_label, fault_number
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 from pnfarm.errors import ConfigError
 from pnfarm.table.axis_codes import VELOCITY_NSOLL_A, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED

@@ -7,8 +7,8 @@ import pytest
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.motion_tasks import MotionTask
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import (

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from drives_kit import Drive, new_drive
 
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
-from pnfarm.drives.store import TelegramChanged
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.store import TelegramChanged
 from pnfarm.firmware.step import step
 from pnfarm.table.signals import PART_HIGH, SETPOINT_SLOTS, WORD_NONE
 

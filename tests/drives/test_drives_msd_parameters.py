@@ -10,7 +10,7 @@ from drives_kit import Drive
 from manuals import manual_text
 
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.parameter import Backing
+from pnfarm.drives.parameters.parameter import Backing
 from pnfarm.table.axis_codes import RAMP_GENERATED
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from manuals import manual_text
 from model_copy import copy_model, rewrite
 
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model_identity import overrides_of, with_identity
-from pnfarm.drives.model_json import as_json
-from pnfarm.drives.model_parts import Effect
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.identity import overrides_of, with_identity
+from pnfarm.drives.description.loader import load_model
+from pnfarm.drives.description.parts import Effect
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.wire.dp import parse_identifiers
 

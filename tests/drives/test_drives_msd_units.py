@@ -7,8 +7,8 @@ import struct
 import pytest
 from drives_kit import Drive, new_drive
 
-from pnfarm.drives.factor_group import float_bits, float_of
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.factor_group import float_bits, float_of
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.drives.profiles.profidrive.base_mode import parse_response
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from drives_kit import Running
 
-from pnfarm.drives.parameter import Backing, Form, Parameter, ParameterError
+from pnfarm.drives.parameters.parameter import Backing, Form, Parameter, ParameterError
 from pnfarm.firmware.axis import AXIS
 
 MODELS = ("akd-profinet", "akd-profinet-2012", "hiwin-e1", "moog-msd")

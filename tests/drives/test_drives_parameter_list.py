@@ -8,17 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.effects import effect_of
-from pnfarm.drives.model_json import as_json
-from pnfarm.drives.model_parts import Effect, Fact
-from pnfarm.drives.motor_kinds import with_motor
-from pnfarm.drives.numbering import read_number, read_numbering
-from pnfarm.drives.parameter import Form, ParameterErrorNumber, ParameterType
-from pnfarm.drives.parameter_list import COLUMNS, MAX_PARAMETERS, MAX_PROBLEMS, read_parameter_list
-from pnfarm.drives.sections import Section
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.behaviour import with_behaviour
+from pnfarm.drives.description.motor_kinds import with_motor
+from pnfarm.drives.description.numbering import read_number, read_numbering
+from pnfarm.drives.description.parts import Effect, Fact
+from pnfarm.drives.description.sections import Section
+from pnfarm.drives.parameters.effects import effect_of
+from pnfarm.drives.parameters.parameter import Form, ParameterErrorNumber, ParameterType
+from pnfarm.drives.parameters.store import ParameterStore
+from pnfarm.drives.parameters.user_list import COLUMNS, MAX_PARAMETERS, MAX_PROBLEMS, read_parameter_list
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.image import IMAGE

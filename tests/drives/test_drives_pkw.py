@@ -9,10 +9,10 @@ from drives_kit import Drive, new_drive
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.drives.parameter import Backing, Parameter
+from pnfarm.drives.parameters.parameter import Backing, Parameter
+from pnfarm.drives.parameters.store import NonVolatileSaved, ParameterWritten
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw, emit_pkw, parse_pkw
 from pnfarm.drives.profiles.profidrive.pkw_channel import OTHER_ERROR, PkwChannel
-from pnfarm.drives.store import NonVolatileSaved, ParameterWritten
 from pnfarm.errors import DecodeError
 
 ERROR = 7

@@ -11,8 +11,8 @@ from model_copy import SHIPPED, copy_model, file_of, rewrite
 
 from pnfarm.drives import catalogue
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model_json import as_json
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.loader import load_model
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:

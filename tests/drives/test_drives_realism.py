@@ -9,9 +9,9 @@ import pytest
 from model_copy import SHIPPED, drop_section, rewrite
 
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model_json import as_json
-from pnfarm.drives.realism import BOUNDS, RANGES, Realism
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.loader import load_model
+from pnfarm.drives.description.realism import BOUNDS, RANGES, Realism
 from pnfarm.errors import ConfigError
 
 #: A model of a further folder needs none of it.

@@ -12,10 +12,10 @@ import pytest
 from drives_kit import Drive, new_drive, refused
 
 from pnfarm.drives.axis_handle import AxisHandle, CommandRingFullError
-from pnfarm.drives.model_identity import with_identity
-from pnfarm.drives.model_parts import CommunicationLoss
-from pnfarm.drives.parameter import Backing, Parameter, ParameterErrorNumber
-from pnfarm.drives.store import (
+from pnfarm.drives.description.identity import with_identity
+from pnfarm.drives.description.parts import CommunicationLoss
+from pnfarm.drives.parameters.parameter import Backing, Parameter, ParameterErrorNumber
+from pnfarm.drives.parameters.store import (
     DisplayBlinkRequested,
     NonVolatileSaved,
     ParameterStore,

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import pytest
 from drives_kit import Drive, new_drive, refused
 
-from pnfarm.drives.memory import VolatileMemory
-from pnfarm.drives.parameter import ParameterErrorNumber
-from pnfarm.drives.store import (
+from pnfarm.drives.parameters.memory import VolatileMemory
+from pnfarm.drives.parameters.parameter import ParameterErrorNumber
+from pnfarm.drives.parameters.store import (
     NonVolatileSaved,
     TelegramChanged,
 )

@@ -6,9 +6,9 @@ import pytest
 from drives_kit import Drive, new_drive
 
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.model_json import as_json
-from pnfarm.drives.model_parts import Fault
-from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.parts import Fault
+from pnfarm.drives.parameters.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_situations
 from pnfarm.drives.profiles.profidrive.part import PROFIDRIVE
 from pnfarm.firmware.axis import AXIS

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.drives.loader import load_model
-from pnfarm.drives.model_json import as_json
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.description.as_json import as_json
+from pnfarm.drives.description.loader import load_model
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.image import IMAGE
@@ -17,7 +17,7 @@ from pnfarm.table.image import IMAGE
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 MODEL = """
 name = "plain-servo"

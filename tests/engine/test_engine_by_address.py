@@ -8,7 +8,7 @@ import numba
 from pnfarm.engine import tick
 from pnfarm.engine.columns import allocate
 from pnfarm.firmware.step import step
-from pnfarm.table.compiled import IS_COMPILED
+from pnfarm.table.compiling.compiled import IS_COMPILED
 
 
 def test_the_loops_share_one_machine_code_of_a_drives_step():

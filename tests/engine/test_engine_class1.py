@@ -10,11 +10,11 @@ from ipaddress import IPv4Address
 import numpy as np
 import pytest
 
-from pnfarm.engine import class1
-from pnfarm.engine.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
+from pnfarm.engine.channels import class1
+from pnfarm.engine.channels.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
+from pnfarm.engine.channels.impairments import ImpairmentTable
+from pnfarm.engine.channels.schedule import ChannelTable
 from pnfarm.engine.columns import RX_BATCH, allocate
-from pnfarm.engine.impairments import ImpairmentTable
-from pnfarm.engine.schedule import ChannelTable
 from pnfarm.engine.tick import next_due, receive, tick
 from pnfarm.engine.virtual import run_virtual
 from pnfarm.errors import InternalError
@@ -29,7 +29,7 @@ from pnfarm.table.channel import (
     STATUS_GOOD,
     STATUS_RUN,
 )
-from pnfarm.table.compiled import IS_COMPILED
+from pnfarm.table.compiling.compiled import IS_COMPILED
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.impairment import COUNTER_FREEZE, FRAME_ID, LENGTH, LOSS, PROVIDER_STOP
 from pnfarm.table.signals import PART_HIGH, PART_LOW, word_code

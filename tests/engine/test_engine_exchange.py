@@ -6,8 +6,8 @@ from bench_axis import MS
 from from_python import called
 from virtual_pair import Pair
 
+from pnfarm.engine.channels.schedule import ChannelTable, ProviderPlan
 from pnfarm.engine.columns import allocate, lookup_find, lookup_rebuild
-from pnfarm.engine.schedule import ChannelTable, ProviderPlan
 from pnfarm.engine.tick import receive
 from pnfarm.errors import InternalError
 from pnfarm.table.channel import MAX_WORDS

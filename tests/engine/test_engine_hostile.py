@@ -12,7 +12,7 @@ from virtual_pair import ROWS, Pair
 from pnfarm.engine.columns import RX_BATCH
 from pnfarm.engine.tick import receive
 from pnfarm.table.channel import FRAME_SLOT
-from pnfarm.table.compiled import IS_COMPILED
+from pnfarm.table.compiling.compiled import IS_COMPILED
 
 ROOT = Path(__file__).resolve().parents[2]
 #: What an inner run takes: all but the tests that start one, and one that reads sources, which is the same there.

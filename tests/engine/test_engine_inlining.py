@@ -9,7 +9,7 @@ import numpy as np
 from from_python import called
 
 from pnfarm.engine import warm
-from pnfarm.table.compiled import IS_COMPILED, compiled, inlined
+from pnfarm.table.compiling.compiled import IS_COMPILED, compiled, inlined
 
 
 @inlined
@@ -41,7 +41,7 @@ def test_a_test_can_call_a_part_by_itself():
     assert called(quarter)(np.array([1.0, 2.0]), 1) == 0.5
 
 
-#: Compares the short ways with Numba's own, in a process of its own: they stay for good.
+#: Compares the fast paths with Numba's own, in a process of its own: they stay for good.
 SPARED = """
 from numba.core import targetconfig
 from numba.core.compiler import Flags
@@ -78,7 +78,7 @@ if IS_COMPILED:
         assert made.library.get_pointer_to_function(made.fndesc.llvm_func_name)
         assert not part.library.get_pointer_to_function(part.fndesc.llvm_func_name)
 
-    def test_the_short_ways_of_the_compiler_come_to_the_same_results():
+    def test_the_fast_paths_of_the_compiler_come_to_the_same_results():
         done = subprocess.run([sys.executable, "-c", SPARED], capture_output=True, text=True, check=False, timeout=120)
         assert done.stdout == "the same\n", done.stderr
 

@@ -10,7 +10,7 @@ from from_python import called
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.engine.intervals import measure_interval
+from pnfarm.engine.channels.intervals import measure_interval
 from pnfarm.table.channel import CPM, INTERVAL_EDGES_NS, JITTER_EDGES_NS
 from pnfarm.table.engine_row import ENGINE
 

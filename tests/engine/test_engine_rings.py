@@ -9,9 +9,10 @@ import numpy as np
 from from_python import called
 from virtual_pair import Pair
 
+from pnfarm.engine.channels.delay_queue import sent_port
+from pnfarm.engine.channels.schedule import ChannelTable, ProviderPlan
 from pnfarm.engine.columns import RX_BATCH, allocate
-from pnfarm.engine.held import sent_port
-from pnfarm.engine.receive_ring import (
+from pnfarm.engine.sockets.receive_ring import (
     HEAD,
     SLOT,
     SLOT_WORDS,
@@ -21,8 +22,7 @@ from pnfarm.engine.receive_ring import (
     receive_ring,
     take_batch,
 )
-from pnfarm.engine.rings import make_ring, send_batch
-from pnfarm.engine.schedule import ChannelTable, ProviderPlan
+from pnfarm.engine.sockets.rings import make_ring, send_batch
 from pnfarm.engine.tick import receive_from, tick
 from pnfarm.table.channel import FRAME_SLOT
 
@@ -165,13 +165,13 @@ def test_a_socket_that_is_no_packet_socket_has_no_ring():
 def test_frames_leave_through_the_exit_that_their_port_has_for_their_peer():
     asked = {}
 
-    def exit_for(port, destination):
+    def egress_for(port, destination):
         return asked.setdefault((port, destination), 99)
 
     columns = allocate(stations=1, channels=1)
-    table = ChannelTable(columns, exit_for)
+    table = ChannelTable(columns, egress_for)
     number = table.open_provider(ProviderPlan(0, 7, b"\x0a" * 6, b"\x02" * 6, 0x8000, 40, 32, 1, [], []))
     assert sent_port(columns.ppm, columns.held, number) == 99
     asked[7, b"\x0a" * 6] = 0
-    table.choose_exits(7)
+    table.choose_egress(7)
     assert sent_port(columns.ppm, columns.held, number) == 7

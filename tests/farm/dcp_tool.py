@@ -3,8 +3,8 @@
 from ipaddress import IPv4Interface
 
 from pnfarm.protocols.ip.host import IpHost
-from pnfarm.protocols.profinet.dcp_client import DcpClient, IdentifyAnswered
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
+from pnfarm.protocols.profinet.dcp.client import DcpClient, IdentifyAnswered
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
     IpParameterBlock,
 )
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet

@@ -8,7 +8,7 @@ from virtual_line import VirtualLine
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import FarmFileError, expand, parse_farm
 from pnfarm.farm.file.schema import farm_schema
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 
 FILE = """\
 farm: line-1

@@ -11,7 +11,7 @@ from farm_file import CONFIGS, GOOD, KNOWN, issues, parse, the_issue
 
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
-from pnfarm.cli.files import check_impairments, known_names
+from pnfarm.cli.farm_file import check_impairments, known_names
 from pnfarm.config.known import catalogue
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import FarmFileError, expand, load_farm, parse_farm

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from model_copy import SHIPPED
 
 from pnfarm.drives import catalogue
-from pnfarm.drives.realism import BOUNDS, Realism
+from pnfarm.drives.description.realism import BOUNDS, Realism
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import FarmFileError, expand, parse_farm
 from pnfarm.farm.file.schema import farm_schema

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.farm.controller_record import KEPT, ControllerRecord
-from pnfarm.farm.controller_view import controller_view
+from pnfarm.farm.views.controller_record import KEPT, ControllerRecord
+from pnfarm.farm.views.controller_view import controller_view
 from pnfarm.station.events import (
     ConnectionEstablished,
     ConnectionLost,

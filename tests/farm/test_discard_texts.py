@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import pnfarm
-from pnfarm.farm.discard_texts import PREFIXES, REASONS, discard_text
+from pnfarm.farm.views.discard_texts import PREFIXES, REASONS, discard_text
 from pnfarm.table.channel import DISCARDS
 
 ROOT = Path(pnfarm.__file__).parent

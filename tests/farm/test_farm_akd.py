@@ -26,7 +26,7 @@ from parameter_requests import change_request
 from record_line import access, changing, reading, value_of
 from virtual_line import VirtualLine
 
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ParameterAddress,
     ParameterValues,

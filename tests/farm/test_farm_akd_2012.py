@@ -11,7 +11,7 @@ from record_line import MANUAL_3_6_2_REQUEST, MANUAL_3_6_2_RESPONSE, access, rea
 from virtual_line import VirtualLine
 
 from pnfarm.controller import line as controller_line
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import parse_response
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import parse_farm

@@ -22,7 +22,7 @@ from dcp_tool import Tool, address
 from hand_line import HandLine
 from record_line import access, changing, value_of
 
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import parse_response
 
 #: PNUs.

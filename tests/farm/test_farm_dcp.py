@@ -7,29 +7,29 @@ import pytest
 from dcp_tool import Tool, address
 from virtual_line import VirtualLine
 
-from pnfarm.buses.profinet.device.factory_reset import MEMORY_AFTER_RESET, clear_memory
+from pnfarm.buses.profinet.device.memory.factory_reset import MEMORY_AFTER_RESET, clear_memory
 from pnfarm.controller import line as controller_line
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.protocols.ip.claim import RECHECK_NS, SPREAD_NS, WAIT_NS
-from pnfarm.protocols.profinet.dcp_client import HelloReceived
-from pnfarm.protocols.profinet.dcp_rules import RESET_CLEARS, HelloMode, Stored
-from pnfarm.protocols.profinet.events import RecordWritten
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
+from pnfarm.protocols.profinet.cm.device.events import RecordWritten
+from pnfarm.protocols.profinet.dcp.client import HelloReceived
+from pnfarm.protocols.profinet.dcp.rules import RESET_CLEARS, HelloMode, Stored
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
     IpParameterBlock,
     NameBlock,
     ResetMode,
     ResetToFactoryBlock,
     SignalBlock,
 )
-from pnfarm.protocols.profinet.wire.fsu import (
+from pnfarm.protocols.profinet.wire.records.fsu import (
     FSU_DATA_ADJUST_INDEX,
     FsHello,
     FsuDataAdjust,
     emit_fsu_data_adjust,
 )
-from pnfarm.protocols.profinet.wire.pdev import InterfaceAdjust, emit_interface_adjust
+from pnfarm.protocols.profinet.wire.records.pdev import InterfaceAdjust, emit_interface_adjust
 from pnfarm.station.event_log import EventLog
 
 FILE = """

@@ -28,7 +28,7 @@ from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.links.bpf_capture import KINDS
+from pnfarm.links.kernel.bpf_capture import KINDS
 
 CAPTURES = Path(__file__).resolve().parents[2].parent / "shared" / "captures"
 

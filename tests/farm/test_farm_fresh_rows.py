@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pnfarm.controller.line import VirtualLine
-from pnfarm.drives.axis_fields import AxisFields
+from pnfarm.drives.parameters.axis_fields import AxisFields
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.fresh_rows import FreshRows, Same

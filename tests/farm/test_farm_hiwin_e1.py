@@ -16,8 +16,8 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
 from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, parse_farm
-from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.protocols.profinet.cmctl_events import RecordRead
+from pnfarm.farm.views.snapshot import drive_snapshot
+from pnfarm.protocols.profinet.cm.controller.events import RecordRead
 from pnfarm.table.program import RUNNING
 from pnfarm.table.signals import (
     G1_XIST1,

@@ -10,7 +10,7 @@ from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, parse_farm
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 
 PITCH = 32.0
 #: Control units of a millimetre: 0.1 um each.

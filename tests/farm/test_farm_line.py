@@ -10,7 +10,7 @@ from parameter_requests import results
 from record_line import API, MANUAL_3_6_2_REQUEST, MANUAL_3_6_2_RESPONSE, access, changing, reading, record, value_of
 from virtual_line import VirtualLine
 
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import (
     parse_request,
     parse_response,
@@ -194,7 +194,7 @@ class _client:  # noqa: N801 - reads as a verb where it is used
     """A DCP tool on the switch."""
 
     def __init__(self, line: VirtualLine) -> None:
-        from pnfarm.protocols.profinet.dcp_client import DcpClient
+        from pnfarm.protocols.profinet.dcp.client import DcpClient
         from pnfarm.wire.ethernet import parse_ethernet
 
         self.line = line

@@ -6,21 +6,21 @@ import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device import segment
-from pnfarm.buses.profinet.device.neighbours import StationNeighbours
+from pnfarm.buses.profinet.device.management.neighbours import StationNeighbours
 from pnfarm.buses.profinet.device.pump import DevicePump
-from pnfarm.farm.snapshot import drive_snapshot
-from pnfarm.protocols.profinet.dcp_device import identify_matches
-from pnfarm.protocols.profinet.pdev_checks import CheckFailed, CheckPassed
-from pnfarm.protocols.profinet.wire.dcp import DcpPdu
-from pnfarm.protocols.profinet.wire.dcp_blocks import AliasBlock
-from pnfarm.protocols.profinet.wire.pdev import (
+from pnfarm.farm.views.snapshot import drive_snapshot
+from pnfarm.protocols.profinet.dcp.device import identify_matches
+from pnfarm.protocols.profinet.records.pdev_checks import CheckFailed, CheckPassed
+from pnfarm.protocols.profinet.wire.dcp.blocks import AliasBlock
+from pnfarm.protocols.profinet.wire.dcp.pdu import DcpPdu
+from pnfarm.protocols.profinet.wire.records.pdev import (
     InterfaceAdjust,
     PortDataAdjust,
     PortDataCheck,
     emit_interface_adjust,
     emit_port_data,
 )
-from pnfarm.protocols.profinet.wire.pdev_blocks import AdjustPeerToPeerBoundary, CheckPeers, ExpectedPeer
+from pnfarm.protocols.profinet.wire.records.pdev_port import AdjustPeerToPeerBoundary, CheckPeers, ExpectedPeer
 
 
 def stations_known(line):

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from pnfarm.farm.overview import ROUNDS, Overview
+from pnfarm.farm.views.overview import ROUNDS, Overview
 from pnfarm.testing import Line
 
 SECOND = 1_000_000_000

@@ -9,7 +9,7 @@ from pnfarm.buses.profinet.device.events import ArAborted
 from pnfarm.engine.lateness import LATE_NS, note_late
 from pnfarm.engine.tick import tick
 from pnfarm.farm.lateness import farm_budget_ns, farm_lateness
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.metrics import FarmCollector
 from pnfarm.station.events import WatchdogExpired
 from pnfarm.station.lateness import budget_ns

@@ -10,13 +10,13 @@ from parameter_requests import change_request, read_request
 from virtual_line import VirtualLine
 
 from pnfarm.config.known import catalogue
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.base_mode import ParameterAddress, ParameterValues, emit_request
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.lists import MAX_OCTETS
 from pnfarm.farm.file.reading import FarmFileError, expand, load_farm, parse_farm
 from pnfarm.farm.file.schema import farm_schema
-from pnfarm.protocols.profinet.cmctl_events import RecordRead
+from pnfarm.protocols.profinet.cm.controller.events import RecordRead
 
 LIST = "number,name,type,max,default,unit\nPt200,Speed loop gain,uint16,20000,400,0.1 Hz\nPt300..Pt30F,,,,,\n"
 FARM = """\

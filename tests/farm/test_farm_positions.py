@@ -9,7 +9,7 @@ from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import expand, parse_farm
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.table.signals import AKTSATZ, POS_ZSW1, POS_ZSW2, SATZANW, ZSW1
 
 MOVES = "{kind: positions, speed_rpm: 600, acceleration: 20000, targets: [%s], dwell: 50ms, acknowledge_after: 200ms}"

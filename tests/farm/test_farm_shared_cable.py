@@ -7,16 +7,7 @@ from ipaddress import IPv4Address, IPv4Interface
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.wire.dcp import (
-    SERVICE_HELLO,
-    SERVICE_IDENTIFY,
-    SERVICE_SET,
-    TYPE_REQUEST,
-    DcpPdu,
-    emit_dcp,
-    frame_id_of,
-)
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
     AliasBlock,
     AllSelectorBlock,
     DeviceIdBlock,
@@ -25,6 +16,15 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     IpParameterBlock,
     NameBlock,
     StationTypeBlock,
+)
+from pnfarm.protocols.profinet.wire.dcp.pdu import (
+    SERVICE_HELLO,
+    SERVICE_IDENTIFY,
+    SERVICE_SET,
+    TYPE_REQUEST,
+    DcpPdu,
+    emit_dcp,
+    frame_id_of,
 )
 from pnfarm.testing import Line
 

@@ -19,7 +19,7 @@ from pnfarm.buses.ethernetip.config.drive import EthernetIpDrives
 from pnfarm.buses.profibus.config.controller import ProfibusController
 from pnfarm.buses.profibus.config.drive import ProfibusDrives
 from pnfarm.buses.profinet.config.send_clock import clock_of
-from pnfarm.cli import demo
+from pnfarm.cli.commands import demo
 from pnfarm.farm.file.reading import parse_farm
 
 ROOT = Path(__file__).resolve().parents[2]

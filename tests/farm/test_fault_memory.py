@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.drives.profiles.profidrive.fault_buffer import fault_situations
 
 

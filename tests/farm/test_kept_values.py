@@ -14,12 +14,12 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from pnfarm.buses.profinet.device.kept_values import check_kept
+from pnfarm.buses.profinet.device.memory.kept_values import check_kept
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.farm.memory_json import _from_json, _to_json
-from pnfarm.farm.state import FILE_NAME, FarmState
+from pnfarm.farm.memory.rows import _from_json, _to_json
+from pnfarm.farm.memory.sqlite import FILE_NAME, FarmState
 from pnfarm.station.event_log import EventLog
 
 FILE = """

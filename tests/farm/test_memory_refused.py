@@ -13,10 +13,10 @@ from virtual_line import VirtualLine
 
 from pnfarm.controller import line as controller_line
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import parse_response
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.protocols.profinet.wire.dcp_blocks import BlockError, NameBlock, ResetMode, ResetToFactoryBlock
+from pnfarm.protocols.profinet.wire.dcp.blocks import BlockError, NameBlock, ResetMode, ResetToFactoryBlock
 from pnfarm.station.event_log import EventLog
 
 REFUSED = ParameterErrorNumber.OPERATING_STATE

@@ -8,7 +8,7 @@ import pytest
 from msd_hand import MsdHand
 from virtual_line import VirtualLine
 
-from pnfarm.drives.factor_group import float_bits
+from pnfarm.drives.parameters.factor_group import float_bits
 from pnfarm.errors import ConfigError
 from pnfarm.table.channel import STATUS_RUN
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.drives.parameter import ParameterError
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.drives.parameters.parameter import ParameterError
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.protocols.profinet.diagnosis import diagnosis_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block
+from pnfarm.protocols.profinet.wire.any_block import emit_block
 from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE
 from pnfarm.table.channel import STATUS_GOOD, STATUS_NO_PROBLEM
 from pnfarm.table.signals import G1_XIST1, G1_XIST2, NIST_A, NIST_B, NSOLL_A, NSOLL_B, STW2, ZSW1, ZSW2

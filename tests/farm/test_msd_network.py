@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.parameter_channel import LOCAL, ParameterChannel
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from bystander import Bystander
 from record_line import API, reading, record
 from virtual_line import VirtualLine
 
-from pnfarm.protocols.profinet.cmctl_events import RecordRead
+from pnfarm.protocols.profinet.cm.controller.events import RecordRead
 
 PARAMETERS = 47
 

@@ -11,9 +11,9 @@ from postgres_server import PASSWORD, started, until
 
 from pnfarm.config.database import redacted
 from pnfarm.errors import EnvironmentError_
-from pnfarm.farm import postgres
 from pnfarm.farm.lease import Lease, LeaseChanged, LeaseState
-from pnfarm.farm.postgres import ABSENT_FACTOR, SAVE_SECONDS, PostgresState
+from pnfarm.farm.memory import postgres
+from pnfarm.farm.memory.postgres import ABSENT_FACTOR, SAVE_SECONDS, PostgresState
 
 VALUES = {
     "ip": {"address": "10.77.0.11", "gateway": None},

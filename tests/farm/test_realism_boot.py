@@ -8,7 +8,7 @@ import pytest
 from dcp_tool import Tool
 from virtual_line import VirtualLine
 
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 
 #: Model, its telegram of speed, a cycle.
 MODELS = [

@@ -14,7 +14,7 @@ from virtual_line import VirtualLine
 from pnfarm.buses.profinet.controller.records import RecordJob
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw
 from pnfarm.protocols.profinet.errors import RtaError
-from pnfarm.protocols.profinet.wire.blocks_connect import ArProperties, ArType
+from pnfarm.protocols.profinet.wire.cm.connect import ArProperties, ArType
 
 API = 0x3A00
 #: Model, cycle, telegram, the record indexes of its manual and of the profile, and a parameter that every drive has.

@@ -8,8 +8,8 @@ import pytest
 from hand_plc import HandPlc
 from virtual_line import VirtualLine
 
-from pnfarm.drives.factor_group import float_of
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.drives.parameters.factor_group import float_of
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.table.signals import ACTUAL_SLOTS
 
 #: Model, telegram, cycle, control words to S4, the signal of the speed.

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.drives.memory import NonVolatile
+from pnfarm.drives.parameters.memory import NonVolatile
 from pnfarm.errors import EnvironmentError_
-from pnfarm.farm.state import FILE_NAME, FarmState
+from pnfarm.farm.memory.sqlite import FILE_NAME, FarmState
 
 VALUES = {
     "name": "axis-01",
@@ -105,7 +105,7 @@ def test_several_threads_may_save_at_once(tmp_path):
 
 _WRITER = """
 import sys
-from pnfarm.farm.state import FarmState
+from pnfarm.farm.memory.sqlite import FarmState
 state = FarmState(sys.argv[1])
 count = 0
 while True:
@@ -200,7 +200,7 @@ def test_a_folder_that_cannot_be_made_is_the_machines_fault(tmp_path):
 
 
 def test_a_locked_file_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr("pnfarm.farm.state._BUSY_SECONDS", 0.05)
+    monkeypatch.setattr("pnfarm.farm.memory.sqlite._BUSY_SECONDS", 0.05)
     with FarmState(tmp_path) as state:
         other = sqlite3.connect(tmp_path / FILE_NAME, isolation_level=None)
         other.execute("BEGIN IMMEDIATE")

@@ -9,7 +9,7 @@ import pytest
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis, fault_entry
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.firmware.axis import AXIS
 from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.table.image import IMAGE

@@ -7,12 +7,12 @@ from ipaddress import IPv4Address
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.drives.memory import VolatileMemory
-from pnfarm.protocols.profinet.wire.dcp import SERVICE_SET, TYPE_REQUEST, DcpPdu, emit_dcp, frame_id_of
-from pnfarm.protocols.profinet.wire.dcp_blocks import UnknownBlock
-from pnfarm.protocols.profinet.wire.lldp import parse_lldp
-from pnfarm.protocols.profinet.wire.lldp_tlvs import ManagementAddress, PortDescription, SystemDescription
-from pnfarm.protocols.profinet.wire.snmp import (
+from pnfarm.drives.parameters.memory import VolatileMemory
+from pnfarm.protocols.profinet.wire.dcp.blocks import UnknownBlock
+from pnfarm.protocols.profinet.wire.dcp.pdu import SERVICE_SET, TYPE_REQUEST, DcpPdu, emit_dcp, frame_id_of
+from pnfarm.protocols.profinet.wire.lldp.pdu import parse_lldp
+from pnfarm.protocols.profinet.wire.lldp.tlvs import ManagementAddress, PortDescription, SystemDescription
+from pnfarm.protocols.profinet.wire.snmp.message import (
     GET,
     GET_NEXT,
     SET,

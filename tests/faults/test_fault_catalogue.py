@@ -15,14 +15,14 @@ from pnfarm.buses.registry import BUSES, bus, fault_kinds
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.faults import kinds as neutral_kinds
 from pnfarm.faults.catalogue import Catalogue, kinds_in
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.effect import Effect
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.effect import Effect
+from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.errors import InjectionError
-from pnfarm.faults.gate import GatedLink
+from pnfarm.faults.gate.gate import GatedLink
 from pnfarm.faults.kind import InjectionKind, KindOnBus, ParamSpec
 from pnfarm.faults.manager import InjectionManager
-from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
-from pnfarm.faults.servo import SERVO
 from pnfarm.links.memory import MemoryLink, MemorySwitch
 
 #: Kinds that a drive on a network can have; those of drives on a line alone are tried there.

@@ -10,7 +10,6 @@ from storm import kept, left_behind
 
 from pnfarm.errors import ConfigError
 from pnfarm.faults import manager
-from pnfarm.faults.holes import Holes
 from pnfarm.station import event_log
 
 #: One of each way to wait and to act: in the engine, at the gate, on the axis, by a condition, at random.
@@ -77,23 +76,9 @@ def test_conditions_of_any_length_find_room_where_shorter_ones_were(line):
 
 def test_a_table_full_of_conditions_refuses_one_more_and_keeps_nothing_of_it(line):
     watched = line.faults._conditions
-    taken = watched._holes.take(watched._holes.parts[0][1] - 2)
+    taken = watched._segments.allocate(watched._segments.free - 2)
     with pytest.raises(ConfigError, match="which is all there is room for"):
         line.add("load", when="velocity > 1e8 and zsw1.operation_enabled")
     assert (line.faults.list(), line.faults.conditions_watched) == ([], 0)
-    watched._holes.give(taken, len(watched._ops) - 2)
+    watched._segments.release(taken)
     assert line.add("load", when="velocity > 1e8 and zsw1.operation_enabled").state == "waiting"
-
-
-def test_free_parts_that_touch_become_one():
-    holes = Holes(10)
-    one, two, three = (holes.take(3) for _ in range(3))
-    assert (one, two, three, holes.take(2)) == (0, 3, 6, None)
-    holes.give(one, 3)
-    holes.give(three, 3)
-    assert holes.parts == [(0, 3), (6, 4)]
-    holes.give(two, 3)
-    assert holes.parts == [(0, 10)]
-    assert holes.take(10) == 0
-    assert holes.parts == []
-    assert holes.take(1) is None

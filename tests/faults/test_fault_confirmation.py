@@ -2,7 +2,7 @@
 
 from fault_line import FaultLine
 
-from pnfarm.faults.evidence import NOTHING, Confirmation, Evidence
+from pnfarm.faults.effects.evidence import NOTHING, Confirmation, Evidence
 
 
 def test_a_fault_that_a_frame_reports_is_confirmed(line):

@@ -242,7 +242,7 @@ def test_the_virtual_world_comes_to_rest_while_nothing_is_connected():
 
 def test_carrier_changes_of_a_real_link_follow_each_other_and_a_refusal_is_reported():
     from pnfarm.errors import EnvironmentError_
-    from pnfarm.faults.carrier import Carriers
+    from pnfarm.faults.effects.carrier import Carriers
 
     class SlowLink:
         inner = None
@@ -277,7 +277,7 @@ def test_carrier_changes_of_a_real_link_follow_each_other_and_a_refusal_is_repor
 
 
 def test_a_cable_that_the_machine_could_not_plug_is_plugged_as_soon_as_it_can():
-    from pnfarm.faults import carrier
+    from pnfarm.faults.effects import carrier
 
     class ShortOfFiles:
         inner = None

@@ -10,7 +10,7 @@ from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.farm.injections import add_impairments
-from pnfarm.faults.gate import (
+from pnfarm.faults.gate.gate import (
     EVERY_FRAME,
     DelayRule,
     GatedLink,

@@ -7,7 +7,7 @@ from e1_plc import ACKNOWLEDGE, JOG_FORWARDS, RUN, E1Plc
 from hand_plc import HandPlc
 
 from pnfarm.drives.catalogue import model
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.table.axis_codes import REACTION_COAST
 from pnfarm.table.signals import STW2
 

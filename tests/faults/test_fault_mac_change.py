@@ -7,7 +7,7 @@ from fault_line import FaultLine
 from storm import left_behind
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.faults.addresses import Addresses
+from pnfarm.faults.effects.addresses import Addresses
 from pnfarm.faults.errors import InjectionError
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET
 from pnfarm.wire.mac import parse_mac
@@ -151,7 +151,7 @@ async def test_on_a_real_link_the_drive_is_off_until_the_link_has_the_address_al
 
 @pytest.mark.asyncio
 async def test_an_address_that_the_link_refuses_is_reported_and_one_that_it_cannot_restore_is_tried_again(monkeypatch):
-    monkeypatch.setattr("pnfarm.faults.addresses.AGAIN_SECONDS", 0)
+    monkeypatch.setattr("pnfarm.faults.effects.addresses.AGAIN_SECONDS", 0)
     link, told, life = Slow(), [], []
     addresses = Addresses(link, lambda drive, reason: told.append((drive, reason)))
     addresses.add(1, "axis-01", b"own...", lambda now: life.append("off"), lambda mac, now: life.append(mac))

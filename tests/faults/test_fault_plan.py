@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
-from pnfarm.faults.effect import Effect
+from pnfarm.faults.effects.effect import Effect
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.plan import matching
 

@@ -11,7 +11,7 @@ import pytest
 
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.faults.adapter import ADAPTER
+from pnfarm.faults.effects.adapter import ADAPTER
 from pnfarm.station.event_log import EventLog
 from pnfarm.wire.mac import parse_mac
 

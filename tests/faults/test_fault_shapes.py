@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.buses.registry import fault_kinds
-from pnfarm.engine.impair import chosen
+from pnfarm.engine.channels.impair import chosen
 from pnfarm.errors import ConfigError
-from pnfarm.faults.choice import BURST, Chooser, choice_of
 from pnfarm.faults.events import InjectionEnded
-from pnfarm.faults.shaping import corrupted
+from pnfarm.faults.gate.choice import BURST, Chooser, choice_of
+from pnfarm.faults.gate.shaping import corrupted
 from pnfarm.station.splitmix import SplitMix64
 from pnfarm.table.channel import DISCARD_COUNTER
 from pnfarm.table.impairment import IMPAIRMENT, threshold

@@ -7,9 +7,9 @@ from random import Random
 
 import pytest
 
-from pnfarm.faults.gate import EVERY_FRAME, DelayRule, GateRule
-from pnfarm.faults.shaping import Shape
-from pnfarm.faults.socket_gate import DATAGRAM, MOST_WAITING, REPEAT_NS, STREAM, SocketGate
+from pnfarm.faults.gate.gate import EVERY_FRAME, DelayRule, GateRule
+from pnfarm.faults.gate.shaping import Shape
+from pnfarm.faults.gate.socket_gate import DATAGRAM, MOST_WAITING, REPEAT_NS, STREAM, SocketGate
 from pnfarm.wire.endpoint import (
     Datagram,
     DatagramReceived,

@@ -8,8 +8,8 @@ import pytest
 from fault_line import FaultLine
 
 from pnfarm.buses.registry import fault_kinds
-from pnfarm.faults.choice import Chooser, choice_of
-from pnfarm.faults.shaping import Shape
+from pnfarm.faults.gate.choice import Chooser, choice_of
+from pnfarm.faults.gate.shaping import Shape
 from pnfarm.station.splitmix import SplitMix64
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, EthernetFrame, emit_ethernet
 

@@ -6,7 +6,7 @@ import pytest
 from bench_axis import BenchAxis
 from positioner import ACKNOWLEDGED, ACTIVE, HOME, HOMED, READY, START, STOPPED, Positioner
 
-from pnfarm.firmware.positioning import HOMING, STANDBY, TASK
+from pnfarm.firmware.motion.positioning import HOMING, STANDBY, TASK
 from pnfarm.table.axis_codes import CONTROL_BY_PLC, HOME_AT_ONCE, TASKS_POS_STW
 from pnfarm.table.signals import POS_STW2
 

@@ -6,8 +6,8 @@ import pytest
 from bench_axis import MS, BenchAxis
 from from_python import called
 
+from pnfarm.firmware.motion.ramp import approach
 from pnfarm.firmware.profidrive.telegram import signed16, signed32
-from pnfarm.firmware.ramp import approach
 from pnfarm.table.signals import ITIST_GLATT, XIST_A
 
 

@@ -17,7 +17,7 @@ from positioner import (
     task,
 )
 
-from pnfarm.firmware.positioning import HALTED, JOG, STANDBY
+from pnfarm.firmware.motion.positioning import HALTED, JOG, STANDBY
 from pnfarm.table.axis_codes import (
     CMD_ACKNOWLEDGE,
     CMD_CONTINUE,

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from msd_bench import RUN, TASKS, MsdBench
 
-from pnfarm.drives.factor_group import float_bits, float_of
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.factor_group import float_bits, float_of
+from pnfarm.drives.parameters.parameter import ParameterError
 
 PEAK = 4.5  # N m: 9 A at 0.5 N m/A
 

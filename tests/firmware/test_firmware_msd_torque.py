@@ -7,8 +7,8 @@ from math import inf, pi
 import pytest
 from msd_bench import TASKS, MsdBench
 
-from pnfarm.drives.factor_group import float_bits
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.factor_group import float_bits
+from pnfarm.drives.parameters.parameter import ParameterError
 
 PEAK = 4.5  # N m: 9 A at 0.5 N m/A
 INERTIA, FRICTION = 2e-4, 0.05

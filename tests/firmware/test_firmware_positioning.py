@@ -17,7 +17,7 @@ from positioner import (
     Positioner,
 )
 
-from pnfarm.firmware import positioning
+from pnfarm.firmware.motion import positioning
 from pnfarm.table.axis_codes import (
     CMD_START_TASK,
     HOME_MARK,

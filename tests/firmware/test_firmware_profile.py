@@ -10,9 +10,9 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from pnfarm.firmware.axis import AXIS
-from pnfarm.firmware.profile_generator import begin_profile, profile_over, step_profile
+from pnfarm.firmware.motion.profile_generator import begin_profile, profile_over, step_profile
 from pnfarm.table.axis_codes import PROFILE_STOP, PROFILE_TARGET, PROFILE_VELOCITY
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiling.compiled import compiled
 
 RPM = 60.0
 

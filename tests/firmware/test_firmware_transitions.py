@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pnfarm.firmware import positioning, state_machine
+from pnfarm.firmware import state_machine
+from pnfarm.firmware.motion import positioning
 from pnfarm.firmware.profidrive import sensor_interface
 from pnfarm.firmware.transitions import as_array, possible
 

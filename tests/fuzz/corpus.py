@@ -17,22 +17,27 @@ from gsdml_versions import VERSIONS, gsdml_of
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
+from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.drives import catalogue
 from pnfarm.drives.profiles.profidrive import base_mode
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
-from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
-from pnfarm.protocols.profinet.lldp import LocalPort, LocalSystem, local_lldpdu
-from pnfarm.protocols.profinet.wire import blocks_connect as connect
-from pnfarm.protocols.profinet.wire import lldp_tlvs as tlvs
-from pnfarm.protocols.profinet.wire import pdev, records, snmp
-from pnfarm.protocols.profinet.wire import pdev_blocks as wanted
-from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmType
-from pnfarm.protocols.profinet.wire.ber import emit_oid
-from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import Block, emit_block, parse_blocks
-from pnfarm.protocols.profinet.wire.dcp import (
+from pnfarm.protocols.profinet.lldp.agent import LocalPort, LocalSystem, local_lldpdu
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmType
+from pnfarm.protocols.profinet.wire.any_block import Block, emit_block, parse_blocks
+from pnfarm.protocols.profinet.wire.block import BlockType, RawBlock, split_blocks
+from pnfarm.protocols.profinet.wire.cm import connect
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
+    DeviceIdBlock,
+    IpParameterBlock,
+    NameBlock,
+    OptionId,
+    ResponseBlock,
+    StationTypeBlock,
+    UnknownBlock,
+)
+from pnfarm.protocols.profinet.wire.dcp.pdu import (
     SERVICE_GET,
     SERVICE_IDENTIFY,
     SERVICE_SET,
@@ -42,17 +47,15 @@ from pnfarm.protocols.profinet.wire.dcp import (
     emit_dcp,
     frame_id_of,
 )
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
-    DeviceIdBlock,
-    IpParameterBlock,
-    NameBlock,
-    OptionId,
-    ResponseBlock,
-    StationTypeBlock,
-    UnknownBlock,
-)
-from pnfarm.protocols.profinet.wire.diagnosis import Maintenance, Usi
-from pnfarm.protocols.profinet.wire.epm import (
+from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
+from pnfarm.protocols.profinet.wire.lldp import tlvs
+from pnfarm.protocols.profinet.wire.lldp.pdu import Lldpdu, NameMode, emit_lldp
+from pnfarm.protocols.profinet.wire.records import identification, pdev
+from pnfarm.protocols.profinet.wire.records import pdev_port as wanted
+from pnfarm.protocols.profinet.wire.records.diagnosis import Maintenance, Usi
+from pnfarm.protocols.profinet.wire.records.iod import parse_read_response, parse_write_request
+from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody, emit_fack
+from pnfarm.protocols.profinet.wire.rpc.epm import (
     EntryHandle,
     EptEntry,
     LookupRequest,
@@ -64,10 +67,7 @@ from pnfarm.protocols.profinet.wire.epm import (
     emit_lookup_response,
     emit_tower,
 )
-from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
-from pnfarm.protocols.profinet.wire.iod import parse_read_response, parse_write_request
-from pnfarm.protocols.profinet.wire.lldp import Lldpdu, NameMode, emit_lldp
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     RPC_PORT,
     UUID_EPM,
     Opnum,
@@ -76,7 +76,8 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_response_args,
     parse_rpc,
 )
-from pnfarm.protocols.profinet.wire.rpc_bodies import FackBody, emit_fack
+from pnfarm.protocols.profinet.wire.snmp import message
+from pnfarm.protocols.profinet.wire.snmp.ber import emit_oid
 from pnfarm.wire.arp import ArpPacket, emit_arp
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, parse_ethernet
 from pnfarm.wire.icmp import IcmpMessage, emit_icmp
@@ -375,7 +376,7 @@ def unheard() -> Iterator[tuple[str, bytes]]:
         raw = split_blocks(emit_block(block))[0]
         yield f"block-{raw.block_type:04x}", raw.version.to_bytes(2, "big") + raw.body
         yield "pdev", emit_block(block)
-    for block_type, size in records.IM_TEXT_SIZES.items():
+    for block_type, size in identification.IM_TEXT_SIZES.items():
         yield f"block-{block_type:04x}", b"\1\0" + b"A" * size
     yield from _managers()
 
@@ -393,23 +394,24 @@ def _managers() -> Iterator[tuple[str, bytes]]:
     """What SNMP managers ask of a drive."""
     system, interfaces, lldp = (1, 3, 6, 1, 2, 1, 1), (1, 3, 6, 1, 2, 1, 2, 2, 1), (1, 0, 8802, 1, 1, 2, 1)
     names = ((*system, 1, 0), (*system, 3, 0), (*interfaces, 10, 1), (*lldp, 3, 7, 1, 3, 1), (*lldp, 5, 3791), (0, 0))
-    texts = tuple(snmp.VarBind((*system, arc, 0), snmp.octets(b"here")) for arc in (4, 5, 6))
+    texts = tuple(message.VarBind((*system, arc, 0), message.octets(b"here")) for arc in (4, 5, 6))
     values = (
-        snmp.integer(-129), snmp.counter64(2**64 - 1), snmp.gauge32(2**32 - 1), snmp.time_ticks(10**9),
-        snmp.object_id(names[3]), snmp.Value(snmp.IP_ADDRESS, b"\12\0\0\1"), snmp.Value(snmp.END_OF_MIB_VIEW),
+        message.integer(-129), message.counter64(2**64 - 1), message.gauge32(2**32 - 1), message.time_ticks(10**9),
+        message.object_id(names[3]), message.Value(message.IP_ADDRESS, b"\12\0\0\1"),
+        message.Value(message.END_OF_MIB_VIEW),
     )  # fmt: skip
-    asked = tuple(snmp.VarBind(name) for name in names)
-    told = tuple(snmp.VarBind(names[0], value) for value in values)
-    for version in (snmp.VERSION_1, snmp.VERSION_2C):
+    asked = tuple(message.VarBind(name) for name in names)
+    told = tuple(message.VarBind(names[0], value) for value in values)
+    for version in (message.VERSION_1, message.VERSION_2C):
         for pdu in (
-            snmp.Pdu(snmp.GET, 1, varbinds=asked[:4]),
-            snmp.Pdu(snmp.GET_NEXT, 2**31 - 1, varbinds=asked),
-            snmp.Pdu(snmp.GET_BULK, -1, 1, 20, varbinds=asked),
-            snmp.Pdu(snmp.SET, 3, varbinds=texts),
-            snmp.Pdu(snmp.RESPONSE, 4, 2, 1, varbinds=told),
-            snmp.OtherPdu(0xA7, b"\2\1\5"),
+            message.Pdu(message.GET, 1, varbinds=asked[:4]),
+            message.Pdu(message.GET_NEXT, 2**31 - 1, varbinds=asked),
+            message.Pdu(message.GET_BULK, -1, 1, 20, varbinds=asked),
+            message.Pdu(message.SET, 3, varbinds=texts),
+            message.Pdu(message.RESPONSE, 4, 2, 1, varbinds=told),
+            message.OtherPdu(0xA7, b"\2\1\5"),
         ):
-            yield "snmp", snmp.emit_snmp(snmp.SnmpMessage(version, b"public" if version else b"private", pdu))
+            yield "snmp", message.emit_snmp(message.SnmpMessage(version, b"public" if version else b"private", pdu))
     for name in names:
         yield "oid", emit_oid(name)
 

@@ -14,28 +14,29 @@ from random import Random
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.dcp_rules import RESET_MODES, check_ip_suite
-from pnfarm.protocols.profinet.wire.alarms import AlarmNotification, acknowledge, emit_alarm
-from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks, parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq, ArProperties, ArType
-from pnfarm.protocols.profinet.wire.dcp import IDENTIFY_MULTICAST, SERVICE_SET, parse_dcp
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
+from pnfarm.protocols.profinet.dcp.rules import RESET_MODES, check_ip_suite
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge, emit_alarm
+from pnfarm.protocols.profinet.wire.alarms.rta import emit_rta, parse_rta
+from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArProperties, ArType
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
     FactoryResetBlock,
     FullIpSuiteBlock,
     IpParameterBlock,
     NameBlock,
     ResetToFactoryBlock,
 )
+from pnfarm.protocols.profinet.wire.dcp.pdu import IDENTIFY_MULTICAST, SERVICE_SET, parse_dcp
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.wire.lldp.pdu import LLDP_MULTICAST
+from pnfarm.protocols.profinet.wire.names import check_station_name
+from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadReqHeader,
     IodWriteReqHeader,
     emit_read_request,
     emit_write_request,
 )
-from pnfarm.protocols.profinet.wire.lldp import LLDP_MULTICAST
-from pnfarm.protocols.profinet.wire.names import check_station_name
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     NIL_UUID,
     RPC_PORT,
     UUID_EPM,
@@ -50,7 +51,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     emit_rpc,
     parse_rpc,
 )
-from pnfarm.protocols.profinet.wire.rta import emit_rta, parse_rta
 from pnfarm.wire.arp import ArpPacket, emit_arp
 from pnfarm.wire.ethernet import (
     ETHERTYPE_ARP,

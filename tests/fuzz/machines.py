@@ -14,26 +14,26 @@ from random import Random
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.alarm import AlarmChannel, AlarmReceived, AlarmRefusedError
+from pnfarm.protocols.profinet.alarms.channel import AlarmChannel, AlarmReceived, AlarmRefusedError
 from pnfarm.protocols.profinet.errors import RecordError
-from pnfarm.protocols.profinet.lldp import MAXIMUM_NEIGHBOURS
-from pnfarm.protocols.profinet.rpc_events import CallKey
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.snmp import MAXIMUM_MESSAGE
-from pnfarm.protocols.profinet.wire.alarms import AlarmNotification, acknowledge, emit_alarm
-from pnfarm.protocols.profinet.wire.dcp import IDENTIFY_MULTICAST
-from pnfarm.protocols.profinet.wire.dcp_blocks import OptionId, UnknownBlock
+from pnfarm.protocols.profinet.lldp.agent import MAXIMUM_NEIGHBOURS
+from pnfarm.protocols.profinet.rpc.events import CallKey
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.snmp.agent import MAXIMUM_MESSAGE
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge, emit_alarm
+from pnfarm.protocols.profinet.wire.alarms.rta import emit_rta, parse_rta
+from pnfarm.protocols.profinet.wire.dcp.blocks import OptionId, UnknownBlock
+from pnfarm.protocols.profinet.wire.dcp.pdu import IDENTIFY_MULTICAST
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH
-from pnfarm.protocols.profinet.wire.lldp import LLDP_MULTICAST
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.lldp.pdu import LLDP_MULTICAST
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     RPC_PORT,
     PacketType,
     PnioStatus,
     emit_rpc,
     parse_rpc,
 )
-from pnfarm.protocols.profinet.wire.rta import emit_rta, parse_rta
-from pnfarm.protocols.profinet.wire.snmp import (
+from pnfarm.protocols.profinet.wire.snmp.message import (
     parse_snmp,
 )
 from pnfarm.wire.ethernet import (

@@ -17,14 +17,14 @@ from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
-from pnfarm.protocols.profinet.rpc_events import CallKey
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.wire.alarms import AlarmNotification, acknowledge, emit_alarm
-from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks
-from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock, ControlCommand, SubmoduleList
+from pnfarm.protocols.profinet.rpc.events import CallKey
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge, emit_alarm
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaPdu, emit_rta
+from pnfarm.protocols.profinet.wire.any_block import emit_blocks
+from pnfarm.protocols.profinet.wire.block import BlockType
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, SubmoduleList
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
-from pnfarm.protocols.profinet.wire.rta import RtaPdu, emit_rta
 from tests.fuzz.machines import PEER, Machine
 from tests.fuzz.malformed import deep
 from tests.fuzz.mutate import mutated

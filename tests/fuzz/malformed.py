@@ -8,8 +8,9 @@ from random import Random
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.blocks import emit_raw_block, split_blocks
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.block import emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.rpc.bodies import CancelBody, emit_cancel
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     UUID_EPM,
     Flags1,
     PacketType,
@@ -20,8 +21,7 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_response_args,
     parse_rpc,
 )
-from pnfarm.protocols.profinet.wire.rpc_bodies import CancelBody, emit_cancel
-from pnfarm.protocols.profinet.wire.snmp import (
+from pnfarm.protocols.profinet.wire.snmp.message import (
     GET,
     GET_BULK,
     GET_NEXT,

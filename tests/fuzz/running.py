@@ -28,10 +28,10 @@ from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.controller.session import SessionState
 from pnfarm.engine.tick import receive
-from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered
-from pnfarm.protocols.profinet.wire.iod import parse_read_response
-from pnfarm.protocols.profinet.wire.rpc import UUID_PNIO_CONTROLLER, Opnum
-from pnfarm.protocols.profinet.wire.snmp import (
+from pnfarm.protocols.profinet.dcp.client import IdentifyAnswered
+from pnfarm.protocols.profinet.wire.records.iod import parse_read_response
+from pnfarm.protocols.profinet.wire.rpc.pdu import UUID_PNIO_CONTROLLER, Opnum
+from pnfarm.protocols.profinet.wire.snmp.message import (
     GET_NEXT,
     VERSION_1,
     Pdu,

@@ -18,13 +18,13 @@ import pnfarm.protocols.enip
 import pnfarm.protocols.profibus
 import pnfarm.protocols.profinet
 import pnfarm.wire
+from pnfarm.buses.profinet.binding import describe_device
 from pnfarm.drives import catalogue
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.binding import describe_device
-from pnfarm.protocols.profinet.wire import alarms
-from pnfarm.protocols.profinet.wire.blocks import RawBlock
-from pnfarm.protocols.profinet.wire.blocks_any import _PARSERS
-from pnfarm.protocols.profinet.wire.rta import RtaType, parse_rta
+from pnfarm.protocols.profinet.wire.alarms import notification
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, parse_rta
+from pnfarm.protocols.profinet.wire.any_block import _PARSERS
+from pnfarm.protocols.profinet.wire.block import RawBlock
 from pnfarm.wire.octets import Reader
 from tests.fuzz.mutate import variation, varied_xml
 
@@ -203,12 +203,15 @@ def _suiting(module, name):
 
 def _alarms(rta: Sequence[bytes]) -> dict[str, list[bytes]]:
     """The blocks within RTA-PDUs and some that no farm sends, their items, and their bodies behind the version."""
-    diagnosis = alarms.AlarmNotification(
-        1, 0x3A00, 1, 2, 0x100, 0x68, 0xA801, alarms.parse_alarm_items(bytes.fromhex("8000800008000010"))
+    diagnosis = notification.AlarmNotification(
+        1, 0x3A00, 1, 2, 0x100, 0x68, 0xA801, notification.parse_alarm_items(bytes.fromhex("8000800008000010"))
     )
-    maintenance = alarms.parse_alarm_items(bytes.fromhex("81000f0000080100000000000001" + "8003" + "00" * 16))
-    found = {alarms.emit_alarm(diagnosis): None, alarms.emit_alarm(replace(diagnosis, items=maintenance)): None}
-    found[alarms.emit_alarm(alarms.acknowledge(replace(diagnosis, high=True)))] = None
+    maintenance = notification.parse_alarm_items(bytes.fromhex("81000f0000080100000000000001" + "8003" + "00" * 16))
+    found = {
+        notification.emit_alarm(diagnosis): None,
+        notification.emit_alarm(replace(diagnosis, items=maintenance)): None,
+    }
+    found[notification.emit_alarm(notification.acknowledge(replace(diagnosis, high=True)))] = None
     pdus = [parse_rta(octets) for octets in rta if octets[:2] in {b"\xfc\x01", b"\xfe\x01"}]
     found.update({pdu.body: None for pdu in pdus if pdu.type == RtaType.DATA})
     layers: dict[str, list[bytes]] = {"alarm": list(found), "alarm-items": []}
@@ -226,8 +229,11 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
     types = {}
     for block_type, function in _PARSERS.items():
         types.setdefault(function, []).append(int(block_type))
-    types[alarms.parse_alarm_notification] = [alarms.ALARM_NOTIFICATION_HIGH, alarms.ALARM_NOTIFICATION_LOW]
-    types[alarms.parse_alarm_ack] = [alarms.ALARM_ACK_HIGH, alarms.ALARM_ACK_LOW]
+    types[notification.parse_alarm_notification] = [
+        notification.ALARM_NOTIFICATION_HIGH,
+        notification.ALARM_NOTIFICATION_LOW,
+    ]
+    types[notification.parse_alarm_ack] = [notification.ALARM_ACK_HIGH, notification.ALARM_ACK_LOW]
     found = {}
     for module, name, function in _functions():
         for suffix, call in _calls(function, types.get(function)):

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pnfarm.farm.snapshot import discards as all_discards
-from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot
+from pnfarm.farm.views.snapshot import discards as all_discards
+from pnfarm.farm.views.snapshot import drive_snapshot, engine_snapshot
 
 if TYPE_CHECKING:
     from virtual_line import VirtualLine

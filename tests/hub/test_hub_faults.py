@@ -54,7 +54,7 @@ def test_share_most_and_seed_choose_among_all_drives_as_one_farm_does():
     assert (len(found["drives"]), len(found["left_out"])) == (3, 5)
     assert found["spec"]["seed"] == 7
     # the choice is by name and seed: the shards take no part in it
-    from pnfarm.faults.reach import _rank
+    from pnfarm.faults.targets import _rank
 
     ranked = sorted(parts.hub.shards.names, key=lambda name: _rank(type("S", (), {"seed": 7}), name))
     assert set(found["drives"]) == set(ranked[:3])

@@ -14,7 +14,7 @@ import subprocess
 import sys
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.links.sandbox import enter_sandbox
+from pnfarm.links.kernel.sandbox import enter_sandbox
 
 CANNOT = 4
 

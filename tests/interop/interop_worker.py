@@ -20,16 +20,16 @@ from dataclasses import asdict, is_dataclass, replace
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.controller.runtime import Plc
 from pnfarm.drives.catalogue import model as model_by_name
-from pnfarm.drives.model_identity import with_identity
+from pnfarm.drives.description.identity import with_identity
 from pnfarm.errors import PnfarmError
 from pnfarm.farm import farm as farm_module
-from pnfarm.farm.controller_view import controller_view
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import load_farm
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.controller_view import controller_view
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.links.base import unwrap
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
-from pnfarm.protocols.profinet.wire.diagnosis import Maintenance
+from pnfarm.protocols.profinet.wire.records.diagnosis import Maintenance
 from pnfarm.station.event_log import EventLog
 from pnfarm.table.signals import WORD_NONE
 

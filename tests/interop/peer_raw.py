@@ -15,19 +15,19 @@ import time
 from pathlib import Path
 from uuid import uuid4
 
-from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_control import control_response, emit_control_block
-from pnfarm.protocols.profinet.wire.dcp import DcpPdu, emit_dcp, frame_id_of, parse_dcp
-from pnfarm.protocols.profinet.wire.dcp_blocks import OptionId, UnknownBlock
-from pnfarm.protocols.profinet.wire.epm import NIL_HANDLE, LookupRequest, emit_lookup_request, parse_lookup_response
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
+from pnfarm.protocols.profinet.wire.cm.control import control_response, emit_control_block
+from pnfarm.protocols.profinet.wire.dcp.blocks import OptionId, UnknownBlock
+from pnfarm.protocols.profinet.wire.dcp.pdu import DcpPdu, emit_dcp, frame_id_of, parse_dcp
+from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadReqHeader,
     IodWriteReqHeader,
     emit_read_request,
     emit_write_request,
 )
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.epm import NIL_HANDLE, LookupRequest, emit_lookup_request, parse_lookup_response
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     NIL_UUID,
     OK,
     RPC_PORT,

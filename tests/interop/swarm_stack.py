@@ -19,7 +19,7 @@ import pytest
 from rig_engine import BUILT, Engine, why_not
 from swarm_rig import Swarm
 
-from pnfarm.cli.files import read
+from pnfarm.cli.farm_file import read
 from pnfarm.farm.file.reading import expand
 
 SHARDS = 3

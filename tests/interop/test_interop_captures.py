@@ -10,13 +10,13 @@ from typing import NamedTuple
 import pytest
 from interop_rig import Capture, captured_datagrams, needed, running
 
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import AlarmCrBlockRes, ArBlockReq, ArBlockRes, ArServerBlock
-from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock
-from pnfarm.protocols.profinet.wire.blocks_expected import ModuleDiffBlock
-from pnfarm.protocols.profinet.wire.iocr import IocrBlockReq, IocrBlockRes
-from pnfarm.protocols.profinet.wire.iod import parse_write_request, parse_write_response
-from pnfarm.protocols.profinet.wire.rpc import PacketType, parse_request_args, parse_rpc
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes, ArBlockReq, ArBlockRes, ArServerBlock
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock
+from pnfarm.protocols.profinet.wire.cm.expected import ModuleDiffBlock
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockReq, IocrBlockRes
+from pnfarm.protocols.profinet.wire.records.iod import parse_write_request, parse_write_response
+from pnfarm.protocols.profinet.wire.rpc.pdu import PacketType, parse_request_args, parse_rpc
 
 #: The drives stand at the addresses of the captured devices and have their vendor, device and ident numbers.
 DRIVES = [

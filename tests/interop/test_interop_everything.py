@@ -19,18 +19,19 @@ from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.wire import pdev, snmp
-from pnfarm.protocols.profinet.wire import pdev_blocks as wanted
-from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmType
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block, parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq, ArProperties, ArType
-from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedSubmoduleBlockReq, ModuleDiffBlock
-from pnfarm.protocols.profinet.wire.dcp_blocks import AliasBlock, NameBlock, OptionId, UnknownBlock
-from pnfarm.protocols.profinet.wire.diagnosis import Maintenance, Usi
-from pnfarm.protocols.profinet.wire.epm import LookupRequest, emit_lookup_request
-from pnfarm.protocols.profinet.wire.records import ImText
-from pnfarm.protocols.profinet.wire.rpc import NIL_UUID, RPC_PORT, UUID_EPM
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmType
+from pnfarm.protocols.profinet.wire.any_block import emit_block, parse_blocks
+from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArProperties, ArType
+from pnfarm.protocols.profinet.wire.cm.expected import ExpectedSubmoduleBlockReq, ModuleDiffBlock
+from pnfarm.protocols.profinet.wire.dcp.blocks import AliasBlock, NameBlock, OptionId, UnknownBlock
+from pnfarm.protocols.profinet.wire.records import pdev
+from pnfarm.protocols.profinet.wire.records import pdev_port as wanted
+from pnfarm.protocols.profinet.wire.records.diagnosis import Maintenance, Usi
+from pnfarm.protocols.profinet.wire.records.identification import ImText
+from pnfarm.protocols.profinet.wire.rpc.epm import LookupRequest, emit_lookup_request
+from pnfarm.protocols.profinet.wire.rpc.pdu import NIL_UUID, RPC_PORT, UUID_EPM
+from pnfarm.protocols.profinet.wire.snmp import message
 
 FILE = """
 farm: everything
@@ -286,24 +287,26 @@ class Scene:
         name = (1, 0)
         for _ in range(2000):
             tool.datagrams.clear()
-            varbinds = (snmp.VarBind(name),)
+            varbinds = (message.VarBind(name),)
             tool.ask_snmp(
                 station,
-                snmp.emit_snmp(snmp.SnmpMessage(0, b"public", snmp.Pdu(snmp.GET_NEXT, 1, varbinds=varbinds))),
+                message.emit_snmp(
+                    message.SnmpMessage(0, b"public", message.Pdu(message.GET_NEXT, 1, varbinds=varbinds))
+                ),
             )
             assert tool.run(1, until=lambda: bool(tool.datagrams))
-            answer = snmp.parse_snmp(tool.datagrams.popleft()).pdu
+            answer = message.parse_snmp(tool.datagrams.popleft()).pdu
             if answer.error_status:
                 break
             name = answer.varbinds[0].name
         pdus = (
-            snmp.Pdu(snmp.GET, 2, varbinds=tuple(snmp.VarBind((*system, n, 0)) for n in range(1, 9))),
-            snmp.Pdu(snmp.GET_BULK, 3, 1, 10, varbinds=(snmp.VarBind(system), snmp.VarBind((1, 0, 8802)))),
-            snmp.Pdu(snmp.SET, 4, varbinds=(snmp.VarBind((*system, 6, 0), snmp.octets(b"hall 3")),)),
-            snmp.Pdu(snmp.SET, 5, varbinds=(snmp.VarBind((*system, 1, 0), snmp.octets(b"no")),)),
+            message.Pdu(message.GET, 2, varbinds=tuple(message.VarBind((*system, n, 0)) for n in range(1, 9))),
+            message.Pdu(message.GET_BULK, 3, 1, 10, varbinds=(message.VarBind(system), message.VarBind((1, 0, 8802)))),
+            message.Pdu(message.SET, 4, varbinds=(message.VarBind((*system, 6, 0), message.octets(b"hall 3")),)),
+            message.Pdu(message.SET, 5, varbinds=(message.VarBind((*system, 1, 0), message.octets(b"no")),)),
         )
         for pdu in pdus:
-            tool.ask_snmp(station, snmp.emit_snmp(snmp.SnmpMessage(1, b"private", pdu)))
+            tool.ask_snmp(station, message.emit_snmp(message.SnmpMessage(1, b"private", pdu)))
             tool.run(0.05)
 
     def without_connection(self):

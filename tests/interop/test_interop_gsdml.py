@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from pnfarm.buses.profinet.model_gsdml import describe_model, file_name
 from pnfarm.drives.catalogue import model
-from pnfarm.protocols.profinet.gsdml.describe import describe_model, file_name
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 
 pytest.importorskip("profinet", reason="needs the package profinet-py")

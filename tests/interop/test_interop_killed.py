@@ -15,7 +15,7 @@ from forks import PROGRAM, run_fork
 from interop_rig import ENVIRONMENT, running
 
 from pnfarm.buses.registry import fault_kinds
-from pnfarm.farm.state import FILE_NAME
+from pnfarm.farm.memory.sqlite import FILE_NAME
 
 DRIVES = [
     "{name: 'akd-{n}', count: 2, model: akd-profinet, ip: 10.77.1.1/22, limits: lax}",

@@ -9,8 +9,8 @@ import sys
 import pytest
 from interop_rig import HERE
 
+from pnfarm.buses.profinet.model_gsdml import describe_model, file_name
 from pnfarm.drives.catalogue import model, models
-from pnfarm.protocols.profinet.gsdml.describe import describe_model, file_name
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 
 pytest.importorskip("profinet", reason="needs the package profinet-py")

@@ -11,7 +11,7 @@ from collections import Counter
 import pytest
 from interop_rig import HERE, Capture, needed, running, tshark_fields, tshark_tree
 
-from pnfarm.protocols.profinet.wire.fsu import FsHello, FsuDataAdjust, emit_fsu_data_adjust
+from pnfarm.protocols.profinet.wire.records.fsu import FsHello, FsuDataAdjust, emit_fsu_data_adjust
 
 DRIVES = ["{name: 'axis-{n:02}', count: 3, model: akd-profinet, ip: 10.77.0.11/22, limits: lax, hello: true}"]
 PLC_MAC = "02:00:00:00:fa:01"

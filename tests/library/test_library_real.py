@@ -17,7 +17,7 @@ from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
 from pnfarm.farm.capture import CaptureSettings
 from pnfarm.farm.farm import Farm as RealFarm
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.farm.memory import MOST_BEHIND_NS
+from pnfarm.farm.memory_link import MOST_BEHIND_NS
 from pnfarm.station.event_log import EventLog
 from pnfarm.testing import Rig
 

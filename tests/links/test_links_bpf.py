@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.links import bpf
-from pnfarm.links.packet import open_packet_socket
+from pnfarm.links.kernel import bpf
+from pnfarm.links.kernel.packet import open_packet_socket
 
 HERE = bytes.fromhex("02aa00000001")
 THERE = bytes.fromhex("02aa00000002")

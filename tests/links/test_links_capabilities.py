@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.links import capabilities, namespace_settings
-from pnfarm.links.capabilities import NET_ADMIN, NET_RAW, require_for_link
+from pnfarm.links.kernel import capabilities, namespace_settings
+from pnfarm.links.kernel.capabilities import NET_ADMIN, NET_RAW, require_for_link
 
 ROOT = Path(__file__).resolve().parents[2]
 BOTH = 1 << NET_ADMIN | 1 << NET_RAW

@@ -8,17 +8,17 @@ import threading
 import pytest
 
 from pnfarm.cli.main import main
-from pnfarm.farm import line_doctor
+from pnfarm.farm.doctor import lines
+from pnfarm.farm.doctor.lines import examine_lines
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.farm.line_doctor import examine_lines
-from pnfarm.links import serial_probe
-from pnfarm.links.serial_probe import ReplyTime
+from pnfarm.links.serial import probe
+from pnfarm.links.serial.probe import ReplyTime
 
 
 @pytest.fixture
 def measured(monkeypatch):
     """A machine that answers within 0.3 ms."""
-    monkeypatch.setattr(serial_probe, "floor", lambda: ReplyTime(100_000, 300_000))
+    monkeypatch.setattr(probe, "floor", lambda: ReplyTime(100_000, 300_000))
 
 
 def text(link: str) -> str:
@@ -52,7 +52,7 @@ def plug(tmp_path):
 
 
 def test_the_floor_is_measured_on_a_pty():
-    found = serial_probe.floor(50)
+    found = probe.floor(50)
     assert 1_000 < found.median_ns <= found.slow_ns < 1_000_000_000
 
 
@@ -69,7 +69,7 @@ def test_a_pty_in_time_is_fine_and_one_that_is_late_is_told(measured):
 
 def test_a_port_with_a_plug_is_measured_itself(measured, plug, monkeypatch):
     # a pty has no parity
-    monkeypatch.setattr(line_doctor, "LineFormat", lambda bauds, _: serial_probe_format(bauds))
+    monkeypatch.setattr(lines, "LineFormat", lambda bauds, _: serial_probe_format(bauds))
     _, line = findings(f"{{kind: serial, port: {plug}, baud: 19200}}")
     # on a busy machine it may be late, and is told to be
     assert line.ok is not False
@@ -77,7 +77,7 @@ def test_a_port_with_a_plug_is_measured_itself(measured, plug, monkeypatch):
 
 
 def serial_probe_format(bauds):
-    from pnfarm.links.line import LineFormat
+    from pnfarm.links.serial.line import LineFormat
 
     return LineFormat(bauds)
 
@@ -89,8 +89,8 @@ def test_a_port_that_is_not_there_is_missing(measured):
 
 
 def test_a_driver_that_collects_octets_is_told_with_its_remedy(measured, monkeypatch, plug):
-    monkeypatch.setattr(line_doctor, "LineFormat", lambda bauds, _: serial_probe_format(bauds))
-    monkeypatch.setattr(line_doctor.serial_probe, "latency_timer_ms", lambda _: 16)
+    monkeypatch.setattr(lines, "LineFormat", lambda bauds, _: serial_probe_format(bauds))
+    monkeypatch.setattr(lines.serial_probe, "latency_timer_ms", lambda _: 16)
     _, line = findings(f"{{kind: serial, port: {plug}}}")
     assert line.ok is None
     assert "collects octets for 16 ms" in line.detail
@@ -103,7 +103,7 @@ def test_a_farm_without_lines_has_nothing_to_measure():
 
 
 def test_the_command_takes_a_farm_file(measured, monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr("pnfarm.farm.doctor.examine", list)
+    monkeypatch.setattr("pnfarm.farm.doctor.machine.examine", list)
     file = tmp_path / "x.pnfarm.yml"
     file.write_text(text("{kind: serial, pty: auto, baud: 19200}"), encoding="utf-8")
     assert main(["doctor", str(file)]) == 0

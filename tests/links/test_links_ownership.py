@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import ConfigError, EnvironmentError_
-from pnfarm.links.interfaces import remove_leftovers_now
-from pnfarm.links.ownership import (
+from pnfarm.links.kernel.interfaces import remove_leftovers_now
+from pnfarm.links.kernel.ownership import (
     FarmLock,
     doomed_group_of,
     group_of,
@@ -85,7 +85,7 @@ def test_a_name_too_long_for_a_tag_is_refused():
 HOLDER = """
     import sys, time
     from pathlib import Path
-    from pnfarm.links.ownership import FarmLock
+    from pnfarm.links.kernel.ownership import FarmLock
     lock = FarmLock("line-1", Path(sys.argv[1]))
     lock.acquire()
     print("ready", flush=True)
@@ -113,7 +113,7 @@ def test_a_farm_runs_once_and_the_refusal_names_the_process(tmp_path):
 SHARDS = """
     import sys, time
     from pathlib import Path
-    from pnfarm.links.ownership import FarmLock
+    from pnfarm.links.kernel.ownership import FarmLock
     lock = FarmLock("line-1", Path(sys.argv[1]), shard=sys.argv[2])
     lock.acquire()
     print("ready", flush=True)

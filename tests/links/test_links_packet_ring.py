@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scapy.utils import RawPcapNgReader
 
-from pnfarm.engine.capture import ROOM_FACTOR, pack_block
-from pnfarm.links.bpf_capture import ATOMS, KINDS, atoms_of, capture_filter
-from pnfarm.links.packet_ring import BLOCK, PacketRing
-from pnfarm.links.pcap import interface_description, section_header
+from pnfarm.engine.sockets.capture import ROOM_FACTOR, pack_block
+from pnfarm.links.capture.pcap import interface_description, section_header
+from pnfarm.links.kernel.bpf_capture import ATOMS, KINDS, atoms_of, capture_filter
+from pnfarm.links.kernel.packet_ring import BLOCK, PacketRing
 from pnfarm.wire.ethernet import EthernetFrame, VlanTag, emit_ethernet
 from pnfarm.wire.ipv4 import PROTOCOL_ICMP, PROTOCOL_UDP, Ipv4Packet, emit_ipv4
 from pnfarm.wire.udp import UdpDatagram, emit_udp

@@ -9,8 +9,8 @@ import pytest
 from scapy.utils import RawPcapNgReader
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.links.pcap import interface_description, interface_statistics, packet_block, section_header
-from pnfarm.links.pcap_files import CaptureFiles
+from pnfarm.links.capture.files import CaptureFiles
+from pnfarm.links.capture.pcap import interface_description, interface_statistics, packet_block, section_header
 
 HEAD = section_header("pnfarm farm line-1") + interface_description("axis-01", "interface pf0", b"\x02\0\0\0\0\x01")
 START = 1_700_000_000_000_000_000

@@ -5,7 +5,7 @@ import socket
 from from_python import called
 
 from pnfarm.engine.columns import allocate
-from pnfarm.engine.receive_ring import give_back, open_receive_ring, take_batch
+from pnfarm.engine.sockets.receive_ring import give_back, open_receive_ring, take_batch
 
 ETHERTYPE = 0x88B5  # for local experiments (IEEE 802)
 FOREVER = 1 << 62

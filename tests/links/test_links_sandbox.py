@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from pnfarm.farm.doctor import Finding, examine
-from pnfarm.links.probe import TRIALS
+from pnfarm.farm.doctor.machine import Finding, examine
+from pnfarm.links.kernel.probe import TRIALS
 
 ROOT = Path(__file__).resolve().parents[2]
 NOBODY = 65534
@@ -72,7 +72,7 @@ def skip_without_namespaces(result):
 ENTER = """
 import json, os, socket
 from pnfarm.errors import EnvironmentError_
-from pnfarm.links.sandbox import enter_sandbox
+from pnfarm.links.kernel.sandbox import enter_sandbox
 try:
     box = enter_sandbox()
 except EnvironmentError_ as exc:
@@ -121,7 +121,7 @@ def test_a_sandbox_after_a_thread_is_refused():
     result = run("""
         import json, threading
         from pnfarm.errors import InternalError
-        from pnfarm.links.sandbox import enter_sandbox
+        from pnfarm.links.kernel.sandbox import enter_sandbox
         threading.Thread(target=threading.Event().wait, daemon=True).start()
         try:
             enter_sandbox()
@@ -133,7 +133,9 @@ def test_a_sandbox_after_a_thread_is_refused():
 
 
 def test_the_sandbox_starts_no_thread_by_being_imported():
-    assert run("import json, os, pnfarm.links.sandbox; print(json.dumps(len(os.listdir('/proc/self/task'))))") == 1
+    assert (
+        run("import json, os, pnfarm.links.kernel.sandbox; print(json.dumps(len(os.listdir('/proc/self/task'))))") == 1
+    )
 
 
 @needs_root
@@ -176,14 +178,14 @@ def test_every_refusal_of_the_doctor_comes_with_its_remedy():
 
 
 def test_the_doctor_tells_a_machine_without_rights(monkeypatch):
-    from pnfarm.farm import doctor
+    from pnfarm.farm.doctor import machine
 
     refused = dict.fromkeys(TRIALS, "Operation not permitted") | {
         "veth": "not tried: no private namespace to try it in"
     }
-    monkeypatch.setattr(doctor, "effective", lambda: 0)
-    monkeypatch.setattr(doctor, "_try", lambda: refused)
-    monkeypatch.setattr(doctor.shutil, "which", lambda _: None)
+    monkeypatch.setattr(machine, "effective", lambda: 0)
+    monkeypatch.setattr(machine, "_try", lambda: refused)
+    monkeypatch.setattr(machine.shutil, "which", lambda _: None)
     by_name = {finding.name: finding for finding in examine()}
     for name in ("CAP_NET_ADMIN", "CAP_NET_RAW", "private namespace", "macvlan", "packet socket"):
         assert by_name[name].ok is False
@@ -193,9 +195,9 @@ def test_the_doctor_tells_a_machine_without_rights(monkeypatch):
 
 
 def test_a_trial_that_breaks_down_is_no_verdict(monkeypatch):
-    from pnfarm.farm import doctor
+    from pnfarm.farm.doctor import machine
 
-    monkeypatch.setattr(doctor.sys, "executable", "/nowhere/python")
+    monkeypatch.setattr(machine.sys, "executable", "/nowhere/python")
     by_name = {finding.name: finding for finding in examine()}
     assert by_name["macvlan"].ok is None
     assert "unknown" in by_name["macvlan"].detail

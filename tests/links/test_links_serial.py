@@ -10,9 +10,9 @@ import pytest
 import serial
 
 from pnfarm.errors import EnvironmentError_, InternalError
-from pnfarm.links.line import LineFormat
-from pnfarm.links.serial import MOST_WAITING, PortLine, PtyLine
-from pnfarm.links.serial_tcp import ConnectLine, ListenLine
+from pnfarm.links.serial.descriptor import MOST_WAITING, PortLine, PtyLine
+from pnfarm.links.serial.line import LineFormat
+from pnfarm.links.serial.tcp import ConnectLine, ListenLine
 
 pytestmark = pytest.mark.asyncio
 FORM = LineFormat((9600, 19200), parity="even")

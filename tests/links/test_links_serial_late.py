@@ -14,8 +14,8 @@ from pnfarm.buses.registry import bus
 from pnfarm.config.links import LineWay
 from pnfarm.farm.lines import make_line
 from pnfarm.links.base import PortSpec
-from pnfarm.links.looks import LookingLoop
-from pnfarm.links.serial_link import SerialLink
+from pnfarm.links.serial.eager_loop import EagerLoop
+from pnfarm.links.serial.link import SerialLink
 
 SECOND = 1_000_000_000
 #: Longer than any stall of a machine that runs tests.
@@ -191,7 +191,7 @@ def test_a_pty_given_as_a_port_has_the_same_limit_and_no_rate():
 
 
 def on_looking_loop(task):
-    with asyncio.Runner(loop_factory=LookingLoop) as runner:
+    with asyncio.Runner(loop_factory=EagerLoop) as runner:
         return runner.run(task())
 
 

@@ -9,7 +9,7 @@ import pytest
 from noted_line import NotedLine, Whole
 
 from pnfarm.links.base import PortSpec
-from pnfarm.links.serial_link import SerialLink
+from pnfarm.links.serial.link import SerialLink
 
 pytestmark = pytest.mark.asyncio
 

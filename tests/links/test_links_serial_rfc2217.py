@@ -9,9 +9,9 @@ import serial
 import serial.rfc2217
 
 from pnfarm.errors import EnvironmentError_, InternalError
-from pnfarm.links import serial as serial_module
-from pnfarm.links.line import LineFormat
-from pnfarm.links.serial_rfc2217 import Rfc2217Line
+from pnfarm.links.serial import descriptor as serial_module
+from pnfarm.links.serial.line import LineFormat
+from pnfarm.links.serial.rfc2217 import Rfc2217Line
 
 # pyserial's own threads use an old spelling
 pytestmark = [pytest.mark.asyncio, pytest.mark.filterwarnings("ignore:set.* is deprecated:DeprecationWarning")]

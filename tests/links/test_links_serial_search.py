@@ -10,10 +10,10 @@ from pnfarm.buses.registry import bus
 from pnfarm.config.links import SerialLink as SerialSection
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
 from pnfarm.farm.lines import make_line
-from pnfarm.links import serial_link
 from pnfarm.links.base import PortSpec
-from pnfarm.links.line import LineCounters
-from pnfarm.links.serial_link import SerialLink
+from pnfarm.links.serial import link as serial_link
+from pnfarm.links.serial.line import LineCounters
+from pnfarm.links.serial.link import SerialLink
 from pnfarm.protocols.profibus.wire.telegram import Request, Telegram, emit_telegram
 
 POLL = emit_telegram(Telegram(5, 1, 0x40 | Request.FDL_STATUS))

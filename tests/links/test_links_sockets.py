@@ -13,9 +13,9 @@ from typing import Self
 import pytest
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.links import kernel_sockets
 from pnfarm.links.base import PortSpec
-from pnfarm.links.interfaces import remove_leftovers_now
+from pnfarm.links.kernel import sockets as kernel_sockets
+from pnfarm.links.kernel.interfaces import remove_leftovers_now
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.sockets import MOST_OCTETS
 from pnfarm.links.veth import VethLink

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links import tap as tap_module
 from pnfarm.links.base import BROADCAST, EngineLink, Link, PortSpec
-from pnfarm.links.interfaces import remove_leftovers
+from pnfarm.links.kernel.interfaces import remove_leftovers
 from pnfarm.links.tap import TapLink, is_cyclic, without_priority_tag
 
 PLC = bytes.fromhex("02cc00000001")

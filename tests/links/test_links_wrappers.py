@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.links.base import Link, PortSpec, interface_below, unwrap
+from pnfarm.links.capture.pcap import PcapLink, PcapngWriter
 from pnfarm.links.macvlan import MacvlanLink
 from pnfarm.links.memory import MemoryLink, MemorySwitch
-from pnfarm.links.pcap import PcapLink, PcapngWriter
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.cli.main import main
 from pnfarm.drives.catalogue import model
-from pnfarm.scenario.binding import bind_scenario
-from pnfarm.scenario.file import MAX_STEPS, parse_scenario
+from pnfarm.scenario.definition.binding import bind_scenario
+from pnfarm.scenario.definition.file import MAX_STEPS, parse_scenario
 from pnfarm.vocabulary.issues import FarmFileError
 
 LIBRARY = Path(__file__).resolve().parents[2] / "configs" / "scenarios"

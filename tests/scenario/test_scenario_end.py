@@ -10,28 +10,28 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from pnfarm.cli.run import bound
+from pnfarm.cli.commands.run import bound
 from pnfarm.controller.line import VirtualLine
 from pnfarm.metrics import FarmCollector
-from pnfarm.scenario.file import parse_scenario
+from pnfarm.scenario.definition.file import parse_scenario
+from pnfarm.scenario.definition.schema import scenario_schema
+from pnfarm.scenario.definition.steps import STEPS
 from pnfarm.scenario.lateness import FarmLateness
 from pnfarm.scenario.run import ScenarioRun
-from pnfarm.scenario.schema import scenario_schema
-from pnfarm.scenario.steps import STEPS
 from pnfarm.scenario.virtual import run_virtual
 from pnfarm.station.events import ConnectionLost
 from pnfarm.station.lateness import Lateness
 from pnfarm.vocabulary.yaml_lines import parse_yaml
 
 if TYPE_CHECKING:
-    from pnfarm.scenario.run import Passing
+    from pnfarm.scenario.run import FarmRunner
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 LIBRARY = REPOSITORY / "configs" / "scenarios"
 LINE = LIBRARY / "line.pnfarm.yml"
 
 
-def run(steps: str, passing: Passing | None = None) -> dict[str, Any]:
+def run(steps: str, passing: FarmRunner | None = None) -> dict[str, Any]:
     scenario = parse_scenario(f"scenario: end\nfarm: {LINE}\nsteps:\n{steps}")
     scenario.overrides = {"drives[0].count": 2}
     record, _ = asyncio.run(run_virtual(*bound(scenario), passing=passing))

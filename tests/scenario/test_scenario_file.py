@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.drives.catalogue import model
-from pnfarm.scenario.binding import bind_scenario
-from pnfarm.scenario.file import parse_scenario
-from pnfarm.scenario.schema import scenario_schema
+from pnfarm.scenario.definition.binding import bind_scenario
+from pnfarm.scenario.definition.file import parse_scenario
+from pnfarm.scenario.definition.schema import scenario_schema
 from pnfarm.vocabulary.issues import FarmFileError
 
 DRIVES = {"axis-01": model("akd-profinet"), "axis-02": model("moog-msd")}
@@ -123,7 +123,7 @@ def test_what_repeats_itself_without_end_is_bounded() -> None:
 
 
 def test_a_file_that_cannot_be_read_is_one_sentence(tmp_path) -> None:
-    from pnfarm.scenario.file import load_scenario
+    from pnfarm.scenario.definition.file import load_scenario
 
     with pytest.raises(FarmFileError, match="cannot be read"):
         load_scenario(tmp_path / "no.scenario.yml")

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from pnfarm.cli.run import bound
-from pnfarm.scenario.file import parse_scenario
+from pnfarm.cli.commands.run import bound
+from pnfarm.scenario.definition.file import parse_scenario
+from pnfarm.scenario.definition.steps import read_bound
 from pnfarm.scenario.find import Search
-from pnfarm.scenario.junit import write_junit
-from pnfarm.scenario.report import report_html
-from pnfarm.scenario.steps import read_bound
+from pnfarm.scenario.report.junit import write_junit
+from pnfarm.scenario.report.page import report_html
 from pnfarm.scenario.virtual import run_virtual
 from pnfarm.vocabulary.issues import FarmFileError
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from pnfarm.links.pcap import interface_description, packet_block, section_header
-from pnfarm.scenario.frame_ring import MAX_WINDOWS, FrameRing
-from pnfarm.scenario.slices import Window, slice_capture
+from pnfarm.links.capture.pcap import interface_description, packet_block, section_header
+from pnfarm.scenario.report.capture_slices import Window, slice_capture
+from pnfarm.scenario.report.frame_ring import MAX_WINDOWS, FrameRing
 
 S, MS = 1_000_000_000, 1_000_000
 HEAD = section_header("test") + interface_description("axis-01")
@@ -123,8 +123,8 @@ def test_the_number_of_windows_is_bounded(tmp_path) -> None:
 
 
 def test_the_record_of_a_day_is_bounded_and_says_what_it_left_out() -> None:
-    from pnfarm.scenario.file import parse_scenario
-    from pnfarm.scenario.record import MAX_REACTIONS, MAX_TIMELINE, MAX_VALUES, Case, Record, Verdict
+    from pnfarm.scenario.definition.file import parse_scenario
+    from pnfarm.scenario.report.record import MAX_REACTIONS, MAX_TIMELINE, MAX_VALUES, Case, Record, Verdict
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.events import FaultReacted
 

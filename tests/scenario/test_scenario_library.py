@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from pnfarm.cli.run import bound
-from pnfarm.scenario.file import load_scenario, parse_scenario
+from pnfarm.cli.commands.run import bound
+from pnfarm.scenario.definition.file import load_scenario, parse_scenario
 from pnfarm.scenario.virtual import run_virtual
 from pnfarm.vocabulary.issues import FarmFileError
 

@@ -11,8 +11,8 @@ import pytest
 from pnfarm.cli.main import main
 from pnfarm.errors import ConfigError
 from pnfarm.faults.catalogue import Catalogue
-from pnfarm.scenario.binding import bind_scenario
-from pnfarm.scenario.file import parse_scenario
+from pnfarm.scenario.definition.binding import bind_scenario
+from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.vocabulary.issues import FarmFileError
 
 LINE = Path(__file__).resolve().parents[2] / "configs" / "scenarios" / "line.pnfarm.yml"
@@ -110,7 +110,7 @@ def test_a_running_farm_refuses_a_matrix_and_says_what_to_write(tmp_path, capsys
 
 
 def test_runs_behind_an_interruption_are_not_run(tmp_path, capsys, monkeypatch) -> None:
-    from pnfarm.cli import run as command
+    from pnfarm.cli.commands import run as command
 
     asked = iter(["", "interrupted by SIGINT", "interrupted by SIGINT"])
     monkeypatch.setattr(command._Signals, "why", lambda self: next(asked, "interrupted by SIGINT"))

@@ -15,12 +15,12 @@ import pytest
 from browser import PROGRAM, Browser
 from junitparser import JUnitXml
 
+from pnfarm.cli.commands.run import bound
 from pnfarm.cli.main import main
-from pnfarm.cli.run import bound
-from pnfarm.scenario.file import parse_scenario
-from pnfarm.scenario.junit import write_junit
-from pnfarm.scenario.report import report_html
-from pnfarm.scenario.slices import Window, failure_windows
+from pnfarm.scenario.definition.file import parse_scenario
+from pnfarm.scenario.report.capture_slices import Window, failure_windows
+from pnfarm.scenario.report.junit import write_junit
+from pnfarm.scenario.report.page import report_html
 from pnfarm.scenario.virtual import run_virtual
 
 LINE = Path(__file__).resolve().parents[2] / "configs" / "scenarios" / "line.pnfarm.yml"

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
+from pnfarm.cli.commands.run import bound
 from pnfarm.cli.main import main
-from pnfarm.cli.run import bound
 from pnfarm.errors import ConfigError
-from pnfarm.scenario.file import load_scenario, parse_scenario
+from pnfarm.scenario.definition.file import load_scenario, parse_scenario
 from pnfarm.scenario.virtual import run_virtual
 
 LIBRARY = Path(__file__).resolve().parents[2] / "configs" / "scenarios"
@@ -197,7 +197,7 @@ def test_bad_input_is_told_before_anything_starts(tmp_path, capsys) -> None:
 
 
 def test_the_report_is_one_file_without_links_and_escapes_what_it_shows() -> None:
-    from pnfarm.scenario.report import report_html
+    from pnfarm.scenario.report.page import report_html
 
     record = run_steps(
         UP
@@ -230,8 +230,8 @@ def test_a_fault_of_a_step_waits_for_its_condition_and_the_reports_show_what_was
     assert trip["evidence"]["confirmation"] == "confirmed"
     assert trip["began_seconds"] is not None
     assert (never["began_seconds"], never["evidence"]["confirmation"]) == (None, "inconclusive")
-    from pnfarm.scenario.junit import write_junit
-    from pnfarm.scenario.report import report_html
+    from pnfarm.scenario.report.junit import write_junit
+    from pnfarm.scenario.report.page import report_html
 
     write_junit(record, tmp_path / "junit.xml")
     told_of = {p.get("name"): p.get("value") for p in ET.parse(tmp_path / "junit.xml").iter("property")}

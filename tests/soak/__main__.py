@@ -50,7 +50,7 @@ def main() -> int:
         return virtual.main(options)
     # before anything starts a thread: namespaces belong to threads
     from pnfarm.errors import EnvironmentError_
-    from pnfarm.links.sandbox import enter_sandbox
+    from pnfarm.links.kernel.sandbox import enter_sandbox
 
     try:
         enter_sandbox()

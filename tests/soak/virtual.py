@@ -28,13 +28,13 @@ from storm import kept, left_behind
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.controller import line as controller_line
 from pnfarm.errors import ConfigError, PnfarmError
-from pnfarm.farm.controller_view import controller_view
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.farm.snapshot import drive_snapshot, engine_snapshot
-from pnfarm.faults.connection import CONNECTION
+from pnfarm.farm.views.controller_view import controller_view
+from pnfarm.farm.views.snapshot import drive_snapshot, engine_snapshot
+from pnfarm.faults.effects.connection import CONNECTION
 from pnfarm.metrics import FarmCollector
-from pnfarm.scenario.binding import bind_scenario
-from pnfarm.scenario.file import parse_scenario
+from pnfarm.scenario.definition.binding import bind_scenario
+from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.scenario.run import ScenarioRun
 from pnfarm.station.event_log import EventLog
 from tests.soak.choices import Action, Choices, farm_text

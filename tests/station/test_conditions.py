@@ -18,7 +18,7 @@ from pnfarm.vocabulary.conditions import ConditionError, evaluate, parse_conditi
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 AKD = model("akd-profinet")
 

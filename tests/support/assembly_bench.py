@@ -11,13 +11,13 @@ from plain_record import octets, plain
 from stepping import run_steps
 
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.drives.behaviour import with_behaviour
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.description.behaviour import with_behaviour
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import CMD_POWER_ON
-from pnfarm.table.compiled import IS_COMPILED
+from pnfarm.table.compiling.compiled import IS_COMPILED
 from pnfarm.table.image import IMAGE, LOST_NEVER, LOST_NOT
 from pnfarm.table.signals import ASSEMBLY, ASSEMBLY_WORDS
 

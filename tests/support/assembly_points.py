@@ -8,7 +8,7 @@ import yaml
 from assembly_bench import ENABLE, MOVE, RELATIVE, REVOLUTION, VELOCITY, AssemblyBench, command
 
 from pnfarm.controller.line import VirtualLine
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 from pnfarm.table.image import LOST_STOP

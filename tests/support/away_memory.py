@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import EnvironmentError_
 
 __all__ = ["Away"]

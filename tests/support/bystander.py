@@ -14,12 +14,17 @@ from uuid import UUID
 from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
-from pnfarm.protocols.profinet.dcp_client import DcpClient
-from pnfarm.protocols.profinet.rpc_client import RpcClient
-from pnfarm.protocols.profinet.rpc_events import CallReturned
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.wire.iod import API_NONE, IodReadReqHeader, emit_read_request, parse_read_response
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_DEVICE, Opnum
+from pnfarm.protocols.profinet.dcp.client import DcpClient
+from pnfarm.protocols.profinet.rpc.client import RpcClient
+from pnfarm.protocols.profinet.rpc.events import CallReturned
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.wire.records.iod import (
+    API_NONE,
+    IodReadReqHeader,
+    emit_read_request,
+    parse_read_response,
+)
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_DEVICE, Opnum
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 
 if TYPE_CHECKING:

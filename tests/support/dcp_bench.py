@@ -2,9 +2,10 @@
 
 from ipaddress import IPv4Address, IPv4Interface
 
-from pnfarm.protocols.profinet.dcp_device import DcpDevice
-from pnfarm.protocols.profinet.dcp_rules import DcpIdentity, HelloSettings
-from pnfarm.protocols.profinet.wire.dcp import (
+from pnfarm.protocols.profinet.dcp.device import DcpDevice
+from pnfarm.protocols.profinet.dcp.rules import DcpIdentity, HelloSettings
+from pnfarm.protocols.profinet.wire.dcp.blocks import Block
+from pnfarm.protocols.profinet.wire.dcp.pdu import (
     IDENTIFY_MULTICAST,
     SERVICE_IDENTIFY,
     SERVICE_SET,
@@ -15,7 +16,6 @@ from pnfarm.protocols.profinet.wire.dcp import (
     frame_id_of,
     parse_dcp,
 )
-from pnfarm.protocols.profinet.wire.dcp_blocks import Block
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, emit_ethernet, parse_ethernet
 
 MS = 10**6

@@ -9,7 +9,7 @@ import httpx
 
 from pnfarm.api import make_app
 from pnfarm.controller.line import VirtualLine
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.hub import Hub, make_hub_app
 from pnfarm.hub.client import REQUEST_SECONDS

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from uuid import UUID
 
-from pnfarm.protocols.profinet.cmctl_plan import plan_frames
-from pnfarm.protocols.profinet.cmctl_request import connect_payload
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.cm.controller.plan import plan_frames
+from pnfarm.protocols.profinet.cm.controller.request import connect_payload
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     RPC_PORT,
     UUID_PNIO_DEVICE,
     Opnum,

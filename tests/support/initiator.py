@@ -13,32 +13,32 @@ from bystander import Answer, Bystander
 
 from pnfarm.engine.tick import receive
 from pnfarm.protocols.ip.host import DatagramReceived
-from pnfarm.protocols.profinet.alarm import AlarmChannel, AlarmReceived
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan, plan_frames
-from pnfarm.protocols.profinet.cmctl_request import connect_payload
+from pnfarm.protocols.profinet.alarms.channel import AlarmChannel, AlarmReceived
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, plan_frames
+from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.errors import OK
-from pnfarm.protocols.profinet.rpc_events import CallReceived, Interface, RpcServerConfig
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.rpc_server import RpcServer
-from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks, parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import AlarmCrBlockRes, ArBlockReq
-from pnfarm.protocols.profinet.wire.blocks_control import (
+from pnfarm.protocols.profinet.rpc.events import CallReceived, Interface, RpcServerConfig
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.rpc.server import RpcServer
+from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
+from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.block import BlockType
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes, ArBlockReq
+from pnfarm.protocols.profinet.wire.cm.control import (
     ControlBlock,
     ControlCommand,
     SubmoduleList,
     control_response,
     emit_control_block,
 )
-from pnfarm.protocols.profinet.wire.iocr import IocrBlockRes, IocrType
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockRes, IocrType
+from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadReqHeader,
     IodWriteReqHeader,
     emit_read_request,
     emit_write_request,
 )
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum
-from pnfarm.protocols.profinet.wire.rta import parse_rta
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.bus import uses_sockets
 from pnfarm.buses.registry import BUSES, bus, fault_kinds
-from pnfarm.faults.sockets import SOCKETS
+from pnfarm.faults.effects.sockets import SOCKETS
 
 if TYPE_CHECKING:
     from pnfarm.faults.kind import InjectionKind

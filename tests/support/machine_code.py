@@ -13,7 +13,7 @@ FOLDERS = """
 from pathlib import Path
 import pnfarm
 from pnfarm.engine.warm import warm
-from pnfarm.table.code_cache import DigestLocator
+from pnfarm.table.compiling.code_cache import DigestLocator
 warm()
 for room in ("table", "firmware", "engine"):
     for file in (Path(pnfarm.__file__).parent / room).rglob("*.py"):

@@ -8,7 +8,7 @@ from stepping import run_steps
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import FIRMWARE_PROFIDRIVE
 from pnfarm.table.image import IMAGE, LOST_NEVER, LOST_NOT

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 
-from pnfarm.links.line import LineCounters
+from pnfarm.links.serial.line import LineCounters
 
 __all__ = ["NotedLine", "Whole"]
 

@@ -21,7 +21,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
 )
 from pnfarm.protocols.profibus.record_request import RecordRequest
 from pnfarm.protocols.profibus.wire.dpv1 import ErrorCode1
-from pnfarm.protocols.profinet.cmctl_events import RecordRead
+from pnfarm.protocols.profinet.cm.controller.events import RecordRead
 
 #: Telegrams of speed and of positions, and control words with operation enabled, of each model.
 SPEED = {"akd-profinet": 1, "akd-profinet-2012": 1, "hiwin-e1": 3, "moog-msd": 1}

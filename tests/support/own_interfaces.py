@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from pnfarm.links.ownership import interface_prefix
+from pnfarm.links.kernel.ownership import interface_prefix
 
 __all__ = ["own_interfaces"]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.parameter import ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ATTRIBUTE_DESCRIPTION,
     FORMAT_BYTE,

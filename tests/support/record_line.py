@@ -11,7 +11,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
     emit_request,
     parse_response,
 )
-from pnfarm.protocols.profinet.cmctl_events import RecordRead, RecordWriteDone
+from pnfarm.protocols.profinet.cm.controller.events import RecordRead, RecordWriteDone
 
 API = 0x3A00
 MANUAL_3_6_2_REQUEST = bytes.fromhex("05020001100103a2000042010002")

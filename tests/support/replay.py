@@ -22,7 +22,7 @@ import numpy as np
 from plain_record import octets, plain
 from stepping import STEP, pass_time
 
-from pnfarm.table.compiled import IS_COMPILED
+from pnfarm.table.compiling.compiled import IS_COMPILED
 
 #: Compiled and interpreted code may round a transcendental function differently in the last digit.
 RELATIVE = 1e-12

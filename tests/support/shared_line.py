@@ -8,7 +8,7 @@ from ipaddress import IPv4Interface
 
 from pnfarm.buses.profinet.controller.core import ControllerCore
 from pnfarm.buses.profinet.controller.plan import plan_devices
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, parse_farm

@@ -15,7 +15,7 @@ import numpy as np
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.profidrive.sign_of_life import count_life
 from pnfarm.firmware.step import step
-from pnfarm.table.compiled import compiled
+from pnfarm.table.compiling.compiled import compiled
 from pnfarm.table.image import IMAGE
 
 #: Where steps are kept, and how many of one test at the most.

@@ -17,7 +17,7 @@ from hub_world import TOKEN, HubWorld, MemoryShard
 
 from pnfarm.api import make_app
 from pnfarm.controller.line import VirtualLine
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.farm.file.reading import FarmConfig, expand, parse_farm
 from pnfarm.farm.lease import DEFAULT_TTL_NS, Lease, LeaseState
 from pnfarm.farm.shard import Shard

@@ -6,7 +6,7 @@ import asyncio
 
 from pnfarm.controller import line as controller_line
 from pnfarm.drives import catalogue
-from pnfarm.drives.memory import VolatileMemory
+from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.station.event_log import EventLog
 

@@ -6,11 +6,11 @@ import numpy as np
 from bench_axis import MS, VELOCITY_STEP, configure
 from plain_record import keep_rows, plain_rows
 
+from pnfarm.engine.channels.schedule import ChannelTable, ConsumerPlan, ProviderPlan
 from pnfarm.engine.columns import Columns, allocate
-from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
 from pnfarm.engine.virtual import run_virtual
 from pnfarm.table import engine_row
-from pnfarm.table.compiled import IS_COMPILED
+from pnfarm.table.compiling.compiled import IS_COMPILED
 from pnfarm.table.program import CONSTANT
 from pnfarm.table.signals import ITIST_GLATT, NIST_A, NSOLL_A, STW1, ZSW1, word_code
 

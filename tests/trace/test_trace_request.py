@@ -14,9 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.table import trace as codes
+from pnfarm.table.segments import Segments
 from pnfarm.trace import Column, Recording, TraceError, TraceRequest
 from pnfarm.trace.plot import as_html, as_svg, as_text
-from pnfarm.trace.segments import Segments
 from pnfarm.trace.trigger import EVENTS, EventTrigger, SignalTrigger, parse_trigger, read_number
 from pnfarm.vocabulary.problem import Problem
 
@@ -85,6 +85,16 @@ def test_the_forms_of_a_trigger() -> None:
     for wrong in ("", "connect 3", "state changes 3", "velocity rising 3 4", "velocity > ", "> 3", 3, None):
         with pytest.raises(Problem):
             parse_trigger(wrong)
+
+
+def test_free_parts_that_touch_become_one() -> None:
+    room = Segments(10)
+    one, two, three = (room.allocate(3) for _ in range(3))
+    assert (one, two, three, room.allocate(2)) == (0, 3, 6, None)
+    for start in (one, three, two):
+        room.release(start)
+    assert room.allocate(10) == 0
+    assert (room.free, room.allocate(1)) == (0, None)
 
 
 @given(st.lists(st.integers(1, 40), max_size=30), st.data())

@@ -10,7 +10,7 @@ import pytest
 from virtual_line import VirtualLine
 
 from pnfarm.controller.line import VirtualLine as FarmLine
-from pnfarm.drives.word_bits import ZSW1_BITS
+from pnfarm.drives.telegrams.word_bits import ZSW1_BITS
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.table.trace import RING_VALUES

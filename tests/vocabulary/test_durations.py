@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.buses.registry import fault_kinds
-from pnfarm.cli.one_device import one_device
+from pnfarm.cli.plc_device import one_device
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.vocabulary.durations import format_duration, format_measured, parse_duration, read_duration

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pnfarm.buses.ethernetip.decode.observed import Observed, SeenAdapter, SeenOpening
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["found"]
 

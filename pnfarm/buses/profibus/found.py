@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder
     from pnfarm.buses.profibus.decode.observed import Observed, SeenSlave
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["LINE", "found"]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pnfarm.buses.profibus.device.short_way import ShortWay
+from pnfarm.buses.profibus.device.fast_path import FastPath
 from pnfarm.table.image import IMAGE
 
 __all__ = ["warm"]
@@ -10,4 +10,4 @@ __all__ = ["warm"]
 
 def warm() -> None:
     """Compile it, or load it from the cache."""
-    ShortWay(1, IMAGE.allocate(1))
+    FastPath(1, IMAGE.allocate(1))

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from pnfarm.buses.search import Question, SearchAnswer
     from pnfarm.captures.decoder import FrameDecoder
     from pnfarm.captures.packet import Capture
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
+    from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.faults.kind import InjectionKind, KindOnBus
-    from pnfarm.faults.parts import InjectedDrive
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pnfarm.buses.profinet.decode.observed import Observed, SeenConnection, SeenStation
-    from pnfarm.drives.model import Model
-    from pnfarm.drives.telegram import Telegram
-    from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedApi, ExpectedSubmodule
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.telegrams.telegram import Telegram
+    from pnfarm.protocols.profinet.wire.cm.expected import ExpectedApi, ExpectedSubmodule
 
 __all__ = ["found"]
 

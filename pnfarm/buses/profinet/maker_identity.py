@@ -14,8 +14,8 @@ from pnfarm.buses.described import DescribedIdentity
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pnfarm.drives.model import Model
-    from pnfarm.drives.telegram import Telegram
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.telegrams.telegram import Telegram
     from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml, ModuleItem, SubmoduleItem
 
     #: A module, and its submodule with the telegram's data.

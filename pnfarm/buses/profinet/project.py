@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.buses.caex import CaexElement
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["of_project"]
 

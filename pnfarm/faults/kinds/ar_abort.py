@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pnfarm.faults.breaking import BreakingEffect
+from pnfarm.faults.effects.breaking import BreakingEffect
 from pnfarm.faults.kind import EACH, InjectionKind
 
 __all__ = ["KINDS"]

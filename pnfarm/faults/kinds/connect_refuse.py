@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.effect import Chance, Effect, Window
+from pnfarm.faults.effects.effect import Chance, Effect, Window
+from pnfarm.faults.effects.requests import CONNECT_REQUESTS
 from pnfarm.faults.kind import EACH, InjectionKind
-from pnfarm.faults.requests import CONNECT_REQUESTS
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -21,7 +21,7 @@ class ConnectRefuse(Effect):
 
     needs = (CONNECT_REQUESTS,)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._requests = drive.part(CONNECT_REQUESTS)
         self._chance = Chance(spec, drive, spec.count)

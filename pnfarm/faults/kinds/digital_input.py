@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-from pnfarm.faults.shown import StandingEffect
 
 __all__ = ["KINDS"]
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.connection import Status
+from pnfarm.faults.effects.confirmed import ConfirmedEffect
+from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import InjectionKind, ParamSpec
-from pnfarm.faults.shown import ShownEffect
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pnfarm.faults.effect import Window
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.effect import Window
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["HOLD", "KINDS", "DriveFault", "check_repetition"]
 
@@ -25,14 +25,14 @@ LOOK_NS = 50_000_000
 HOLD = ParamSpec("yes or no", "The cause stays: the fault cannot be acknowledged until this is cleared.", default=False)
 
 
-class DriveFault(ShownEffect):
+class DriveFault(ConfirmedEffect):
     """Raised once or ``count`` times, or held with its cause."""
 
     ends_by_itself = True
 
     status = Status.FAULT
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._hold = bool(self.values["hold"]) or spec.for_ns is not None or spec.cycles is not None
         self._fault = self._servo.find_fault(self.values["fault"])
@@ -97,7 +97,7 @@ class DriveFault(ShownEffect):
             self._servo.release_fault(self._fault)
 
 
-def check_repetition(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+def check_repetition(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
     """While its cause stays, the fault cannot come again."""
     stays = spec.params.get("hold") is True or spec.for_ns is not None or spec.cycles is not None
     if spec.count is not None and stays:

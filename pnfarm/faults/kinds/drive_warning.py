@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.connection import Status
+from pnfarm.faults.effects.confirmed import StandingEffect
+from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-from pnfarm.faults.shown import StandingEffect
 
 if TYPE_CHECKING:
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -21,7 +21,7 @@ class DriveWarning(StandingEffect):
 
     status = Status.WARNING
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._warning = self._servo.find_fault(self.values["warning"])
         if not self._warning.warning:

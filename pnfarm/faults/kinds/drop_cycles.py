@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from pnfarm.faults.frames import FramesEffect
+from pnfarm.faults.effects.frames import FramesEffect
 from pnfarm.faults.kind import InjectionKind
 from pnfarm.table.impairment import LOSS
 
 if TYPE_CHECKING:
-    from pnfarm.faults.gate import FrameClasses
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
+    from pnfarm.faults.gate.gate import FrameClasses
 
 __all__ = ["KINDS"]
 
@@ -22,7 +22,7 @@ class DropCycles(FramesEffect):
     cyclic: ClassVar[int | None] = LOSS
     acyclic: ClassVar[FrameClasses | None] = None
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         unlimited = spec.count is None and spec.for_ns is None and spec.cycles is None
         super().__init__(spec.limited_to(1) if unlimited else spec, drive)
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from pnfarm.faults.frame_words import FRAMES_PARAM
+from pnfarm.faults.effects.shaped import ShapedEffect
+from pnfarm.faults.gate.frame_words import FRAMES_PARAM
+from pnfarm.faults.gate.shaping import Shape
 from pnfarm.faults.kind import EVERY_DIRECTION, FRAMES, InjectionKind, ParamSpec
-from pnfarm.faults.shaped import ShapedEffect
-from pnfarm.faults.shaping import Shape
 from pnfarm.table.impairment import DUPLICATE
 
 if TYPE_CHECKING:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.connection import Status
+from pnfarm.faults.effects.confirmed import ConfirmedEffect
+from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.kind import InjectionKind
-from pnfarm.faults.shown import ShownEffect
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effect import Window
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.effect import Window
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -19,14 +19,14 @@ __all__ = ["KINDS"]
 _FOREVER = 1 << 62
 
 
-class NotAcknowledging(ShownEffect):
+class NotAcknowledging(ConfirmedEffect):
     """The firmware ignores the requests and counts them; a frame that still reports the fault confirms it."""
 
     status = Status.FAULT
     # an error of positioning is acknowledged as well, and is no fault
     must_show = False
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._until: int | None = None
         self._seen = 0

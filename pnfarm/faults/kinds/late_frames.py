@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from pnfarm.faults.frames import FramesEffect
+from pnfarm.faults.effects.frames import FramesEffect
 from pnfarm.faults.kind import FRAMES, InjectionKind, ParamSpec
 from pnfarm.table.impairment import LATE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.faults.gate import FrameClasses
+    from pnfarm.faults.gate.gate import FrameClasses
     from pnfarm.wire.direction import Direction
 
 __all__ = ["KINDS"]

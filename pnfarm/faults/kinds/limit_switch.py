@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.connection import Status
+from pnfarm.faults.effects.confirmed import StandingEffect
+from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-from pnfarm.faults.shown import StandingEffect
 
 if TYPE_CHECKING:
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -18,7 +18,7 @@ __all__ = ["KINDS"]
 class LimitSwitch(StandingEffect):
     """Confirmed by the drive's warning, if its manual names one."""
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._side = str(self.values["side"])
         warns = self._servo.warns_of_limit(self._side) and self._connection.reports(Status.WARNING)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pnfarm.faults.cable import CableEffect
-from pnfarm.faults.effect import POLL_NS, Window
+from pnfarm.faults.effects.cable import CableEffect
+from pnfarm.faults.effects.effect import POLL_NS, Window
 from pnfarm.faults.kind import HELD, InjectionKind
 
 __all__ = ["KINDS"]

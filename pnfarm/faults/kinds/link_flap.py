@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.cable import CableEffect
+from pnfarm.faults.effects.cable import CableEffect
 from pnfarm.faults.kind import InjectionKind, ParamSpec
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
@@ -12,8 +12,8 @@ from pnfarm.vocabulary.quoting import shown
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -21,7 +21,7 @@ __all__ = ["KINDS"]
 class LinkFlap(CableEffect):
     """Out for ``down`` of each ``period``."""
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._period: int = self.values["period"]
         self._down: int = self.values["down"] or self._period // 2
@@ -42,7 +42,7 @@ class LinkFlap(CableEffect):
             self._pull(now)
 
 
-def _misfits(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+def _misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
     """Down for less than the period, and neither of them zero."""
     if {"period", "down"}.isdisjoint(spec.params):
         return

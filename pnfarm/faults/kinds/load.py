@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-from pnfarm.faults.shown import StandingEffect
 
 if TYPE_CHECKING:
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS", "AddedLoad"]
 
@@ -19,7 +19,7 @@ _ANY_LOAD: dict[str, Any] = {"low": -1e6, "high": 1e6}
 class AddedLoad(StandingEffect):
     """Torque, inertia and friction in addition to the present ones."""
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._torque, self._inertia, self._friction = (
             float(self.values[name]) for name in ("torque", "inertia", "friction")

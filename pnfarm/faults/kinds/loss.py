@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.choice import CHOICE_PARAMS, choice_misfits, choice_of
-from pnfarm.faults.frame_words import FRAMES_PARAM, classes_of
-from pnfarm.faults.frames import FramesEffect
+from pnfarm.faults.effects.frames import FramesEffect
+from pnfarm.faults.gate.choice import CHOICE_PARAMS, choice_misfits, choice_of
+from pnfarm.faults.gate.frame_words import FRAMES_PARAM, classes_of
 from pnfarm.faults.kind import EVERY_DIRECTION, FRAMES, InjectionKind
 
 if TYPE_CHECKING:
-    from pnfarm.faults.choice import Choice
-    from pnfarm.faults.gate import FrameClasses
+    from pnfarm.faults.gate.choice import Choice
+    from pnfarm.faults.gate.gate import FrameClasses
 
 __all__ = ["KINDS"]
 

@@ -5,19 +5,19 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from pnfarm.errors import ConfigError
-from pnfarm.faults.adapter import ADAPTER
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.effect import POLL_NS, Effect, Tally, Window, seed_of
+from pnfarm.faults.effects.adapter import ADAPTER
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.effect import POLL_NS, Effect, Tally, Window, seed_of
+from pnfarm.faults.effects.wire import WIRE
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-from pnfarm.faults.wire import WIRE
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effect import Needs
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.effect import Needs
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.wire.direction import Direction
 
 __all__ = ["KINDS"]
@@ -28,7 +28,7 @@ class MacChange(Effect):
 
     needs: ClassVar[Needs] = (ADAPTER, WIRE)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._adapter = drive.part(ADAPTER)
         self._wire = drive.part(WIRE)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from pnfarm.faults.connection import Status
+from pnfarm.faults.effects.confirmed import StandingEffect
+from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-from pnfarm.faults.shown import StandingEffect
 
 __all__ = ["KINDS"]
 

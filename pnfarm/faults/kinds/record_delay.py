@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.faults.effects.late import LATE_PARAMS, LateEffect
+from pnfarm.faults.effects.requests import PARAMETER_ACCESS
 from pnfarm.faults.kind import EACH, InjectionKind
-from pnfarm.faults.late import LATE_PARAMS, LateEffect
-from pnfarm.faults.requests import PARAMETER_ACCESS
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effect import Window
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.effect import Window
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -21,7 +21,7 @@ class RecordDelay(LateEffect):
 
     needs = (PARAMETER_ACCESS,)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._records = drive.part(PARAMETER_ACCESS)
 

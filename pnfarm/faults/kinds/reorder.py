@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from pnfarm.faults.frame_words import FRAMES_PARAM
+from pnfarm.faults.effects.shaped import MOST_NS, ShapedEffect
+from pnfarm.faults.gate.frame_words import FRAMES_PARAM
+from pnfarm.faults.gate.shaping import Shape
 from pnfarm.faults.kind import EVERY_DIRECTION, FRAMES, InjectionKind, ParamSpec
-from pnfarm.faults.shaped import MOST_NS, ShapedEffect
-from pnfarm.faults.shaping import Shape
 from pnfarm.table.impairment import REORDER
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pnfarm.faults.given import GivenInjection
+    from pnfarm.faults.effects.injection_fields import InjectionFields
     from pnfarm.wire.direction import Direction
 
 __all__ = ["KINDS"]
@@ -34,7 +34,7 @@ class Reorder(ShapedEffect):
         return Shape(seed, delay_ns=self.values["wait"], overtakes=True)
 
 
-def _check(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+def _check(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
     try:
         wait = spec.values()["wait"]
     except Problem:

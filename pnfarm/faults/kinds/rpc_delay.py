@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.gate import DelayRule
+from pnfarm.faults.effects.late import LATE_PARAMS, LateEffect
+from pnfarm.faults.effects.wire import MESSAGES
+from pnfarm.faults.gate.gate import DelayRule
 from pnfarm.faults.kind import EACH, InjectionKind
-from pnfarm.faults.late import LATE_PARAMS, LateEffect
-from pnfarm.faults.wire import MESSAGES
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effect import Window
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.effect import Window
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -22,7 +22,7 @@ class RpcDelay(LateEffect):
 
     needs = (MESSAGES,)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._wire = drive.part(MESSAGES)
         self._rule = DelayRule(self._wire.messages, self)

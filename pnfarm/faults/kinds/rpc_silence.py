@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.frames import FramesEffect
-from pnfarm.faults.gate import GateRule
+from pnfarm.faults.effects.frames import FramesEffect
+from pnfarm.faults.effects.wire import MESSAGES
+from pnfarm.faults.gate.gate import GateRule
 from pnfarm.faults.kind import EACH, EVERY_DIRECTION, InjectionKind
-from pnfarm.faults.wire import MESSAGES
 
 if TYPE_CHECKING:
-    from pnfarm.faults.gate import FrameClasses
+    from pnfarm.faults.gate.gate import FrameClasses
 
 __all__ = ["KINDS"]
 

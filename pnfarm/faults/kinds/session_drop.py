@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effect import POLL_NS, Chance, Effect, Window
+from pnfarm.faults.effects.effect import POLL_NS, Chance, Effect, Window
+from pnfarm.faults.effects.sockets import SOCKETS
 from pnfarm.faults.kind import EACH, InjectionKind
-from pnfarm.faults.sockets import SOCKETS
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -22,7 +22,7 @@ class SessionDrop(Effect):
     needs = (SOCKETS,)
     ends_by_itself = True
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._sockets = drive.part(SOCKETS)
         self._chance = Chance(spec, drive, spec.count if spec.count or spec.for_ns else 1)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from pnfarm.faults.effects.sign_of_life import SignOfLifeEffect
 from pnfarm.faults.kind import FRAMES, InjectionKind
-from pnfarm.faults.sign_of_life import SignOfLifeEffect
 from pnfarm.table.impairment import COUNT_FREEZE
 
 __all__ = ["KINDS", "REPORTS", "WIRE", "Freeze"]

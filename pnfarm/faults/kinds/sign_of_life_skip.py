@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+from pnfarm.faults.effects.sign_of_life import SignOfLifeEffect
 from pnfarm.faults.kind import FRAMES, InjectionKind, ParamSpec
 from pnfarm.faults.kinds.sign_of_life_freeze import REPORTS
-from pnfarm.faults.sign_of_life import SignOfLifeEffect
 from pnfarm.table.impairment import COUNT_SKIP
 
 __all__ = ["KINDS"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pnfarm.faults.frames import FramesEffect
+from pnfarm.faults.effects.frames import FramesEffect
 from pnfarm.faults.kind import FRAMES, InjectionKind
 
 __all__ = ["KINDS"]

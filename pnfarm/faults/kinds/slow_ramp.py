@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-from pnfarm.faults.shown import StandingEffect
 
 if TYPE_CHECKING:
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -18,7 +18,7 @@ __all__ = ["KINDS"]
 class SlowRamp(StandingEffect):
     """Ramps of speed and of positioning alike."""
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._factor = float(self.values["factor"])
         if self._servo.lacks_ramp:

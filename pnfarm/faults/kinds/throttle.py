@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from pnfarm.faults.frame_words import FRAMES_PARAM
-from pnfarm.faults.gate import GateRule
+from pnfarm.faults.effects.shaped import MOST_NS, ShapedEffect
+from pnfarm.faults.gate.frame_words import FRAMES_PARAM
+from pnfarm.faults.gate.gate import GateRule
+from pnfarm.faults.gate.shaping import LINE_OCTETS, Shape
+from pnfarm.faults.gate.socket_gate import STREAM
 from pnfarm.faults.kind import EVERY_DIRECTION, HELD, InjectionKind, ParamSpec
-from pnfarm.faults.shaped import MOST_NS, ShapedEffect
-from pnfarm.faults.shaping import LINE_OCTETS, Shape
-from pnfarm.faults.socket_gate import STREAM
 from pnfarm.table.impairment import THROTTLE
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pnfarm.faults.gate import Passing
-    from pnfarm.faults.given import GivenInjection
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.gate.gate import FarmRunner
     from pnfarm.wire.direction import Direction
 
 __all__ = ["KINDS"]
@@ -45,7 +45,7 @@ class SlowLine(GateRule):
 
     def left(
         self, direction: Direction, frame_class: str, frame: bytes, due: int, *, hit: bool, bare: bool = False
-    ) -> list[Passing]:
+    ) -> list[FarmRunner]:
         del hit
         if not self.acts(direction, frame_class, self._now):
             return [(due, frame)]
@@ -75,7 +75,7 @@ class Throttle(ShapedEffect):
         return SlowLine(*args, octet_ns=rate, queue_ns=self.values["queue"], **fields)
 
 
-def _check(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+def _check(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
     try:
         queue = spec.values()["queue"]
     except Problem:

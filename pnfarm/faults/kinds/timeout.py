@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.effect import POLL_NS, Chance, Effect, Window
-from pnfarm.faults.frames import Frames
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.effect import POLL_NS, Chance, Effect, Window
+from pnfarm.faults.effects.frames import Frames
+from pnfarm.faults.effects.wire import WIRE
 from pnfarm.faults.kind import EACH, InjectionKind, ParamSpec
-from pnfarm.faults.wire import WIRE
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -27,7 +27,7 @@ class Timeout(Effect):
     needs = (WIRE, CONNECTION)
     ends_by_itself = True
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._wire = drive.part(WIRE)
         self._connection = drive.part(CONNECTION)

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from pnfarm.faults.frames import FramesEffect
+from pnfarm.faults.effects.frames import FramesEffect
+from pnfarm.faults.effects.wire import AGREED_LENGTH
 from pnfarm.faults.kind import FRAMES, InjectionKind, ParamSpec
-from pnfarm.faults.wire import AGREED_LENGTH
 from pnfarm.table.impairment import LENGTH
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pnfarm.faults.effect import Needs
-    from pnfarm.faults.gate import FrameClasses
-    from pnfarm.faults.given import GivenInjection
+    from pnfarm.faults.effects.effect import Needs
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.gate.gate import FrameClasses
     from pnfarm.wire.direction import Direction
 
 __all__ = ["KINDS"]
@@ -33,7 +33,7 @@ class WrongLength(FramesEffect):
         return {"amount": self.values["by"]}
 
 
-def _check(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+def _check(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
     if spec.params.get("by") in (0, "0"):
         yield "params.by", Problem("is 0, which changes nothing", "a whole number from -1400 to 1400 other than 0")
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from pnfarm.firmware.ethernetip.commands import TORQUE_FULL, target_velocity
 from pnfarm.firmware.ethernetip.octets import rounded
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 
 __all__ = ["ATTRIBUTES", "attribute_value", "readable"]
 

@@ -22,7 +22,7 @@ from pnfarm.firmware.ethernetip.message_types import (
 from pnfarm.firmware.ethernetip.octets import put, received_octet, rounded
 from pnfarm.firmware.ethernetip.status import ENABLED, GENERAL_FAULT, HOMED, IN_MOTION, IN_POSITION, LOAD_COMPLETE
 from pnfarm.firmware.program_steps import begin_leg, enter, runs, speed_of
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.program import (
     ACKNOWLEDGING,
     FAULTED,

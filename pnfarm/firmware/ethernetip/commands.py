@@ -31,11 +31,11 @@ from pnfarm.firmware.ethernetip.message_types import (
 from pnfarm.firmware.ethernetip.octets import received, received_long, received_octet
 from pnfarm.firmware.ethernetip.tasks import TASK_ATTRIBUTE, TASK_MOVE, TASK_PARAMETER, idle, post
 from pnfarm.firmware.faults import raise_fault
-from pnfarm.firmware.motion_tasks import select_task
-from pnfarm.firmware.positioning import BRAKING, HOMING, OUT, TASK
-from pnfarm.firmware.travel import at_limit_switch, within_limits
+from pnfarm.firmware.motion.motion_tasks import select_task
+from pnfarm.firmware.motion.positioning import BRAKING, HOMING, OUT, TASK
+from pnfarm.firmware.motion.travel import at_limit_switch, within_limits
 from pnfarm.table.axis_codes import JOG_NONE, TASK_MDI
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 
 __all__ = ["TORQUE_FULL", "forget_commands", "take_commands", "target_velocity"]
 

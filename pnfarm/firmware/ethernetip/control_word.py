@@ -20,7 +20,7 @@ from pnfarm.table.axis_codes import (
     POWER_ON,
     STOP_DROP,
 )
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 
 __all__ = ["DIRECTION", "ENABLE", "LOAD", "RELATIVE", "START_BLOCK", "forget_control_word", "take_control_word"]

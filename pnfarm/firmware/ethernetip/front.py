@@ -11,8 +11,8 @@ from pnfarm.firmware.ethernetip.commands import forget_commands, take_commands
 from pnfarm.firmware.ethernetip.control_word import forget_control_word, take_control_word
 from pnfarm.firmware.ethernetip.maps import take_map
 from pnfarm.firmware.ethernetip.status import show_response
-from pnfarm.firmware.jog import take_jog_bits
-from pnfarm.table.compiled import inlined
+from pnfarm.firmware.motion.jog import take_jog_bits
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["forget_assembly", "show_assembly", "take_assembly"]
 

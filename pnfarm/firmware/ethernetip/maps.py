@@ -11,9 +11,9 @@ from typing import Any
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.ethernetip.octets import put, received_octet, rounded
 from pnfarm.firmware.ethernetip.tasks import TASK_MAP, idle, post
+from pnfarm.firmware.motion.travel import limits_reached
 from pnfarm.firmware.records.ethernetip import MAPPED
-from pnfarm.firmware.travel import limits_reached
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["COMMAND_SIZES", "DYNAMIC", "DYNAMIC_MAP", "MAP_TYPE", "RESPONSE_SIZES", "show_map", "take_map"]
 
@@ -58,7 +58,7 @@ def take_map(axis: Any, image: Any) -> None:
 
 @inlined
 def _status3(axis: Any, inputs: int) -> int:
-    """STATUS3: active, torque allowed, limit switches, software limits (:mod:`pnfarm.drives.computed`)."""
+    """STATUS3: active, torque allowed, limit switches, software limits (:mod:`pnfarm.drives.parameters.computed`)."""
     limits = limits_reached(axis)
     switch = int(axis.machine.limit_switch)
     return (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.signals import ASSEMBLY
 
 __all__ = ["put", "received", "received_long", "received_octet", "rounded", "signed32"]

@@ -14,11 +14,11 @@ from pnfarm.firmware.ethernetip.message_types import (
     RESPONSE_NUMBERS,
 )
 from pnfarm.firmware.ethernetip.octets import put, received_octet, rounded, signed32
-from pnfarm.firmware.measurement import measured_current, measured_position, measured_velocity
-from pnfarm.firmware.positioning import BRAKING, HOMING, TASK
+from pnfarm.firmware.motion.positioning import BRAKING, HOMING, TASK
+from pnfarm.firmware.motion.travel import limits_reached, position_number
+from pnfarm.firmware.motor.measurement import measured_current, measured_position, measured_velocity
 from pnfarm.firmware.reported import at_target, drive_inputs, has_task, motion_status
-from pnfarm.firmware.travel import limits_reached, position_number
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.signals import ASSEMBLY, ASSEMBLY_WORDS, DRIVE_INPUTS
 
 __all__ = ["show_response"]

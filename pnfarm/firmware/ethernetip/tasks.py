@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["TASK_ATTRIBUTE", "TASK_MAP", "TASK_MOVE", "TASK_PARAMETER", "idle", "post", "tells"]
 

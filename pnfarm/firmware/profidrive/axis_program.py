@@ -11,7 +11,7 @@ from typing import Any
 from pnfarm.firmware.profidrive.telegram import clamp16, clamp32, clamp_unsigned, long_step
 from pnfarm.firmware.program_steps import begin_leg, enter, runs, speed_of
 from pnfarm.table.axis_codes import CONFIG_RISING_EDGE, MDI_SELECTED, TASKS_TARPOS
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.program import (
     ACKNOWLEDGING,
     FAULTED,

@@ -26,7 +26,7 @@ from pnfarm.table.axis_readings import (
     WITHOUT_RUN_HOLD,
     WITHOUT_RUN_OFF,
 )
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
 from pnfarm.table.signals import STW1
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.jog import take_jog_bits
+from pnfarm.firmware.motion.jog import take_jog_bits
 from pnfarm.firmware.profidrive.control_word import forget_control_word, take_control_word
 from pnfarm.firmware.profidrive.sensor_interface import step_sensor
 from pnfarm.firmware.profidrive.setpoints import take_cyclic, take_jog_speeds, take_torque_limits
@@ -13,7 +13,7 @@ from pnfarm.firmware.profidrive.status_msd import take_generator
 from pnfarm.firmware.profidrive.status_word import status_word
 from pnfarm.firmware.profidrive.tasks import take_task
 from pnfarm.firmware.profidrive.telegram import to_actuals
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["forget_words", "show_words", "take_words"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.signals import PKW_HEAD, PKW_VALUE
 
 __all__ = ["REPEAT_NS", "exchange"]

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.measurement import measured_velocity
-from pnfarm.firmware.positioning import HOMING, JOG, OUT, STANDBY
+from pnfarm.firmware.motion.positioning import HOMING, JOG, OUT, STANDBY
+from pnfarm.firmware.motor.measurement import measured_velocity
 from pnfarm.firmware.reported import at_target, has_task, standing
 from pnfarm.table.axis_codes import MDI_SELECTED, TASKS_TABLE
 from pnfarm.table.axis_readings import REACHED_NO_MOTION, REACHED_TASK_ACTIVE
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = [
     "actual_task",

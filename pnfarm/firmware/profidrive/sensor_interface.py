@@ -26,13 +26,13 @@ from typing import Any
 
 import numpy as np
 
-from pnfarm.firmware.measurement import measured_position
+from pnfarm.firmware.motor.measurement import measured_position
 from pnfarm.firmware.profidrive.sensor_marks import ALL_FUNCTIONS, can_wait, cause_stays, encoder_faulty, look_for_marks
 from pnfarm.firmware.profidrive.telegram import nearest, signed32
 from pnfarm.firmware.transitions import as_array, possible
 from pnfarm.table.axis_codes import SENSOR_PARKING
 from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW
 
 __all__ = ["PRIORITY", "TRANSITIONS", "step_sensor"]

@@ -12,7 +12,7 @@ from typing import Any
 
 from pnfarm.firmware.causes import NUMBER_MASK, cause_held
 from pnfarm.table.axis_codes import EDGE_FALLING, FAULT_SLOTS, MARK_NONE, MARK_PROBE_1, MARK_ZERO
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["ALL_FUNCTIONS", "can_wait", "cause_stays", "encoder_faulty", "look_for_marks"]
 

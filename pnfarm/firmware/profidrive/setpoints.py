@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.interpolation import interpolates, take_position
-from pnfarm.firmware.jog import by_sequence
+from pnfarm.firmware.motion.interpolation import interpolates, take_position
+from pnfarm.firmware.motion.jog import by_sequence
 from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.signals import JOG_SPEED_1, KPC, TORQUE_LIMIT_POSITIVE, XERR, XSOLL_A
 
 __all__ = ["take_cyclic", "take_jog_speeds", "take_torque_limits"]

@@ -19,7 +19,7 @@ from typing import Any
 from pnfarm.firmware.faults import raise_fault
 from pnfarm.firmware.profidrive.status_word import second_status_word
 from pnfarm.table.axis_codes import LIFE_FAILED, LIFE_GOOD, LIFE_TOLD
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.signals import STW2, ZSW2
 
 __all__ = ["check_life", "count_life", "following", "forget_life"]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.measurement import measured_velocity
+from pnfarm.firmware.motor.measurement import measured_velocity
 from pnfarm.table.axis_readings import (
     SPEED_BIT_ZERO,
     SPEED_ERROR_OF_RAMP,
     SPEED_REACHED_OR_EXCEEDED,
     SPEED_REACHED_WINDOW,
 )
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["speed_bits", "speed_reached"]
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.interlocks import enabled_by_hardware
-from pnfarm.firmware.interpolation import generator_in_force
-from pnfarm.firmware.measurement import measured_velocity
-from pnfarm.firmware.motor import torque_controlled
+from pnfarm.firmware.motion.interpolation import generator_in_force
+from pnfarm.firmware.motor.measurement import measured_velocity
+from pnfarm.firmware.motor.motor import torque_controlled
+from pnfarm.firmware.motor.torque_limits import gives_all
 from pnfarm.firmware.profidrive.speed_status import speed_reached
-from pnfarm.firmware.torque_limits import gives_all
 from pnfarm.table.axis_codes import RAMP_GENERATED
-from pnfarm.table.compiled import inlined
+from pnfarm.table.compiling.compiled import inlined
 
 __all__ = ["second_status_msd", "status_msd", "take_generator"]
 

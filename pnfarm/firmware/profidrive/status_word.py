@@ -8,7 +8,7 @@ from pnfarm.firmware.profidrive.position_status import position_bits
 from pnfarm.firmware.profidrive.speed_status import speed_bits
 from pnfarm.firmware.profidrive.status_msd import second_status_msd, status_msd
 from pnfarm.table.axis_codes import CONTROL_BY_PLC, STATUS_MOOG
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 
 __all__ = ["second_status_word", "status_word"]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.jog import by_sequence, excluded
-from pnfarm.firmware.motion_tasks import select_task
+from pnfarm.firmware.motion.jog import by_sequence, excluded
+from pnfarm.firmware.motion.motion_tasks import select_task
 from pnfarm.table.axis_codes import (
     CONFIG_PROFILE_JOG,
     CONFIG_RISING_EDGE,
@@ -25,7 +25,7 @@ from pnfarm.table.axis_codes import (
     TASKS_TARPOS,
 )
 from pnfarm.table.axis_readings import REAL_TIME_JOG_WITH_TASKS, SETPOINTS_HELD, SETPOINTS_TAKEN
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.signals import (
     HOME_DIST,
     HOME_MODE,
@@ -61,7 +61,7 @@ POS_ABSOLUTE = 0x0100  # POS_STW1.8
 HERE = 0x0002  # POS_STW2.1
 
 #: A task runs, or waits in an intermediate stop, the axis jogs (``positioning.state``; the table of
-#: :mod:`pnfarm.firmware.positioning`).
+#: :mod:`pnfarm.firmware.motion.positioning`).
 MOTION_TASK = 2
 TASK_WAITS = 3
 MOTION_JOG = 6

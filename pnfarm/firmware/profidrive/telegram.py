@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 
 from pnfarm.firmware.causes import NUMBER_MASK
-from pnfarm.firmware.measurement import measured_current, measured_position, measured_torque, measured_velocity
+from pnfarm.firmware.motion.travel import position_number
+from pnfarm.firmware.motor.measurement import measured_current, measured_position, measured_torque, measured_velocity
+from pnfarm.firmware.motor.torque_limits import torque_limited
 from pnfarm.firmware.own_warnings import warned
 from pnfarm.firmware.profidrive.position_status import (
     actual_task,
@@ -16,10 +18,8 @@ from pnfarm.firmware.profidrive.position_status import (
 )
 from pnfarm.firmware.profidrive.status_word import second_status_word
 from pnfarm.firmware.reported import drive_inputs, motion_status
-from pnfarm.firmware.torque_limits import torque_limited
-from pnfarm.firmware.travel import position_number
 from pnfarm.table.axis_codes import FAULT_WORDS, VELOCITY_NSOLL_B, VELOCITY_REF_SPEED
-from pnfarm.table.compiled import compiled, inlined
+from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.signals import (
     ACT_CURRENT,
     ACT_SPEED,

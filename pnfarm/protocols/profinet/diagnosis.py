@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
-from pnfarm.protocols.profinet.wire.alarms import AlarmSpecifier, AlarmType
-from pnfarm.protocols.profinet.wire.blocks import VERSION_1_1
-from pnfarm.protocols.profinet.wire.diagnosis import (
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmSpecifier, AlarmType
+from pnfarm.protocols.profinet.wire.block import VERSION_1_1
+from pnfarm.protocols.profinet.wire.records.diagnosis import (
     WHOLE_SUBMODULE,
     ChannelDiagnosis,
     ChannelProperties,
@@ -39,8 +39,8 @@ from pnfarm.protocols.profinet.wire.diagnosis import (
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Hashable, Iterable, Iterator
 
-    from pnfarm.protocols.profinet.ar import ExpectedKey
-    from pnfarm.protocols.profinet.wire.diagnosis import DiagnosisItem
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey
+    from pnfarm.protocols.profinet.wire.records.diagnosis import DiagnosisItem
 
 __all__ = [
     "DiagnosisAppeared",

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from pnfarm.protocols.profinet.wire.rpc import OK, PnioStatus
+from pnfarm.protocols.profinet.wire.rpc.pdu import OK, PnioStatus
 
 __all__ = [
     "OK",

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pnfarm.controller.line import VirtualLine
-from pnfarm.engine.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
+from pnfarm.engine.channels.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
+from pnfarm.engine.channels.schedule import ChannelTable
 from pnfarm.engine.columns import allocate
-from pnfarm.engine.schedule import ChannelTable
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.links.base import PortSpec
 from pnfarm.protocols.enip.originator import Originator
@@ -47,7 +47,7 @@ from pnfarm.wire.endpoint import Services, StreamClosed, StreamData, StreamEnd, 
 from pnfarm.wire.mac import multicast_mac
 
 if TYPE_CHECKING:
-    from pnfarm.drives.memory import NonVolatile
+    from pnfarm.drives.parameters.memory import NonVolatile
     from pnfarm.protocols.enip.wire.message import MessageReply
     from pnfarm.station.station import Station
     from pnfarm.wire.endpoint import SocketEvent

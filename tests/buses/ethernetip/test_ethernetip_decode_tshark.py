@@ -9,7 +9,7 @@ import subprocess
 import pytest
 from cip_tape import IDS, MANAGER, Tape, command, connect, forward_open, known
 
-from pnfarm.links.pcap import PcapngWriter
+from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire import forward_open as fo
 from pnfarm.protocols.enip.wire.encapsulation import Command

@@ -19,7 +19,7 @@ from pnfarm.buses.ethernetip.description.sheet import RPI_PARAMETER, describe_mo
 from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.cli.main import main
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.parameter import Backing
+from pnfarm.drives.parameters.parameter import Backing
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.protocols.enip.eds import emit_eds, parse_eds

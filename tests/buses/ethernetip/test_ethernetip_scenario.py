@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import asyncio
 
-from pnfarm.cli.run import bound
-from pnfarm.scenario.file import parse_scenario
+from pnfarm.cli.commands.run import bound
+from pnfarm.scenario.definition.file import parse_scenario
 from pnfarm.scenario.virtual import run_virtual
 
 FARM = """

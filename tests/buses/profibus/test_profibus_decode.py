@@ -14,7 +14,7 @@ from pnfarm.captures.reading import CapturedFrame
 from pnfarm.cli.main import main
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.links.pcap import PcapngWriter
+from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.profibus.wire.dpv1 import Access, Function, Initiate, emit_access
 from pnfarm.protocols.profibus.wire.telegram import Request, Sap, ShortAck, Telegram, Token, emit_telegram
 

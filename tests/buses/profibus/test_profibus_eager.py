@@ -11,9 +11,9 @@ import anyio
 from serial_farm import config, master, states, until
 
 from pnfarm.farm.farm import Farm
-from pnfarm.farm.snapshot import line_snapshot
+from pnfarm.farm.views.snapshot import line_snapshot
 from pnfarm.links.joined import lines_of
-from pnfarm.links.looks import LOOKING
+from pnfarm.links.serial.eager_loop import LOOKING
 from pnfarm.protocols.profibus.wire.dp import DpState
 from pnfarm.station.event_log import EventLog
 
@@ -48,7 +48,7 @@ def test_drives_start_up_run_and_tell_their_diagnosis_where_polls_are_answered_a
         async with running(f"pty: {tmp_path}/line, baud: 1500000", 4) as (farm, count):
             await until(lambda: [state for state, *_ in states(farm)] == [4] * 4)
             await until(lambda: count[0] > 200)
-            # an injection of one drive takes all polls off the shortest way, and its end brings them back
+            # an injection of one drive takes all polls off the fastest path, and its end brings them back
             farm.core.injections.inject({"kind": "diagnosis-request", "on": "axis-01"}, farm.now())
             diagnoses = farm.core.line_counts("profibus")["diagnosis"]
             await until(lambda: farm.core.line_counts("profibus")["diagnosis"] > diagnoses)

@@ -8,7 +8,7 @@ import pytest
 
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.protocols.profibus.wire.dp import Control, Parameters, PrmStatus, SetAddress, StationStatus, emit_parameters
 from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pnfarm.buses.profibus.faults.on_bus import ON_PROFIBUS
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.faults.errors import InjectionError
 from pnfarm.protocols.profibus.wire.dp import StationStatus
 

@@ -10,7 +10,7 @@ import pytest
 from pnfarm.buses.profibus.description.sheet import describe_model, file_name
 from pnfarm.cli.main import main
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.model_identity import with_identity
+from pnfarm.drives.description.identity import with_identity
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd import emit_gsd
 

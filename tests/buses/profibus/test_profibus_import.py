@@ -18,7 +18,7 @@ from pnfarm.captures.reading import CapturedFrame
 from pnfarm.cli.main import main
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import expand, parse_farm
-from pnfarm.links.pcap import PcapngWriter
+from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.profibus.wire.dp import Diagnosis, Parameters, PrmStatus, StationStatus, emit_diagnosis
 from pnfarm.protocols.profibus.wire.dp import emit_parameters as set_prm
 from pnfarm.protocols.profibus.wire.telegram import Sap, ShortAck, Telegram, emit_telegram

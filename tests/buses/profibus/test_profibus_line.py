@@ -17,7 +17,7 @@ from pnfarm.cli.main import main
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.capture import CaptureSettings
 from pnfarm.farm.farm import Farm
-from pnfarm.farm.snapshot import line_snapshot
+from pnfarm.farm.views.snapshot import line_snapshot
 from pnfarm.links.joined import lines_of
 from pnfarm.metrics import FarmCollector
 from pnfarm.protocols.profibus.wire.telegram import Request, Telegram, emit_telegram

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 
 LOST = 1 << 16 | 32
 

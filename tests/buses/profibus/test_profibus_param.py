@@ -14,7 +14,7 @@ from pnfarm.buses.profibus.controller.line_question import LineParameter, shown_
 from pnfarm.cli.main import main
 from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.engine.columns import allocate
 from pnfarm.errors import ConfigError, RemoteError
 from pnfarm.farm.file.reading import parse_farm

@@ -1,4 +1,4 @@
-"""The short way of polls answers what the long way would, and leaves the drive as that would."""
+"""The fast path of polls answers what the slow path would, and leaves the drive as that would."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pnfarm.buses.profibus.device.short_way import ShortWay, answer_poll
+from pnfarm.buses.profibus.device.fast_path import FastPath, answer_poll
 from pnfarm.drives.catalogue import model
 from pnfarm.engine.columns import allocate
-from pnfarm.farm.snapshot import drive_snapshot
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.protocols.profibus.wire.dp import Parameters, PrmStatus, emit_parameters
 from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram, parse_telegram
-from pnfarm.table.compiled import IS_COMPILED
+from pnfarm.table.compiling.compiled import IS_COMPILED
 from pnfarm.table.image import IMAGE
 from pnfarm.testing import Line
 
@@ -153,7 +153,7 @@ STEPS = st.tuples(
     st.sampled_from([*BEGINS]),
     st.lists(STEPS, min_size=1, max_size=40),
 )
-def test_whatever_a_line_brings_polls_by_a_short_way_answer_and_change_what_the_long_way_does(
+def test_whatever_a_line_brings_polls_by_a_short_way_answer_and_change_what_the_slow_path_does(
     way, telegram, answers, steps
 ):
     one, other = Bench(way, telegram, answers), Bench("long", telegram, answers)
@@ -173,7 +173,7 @@ def polled(bench, count=10):
         bench.play(("poll", 0, number % 2 == 0, 0x047F))
 
 
-def test_polls_of_a_drive_that_exchanges_data_take_the_short_way():
+def test_polls_of_a_drive_that_exchanges_data_take_the_fast_path():
     bench = Bench("short")
     bench.play(("set-up", 0, False, 0))
     bench.play(("poll", 0, True, 0))
@@ -184,7 +184,7 @@ def test_polls_of_a_drive_that_exchanges_data_take_the_short_way():
     bench.line.close()
 
 
-def test_polls_that_are_like_the_one_before_take_the_shortest_way():
+def test_polls_that_are_like_the_one_before_take_the_fastest_path():
     bench = Bench("shortest")
     bench.play(("set-up", 0, False, 0))
     bench.play(("poll", 0, True, 0))
@@ -220,10 +220,10 @@ def test_eight_octets_are_answered_on_every_way_in_the_form_that_the_farm_file_c
 @pytest.mark.skipif(not IS_COMPILED, reason="nothing is compiled")
 def test_one_drive_and_many_have_the_same_machine_code():
     # a container's image has it for one, and its user may not write more
-    ShortWay(1, IMAGE.allocate(1))
+    FastPath(1, IMAGE.allocate(1))
     known = len(answer_poll.signatures)
     for stations in (1, 2, 9):
-        ShortWay(1, allocate(stations=stations).image)
+        FastPath(1, allocate(stations=stations).image)
     assert len(answer_poll.signatures) == known
 
 
@@ -246,7 +246,7 @@ def test_the_diagnosis_that_a_drive_asks_for_is_not_lost_among_polls():
 @pytest.mark.parametrize(
     ("why", "value"), [("inject", 0), ("control", 0), ("control", 1), ("control", 3), ("fault", 0), ("power", 0)]
 )
-def test_what_concerns_more_than_cyclic_data_takes_the_long_way(why, value, way):
+def test_what_concerns_more_than_cyclic_data_takes_the_slow_path(why, value, way):
     bench = Bench(way)
     for step in (("set-up", 0, False, 0), ("poll", 0, True, 0), ("poll", 0, False, 0)):
         bench.play(step)

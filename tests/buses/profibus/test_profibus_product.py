@@ -15,7 +15,7 @@ from pnfarm.buses.profibus.device.lamps import LampState, lamps
 from pnfarm.buses.profibus.device.product import Product
 from pnfarm.buses.profibus.device.station_address import StationAddress, station_address
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.model_parts import Fact
+from pnfarm.drives.description.parts import Fact
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.wire.dp import Diagnosis, StationStatus, emit_diagnosis, parse_diagnosis
 

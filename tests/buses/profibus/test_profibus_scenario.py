@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from pnfarm.cli.run import bound
-from pnfarm.scenario.file import load_scenario, parse_scenario
+from pnfarm.cli.commands.run import bound
+from pnfarm.scenario.definition.file import load_scenario, parse_scenario
 from pnfarm.scenario.virtual import run_virtual
 
 CONFIGS = Path(__file__).resolve().parents[3] / "configs"

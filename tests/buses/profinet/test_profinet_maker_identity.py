@@ -8,11 +8,11 @@ import pytest
 from gsdml_versions import VERSIONS, file_name, gsdml_of
 
 from pnfarm.buses.profinet.maker_identity import identity_of
+from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.model_identity import with_identity
+from pnfarm.drives.description.identity import with_identity
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import FarmFileError, expand, parse_farm
-from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.document import ItemRef
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml

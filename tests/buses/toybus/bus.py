@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices, InjectionHost, RouteHost
     from pnfarm.captures.packet import Capture
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
+    from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.faults.kind import InjectionKind
-    from pnfarm.faults.parts import InjectedDrive
     from pnfarm.station.station import Station
     from toybus.decode import ToyDecoder
     from toybus.device import ToyDevice, ToySegment

@@ -9,8 +9,8 @@ from pydantic import Field
 
 from pnfarm.config.controller import ControllerSection
 from pnfarm.config.values import Duration
-from pnfarm.drives.signal_view import AxisSignals, SignalForm
-from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.drives.telegrams.signal_view import AxisSignals, SignalForm
+from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.engine.columns import allocate
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.table.signals import NIST_A, NSOLL_A, STW1, ZSW1

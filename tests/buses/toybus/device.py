@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.engine.closed_channels import ClosedChannels
+from pnfarm.engine.channels.closed_channels import ClosedChannels
 from pnfarm.errors import DecodeError
 from pnfarm.station.device import ConnectionView
 from pnfarm.station.events import ConnectionEstablished, ConnectionLost

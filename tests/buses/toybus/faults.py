@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.connection import CONNECTION, Connection, ConnectionPart
-from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
-from pnfarm.faults.servo import SERVO, Servo
-from pnfarm.faults.wire import WIRE, Wire
+from pnfarm.faults.effects.connection import CONNECTION, Connection, ConnectionPart
+from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.effects.servo import SERVO, Servo
+from pnfarm.faults.effects.wire import WIRE, Wire
 
 if TYPE_CHECKING:
     from pnfarm.buses.bus import InjectionHost
-    from pnfarm.faults.connection import Status
+    from pnfarm.faults.effects.connection import Status
     from toybus.device import ToyDevice
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effect import Effect, Tally, Window
+from pnfarm.faults.effects.effect import Effect, Tally, Window
+from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.kind import InjectionKind, ParamSpec
-from pnfarm.faults.servo import SERVO
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 
 class Hiccup(Effect):
@@ -19,7 +19,7 @@ class Hiccup(Effect):
 
     needs = (SERVO,)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._servo = drive.part(SERVO)
         self._tally = Tally()

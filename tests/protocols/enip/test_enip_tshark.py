@@ -9,7 +9,7 @@ from ipaddress import IPv4Address
 import pytest
 from enip_bench import DRIVE, PEER, Bench, explicit_request, io_request
 
-from pnfarm.links.pcap import PcapngWriter
+from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.enip.encapsulation import SendDatagram, SendStream
 from pnfarm.protocols.enip.identity_search import IdentitySearch
 from pnfarm.protocols.enip.originator import Originator

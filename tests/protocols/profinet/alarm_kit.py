@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from pnfarm.protocols.profinet.alarm import AlarmChannel, AlarmEvent, AlarmFailed, AlarmReceived
-from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmNotification
-from pnfarm.protocols.profinet.wire.rta import RtaPdu, parse_rta
+from pnfarm.protocols.profinet.alarms.channel import AlarmChannel, AlarmEvent, AlarmFailed, AlarmReceived
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmNotification
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaPdu, parse_rta
 
 DEVICE, CONTROLLER = 0x0014, 0x0001
 STEP = 100_000_000

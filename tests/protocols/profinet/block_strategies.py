@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.wire import blocks_connect as connect
-from pnfarm.protocols.profinet.wire import blocks_expected as expected
-from pnfarm.protocols.profinet.wire import diagnosis, log_book, records
-from pnfarm.protocols.profinet.wire.blocks import RawBlock
-from pnfarm.protocols.profinet.wire.blocks_control import (
+from pnfarm.protocols.profinet.wire.block import RawBlock
+from pnfarm.protocols.profinet.wire.cm import connect, expected
+from pnfarm.protocols.profinet.wire.cm.control import (
     CONTROL_BLOCK_TYPES,
     ControlBlock,
 )
-from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi, IocrBlockReq, IocrBlockRes
-from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+from pnfarm.protocols.profinet.wire.cm.iocr import FrameSlot, IocrApi, IocrBlockReq, IocrBlockRes
+from pnfarm.protocols.profinet.wire.records import diagnosis, identification, log_book
+from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
 
 u8, u16, u32 = st.integers(0, 0xFF), st.integers(0, 0xFFFF), st.integers(0, 0xFFFFFFFF)
 octets = st.binary(max_size=40)
@@ -36,11 +35,11 @@ exp_subs = st.one_of(
     st.builds(expected.ExpectedSubmodule, u16, u32, u16.map(lambda p: p & ~2), st.tuples(descriptions)),
 )
 diff_modules = st.builds(expected.DiffModule, u16, u32, u16, many(st.builds(expected.DiffSubmodule, u16, u32, u16)))
-id_slots = st.builds(records.IdentificationSlot, u16, u32, some(u16, u32))
-id_apis = st.builds(records.IdentificationApi, u32, many(id_slots))
+id_slots = st.builds(identification.IdentificationSlot, u16, u32, some(u16, u32))
+id_apis = st.builds(identification.IdentificationApi, u32, many(id_slots))
 ar_entries = st.builds(
-    records.ArDataEntry, uuids, uuids, uuids, u32, u16, u16, u16, u16, u16, u16, octets,
-    many(st.builds(records.ArDataIocr, u32, u16, u16, u32)), many(u32), octets,
+    identification.ArDataEntry, uuids, uuids, uuids, u32, u16, u16, u16, u16, u16, u16, octets,
+    many(st.builds(identification.ArDataIocr, u32, u16, u16, u32)), many(u32), octets,
 )  # fmt: skip
 statuses = st.builds(PnioStatus, u8, u8, u8, u8)
 properties = u16.map(diagnosis.ChannelProperties.from_int)
@@ -91,17 +90,18 @@ BLOCKS = {
     ),
     "control": st.builds(ControlBlock, st.sampled_from(CONTROL_BLOCK_TYPES), uuids, u16, u16, u16, u16, u16, u16),
     "im0": st.builds(
-        records.Im0, u16, st.binary(min_size=20, max_size=20), st.binary(min_size=16, max_size=16), u16,
+        identification.Im0, u16, st.binary(min_size=20, max_size=20), st.binary(min_size=16, max_size=16), u16,
         st.tuples(u8.map(chr), u8, u8, u8), u16, u16, u16, u16, u16, u16,
     ),
     "identification": st.builds(
-        records.IdentificationData, st.sampled_from((0x12, 0x13, 0x30, 0x31, 0x32)), many(id_apis), st.just(0x0101)
+        identification.IdentificationData, st.sampled_from((0x12, 0x13, 0x30, 0x31, 0x32)), many(id_apis),
+        st.just(0x0101),
     ),
-    "api-data": st.builds(records.ApiData, many(u32), u16),
-    "ar-data": st.builds(records.ArData, many(ar_entries)),
-    "record-input": st.builds(records.RecordInputData, octets, octets, octets, u16),
-    "record-output": st.builds(records.RecordOutputData, octets, octets, octets, u16, octets, u16),
-    "substitute": st.builds(records.SubstituteValue, u16, u8, octets, u8, u16),
+    "api-data": st.builds(identification.ApiData, many(u32), u16),
+    "ar-data": st.builds(identification.ArData, many(ar_entries)),
+    "record-input": st.builds(identification.RecordInputData, octets, octets, octets, u16),
+    "record-output": st.builds(identification.RecordOutputData, octets, octets, octets, u16, octets, u16),
+    "substitute": st.builds(identification.SubstituteValue, u16, u8, octets, u8, u16),
     "diagnosis": diagnoses,
     "log": st.builds(
         log_book.LogData, st.integers(0, 2**64 - 1),

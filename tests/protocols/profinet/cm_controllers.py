@@ -7,21 +7,21 @@ from uuid import UUID
 
 from cm_support import ALARM_BLOCK, DAP_BLOCK, DRIVE_API, DRIVE_BLOCK, LEGACY, OBJECT_UUID, PEER, ROOM, Plan
 
-from pnfarm.protocols.profinet.alarm import AlarmAcknowledged, AlarmChannel, AlarmReceived
+from pnfarm.protocols.profinet.alarms.channel import AlarmAcknowledged, AlarmChannel, AlarmReceived
 from pnfarm.protocols.profinet.errors import OK
-from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks, parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq
-from pnfarm.protocols.profinet.wire.blocks_control import (
+from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
+from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.block import BlockType
+from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq
+from pnfarm.protocols.profinet.wire.cm.control import (
     ControlBlock,
     ControlCommand,
     SubmoduleList,
     control_response,
     emit_control_block,
 )
-from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedSubmoduleBlockReq, ModuleDiffBlock
-from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi
-from pnfarm.protocols.profinet.wire.rta import parse_rta
+from pnfarm.protocols.profinet.wire.cm.expected import ExpectedSubmoduleBlockReq, ModuleDiffBlock
+from pnfarm.protocols.profinet.wire.cm.iocr import FrameSlot, IocrApi
 
 TAKEOVER_ALLOWED = LEGACY | 0x08
 

@@ -12,9 +12,9 @@ from pnfarm.protocols.profinet.description import (
     ModuleDescription,
     SubmoduleDescription,
 )
-from pnfarm.protocols.profinet.wire.blocks import split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_expected import (
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.block import split_blocks
+from pnfarm.protocols.profinet.wire.cm.expected import (
     ExpectedSubmoduleBlockReq,
 )
 

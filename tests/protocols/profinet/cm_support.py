@@ -11,7 +11,7 @@ from uuid import UUID
 
 import pytest
 
-from pnfarm.protocols.profinet.cmdev import CmDevice
+from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
 from pnfarm.protocols.profinet.description import (
     DeviceDescription,
     Im0Description,
@@ -20,25 +20,25 @@ from pnfarm.protocols.profinet.description import (
     Plugged,
     SubmoduleDescription,
 )
-from pnfarm.protocols.profinet.record_store import DeviceRecords
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_any import Block, emit_blocks, parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import AlarmCrBlockReq, ArBlockReq
-from pnfarm.protocols.profinet.wire.blocks_control import (
+from pnfarm.protocols.profinet.records.store import DeviceRecords
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.wire.any_block import Block, emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.block import BlockType
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq, ArBlockReq
+from pnfarm.protocols.profinet.wire.cm.control import (
     ControlBlock,
     ControlCommand,
     control_response,
     emit_control_block,
 )
-from pnfarm.protocols.profinet.wire.blocks_expected import (
+from pnfarm.protocols.profinet.wire.cm.expected import (
     DataDescription,
     ExpectedApi,
     ExpectedSubmodule,
     ExpectedSubmoduleBlockReq,
 )
-from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi, IocrBlockReq
-from pnfarm.protocols.profinet.wire.rpc import OK
+from pnfarm.protocols.profinet.wire.cm.iocr import FrameSlot, IocrApi, IocrBlockReq
+from pnfarm.protocols.profinet.wire.rpc.pdu import OK
 from pnfarm.wire.octets import Reader
 
 CAPTURES = Path(__file__).resolve().parents[3].parent / "shared" / "captures"

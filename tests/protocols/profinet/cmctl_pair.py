@@ -8,15 +8,15 @@ from ipaddress import IPv4Address
 from cm_support import DRIVE, IM0
 from cmctl_peers import CONTROLLER_MAC, DEVICE_MAC, make_plan
 
-from pnfarm.protocols.profinet import events as device_events
-from pnfarm.protocols.profinet.ar import Ar
-from pnfarm.protocols.profinet.cmctl import CmController
-from pnfarm.protocols.profinet.cmctl_events import (
+from pnfarm.protocols.profinet.cm.ar import Ar
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
+from pnfarm.protocols.profinet.cm.controller.events import (
     CmctlEvent,
     Timeouts,
 )
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan
-from pnfarm.protocols.profinet.cmdev import CmDevice
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
+from pnfarm.protocols.profinet.cm.device import events as device_events
+from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
 from pnfarm.protocols.profinet.description import (
     DeviceDescription,
     Limits,
@@ -25,7 +25,7 @@ from pnfarm.protocols.profinet.description import (
     SubmoduleDescription,
 )
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
-from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.rpc.fragments import Peer
 
 SECOND = 1_000_000_000
 CONTROLLER = Peer(IPv4Address("10.77.0.1"), 49152)

@@ -8,20 +8,21 @@ from uuid import UUID
 
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.cmctl import CmController, CmctlState
-from pnfarm.protocols.profinet.cmctl_events import ArFailed, CmctlEvent, ControllerCall, Timeouts
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan, ParameterRecord, PlannedSubmodule
-from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import Block, emit_blocks, parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import AlarmCrBlockRes, ArBlockReq, ArBlockRes
-from pnfarm.protocols.profinet.wire.blocks_control import (
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmController, CmctlState
+from pnfarm.protocols.profinet.cm.controller.events import ArFailed, CmctlEvent, ControllerCall, Timeouts
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord, PlannedSubmodule
+from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta_error
+from pnfarm.protocols.profinet.wire.any_block import Block, emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes, ArBlockReq, ArBlockRes
+from pnfarm.protocols.profinet.wire.cm.control import (
     ControlBlock,
     ControlCommand,
     control_response,
     emit_control_block,
     parse_control_block,
 )
-from pnfarm.protocols.profinet.wire.blocks_expected import (
+from pnfarm.protocols.profinet.wire.cm.expected import (
     DiffApi,
     DiffModule,
     DiffSubmodule,
@@ -32,8 +33,8 @@ from pnfarm.protocols.profinet.wire.blocks_expected import (
     emit_module_diff_block,
     submodule_state,
 )
-from pnfarm.protocols.profinet.wire.iocr import IocrBlockReq, IocrBlockRes
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockReq, IocrBlockRes
+from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadResHeader,
     IodWriteResHeader,
     emit_read_response,
@@ -41,8 +42,7 @@ from pnfarm.protocols.profinet.wire.iod import (
     parse_read_request,
     parse_write_request,
 )
-from pnfarm.protocols.profinet.wire.rpc import OK, Opnum, PnioStatus
-from pnfarm.protocols.profinet.wire.rta import parse_rta_error
+from pnfarm.protocols.profinet.wire.rpc.pdu import OK, Opnum, PnioStatus
 
 DEVICE_MAC = bytes.fromhex("02000000d001")
 CONTROLLER_MAC = bytes.fromhex("02000000c001")

@@ -11,15 +11,15 @@ from cm_support import DRIVE
 from cmctl_pair import Memory
 from cmctl_peers import DEVICE_MAC, make_plan
 
-from pnfarm.protocols.profinet import events as device_events
-from pnfarm.protocols.profinet.ar import Ar
-from pnfarm.protocols.profinet.cmctl import CmController
-from pnfarm.protocols.profinet.cmctl_events import ArEstablished, CmctlEvent, SubmodulesChanged, Timeouts
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan
-from pnfarm.protocols.profinet.cmdev import CmDevice
+from pnfarm.protocols.profinet.cm.ar import Ar
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
+from pnfarm.protocols.profinet.cm.controller.events import ArEstablished, CmctlEvent, SubmodulesChanged, Timeouts
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
+from pnfarm.protocols.profinet.cm.device import events as device_events
+from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
 from pnfarm.protocols.profinet.description import DeviceDescription, Plugged
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
-from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.rpc.fragments import Peer
 
 SECOND = 1_000_000_000
 SHARED = replace(DRIVE, limits=replace(DRIVE.limits, max_ars=2))

@@ -6,18 +6,18 @@ from cm_support import Bench
 from cmctl_pair import Pair
 from cmctl_peers import make_plan
 
+from pnfarm.buses.profinet.binding import describe_device
+from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.drives.catalogue import models
-from pnfarm.protocols.profinet.binding import describe_device
-from pnfarm.protocols.profinet.cmctl import CmController
-from pnfarm.protocols.profinet.cmctl_plan import plan_frames
-from pnfarm.protocols.profinet.cmctl_request import connect_payload
-from pnfarm.protocols.profinet.cmdev import CmDevice
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
+from pnfarm.protocols.profinet.cm.controller.plan import plan_frames
+from pnfarm.protocols.profinet.cm.controller.request import connect_payload
+from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
 from pnfarm.protocols.profinet.description import Plugged
-from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
-from pnfarm.protocols.profinet.record_store import DeviceRecords
+from pnfarm.protocols.profinet.records.store import DeviceRecords
 
 MS = 1_000_000
 MAC = bytes.fromhex("020000000077")

@@ -8,9 +8,9 @@ from cm_support import AR_BLOCK, DRIVE, DRIVE_API, UUID_1, UUID_2
 
 from pnfarm.protocols.profinet.description import ImCarrier
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
-from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks, parse_blocks
-from pnfarm.protocols.profinet.wire.diagnosis import Maintenance
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.records.diagnosis import Maintenance
+from pnfarm.protocols.profinet.wire.records.iod import (
     NIL_UUID,
     IodReadReqHeader,
     IodWriteReqHeader,

@@ -10,9 +10,9 @@ from ipaddress import IPv4Address
 from itertools import count
 from uuid import UUID
 
-from pnfarm.protocols.profinet.rpc_client import CallFailed, CallReturned, RpcClient, RpcClientConfig
-from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
-from pnfarm.protocols.profinet.rpc_server import (
+from pnfarm.protocols.profinet.rpc.client import CallFailed, CallReturned, RpcClient, RpcClientConfig
+from pnfarm.protocols.profinet.rpc.endpoints import Endpoint
+from pnfarm.protocols.profinet.rpc.server import (
     CallCancelled,
     CallReceived,
     Datagram,
@@ -20,7 +20,7 @@ from pnfarm.protocols.profinet.rpc_server import (
     RpcServer,
     RpcServerConfig,
 )
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     BODY_MAX,
     OK,
     RPC_PORT,

@@ -7,7 +7,7 @@ from __future__ import annotations
 from pyasn1.codec.ber import decoder, encoder
 from pyasn1.type import namedtype, tag, univ
 
-from pnfarm.protocols.profinet.wire import snmp
+from pnfarm.protocols.profinet.wire.snmp import message as snmp
 
 __all__ = ["decode", "encode"]
 
@@ -80,7 +80,7 @@ class Message(univ.Sequence):
 
 
 def encode(message):
-    """Octets of an :class:`~pnfarm.protocols.profinet.wire.snmp.SnmpMessage`."""
+    """Octets of an :class:`~pnfarm.protocols.profinet.wire.snmp.message.SnmpMessage`."""
     out = Message()
     out["version"], out["community"] = message.version, message.community
     pdu = out["pdu"].setComponentByName(f"p{message.pdu.tag}")[f"p{message.pdu.tag}"]

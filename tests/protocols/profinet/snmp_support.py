@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from ipaddress import IPv4Address
 
-from pnfarm.protocols.profinet.mib_view import (
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.snmp.agent import SnmpAgent
+from pnfarm.protocols.profinet.snmp.view import (
     Dot3Port,
     InterfaceCounters,
     InterfaceView,
@@ -19,9 +21,7 @@ from pnfarm.protocols.profinet.mib_view import (
     SnmpView,
     SystemView,
 )
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.snmp import SnmpAgent
-from pnfarm.protocols.profinet.wire.snmp import (
+from pnfarm.protocols.profinet.wire.snmp.message import (
     END_OF_MIB_VIEW,
     GET,
     GET_BULK,

@@ -8,7 +8,7 @@ from itertools import accumulate
 import pytest
 from alarm_kit import CONTROLLER, DEVICE, STEP, Pair, alarm, controller_end, device_end, sent
 
-from pnfarm.protocols.profinet.alarm import (
+from pnfarm.protocols.profinet.alarms.channel import (
     AlarmAcknowledged,
     AlarmFailed,
     AlarmReceived,
@@ -16,8 +16,8 @@ from pnfarm.protocols.profinet.alarm import (
     PeerAborted,
 )
 from pnfarm.protocols.profinet.errors import OK, ErrorCode, RtaError, pnio_error, rta_status
-from pnfarm.protocols.profinet.wire.alarms import acknowledge, emit_alarm, parse_alarm
-from pnfarm.protocols.profinet.wire.rta import (
+from pnfarm.protocols.profinet.wire.alarms.notification import acknowledge, emit_alarm, parse_alarm
+from pnfarm.protocols.profinet.wire.alarms.rta import (
     FIRST_SEND,
     RtaPdu,
     RtaType,

@@ -8,7 +8,7 @@ from alarm_kit import CONTROLLER, DEVICE, STEP, alarm, controller_end, device_en
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.alarm import (
+from pnfarm.protocols.profinet.alarms.channel import (
     AlarmAcknowledged,
     AlarmChannel,
     AlarmEvent,
@@ -17,8 +17,8 @@ from pnfarm.protocols.profinet.alarm import (
     AlarmRefusedError,
     PeerAborted,
 )
-from pnfarm.protocols.profinet.wire.alarms import AlarmNotification, acknowledge, emit_alarm
-from pnfarm.protocols.profinet.wire.rta import RtaPdu, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge, emit_alarm
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaPdu, parse_rta
 
 #: What the wire does to a frame: the delays of its copies, in nanoseconds; none for a lost one.
 fates = st.lists(

@@ -11,18 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire import blocks_connect as connect
-from pnfarm.protocols.profinet.wire import blocks_expected as expected
-from pnfarm.protocols.profinet.wire import fsu, iod, records
-from pnfarm.protocols.profinet.wire.blocks import BlockType, RawBlock, emit_raw_block, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import _PARSERS, emit_block, emit_blocks, parse_block, parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_control import (
+from pnfarm.protocols.profinet.wire.any_block import _PARSERS, emit_block, emit_blocks, parse_block, parse_blocks
+from pnfarm.protocols.profinet.wire.block import BlockType, RawBlock, emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.cm import connect, expected
+from pnfarm.protocols.profinet.wire.cm.control import (
     ControlBlock,
     ControlCommand,
     control_response,
 )
-from pnfarm.protocols.profinet.wire.container import ContainerContent, emit_container, parse_container
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.wire.records import fsu, identification, iod
+from pnfarm.protocols.profinet.wire.records.container import ContainerContent, emit_container, parse_container
+from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadResHeader,
     IodWriteReqHeader,
     RecordWrite,
@@ -76,7 +75,7 @@ def test_the_captured_im0_read_is_reemitted_octet_for_octet():
     record = iod.parse_read_response(response)
     assert iod.emit_read_response(record.header, record.data) == response
     (im0,) = parse_blocks(record.data)
-    assert isinstance(im0, records.Im0)
+    assert isinstance(im0, identification.Im0)
     assert im0.order_id == b"12345 Abcdefghijk   "
     assert im0.software_revision == ("V", 0, 2, 0)
     assert emit_block(im0) == record.data
@@ -190,12 +189,12 @@ def test_submodule_states_read_as_on_the_wire_of_a_real_drive():
 
 
 def test_identification_of_version_1_0_has_no_api_field():
-    slot = records.IdentificationSlot(1, 0x100, ((2, 0x68),))
-    value = records.IdentificationData(0x13, (records.IdentificationApi(0, (slot,)),), 0x0100)
+    slot = identification.IdentificationSlot(1, 0x100, ((2, 0x68),))
+    value = identification.IdentificationData(0x13, (identification.IdentificationApi(0, (slot,)),), 0x0100)
     assert emit_block(value).hex() == "001300120100" + "0001" + "0001" + "00000100" + "0001" + "0002" + "00000068"
     assert parse_blocks(emit_block(value)) == (value,)
     with pytest.raises(ValueError, match="exactly API 0"):
-        emit_block(dataclasses.replace(value, apis=(records.IdentificationApi(1, ()),)))
+        emit_block(dataclasses.replace(value, apis=(identification.IdentificationApi(1, ()),)))
 
 
 def test_reading_uuids_and_raw_blocks_keeps_their_version():
@@ -227,14 +226,14 @@ def test_more_than_padding_can_be_is_refused():
 def test_the_records_of_a_multiple_write_are_found_whatever_pads_them():
     header = IodWriteReqHeader(1, UUID(int=5), 0, 1, 1, 2)
     outer = IodWriteReqHeader(0, UUID(int=5), 0xFFFFFFFF, 0xFFFF, 0xFFFF, 0xE040)
-    records = [RecordWrite(dataclasses.replace(header, index=n), b"v" * n) for n in (1, 2, 3, 5)]
-    octets = bytearray(emit_multiple_write_request(outer, records))
+    identification = [RecordWrite(dataclasses.replace(header, index=n), b"v" * n) for n in (1, 2, 3, 5)]
+    octets = bytearray(emit_multiple_write_request(outer, identification))
     place = 64
-    for record in records[:-1]:
+    for record in identification[:-1]:
         end = place + 64 + len(record.data)
         place = end + -len(record.data) % 4
         octets[end:place] = b"\x0f" * (place - end)
-    assert [write.data for write in parse_write_request(bytes(octets)).writes] == [r.data for r in records]
+    assert [write.data for write in parse_write_request(bytes(octets)).writes] == [r.data for r in identification]
 
 
 def test_a_container_is_read_as_a_controller_wrote_it_and_written_the_same():

@@ -8,9 +8,9 @@ from ipaddress import IPv4Address
 import pytest
 from cm_support import CONTROLLER_MAC, PEER, UUID_1, UUID_2, Bench, Plan
 
+from pnfarm.protocols.profinet.cm.device.events import ArAborted, ConnectRefused
 from pnfarm.protocols.profinet.errors import ErrorCode, RtaError, pnio_error
-from pnfarm.protocols.profinet.events import ArAborted, ConnectRefused
-from pnfarm.protocols.profinet.rpc_fragments import Peer
+from pnfarm.protocols.profinet.rpc.fragments import Peer
 
 P = Plan()
 ELSEWHERE = Peer(IPv4Address("192.168.0.66"), PEER.port)

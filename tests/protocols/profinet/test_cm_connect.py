@@ -26,7 +26,8 @@ from cm_support import ADVANCED, CAPTURE_NAMES, DRIVE, DRIVE_API, Bench, calls, 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.ar import expected_submodules
+from pnfarm.protocols.profinet.cm.ar import expected_submodules
+from pnfarm.protocols.profinet.cm.device.events import ArConnected, ConnectRefused
 from pnfarm.protocols.profinet.description import (
     Limits,
     ModuleDescription,
@@ -40,17 +41,16 @@ from pnfarm.protocols.profinet.errors import (
     IocrField,
     describe_status,
 )
-from pnfarm.protocols.profinet.events import ArConnected, ConnectRefused
-from pnfarm.protocols.profinet.wire import blocks_connect as connect
-from pnfarm.protocols.profinet.wire.blocks import RawBlock
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_expected import (
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.block import RawBlock
+from pnfarm.protocols.profinet.wire.cm import connect
+from pnfarm.protocols.profinet.wire.cm.expected import (
     DataDescription,
     ExpectedSubmoduleBlockReq,
     ModuleDiffBlock,
 )
-from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi
-from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+from pnfarm.protocols.profinet.wire.cm.iocr import FrameSlot, IocrApi
+from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
 
 REFUSALS = [
     # ARBlockReq

@@ -26,10 +26,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.ar import CmdevState
-from pnfarm.protocols.profinet.cmdev_states import TRANSITIONS, CmdevEvent
-from pnfarm.protocols.profinet.errors import RtaError
-from pnfarm.protocols.profinet.events import (
+from pnfarm.protocols.profinet.cm.ar import CmdevState
+from pnfarm.protocols.profinet.cm.device.events import (
     ApplicationReadyConfirmed,
     ArAborted,
     ArConnected,
@@ -39,15 +37,17 @@ from pnfarm.protocols.profinet.events import (
     PrmEndReceived,
     SubmodulesChanged,
 )
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks, parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import ArRpcBlockReq, ArServerBlock
-from pnfarm.protocols.profinet.wire.blocks_control import ControlCommand, control_response, emit_control_block
-from pnfarm.protocols.profinet.wire.blocks_expected import ModuleDiffBlock
-from pnfarm.protocols.profinet.wire.iod import IodReadReqHeader, emit_read_request
-from pnfarm.protocols.profinet.wire.rpc import Opnum, PnioStatus
-from pnfarm.protocols.profinet.wire.rta import RtaErrorPdu, emit_rta_error, parse_rta_error, rta_error
+from pnfarm.protocols.profinet.cm.device.states import TRANSITIONS, CmdevEvent
+from pnfarm.protocols.profinet.errors import RtaError
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaErrorPdu, emit_rta_error, parse_rta_error, rta_error
+from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.block import BlockType
+from pnfarm.protocols.profinet.wire.cm.connect import ArRpcBlockReq, ArServerBlock
+from pnfarm.protocols.profinet.wire.cm.control import ControlCommand, control_response, emit_control_block
+from pnfarm.protocols.profinet.wire.cm.expected import ModuleDiffBlock
+from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader, emit_read_request
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum, PnioStatus
 
 P = Plan()
 

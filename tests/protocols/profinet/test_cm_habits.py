@@ -8,9 +8,9 @@ import pytest
 from cm_requests import BASE, drive, iocr, telegram_sub, with_blocks
 from cm_support import ALARM_BLOCK, DAP_BLOCK, DRIVE_BLOCK, MS, UUID_2, Bench, Plan
 
-from pnfarm.protocols.profinet.events import ArConnected, SubmodulesChanged
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_expected import (
+from pnfarm.protocols.profinet.cm.device.events import ArConnected, SubmodulesChanged
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.cm.expected import (
     DataDescription,
     ExpectedSubmodule,
     ExpectedSubmoduleBlockReq,
@@ -19,7 +19,7 @@ from pnfarm.protocols.profinet.wire.blocks_expected import (
     ModuleState,
     SubmoduleProperties,
 )
-from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi, IocrBlockRes
+from pnfarm.protocols.profinet.wire.cm.iocr import FrameSlot, IocrApi, IocrBlockRes
 
 P = Plan()
 DISCARD = SubmoduleProperties.DISCARD_IOXS

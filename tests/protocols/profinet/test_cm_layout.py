@@ -7,11 +7,11 @@ from cm_support import CAPTURE_NAMES, DRIVE, connect_request, telegram
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.ar import LayoutError, compute_layout, expected_submodules
+from pnfarm.protocols.profinet.cm.ar import LayoutError, compute_layout, expected_submodules
 from pnfarm.protocols.profinet.description import Plugged
 from pnfarm.protocols.profinet.errors import IocrField
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_expected import (
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.cm.expected import (
     DataDescription,
     ExpectedApi,
     ExpectedSubmodule,
@@ -19,7 +19,7 @@ from pnfarm.protocols.profinet.wire.blocks_expected import (
     SubmoduleProperties,
     SubmoduleType,
 )
-from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi, IocrBlockReq
+from pnfarm.protocols.profinet.wire.cm.iocr import FrameSlot, IocrApi, IocrBlockReq
 
 
 def captured(name):

@@ -8,14 +8,14 @@ from uuid import UUID
 import pytest
 from cm_support import CAPTURE_NAMES, DRIVE, DRIVE_API, MS, UUID_1, UUID_2, Bench, calls, telegram
 
-from pnfarm.protocols.profinet.cmdev_records import serve_write
+from pnfarm.protocols.profinet.cm.device.events import RecordWritten
+from pnfarm.protocols.profinet.cm.device.records import serve_write
 from pnfarm.protocols.profinet.errors import AccessError, CmrpcError, ConnectFault, ErrorCode, RecordError, pnio_error
-from pnfarm.protocols.profinet.events import RecordWritten
-from pnfarm.protocols.profinet.record_store import IoData, NoRecords
-from pnfarm.protocols.profinet.wire import records
-from pnfarm.protocols.profinet.wire.blocks import RawBlock, emit_raw_block
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block, parse_blocks
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.records.store import IoData, NoRecords
+from pnfarm.protocols.profinet.wire.any_block import emit_block, parse_blocks
+from pnfarm.protocols.profinet.wire.block import RawBlock, emit_raw_block
+from pnfarm.protocols.profinet.wire.records import identification
+from pnfarm.protocols.profinet.wire.records.iod import (
     NIL_UUID,
     IodReadReqHeader,
     IodWriteReqHeader,
@@ -307,7 +307,7 @@ def test_ar_data_lists_the_open_ars(bench):
 
 def test_apis_and_the_carrier_of_im0(bench):
     bench.establish()
-    assert parse_blocks(record(bench, 0xF821)) == (records.ApiData((0, DRIVE_API)),)
+    assert parse_blocks(record(bench, 0xF821)) == (identification.ApiData((0, DRIVE_API)),)
     submodule, device = parse_blocks(record(bench, 0xF840))
     assert (submodule.block_type, device.block_type) == (0x30, 0x32)
     assert submodule.apis[0].slots[0].submodules == ((1, 1),)
@@ -339,11 +339,11 @@ def test_im1_to_im4_are_there_when_the_drive_says_so():
     bench = Bench(replace(DRIVE, im0=replace(DRIVE.im0, im_supported=0b0110)))
     bench.establish()
     text = b"pump".ljust(32) + b"hall 3".ljust(22)
-    assert write(bench, 0xAFF1, emit_block(records.ImText(0x21, text)))[0].ok
-    assert parse_blocks(record(bench, 0xAFF1)) == (records.ImText(0x21, text),)
-    assert parse_blocks(record(bench, 0xAFF2)) == (records.ImText(0x22, b" " * 16),)
+    assert write(bench, 0xAFF1, emit_block(identification.ImText(0x21, text)))[0].ok
+    assert parse_blocks(record(bench, 0xAFF1)) == (identification.ImText(0x21, text),)
+    assert parse_blocks(record(bench, 0xAFF2)) == (identification.ImText(0x22, b" " * 16),)
     assert read(bench, 0xAFF3)[0].error_code1 == 0xB0
-    assert write(bench, 0xAFF1, emit_block(records.ImText(0x22, b" " * 16)))[0].error_code1 == 0xB8
+    assert write(bench, 0xAFF1, emit_block(identification.ImText(0x22, b" " * 16)))[0].error_code1 == 0xB8
     assert write(bench, 0xAFF1, emit_raw_block(RawBlock(0x21, b"x")))[0].error_code1 == 0xB1
     assert write(bench, 0xAFF1, b"")[0].error_code1 == 0xB1
 

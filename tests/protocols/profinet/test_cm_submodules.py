@@ -10,21 +10,21 @@ from cm_support import ADVANCED, DRIVE, DRIVE_API, LEGACY, Bench, telegram
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.ar import CmdevState
-from pnfarm.protocols.profinet.description import Plugged, SlotState
-from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
-from pnfarm.protocols.profinet.errors import PnioStatus
-from pnfarm.protocols.profinet.events import (
+from pnfarm.protocols.profinet.cm.ar import CmdevState
+from pnfarm.protocols.profinet.cm.device.events import (
     AlarmConfirmed,
     ApplicationReadyConfirmed,
     ArAborted,
     PrmEndReceived,
     SubmodulesChanged,
 )
-from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmType
-from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_control import ControlCommand, SubmoduleList
-from pnfarm.protocols.profinet.wire.blocks_expected import ArInfo, IdentInfo, ModuleDiffBlock, ModuleState
+from pnfarm.protocols.profinet.description import Plugged, SlotState
+from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+from pnfarm.protocols.profinet.errors import PnioStatus
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmType
+from pnfarm.protocols.profinet.wire.block import BlockType
+from pnfarm.protocols.profinet.wire.cm.control import ControlCommand, SubmoduleList
+from pnfarm.protocols.profinet.wire.cm.expected import ArInfo, IdentInfo, ModuleDiffBlock, ModuleState
 
 PAP, TELEGRAM = (DRIVE_API, 1, 1), (DRIVE_API, 1, 2)
 DAP = (0, 0, 1)

@@ -8,15 +8,15 @@ import pytest
 from alarm_kit import STEP, alarm
 from cmctl_peers import DEVICE_ALARM_REFERENCE, DEVICE_MAC, Line, ScriptedDevice, established, line, with_block
 
-from pnfarm.protocols.profinet.alarm import AlarmAcknowledged, AlarmChannel, PeerAborted
-from pnfarm.protocols.profinet.cmctl import CmctlState
-from pnfarm.protocols.profinet.cmctl_events import AlarmIndicated, ArAborted, ArFailed, ArReleased
+from pnfarm.protocols.profinet.alarms.channel import AlarmAcknowledged, AlarmChannel, PeerAborted
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmctlState
+from pnfarm.protocols.profinet.cm.controller.events import AlarmIndicated, ArAborted, ArFailed, ArReleased
 from pnfarm.protocols.profinet.errors import OK, ErrorCode, RtaError, pnio_error, rta_status
-from pnfarm.protocols.profinet.wire.alarms import AlarmItem, emit_alarm
-from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_connect import AlarmCrBlockRes
-from pnfarm.protocols.profinet.wire.rpc import Opnum
-from pnfarm.protocols.profinet.wire.rta import RtaType, emit_rta, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, emit_alarm
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, emit_rta, parse_rta
+from pnfarm.protocols.profinet.wire.block import BlockType
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 from pnfarm.wire.ethernet import VlanTag
 
 LOCAL = 1

@@ -7,15 +7,20 @@ from pathlib import Path
 import pytest
 from cmctl_peers import make_plan
 
-from pnfarm.protocols.profinet.cmctl import CmController, CmctlState
-from pnfarm.protocols.profinet.cmctl_events import ApplicationReadyReceived, ArEstablished, Connected, RecordWriteDone
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan, ParameterRecord, PlannedSubmodule
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import AlarmCrBlockReq, ArBlockReq
-from pnfarm.protocols.profinet.wire.blocks_expected import DataDirection, ExpectedSubmoduleBlockReq
-from pnfarm.protocols.profinet.wire.iocr import IocrBlockReq
-from pnfarm.protocols.profinet.wire.iod import parse_write_request
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmController, CmctlState
+from pnfarm.protocols.profinet.cm.controller.events import (
+    ApplicationReadyReceived,
+    ArEstablished,
+    Connected,
+    RecordWriteDone,
+)
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord, PlannedSubmodule
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq, ArBlockReq
+from pnfarm.protocols.profinet.wire.cm.expected import DataDirection, ExpectedSubmoduleBlockReq
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockReq
+from pnfarm.protocols.profinet.wire.records.iod import parse_write_request
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     Opnum,
     PacketType,
     PnioStatus,

@@ -28,8 +28,8 @@ from cmctl_peers import (
     without_block,
 )
 
-from pnfarm.protocols.profinet.cmctl import CmctlState
-from pnfarm.protocols.profinet.cmctl_events import (
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmctlState
+from pnfarm.protocols.profinet.cm.controller.events import (
     ApplicationReadyReceived,
     ArEstablished,
     ArFailed,
@@ -37,14 +37,14 @@ from pnfarm.protocols.profinet.cmctl_events import (
     RecordWriteDone,
     Timeouts,
 )
-from pnfarm.protocols.profinet.cmctl_response import addressed_ar
+from pnfarm.protocols.profinet.cm.controller.response import addressed_ar
 from pnfarm.protocols.profinet.errors import OK, RtaError
-from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import (
+from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
+from pnfarm.protocols.profinet.wire.cm.connect import (
     ArBlockRes,
 )
-from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock, parse_control_block
-from pnfarm.protocols.profinet.wire.blocks_expected import (
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, parse_control_block
+from pnfarm.protocols.profinet.wire.cm.expected import (
     ArInfo,
     DiffApi,
     DiffModule,
@@ -54,8 +54,8 @@ from pnfarm.protocols.profinet.wire.blocks_expected import (
     ModuleState,
     submodule_state,
 )
-from pnfarm.protocols.profinet.wire.iocr import IocrBlockRes
-from pnfarm.protocols.profinet.wire.rpc import Opnum, PnioStatus
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockRes
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum, PnioStatus
 
 # Connect goes wrong
 

@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profinet.ar import compute_layout, expected_submodules
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan, ParameterRecord, PlannedSubmodule, plan_frames
-from pnfarm.protocols.profinet.cmctl_request import connect_payload, groups_of_records
-from pnfarm.protocols.profinet.wire.blocks import split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq
-from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedSubmoduleBlockReq, SubmoduleProperties
-from pnfarm.protocols.profinet.wire.iocr import IocrBlockReq
+from pnfarm.protocols.profinet.cm.ar import compute_layout, expected_submodules
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord, PlannedSubmodule, plan_frames
+from pnfarm.protocols.profinet.cm.controller.request import connect_payload, groups_of_records
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.block import split_blocks
+from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq
+from pnfarm.protocols.profinet.wire.cm.expected import ExpectedSubmoduleBlockReq, SubmoduleProperties
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockReq
 
 CAPTURES = Path(__file__).resolve().parents[3].parent / "shared" / "captures"
 

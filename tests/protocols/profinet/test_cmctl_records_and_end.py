@@ -20,8 +20,8 @@ from cmctl_peers import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.cmctl import CmController, CmctlState
-from pnfarm.protocols.profinet.cmctl_events import (
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmController, CmctlState
+from pnfarm.protocols.profinet.cm.controller.events import (
     ArAborted,
     ArFailed,
     ArReleased,
@@ -30,13 +30,13 @@ from pnfarm.protocols.profinet.cmctl_events import (
     RecordWriteDone,
 )
 from pnfarm.protocols.profinet.errors import OK, RtaError, rta_status
-from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_connect import (
+from pnfarm.protocols.profinet.wire.alarms.rta import emit_rta_error, parse_rta_error, rta_error
+from pnfarm.protocols.profinet.wire.block import BlockType
+from pnfarm.protocols.profinet.wire.cm.connect import (
     AlarmCrBlockRes,
 )
-from pnfarm.protocols.profinet.wire.iod import parse_read_request
-from pnfarm.protocols.profinet.wire.rpc import Opnum, PnioStatus
-from pnfarm.protocols.profinet.wire.rta import emit_rta_error, parse_rta_error, rta_error
+from pnfarm.protocols.profinet.wire.records.iod import parse_read_request
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum, PnioStatus
 from pnfarm.wire.ethernet import VlanTag
 
 # Records

@@ -17,8 +17,8 @@ from cmctl_peers import (
     with_block,
 )
 
-from pnfarm.protocols.profinet.cmctl import CmctlState
-from pnfarm.protocols.profinet.cmctl_events import (
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmctlState
+from pnfarm.protocols.profinet.cm.controller.events import (
     ApplicationReadyReceived,
     ArEstablished,
     Connected,
@@ -26,15 +26,15 @@ from pnfarm.protocols.profinet.cmctl_events import (
     RecordWriteDone,
 )
 from pnfarm.protocols.profinet.errors import OK
-from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import (
+from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
+from pnfarm.protocols.profinet.wire.cm.connect import (
     ArServerBlock,
     emit_ar_server_block,
 )
-from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock, ControlCommand, parse_control_block
-from pnfarm.protocols.profinet.wire.iocr import IocrBlockRes
-from pnfarm.protocols.profinet.wire.iod import parse_write_request
-from pnfarm.protocols.profinet.wire.rpc import Opnum, PnioStatus
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, parse_control_block
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockRes
+from pnfarm.protocols.profinet.wire.records.iod import parse_write_request
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum, PnioStatus
 
 # The start-up
 

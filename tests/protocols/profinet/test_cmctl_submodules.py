@@ -7,8 +7,8 @@ from cm_support import telegram
 from cmctl_peers import RECORDS
 from cmctl_wire import PAP, SECOND, SHARED, TELEGRAM, Wire
 
-from pnfarm.protocols.profinet.cmctl import CmctlState
-from pnfarm.protocols.profinet.cmctl_events import (
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmctlState
+from pnfarm.protocols.profinet.cm.controller.events import (
     AlarmIndicated,
     ArAborted,
     ParametersEnded,
@@ -17,10 +17,10 @@ from pnfarm.protocols.profinet.cmctl_events import (
     Timeouts,
 )
 from pnfarm.protocols.profinet.errors import PnioStatus, RtaError
-from pnfarm.protocols.profinet.wire.alarms import AlarmType
-from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_connect import ArType
-from pnfarm.protocols.profinet.wire.rpc import Opnum
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
+from pnfarm.protocols.profinet.wire.block import BlockType
+from pnfarm.protocols.profinet.wire.cm.connect import ArType
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 
 WRITING = "its parameters are being written"
 OF_TELEGRAM = [(r.api, r.slot, r.subslot, r.index) for r in RECORDS if r.subslot == 2]

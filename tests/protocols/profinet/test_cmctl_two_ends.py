@@ -11,9 +11,8 @@ from cmctl_peers import OTHER_UUID, RECORDS, make_plan, plans
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet import events as device_events
-from pnfarm.protocols.profinet.cmctl import CmController, CmctlState
-from pnfarm.protocols.profinet.cmctl_events import (
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmController, CmctlState
+from pnfarm.protocols.profinet.cm.controller.events import (
     ArAborted,
     ArEstablished,
     ArFailed,
@@ -23,12 +22,13 @@ from pnfarm.protocols.profinet.cmctl_events import (
     RecordWriteDone,
     Timeouts,
 )
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan, PlannedSubmodule
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, PlannedSubmodule
+from pnfarm.protocols.profinet.cm.device import events as device_events
 from pnfarm.protocols.profinet.description import (
     Limits,
 )
 from pnfarm.protocols.profinet.errors import OK, RtaError
-from pnfarm.protocols.profinet.wire.rpc import PnioStatus
+from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
 
 # The whole start-up
 

@@ -6,11 +6,10 @@ from pathlib import Path
 import pytest
 from scapy.utils import PcapReader
 
-from pnfarm.protocols.profinet.dcp_client import DcpClient, IdentifyAnswered, station_info
-from pnfarm.protocols.profinet.dcp_device import DcpDevice
-from pnfarm.protocols.profinet.dcp_rules import DcpIdentity, IpSet
-from pnfarm.protocols.profinet.wire.dcp import SERVICE_IDENTIFY, SERVICE_SET, TYPE_REQUEST, DcpPdu, parse_dcp
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
+from pnfarm.protocols.profinet.dcp.client import DcpClient, IdentifyAnswered, station_info
+from pnfarm.protocols.profinet.dcp.device import DcpDevice
+from pnfarm.protocols.profinet.dcp.rules import DcpIdentity, IpSet
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
     DeviceIdBlock,
     DeviceInstanceBlock,
     DeviceOptionsBlock,
@@ -19,6 +18,7 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     NameBlock,
     StationTypeBlock,
 )
+from pnfarm.protocols.profinet.wire.dcp.pdu import SERVICE_IDENTIFY, SERVICE_SET, TYPE_REQUEST, DcpPdu, parse_dcp
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 CAPTURES = Path(__file__).resolve().parents[3].parent / "shared" / "captures"

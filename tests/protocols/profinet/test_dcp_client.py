@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.dcp_client import (
+from pnfarm.protocols.profinet.dcp.client import (
     COLLECT_MARGIN_NS,
     READABLE,
     RETRIES,
@@ -17,8 +17,8 @@ from pnfarm.protocols.profinet.dcp_client import (
     SetFinished,
     station_info,
 )
-from pnfarm.protocols.profinet.dcp_device import DcpDevice
-from pnfarm.protocols.profinet.dcp_rules import (
+from pnfarm.protocols.profinet.dcp.device import DcpDevice
+from pnfarm.protocols.profinet.dcp.rules import (
     RESET_CLEARS,
     DcpIdentity,
     FactoryReset,
@@ -27,8 +27,7 @@ from pnfarm.protocols.profinet.dcp_rules import (
     NameSet,
     SignalBegan,
 )
-from pnfarm.protocols.profinet.wire.dcp import DcpPdu, emit_dcp
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
     AliasBlock,
     DeviceIdBlock,
     DeviceInstanceBlock,
@@ -44,6 +43,7 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     ResponseBlock,
     StationTypeBlock,
 )
+from pnfarm.protocols.profinet.wire.dcp.pdu import DcpPdu, emit_dcp
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, parse_ethernet
 
 MS = 10**6

@@ -23,28 +23,15 @@ from dcp_bench import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.dcp_device import (
+from pnfarm.protocols.profinet.dcp.device import (
     CLIENT_HOLD_NS,
     MAXIMUM_RESULTS,
     PENDING_LIMIT,
     DcpDevice,
     identify_matches,
 )
-from pnfarm.protocols.profinet.dcp_rules import HelloSettings, response_delay_ns
-from pnfarm.protocols.profinet.wire.dcp import (
-    HELLO_MULTICAST,
-    IDENTIFY_MULTICAST,
-    SERVICE_GET,
-    SERVICE_HELLO,
-    SERVICE_IDENTIFY,
-    SERVICE_SET,
-    TYPE_NOT_SUPPORTED,
-    TYPE_REQUEST,
-    TYPE_SUCCESS,
-    DcpPdu,
-    parse_dcp,
-)
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
+from pnfarm.protocols.profinet.dcp.rules import HelloSettings, response_delay_ns
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
     AliasBlock,
     AllSelectorBlock,
     BlockError,
@@ -66,6 +53,19 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     StandardGatewayBlock,
     StationTypeBlock,
     UnknownBlock,
+)
+from pnfarm.protocols.profinet.wire.dcp.pdu import (
+    HELLO_MULTICAST,
+    IDENTIFY_MULTICAST,
+    SERVICE_GET,
+    SERVICE_HELLO,
+    SERVICE_IDENTIFY,
+    SERVICE_SET,
+    TYPE_NOT_SUPPORTED,
+    TYPE_REQUEST,
+    TYPE_SUCCESS,
+    DcpPdu,
+    parse_dcp,
 )
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, VlanTag, parse_ethernet
 

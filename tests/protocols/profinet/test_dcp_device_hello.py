@@ -3,10 +3,9 @@
 import pytest
 from dcp_bench import ADDRESS, GATEWAY, MASK, MS, OEM, answers, device, frame, request
 
-from pnfarm.protocols.profinet.dcp_device import DcpDevice
-from pnfarm.protocols.profinet.dcp_rules import HelloMode, HelloSettings
-from pnfarm.protocols.profinet.wire.dcp import HELLO_MULTICAST, SERVICE_HELLO, SERVICE_SET, TYPE_REQUEST, parse_dcp
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
+from pnfarm.protocols.profinet.dcp.device import DcpDevice
+from pnfarm.protocols.profinet.dcp.rules import HelloMode, HelloSettings
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
     DeviceIdBlock,
     DeviceInitiativeBlock,
     DeviceOptionsBlock,
@@ -15,6 +14,7 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     NameBlock,
     OemDeviceIdBlock,
 )
+from pnfarm.protocols.profinet.wire.dcp.pdu import HELLO_MULTICAST, SERVICE_HELLO, SERVICE_SET, TYPE_REQUEST, parse_dcp
 from pnfarm.wire.ethernet import parse_ethernet
 
 

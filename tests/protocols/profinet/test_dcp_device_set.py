@@ -5,8 +5,8 @@ from ipaddress import IPv4Address, IPv4Interface
 import pytest
 from dcp_bench import ADDRESS, GATEWAY, MASK, MS, PLC, PLC_NET, ZERO, answers, device, frame, request, setting
 
-from pnfarm.protocols.profinet.dcp_device import SIGNAL_NS
-from pnfarm.protocols.profinet.dcp_rules import (
+from pnfarm.protocols.profinet.dcp.device import SIGNAL_NS
+from pnfarm.protocols.profinet.dcp.rules import (
     NO_DNS,
     RESET_CLEARS,
     AbortRequired,
@@ -19,8 +19,7 @@ from pnfarm.protocols.profinet.dcp_rules import (
     check_ip_suite,
 )
 from pnfarm.protocols.profinet.errors import RtaError
-from pnfarm.protocols.profinet.wire.dcp import SERVICE_GET, SERVICE_SET
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
     PERMANENT,
     AliasBlock,
     AllSelectorBlock,
@@ -44,6 +43,7 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     StopBlock,
     UnknownBlock,
 )
+from pnfarm.protocols.profinet.wire.dcp.pdu import SERVICE_GET, SERVICE_SET
 from pnfarm.wire.ethernet import VlanTag
 
 # -- Set: name ----------------------------------------------------------------------------------------------

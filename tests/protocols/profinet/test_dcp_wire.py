@@ -9,20 +9,7 @@ from hypothesis import strategies as st
 from scapy.utils import PcapReader
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.dcp import (
-    SERVICE_GET,
-    SERVICE_HELLO,
-    SERVICE_IDENTIFY,
-    SERVICE_SET,
-    TYPE_NOT_SUPPORTED,
-    TYPE_REQUEST,
-    TYPE_SUCCESS,
-    DcpPdu,
-    emit_dcp,
-    frame_id_of,
-    parse_dcp,
-)
-from pnfarm.protocols.profinet.wire.dcp_blocks import (
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
     AliasBlock,
     AllSelectorBlock,
     Block,
@@ -49,6 +36,19 @@ from pnfarm.protocols.profinet.wire.dcp_blocks import (
     StationTypeBlock,
     StopBlock,
     UnknownBlock,
+)
+from pnfarm.protocols.profinet.wire.dcp.pdu import (
+    SERVICE_GET,
+    SERVICE_HELLO,
+    SERVICE_IDENTIFY,
+    SERVICE_SET,
+    TYPE_NOT_SUPPORTED,
+    TYPE_REQUEST,
+    TYPE_SUCCESS,
+    DcpPdu,
+    emit_dcp,
+    frame_id_of,
+    parse_dcp,
 )
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 

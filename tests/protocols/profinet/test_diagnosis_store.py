@@ -16,8 +16,8 @@ from pnfarm.protocols.profinet.diagnosis import (
     Severity,
     diagnosis_blocks,
 )
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block
-from pnfarm.protocols.profinet.wire.diagnosis import ChannelSpecifier, Direction, Maintenance, UserItem
+from pnfarm.protocols.profinet.wire.any_block import emit_block
+from pnfarm.protocols.profinet.wire.records.diagnosis import ChannelSpecifier, Direction, Maintenance, UserItem
 
 PLACE = (0x3A00, 1, 1)
 HOT = DiagnosisEntry(*PLACE, error_type=5)

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.blocks import RawBlock
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.diagnosis import (
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.block import RawBlock
+from pnfarm.protocols.profinet.wire.records.diagnosis import (
     ChannelDiagnosis,
     ChannelProperties,
     DiagnosisData,
@@ -24,7 +24,7 @@ from pnfarm.protocols.profinet.wire.diagnosis import (
     parse_diagnosis_data,
     parse_items,
 )
-from pnfarm.protocols.profinet.wire.diagnosis_texts import describe_error_type
+from pnfarm.protocols.profinet.wire.records.diagnosis_texts import describe_error_type
 
 
 @given(item_lists)

@@ -9,16 +9,16 @@ from scapy.layers.l2 import Ether
 from scapy.utils import wrpcap
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.blocks import RawBlock
-from pnfarm.protocols.profinet.wire.fsu import (
+from pnfarm.protocols.profinet.wire.block import RawBlock
+from pnfarm.protocols.profinet.wire.records.fsu import (
     FSU_DATA_ADJUST_INDEX,
     FsHello,
     FsuDataAdjust,
     emit_fsu_data_adjust,
     parse_fsu_data_adjust,
 )
-from pnfarm.protocols.profinet.wire.iod import IodWriteReqHeader, emit_write_request
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.records.iod import IodWriteReqHeader, emit_write_request
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     NIL_UUID,
     UUID_PNIO_DEVICE,
     Opnum,

@@ -25,27 +25,27 @@ from gsdml_models import MAC, MS, NAMES, connected, described, plan_of, station_
 from profinet.gsdml import load_gsdml
 from virtual_line import VirtualLine
 
+from pnfarm.buses.profinet.binding import describe_device, serial_number
 from pnfarm.buses.profinet.device.fault_diagnosis import fault_entry
-from pnfarm.drives import loader
+from pnfarm.buses.profinet.model_gsdml import STATION, describe_model, file_name
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.model_identity import with_identity
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.description import loader
+from pnfarm.drives.description.identity import with_identity
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
-from pnfarm.protocols.profinet.binding import describe_device, serial_number
-from pnfarm.protocols.profinet.cmctl_events import ArEstablished, Connected
-from pnfarm.protocols.profinet.cmctl_plan import MIN_C_SDU, ParameterRecord, plan_frames
-from pnfarm.protocols.profinet.cmctl_request import connect_payload
-from pnfarm.protocols.profinet.gsdml.describe import STATION, describe_model, file_name
+from pnfarm.protocols.profinet.cm.controller.events import ArEstablished, Connected
+from pnfarm.protocols.profinet.cm.controller.plan import MIN_C_SDU, ParameterRecord, plan_frames
+from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
-from pnfarm.protocols.profinet.record_store import Index
-from pnfarm.protocols.profinet.wire.blocks import RawBlock, emit_raw_block, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import emit_blocks
-from pnfarm.protocols.profinet.wire.dcp_blocks import BlockError, ResetToFactoryBlock
-from pnfarm.protocols.profinet.wire.records import parse_identification_data, parse_im0
+from pnfarm.protocols.profinet.records.store import Index
+from pnfarm.protocols.profinet.wire.any_block import emit_blocks
+from pnfarm.protocols.profinet.wire.block import RawBlock, emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.dcp.blocks import BlockError, ResetToFactoryBlock
+from pnfarm.protocols.profinet.wire.records.identification import parse_identification_data, parse_im0
 from pnfarm.table.image import IMAGE
 from pnfarm.wire.ethernet import EthernetFrame, emit_ethernet, parse_ethernet
 from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
@@ -195,15 +195,15 @@ def test_identification_is_at_the_access_point_as_the_file_says(drive_model):
 
 @pytest.mark.parametrize("supported", [0, 0b0000_1110])
 def test_the_writeable_identification_records_are_those_of_the_file(drive_model, supported, monkeypatch):
-    from pnfarm.protocols.profinet.gsdml import describe
+    from pnfarm.buses.profinet import model_gsdml
 
-    real = describe.describe_device
+    real = model_gsdml.describe_device
 
     def with_im(*args, **options):
         found = real(*args, **options)
         return replace(found, im0=replace(found.im0, im_supported=supported))
 
-    monkeypatch.setattr(describe, "describe_device", with_im)
+    monkeypatch.setattr(model_gsdml, "describe_device", with_im)
     (dap,) = parse_gsdml(emit_gsdml(describe_model(drive_model)).encode()).daps
     bench = Bench(with_im(drive_model, MAC, strict=True))
     takes = [n for n in range(1, 5) if isinstance(bench.records.read(None, 0, 0, 1, Index.IM0 + n, 4096, 0), bytes)]

@@ -10,13 +10,13 @@ from cmctl_peers import make_plan
 from gsdml_kit import MINIATURE
 
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profinet.cmctl_events import ArEstablished
+from pnfarm.protocols.profinet.cm.controller.events import ArEstablished
 from pnfarm.protocols.profinet.gsdml.document import Gsdml, ItemRef
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.records import ParameterRecord
 from pnfarm.protocols.profinet.gsdml.values import Numbers
-from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
+from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
 
 
 @pytest.fixture(scope="module")

@@ -19,8 +19,8 @@ from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRe
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.protocols.profinet.gsdml.values import Numbers, emit_octets, parse_octets
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
-from pnfarm.protocols.profinet.wire.alarm_texts import item_in_words
-from pnfarm.protocols.profinet.wire.alarms import AlarmItem
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem
+from pnfarm.protocols.profinet.wire.alarms.texts import item_in_words
 
 
 def read(text=MINIATURE):

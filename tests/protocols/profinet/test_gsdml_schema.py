@@ -10,8 +10,8 @@ import pytest
 from gsdml_versions import VERSIONS, gsdml_of
 from lxml import etree
 
+from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.drives.catalogue import model, models
-from pnfarm.protocols.profinet.gsdml.describe import describe_model
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 

@@ -9,15 +9,15 @@ import pytest
 from cm_support import Bench
 from gsdml_models import MAC, MS, connected, described, plan_of
 
+from pnfarm.buses.profinet.binding import describe_device
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profinet.binding import describe_device
-from pnfarm.protocols.profinet.cmctl_plan import plan_frames
-from pnfarm.protocols.profinet.cmctl_request import connect_payload
-from pnfarm.protocols.profinet.cmdev_check import FRAME_ID_RANGES, RefusedError, check_connect, parse_connect
+from pnfarm.protocols.profinet.cm.controller.plan import plan_frames
+from pnfarm.protocols.profinet.cm.controller.request import connect_payload
+from pnfarm.protocols.profinet.cm.device.check import FRAME_ID_RANGES, RefusedError, check_connect, parse_connect
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
-from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
-from pnfarm.protocols.profinet.wire.iocr import RtClass
+from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
+from pnfarm.protocols.profinet.wire.cm.iocr import RtClass
 
 # timing
 

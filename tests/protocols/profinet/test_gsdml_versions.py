@@ -10,7 +10,7 @@ from cmctl_peers import make_plan
 from gsdml_versions import VERSIONS, file_name, gsdml_of
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.cmctl_events import ArEstablished
+from pnfarm.protocols.profinet.cm.controller.events import ArEstablished
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.versions import TABLE

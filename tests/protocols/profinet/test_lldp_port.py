@@ -4,7 +4,7 @@ from ipaddress import IPv4Address
 
 import pytest
 
-from pnfarm.protocols.profinet.lldp import (
+from pnfarm.protocols.profinet.lldp.agent import (
     MAXIMUM_NEIGHBOURS,
     SEND_INTERVAL_NS,
     TIME_TO_LIVE,
@@ -17,8 +17,8 @@ from pnfarm.protocols.profinet.lldp import (
     local_lldpdu,
     spread_phase,
 )
-from pnfarm.protocols.profinet.wire.lldp import LLDP_MULTICAST, Lldpdu, NameMode, emit_lldp, parse_lldp
-from pnfarm.protocols.profinet.wire.lldp_tlvs import (
+from pnfarm.protocols.profinet.wire.lldp.pdu import LLDP_MULTICAST, Lldpdu, NameMode, emit_lldp, parse_lldp
+from pnfarm.protocols.profinet.wire.lldp.tlvs import (
     ChassisId,
     ChassisMac,
     MacPhyStatus,

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from scapy.layers.l2 import Ether
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire import lldp_tlvs as lldp
-from pnfarm.protocols.profinet.wire.lldp import Lldpdu, emit_lldp, parse_lldp, peer_names
-from pnfarm.protocols.profinet.wire.lldp_tlvs import (
+from pnfarm.protocols.profinet.wire.lldp import tlvs as lldp
+from pnfarm.protocols.profinet.wire.lldp.pdu import Lldpdu, emit_lldp, parse_lldp, peer_names
+from pnfarm.protocols.profinet.wire.lldp.tlvs import (
     ChassisId,
     ChassisMac,
     MacPhyStatus,

@@ -3,10 +3,10 @@ from __future__ import annotations
 from cm_support import UUID_1, Bench
 
 from pnfarm.protocols.profinet.errors import OK, PnioStatus
-from pnfarm.protocols.profinet.log_book import LogBook, LogDetail
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block
-from pnfarm.protocols.profinet.wire.iod import NIL_UUID
-from pnfarm.protocols.profinet.wire.log_book import LogData, LogEntry
+from pnfarm.protocols.profinet.records.log_book import LogBook, LogDetail
+from pnfarm.protocols.profinet.wire.any_block import emit_block
+from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
+from pnfarm.protocols.profinet.wire.records.log_book import LogData, LogEntry
 
 
 def noted(bench, book, now):

@@ -7,18 +7,18 @@ from dataclasses import replace
 import pytest
 from cm_support import Bench, ExpectedApi, Plan, connect_request
 
+from pnfarm.buses.profinet.binding import describe_device
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.model_identity import with_identity
-from pnfarm.protocols.profinet.binding import describe_device
-from pnfarm.protocols.profinet.events import ArConnected
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.blocks_expected import (
+from pnfarm.drives.description.identity import with_identity
+from pnfarm.protocols.profinet.cm.device.events import ArConnected
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.cm.expected import (
     DataDescription,
     ExpectedSubmodule,
     ExpectedSubmoduleBlockReq,
     ModuleDiffBlock,
 )
-from pnfarm.protocols.profinet.wire.iocr import FrameSlot, IocrApi
+from pnfarm.protocols.profinet.wire.cm.iocr import FrameSlot, IocrApi
 
 MSD = model("moog-msd")
 MAC = bytes.fromhex("020000000077")

@@ -7,15 +7,15 @@ from hypothesis import strategies as st
 
 from pnfarm.protocols.profinet.description import SubmoduleDescription
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
-from pnfarm.protocols.profinet.lldp import LldpPort, LocalPort, LocalSystem
-from pnfarm.protocols.profinet.pdev import InterfaceFacts, PdevIndex, PhysicalDevice
-from pnfarm.protocols.profinet.pdev_checks import CheckFailed, CheckPassed, PortCounters, PortFacts
-from pnfarm.protocols.profinet.wire import iod
-from pnfarm.protocols.profinet.wire import pdev as p
-from pnfarm.protocols.profinet.wire import pdev_blocks as b
-from pnfarm.protocols.profinet.wire.blocks import RawBlock, emit_raw_block, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.lldp import NameMode
+from pnfarm.protocols.profinet.lldp.agent import LldpPort, LocalPort, LocalSystem
+from pnfarm.protocols.profinet.records.pdev import InterfaceFacts, PdevIndex, PhysicalDevice
+from pnfarm.protocols.profinet.records.pdev_checks import CheckFailed, CheckPassed, PortCounters, PortFacts
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.block import RawBlock, emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.lldp.pdu import NameMode
+from pnfarm.protocols.profinet.wire.records import iod
+from pnfarm.protocols.profinet.wire.records import pdev as p
+from pnfarm.protocols.profinet.wire.records import pdev_port as b
 from pnfarm.wire.ethernet import parse_ethernet
 
 SECOND = 1_000_000_000

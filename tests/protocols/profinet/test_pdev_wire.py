@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire import iod
-from pnfarm.protocols.profinet.wire import pdev as p
-from pnfarm.protocols.profinet.wire import pdev_blocks as b
-from pnfarm.protocols.profinet.wire.blocks import RawBlock, split_blocks
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block, parse_block
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.any_block import emit_block, parse_block
+from pnfarm.protocols.profinet.wire.block import RawBlock, split_blocks
+from pnfarm.protocols.profinet.wire.records import iod
+from pnfarm.protocols.profinet.wire.records import pdev as p
+from pnfarm.protocols.profinet.wire.records import pdev_port as b
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     OK,
     RPC_PORT,
     UUID_PNIO_DEVICE,

@@ -6,8 +6,8 @@ import pytest
 from cm_support import DRIVE_API, Bench, telegram
 from record_support import AXIS, DIAGNOSES, FAULT, read, read_blocks
 
-from pnfarm.protocols.profinet.record_store import owned_submodules
-from pnfarm.protocols.profinet.wire.iod import NIL_UUID
+from pnfarm.protocols.profinet.records.store import owned_submodules
+from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
 
 #: Low octet of the index -> error types (0 for the manufacturer's) of the device's diagnosis.
 TOLD = {

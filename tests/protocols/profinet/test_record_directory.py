@@ -10,9 +10,9 @@ from cm_support import CAPTURE_NAMES, DRIVE_API, UUID_1, UUID_2, Bench, calls, c
 from record_support import DATA_PLACE, connect_tool, read, read_blocks, write
 
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
-from pnfarm.protocols.profinet.record_directory import Access, Index, Part, Scope, find_record
-from pnfarm.protocols.profinet.record_store import IoData
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.records.directory import Access, Index, Part, Scope, find_record
+from pnfarm.protocols.profinet.records.store import IoData
+from pnfarm.protocols.profinet.wire.records.iod import (
     NIL_UUID,
     IodWriteReqHeader,
     RecordWrite,

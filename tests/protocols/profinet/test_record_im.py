@@ -9,11 +9,11 @@ from cm_support import DRIVE, DRIVE_API, UUID_2, Bench
 from record_support import DATA_PLACE, SEVERAL_CARRIERS, WITH_IM, connect_tool, read, read_blocks, write
 
 from pnfarm.protocols.profinet.description import ImCarrier
-from pnfarm.protocols.profinet.record_im import ImCleared, ImWritten
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block
-from pnfarm.protocols.profinet.wire.dcp_blocks import ResetMode
-from pnfarm.protocols.profinet.wire.iod import NIL_UUID
-from pnfarm.protocols.profinet.wire.records import ImText
+from pnfarm.protocols.profinet.records.im import ImCleared, ImWritten
+from pnfarm.protocols.profinet.wire.any_block import emit_block
+from pnfarm.protocols.profinet.wire.dcp.blocks import ResetMode
+from pnfarm.protocols.profinet.wire.records.identification import ImText
+from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
 
 TAG = ImText(0x21, b"pump".ljust(32) + b"hall 3".ljust(22))
 DATE = ImText(0x22, b"2026-02-30 25:61")

@@ -10,10 +10,10 @@ from cm_requests import P
 from cm_support import PEER, ROOM, UUID_2, Bench, Plan
 from record_support import DATA_PLACE, connect_tool, read, write
 
-from pnfarm.protocols.profinet.events import RecordWritten
-from pnfarm.protocols.profinet.wire.blocks import RawBlock
-from pnfarm.protocols.profinet.wire.container import ContainerContent, emit_container
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.cm.device.events import RecordWritten
+from pnfarm.protocols.profinet.wire.block import RawBlock
+from pnfarm.protocols.profinet.wire.records.container import ContainerContent, emit_container
+from pnfarm.protocols.profinet.wire.records.iod import (
     NIL_UUID,
     IodWriteReqHeader,
     RecordWrite,

@@ -6,10 +6,10 @@ import pytest
 from cm_support import DRIVE_API, Bench
 from record_support import DATA_PLACE, read, read_blocks, write
 
-from pnfarm.protocols.profinet.record_store import IoData
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block
-from pnfarm.protocols.profinet.wire.iod import NIL_UUID
-from pnfarm.protocols.profinet.wire.records import SubstituteValue
+from pnfarm.protocols.profinet.records.store import IoData
+from pnfarm.protocols.profinet.wire.any_block import emit_block
+from pnfarm.protocols.profinet.wire.records.identification import SubstituteValue
+from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
 
 VALUE = SubstituteValue(2, 0x80, bytes(range(12)), 0x80)
 ZERO = SubstituteValue(0, 0x80, bytes(12), 0x80)

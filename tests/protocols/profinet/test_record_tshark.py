@@ -12,17 +12,17 @@ import pytest
 from cm_support import CONTROLLER_MAC, DEVICE_MAC, DRIVE, DRIVE_API, UUID_1, Bench
 from record_support import DIAGNOSES, SEVERAL_CARRIERS
 
-from pnfarm.links.pcap import PcapngWriter
-from pnfarm.protocols.profinet.record_store import IoData
-from pnfarm.protocols.profinet.wire.blocks_any import emit_block
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.links.capture.pcap import PcapngWriter
+from pnfarm.protocols.profinet.records.store import IoData
+from pnfarm.protocols.profinet.wire.any_block import emit_block
+from pnfarm.protocols.profinet.wire.records.identification import ImText, SubstituteValue
+from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadReqHeader,
     IodWriteReqHeader,
     emit_read_request,
     emit_write_request,
 )
-from pnfarm.protocols.profinet.wire.records import ImText, SubstituteValue
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     PacketType,
     RequestArgs,
     ResponseArgs,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.rpc_bodies import (
+from pnfarm.protocols.profinet.wire.rpc.bodies import (
     CancelAckBody,
     CancelBody,
     emit_cancel,

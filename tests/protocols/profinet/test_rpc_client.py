@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.rpc_calls import TRANSITIONS, ClientEventKind, ClientState
-from pnfarm.protocols.profinet.rpc_client import CallFailed, CallReturned, Peer, RpcClient, RpcClientConfig
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.rpc.calls import TRANSITIONS, ClientEventKind, ClientState
+from pnfarm.protocols.profinet.rpc.client import CallFailed, CallReturned, Peer, RpcClient, RpcClientConfig
+from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody, emit_fack, parse_fack
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     BODY_MAX,
     FRAGMENT_NONE,
     OK,
@@ -34,7 +35,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_request_args,
     parse_rpc,
 )
-from pnfarm.protocols.profinet.wire.rpc_bodies import FackBody, emit_fack, parse_fack
 
 MS = 1_000_000
 PEER = Peer(IPv4Address("10.77.0.11"), RPC_PORT)

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
-from pnfarm.protocols.profinet.rpc_server import Peer, RpcServer, RpcServerConfig
-from pnfarm.protocols.profinet.wire.epm import (
+from pnfarm.protocols.profinet.rpc.endpoints import Endpoint
+from pnfarm.protocols.profinet.rpc.server import Peer, RpcServer, RpcServerConfig
+from pnfarm.protocols.profinet.wire.rpc.epm import (
     NIL_HANDLE,
     NOT_REGISTERED,
     EntryHandle,
@@ -35,7 +35,7 @@ from pnfarm.protocols.profinet.wire.epm import (
     parse_lookup_response,
     parse_tower,
 )
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     DREP_LITTLE,
     NIL_UUID,
     UUID_EPM,

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.rpc_fragments import FRAGMENTS_MAX, FragmentSender, Reassembly, fack_body, is_newer
-from pnfarm.protocols.profinet.wire.rpc import FRAGMENT_NONE, Flags1
-from pnfarm.protocols.profinet.wire.rpc_bodies import FackBody
+from pnfarm.protocols.profinet.rpc.fragments import FRAGMENTS_MAX, FragmentSender, Reassembly, fack_body, is_newer
+from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody
+from pnfarm.protocols.profinet.wire.rpc.pdu import FRAGMENT_NONE, Flags1
 
 
 @given(st.binary(max_size=400), st.integers(1, 64), st.randoms(use_true_random=False))

@@ -17,10 +17,10 @@ from rpc_support import ENDPOINTS, MS, PERFECT, Network, Station
 
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
-from pnfarm.protocols.profinet.rpc_client import CallFailed, CallReturned, RpcClient, RpcClientConfig
-from pnfarm.protocols.profinet.rpc_events import RpcServerConfig
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.rpc.client import CallFailed, CallReturned, RpcClient, RpcClientConfig
+from pnfarm.protocols.profinet.rpc.events import RpcServerConfig
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadReqHeader,
     IodWriteReqHeader,
     emit_read_request,
@@ -28,7 +28,7 @@ from pnfarm.protocols.profinet.wire.iod import (
     parse_read_response,
     parse_write_response,
 )
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, Opnum, PacketType, parse_rpc
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, Opnum, PacketType, parse_rpc
 from pnfarm.wire.ethernet import parse_ethernet
 from pnfarm.wire.ipv4 import emit_ipv4, parse_ipv4
 

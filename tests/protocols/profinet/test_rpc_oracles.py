@@ -26,10 +26,10 @@ from rpc_support import (
     server,
 )
 
-from pnfarm.protocols.profinet.rpc_client import RpcClient
-from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
-from pnfarm.protocols.profinet.rpc_server import CallReceived, Interface, Peer, RpcServer, RpcServerConfig
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.rpc.client import RpcClient
+from pnfarm.protocols.profinet.rpc.endpoints import Endpoint
+from pnfarm.protocols.profinet.rpc.server import CallReceived, Interface, Peer, RpcServer, RpcServerConfig
+from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadReqHeader,
     IodReadResHeader,
     IodWriteReqHeader,
@@ -40,7 +40,8 @@ from pnfarm.protocols.profinet.wire.iod import (
     emit_write_response,
     parse_read_request,
 )
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.bodies import CancelBody, emit_cancel
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     OK,
     RPC_PORT,
     UUID_PNIO_CONTROLLER,
@@ -56,7 +57,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_response_args,
     parse_rpc,
 )
-from pnfarm.protocols.profinet.wire.rpc_bodies import CancelBody, emit_cancel
 
 CAPTURES = Path(__file__).resolve().parents[3].parent / "shared" / "captures"
 NAMES = ("drive_connect_api3a00.pcap", "dacookie_connectrequest.pcap", "pnio-rs_s7-1515_golden.pcap")

@@ -8,8 +8,8 @@ from uuid import UUID
 import pytest
 from rpc_support import ENDPOINTS, OBJECT, PEER, about, put, received, request, sent, server
 
-from pnfarm.protocols.profinet.rpc_server import Peer
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.rpc.server import Peer
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     OK,
     RPC_PORT,
     UUID_EPM,

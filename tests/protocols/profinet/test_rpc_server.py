@@ -25,7 +25,7 @@ from rpc_support import (
     server,
 )
 
-from pnfarm.protocols.profinet.rpc_server import (
+from pnfarm.protocols.profinet.rpc.server import (
     CallCancelled,
     CallReceived,
     Interface,
@@ -33,7 +33,13 @@ from pnfarm.protocols.profinet.rpc_server import (
     RpcServer,
     ServerState,
 )
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.bodies import (
+    CancelAckBody,
+    CancelBody,
+    emit_cancel,
+    parse_cancel_ack,
+)
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     BODY_MAX,
     NIL_UUID,
     OK,
@@ -50,12 +56,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     emit_rpc,
     parse_response_args,
     parse_status,
-)
-from pnfarm.protocols.profinet.wire.rpc_bodies import (
-    CancelAckBody,
-    CancelBody,
-    emit_cancel,
-    parse_cancel_ack,
 )
 
 

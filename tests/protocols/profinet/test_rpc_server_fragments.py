@@ -6,21 +6,21 @@ from dataclasses import replace
 
 from rpc_support import MS, about, big_answer, fragments, put, received, request, sent, server
 
-from pnfarm.protocols.profinet.rpc_server import (
+from pnfarm.protocols.profinet.rpc.server import (
     ServerState,
 )
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.bodies import (
+    FackBody,
+    emit_fack,
+    parse_fack,
+)
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     BODY_MAX,
     FRAGMENT_NONE,
     Flags1,
     PacketType,
     drep,
     parse_response_args,
-)
-from pnfarm.protocols.profinet.wire.rpc_bodies import (
-    FackBody,
-    emit_fack,
-    parse_fack,
 )
 
 

@@ -9,8 +9,8 @@ from uuid import UUID
 import pytest
 from rpc_support import ENDPOINTS, MS, PEER, about, fragments, put, received, request, sent, server
 
-from pnfarm.protocols.profinet.rpc_activities import TRANSITIONS, ServerEventKind
-from pnfarm.protocols.profinet.rpc_events import (
+from pnfarm.protocols.profinet.rpc.activities import TRANSITIONS, ServerEventKind
+from pnfarm.protocols.profinet.rpc.events import (
     TIMEOUT_FRAG_NS,
     TIMEOUT_IDLE_NS,
     TIMEOUT_PING_NS,
@@ -18,9 +18,16 @@ from pnfarm.protocols.profinet.rpc_events import (
     RpcClientConfig,
     RpcServerConfig,
 )
-from pnfarm.protocols.profinet.rpc_server import CallCancelled, CallReceived, Peer, RpcServer, ServerState
-from pnfarm.protocols.profinet.wire.epm import LookupRequest, emit_lookup_request
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.rpc.server import CallCancelled, CallReceived, Peer, RpcServer, ServerState
+from pnfarm.protocols.profinet.wire.rpc.bodies import (
+    CancelAckBody,
+    CancelBody,
+    emit_cancel,
+    parse_cancel_ack,
+    parse_fack,
+)
+from pnfarm.protocols.profinet.wire.rpc.epm import LookupRequest, emit_lookup_request
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     FRAGMENT_NONE,
     NIL_UUID,
     OK,
@@ -33,13 +40,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     emit_rpc,
     parse_response_args,
     parse_status,
-)
-from pnfarm.protocols.profinet.wire.rpc_bodies import (
-    CancelAckBody,
-    CancelBody,
-    emit_cancel,
-    parse_cancel_ack,
-    parse_fack,
 )
 
 CALL = request(5, bytes(3_000))

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pnfarm.protocols.profinet.rpc_client import CallFailed, CallReturned, Peer, RpcClient
-from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
-from pnfarm.protocols.profinet.rpc_server import CallReceived, RpcServer, RpcServerConfig
-from pnfarm.protocols.profinet.wire.epm import LookupRequest, emit_lookup_request, parse_lookup_response
-from pnfarm.protocols.profinet.wire.rpc import OK, RPC_PORT, UUID_EPM, UUID_PNIO_DEVICE, Opnum, object_uuid
+from pnfarm.protocols.profinet.rpc.client import CallFailed, CallReturned, Peer, RpcClient
+from pnfarm.protocols.profinet.rpc.endpoints import Endpoint
+from pnfarm.protocols.profinet.rpc.server import CallReceived, RpcServer, RpcServerConfig
+from pnfarm.protocols.profinet.wire.rpc.epm import LookupRequest, emit_lookup_request, parse_lookup_response
+from pnfarm.protocols.profinet.wire.rpc.pdu import OK, RPC_PORT, UUID_EPM, UUID_PNIO_DEVICE, Opnum, object_uuid
 
 MS = 1_000_000
 CONTROLLER = Peer(IPv4Address("10.77.0.1"), 49152)

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody, emit_fack, parse_fack
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     DREP_BIG,
     DREP_LITTLE,
     FRAGMENT_NONE,
@@ -38,7 +39,6 @@ from pnfarm.protocols.profinet.wire.rpc import (
     parse_status,
     status_name,
 )
-from pnfarm.protocols.profinet.wire.rpc_bodies import FackBody, emit_fack, parse_fack
 
 CAPTURES = Path(__file__).resolve().parents[3].parent / "shared" / "captures"
 ACTIVITY = UUID("00000008-0000-1010-808e-000e8cb06c7e")

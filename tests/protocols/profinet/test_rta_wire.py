@@ -16,8 +16,8 @@ from scapy.utils import PcapReader, wrpcap
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.errors import ErrorCode, describe_status, pnio_error
-from pnfarm.protocols.profinet.wire import rta
-from pnfarm.protocols.profinet.wire.alarms import (
+from pnfarm.protocols.profinet.wire.alarms import rta
+from pnfarm.protocols.profinet.wire.alarms.notification import (
     AlarmAck,
     AlarmItem,
     AlarmNotification,
@@ -31,7 +31,7 @@ from pnfarm.protocols.profinet.wire.alarms import (
     parse_alarm,
     parse_alarm_items,
 )
-from pnfarm.protocols.profinet.wire.rpc import OK, PnioStatus
+from pnfarm.protocols.profinet.wire.rpc.pdu import OK, PnioStatus
 from pnfarm.wire.ethernet import parse_ethernet
 
 CAPTURE = Path(__file__).resolve().parents[3].parent / "shared" / "captures" / "pnio-rs_s7-1515_golden.pcap"

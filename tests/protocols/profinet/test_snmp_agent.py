@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from snmp_support import VIEW, Manager
 
-from pnfarm.protocols.profinet.mib import Mib, Scalar
-from pnfarm.protocols.profinet.mib_view import SystemText
-from pnfarm.protocols.profinet.snmp import SystemTextSet
-from pnfarm.protocols.profinet.wire.snmp import (
+from pnfarm.protocols.profinet.snmp.agent import SystemTextSet
+from pnfarm.protocols.profinet.snmp.mib import Mib, Scalar
+from pnfarm.protocols.profinet.snmp.view import SystemText
+from pnfarm.protocols.profinet.wire.snmp.message import (
     COUNTER64,
     END_OF_MIB_VIEW,
     GET,

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from snmp_support import NEIGHBOUR, VIEW, Manager
 
-from pnfarm.protocols.profinet.mib_view import (
+from pnfarm.protocols.profinet.snmp.view import (
     PROFINET_OBJECT_ID,
     InterfaceView,
     LldpPortView,
@@ -16,7 +16,7 @@ from pnfarm.protocols.profinet.mib_view import (
     capability_bits,
     system_description,
 )
-from pnfarm.protocols.profinet.wire.snmp import (
+from pnfarm.protocols.profinet.wire.snmp.message import (
     COUNTER32,
     COUNTER64,
     GAUGE32,

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire import ber, snmp
-from pnfarm.protocols.profinet.wire.snmp import (
+from pnfarm.protocols.profinet.wire.snmp import ber
+from pnfarm.protocols.profinet.wire.snmp import message as snmp
+from pnfarm.protocols.profinet.wire.snmp.message import (
     GET,
     GET_BULK,
     GET_NEXT,

@@ -55,7 +55,7 @@ async def search(question: Question) -> SearchAnswer:
 
 def _find(interface: str) -> None:
     """Raises :class:`~pnfarm.errors.EnvironmentError_` for an interface that is not there or not up."""
-    from pnfarm.links.interfaces import Interfaces
+    from pnfarm.links.kernel.interfaces import Interfaces
 
     with Interfaces() as interfaces:
         interfaces.find_usable(interface, "interface")

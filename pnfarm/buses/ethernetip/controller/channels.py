@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.engine.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
-from pnfarm.engine.schedule import ChannelTable
+from pnfarm.engine.channels.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
+from pnfarm.engine.channels.schedule import ChannelTable
 from pnfarm.protocols.enip.wire.encapsulation import IO_PORT
 from pnfarm.table.channel import STATUS_GOOD, STATUS_RUN
 from pnfarm.table.signals import ASSEMBLY, ASSEMBLY_WORDS, PART_HIGH, PART_LOW, word_code

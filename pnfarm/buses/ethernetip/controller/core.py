@@ -16,7 +16,7 @@ from pnfarm.buses.ethernetip.controller.requests import ExplicitRequest, Request
 from pnfarm.buses.ethernetip.controller.session import DeviceSession, SessionState, Sign
 from pnfarm.buses.ethernetip.controller.session_life import SessionLife
 from pnfarm.buses.ethernetip.controller.snapshot import snapshot_row
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.engine.columns import Columns, allocate
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.deadlines import Deadlines

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
     from pnfarm.buses.axis_program import AxisProgram
-    from pnfarm.drives.model import Model
-    from pnfarm.drives.signal_view import AxisSignals
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.telegrams.signal_view import AxisSignals
     from pnfarm.protocols.enip.wire.epath import ElectronicKey
 
 __all__ = ["ConnectionPlan", "DevicePlan", "EthernetIpPlan", "ProgramSteps"]

@@ -13,8 +13,8 @@ from pnfarm.buses.ethernetip.controller.device_plan import ConnectionPlan, Devic
 from pnfarm.buses.ethernetip.controller.eds_connection import connection_of, device_of
 from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.drives.axis_handle import AxisHandle
-from pnfarm.drives.given_values import raw_number
-from pnfarm.drives.store import ParameterStore
+from pnfarm.drives.parameters.given_values import raw_number
+from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.protocols.enip.eds import LONGEST, parse_eds
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.ethernetip.config.controller import EdsDevice, EthernetIpController
     from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
     from pnfarm.buses.ethernetip.controller.eds_connection import EdsConnection
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["EthernetIpPlan", "plan_controller", "plan_devices", "program_steps"]
 

@@ -21,7 +21,7 @@ from pnfarm.protocols.enip.status import status_text
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["STATIC", "changes", "values"]
 

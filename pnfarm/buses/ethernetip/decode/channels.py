@@ -9,7 +9,7 @@ from pnfarm.buses.ethernetip.decode.assemblies import STATIC
 from pnfarm.buses.ethernetip.device.product import Product
 
 if TYPE_CHECKING:
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["Channel", "Template", "octets_behind"]
 

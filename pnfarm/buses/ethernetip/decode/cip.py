@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pnfarm.buses.ethernetip.decode.shared import AskedKey, Route, Shared
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.protocols.enip.wire.cpf import Item
 
 __all__ = ["message"]

@@ -34,7 +34,7 @@ from pnfarm.protocols.enip.wire.epath import (
 )
 
 if TYPE_CHECKING:
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["Place", "octets_text", "path_text", "place_of", "place_text", "service_name", "value_text"]
 

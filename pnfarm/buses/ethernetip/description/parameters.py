@@ -13,8 +13,8 @@ from pnfarm.protocols.enip.wire.epath import emit_epath, logical_path
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.drives.model import Model
-    from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.parameters.parameter import Parameter
     from pnfarm.drives.profiles.cip.part import CipInstance
     from pnfarm.protocols.enip.eds import EdsField
 

@@ -32,7 +32,7 @@ from pnfarm.protocols.enip.wire.epath import (
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.protocols.enip.eds import EdsField
     from pnfarm.protocols.enip.object import AttributeObject
 

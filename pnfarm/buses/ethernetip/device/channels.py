@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from pnfarm.engine.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
-from pnfarm.engine.closed_channels import ClosedChannels
+from pnfarm.engine.channels.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
+from pnfarm.engine.channels.closed_channels import ClosedChannels
 from pnfarm.firmware.drive_clock import true_duration
 from pnfarm.protocols.enip.connection import ConnectionKind
 from pnfarm.protocols.enip.wire.forward_open import Priority
@@ -17,8 +17,8 @@ from pnfarm.wire.mac import multicast_mac
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.engine.impairments import ImpairmentTable
-    from pnfarm.engine.schedule import ChannelTable
+    from pnfarm.engine.channels.impairments import ImpairmentTable
+    from pnfarm.engine.channels.schedule import ChannelTable
     from pnfarm.protocols.enip.connection import Connection
     from pnfarm.station.station import StationPort
 

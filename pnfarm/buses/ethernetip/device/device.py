@@ -53,8 +53,8 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
-    from pnfarm.drives.store import ParameterStore
-    from pnfarm.engine.closed_channels import ClosedChannels
+    from pnfarm.drives.parameters.store import ParameterStore
+    from pnfarm.engine.channels.closed_channels import ClosedChannels
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
     from pnfarm.station.station import Station

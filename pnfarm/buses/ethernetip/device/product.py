@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["Product"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.connection import Connection, ConnectionPart, Status
+from pnfarm.faults.effects.connection import Connection, ConnectionPart, Status
 from pnfarm.table.channel import IDLE
 from pnfarm.table.plain import plain
 
@@ -23,7 +23,8 @@ _STATUS_BITS = {Status.FAULT: (_STATUS_WORD_1, 3, 1), Status.INHIBITED: (_STATUS
 
 
 class AdapterConnection(ConnectionPart):
-    """See :class:`~pnfarm.faults.connection.ConnectionPart`; no code on the wire says why a connection ended."""
+    """See :class:`~pnfarm.faults.effects.connection.ConnectionPart`; no code on the wire says why a connection
+    ended."""
 
     def __init__(self, device: EthernetIpDevice, columns: Columns, settle: Callable[[int], None]) -> None:
         self._device = device

@@ -10,13 +10,13 @@ from pnfarm.buses.ethernetip.faults.identity import IDENTITY, Identity
 from pnfarm.buses.ethernetip.faults.messages import CLASSES, EncapsulationCutter, message_class
 from pnfarm.buses.ethernetip.faults.messages import MESSAGES as MESSAGE_CLASSES
 from pnfarm.buses.ethernetip.faults.requests import ExplicitAccess, ForwardOpens
-from pnfarm.faults.adapter import ADAPTER, Adapter
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
-from pnfarm.faults.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
-from pnfarm.faults.servo import SERVO, Servo
-from pnfarm.faults.sockets import SOCKETS, Sockets
-from pnfarm.faults.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
+from pnfarm.faults.effects.adapter import ADAPTER, Adapter
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
+from pnfarm.faults.effects.servo import SERVO, Servo
+from pnfarm.faults.effects.sockets import SOCKETS, Sockets
+from pnfarm.faults.effects.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
 
 if TYPE_CHECKING:
     from pnfarm.buses.bus import InjectionHost

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.parts import DrivePart, Part
+from pnfarm.faults.effects.parts import DrivePart, Part
 from pnfarm.protocols.enip.objects.identity import identity_key
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from pnfarm.errors import DecodeError
-from pnfarm.faults.socket_gate import DATAGRAM, STREAM
+from pnfarm.faults.gate.socket_gate import DATAGRAM, STREAM
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire.cpf import ConnectedData, UnconnectedData, parse_common_packet
 from pnfarm.protocols.enip.wire.encapsulation import HEADER_OCTETS, Command, parse_encapsulation, parse_header
@@ -31,7 +31,7 @@ class EncapsulationCutter:
         self._left = 0
 
     def pieces(self, data: bytes) -> list[tuple[bool, bytes]]:
-        """See :class:`pnfarm.faults.socket_gate.Cutter`."""
+        """See :class:`pnfarm.faults.gate.socket_gate.Cutter`."""
         found: list[tuple[bool, bytes]] = []
         place = 0
         while place < len(data):

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pnfarm.buses.ethernetip.device.connections import nobody
 from pnfarm.buses.ethernetip.faults.messages import ANSWER
+from pnfarm.faults.effects.requests import ConnectRequests, ParameterAccess
 from pnfarm.faults.errors import InjectionError
-from pnfarm.faults.gate import DelayRule
-from pnfarm.faults.requests import ConnectRequests, ParameterAccess
+from pnfarm.faults.gate.gate import DelayRule
 from pnfarm.protocols.enip.connection_check import Refusal
 from pnfarm.protocols.enip.object import Answer
 from pnfarm.protocols.enip.status import ConnectionStatus, GeneralStatus
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
-    from pnfarm.faults.gate import LateRule
-    from pnfarm.faults.wire import Wire
+    from pnfarm.faults.effects.wire import Wire
+    from pnfarm.faults.gate.gate import LateRule
     from pnfarm.protocols.enip.message_router import ObjectPath
     from pnfarm.protocols.enip.wire.forward_open import ForwardOpen
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:

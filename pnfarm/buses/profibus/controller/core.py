@@ -17,7 +17,7 @@ from pnfarm.buses.profibus.controller.asker import ParameterQuestion
 from pnfarm.buses.profibus.controller.line_question import StationParameter, addressed
 from pnfarm.buses.profibus.controller.parameters import ParameterJob
 from pnfarm.buses.profibus.device.image import CyclicImage
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.engine.columns import Columns, allocate
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, Master

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from pnfarm.buses.profibus.controller.asker import ByNumber, ParameterAsker, ParameterQuestion
 from pnfarm.drives.catalogue import model
-from pnfarm.drives.numbering import read_number
-from pnfarm.drives.parameter import Form, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.description.numbering import read_number
+from pnfarm.drives.parameters.parameter import Form, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import format_octets
 from pnfarm.errors import ConfigError, RemoteError
 from pnfarm.protocols.profibus.records_master import RecordsSettings
@@ -17,7 +17,7 @@ from pnfarm.protocols.profibus.records_master import RecordsSettings
 if TYPE_CHECKING:
     from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.controller.parameters import Addressed
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.links.base import Link, Port
 
 __all__ = ["LineParameter", "StationParameter", "addressed", "answer_of", "shown_value"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.axis_program import IDLE, axis_program
 from pnfarm.buses.signal_steps import SignalSteps, signal_steps
-from pnfarm.drives.signal_view import axis_signals
+from pnfarm.drives.telegrams.signal_view import axis_signals
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.profibus.gsd_file import LONGEST
 from pnfarm.protocols.profibus.gsd_slave import parse_gsd_slave
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from pnfarm.buses.profibus.config.controller import ProfibusController
     from pnfarm.buses.profibus.config.device import GsdDevice
     from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
-    from pnfarm.drives.model import Model
-    from pnfarm.drives.signal_view import AxisSignals
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.telegrams.signal_view import AxisSignals
 
 __all__ = ["DevicePlan", "ProfibusPlan", "plan_controller"]
 

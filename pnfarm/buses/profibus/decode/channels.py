@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pnfarm.captures.packet import Capture
-    from pnfarm.drives.model import Model
-    from pnfarm.drives.telegram import Telegram
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.telegrams.telegram import Telegram
 
 __all__ = ["Channel", "Cyclic", "limited"]
 

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from pnfarm.captures.decoder import PlannedDrive
     from pnfarm.captures.packet import Capture
     from pnfarm.captures.reading import CapturedFrame
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
     from pnfarm.protocols.profibus.wire.telegram import Line
 
 __all__ = ["FAMILIES", "LINK_TYPE", "ProfibusDecoder"]

@@ -24,7 +24,7 @@ from pnfarm.protocols.profibus.wire.dp import (
 if TYPE_CHECKING:
     from enum import IntFlag
 
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = [
     "address_text", "configuration_text", "control_text", "diagnosis_text", "model_by_ident", "models_with_identifiers",

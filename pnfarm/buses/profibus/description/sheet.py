@@ -11,7 +11,7 @@ from pnfarm.protocols.profibus.gsd import GsdModule, SlaveDescription
 from pnfarm.protocols.profibus.wire.dp import V1Status1, parse_identifiers
 
 if TYPE_CHECKING:
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["describe_model", "file_name"]
 

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, cast
 
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
 from pnfarm.buses.profibus.device import events as happened
+from pnfarm.buses.profibus.device.fast_path import READY
 from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.buses.profibus.device.kept_values import check_kept
 from pnfarm.buses.profibus.device.product import Product
-from pnfarm.buses.profibus.device.short_way import READY
 from pnfarm.buses.profibus.device.station_address import DEFAULT_ADDRESS, SWITCHES, station_address
 from pnfarm.buses.profibus.device.user import DriveUser
 from pnfarm.buses.profibus.device.view import connection_of, details_of, losses_in_words, view_of
-from pnfarm.drives.network import NoNetwork
+from pnfarm.drives.parameters.network import NoNetwork
 from pnfarm.errors import DecodeError
-from pnfarm.firmware.interpolation import POSITION_MODE
+from pnfarm.firmware.motion.interpolation import POSITION_MODE
 from pnfarm.protocols.profibus import slave_user as dp
 from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave
 from pnfarm.protocols.profibus.slave_user import SlaveOptions
@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
     from pnfarm.buses.profibus.device.parts import LineParts
-    from pnfarm.drives.store import ParameterStore
-    from pnfarm.engine.closed_channels import ClosedChannels
+    from pnfarm.drives.parameters.store import ParameterStore
+    from pnfarm.engine.channels.closed_channels import ClosedChannels
     from pnfarm.protocols.profibus.slave_user import SlaveEvent
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
@@ -225,7 +225,7 @@ class ProfibusDevice:
         self.image.cells[READY] = 0
 
     def catch_up_polls(self) -> None:
-        """Tell the slave of the polls that the short way has answered (:mod:`.short_way`)."""
+        """Tell the slave of the polls that the fast path has answered (:mod:`.fast_path`)."""
         last = self.image.repeated()
         if last is not None:
             self.slave.polled(*last)

@@ -10,8 +10,8 @@ import struct
 from bisect import bisect_left
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.profibus.device import short_way as short
-from pnfarm.engine.closed_channels import ClosedChannels
+from pnfarm.buses.profibus.device import fast_path
+from pnfarm.engine.channels.closed_channels import ClosedChannels
 from pnfarm.table.channel import INTERVAL_EDGES_NS
 from pnfarm.table.image import LOST_NOT, LOST_STOP
 from pnfarm.table.record_fields import field_views, row_number
@@ -20,7 +20,7 @@ from pnfarm.table.signals import PART_HIGH, PART_LOW, STW1, WORD_NONE
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pnfarm.buses.profibus.device.short_way import ShortWay
+    from pnfarm.buses.profibus.device.fast_path import FastPath
 
 __all__ = ["CyclicImage"]
 
@@ -55,10 +55,10 @@ class _Words:
         #: (place of the high half, of the low half or -1, slot) of double words.
         self.doubles = [(place, low.get(slot, -1), slot) for slot, place in high.items()]
 
-    def as_compiled(self) -> short.Words:
-        """As the short way has them, in the order in which they are written."""
-        doubles = [(slot, place, low if low >= 0 else short.LOW_NONE) for place, low, slot in self.doubles]
-        return doubles + [(slot, place, short.LOW_SINGLE) for place, slot in self.whole]
+    def as_compiled(self) -> fast_path.Words:
+        """As the fast path has them, in the order in which they are written."""
+        doubles = [(slot, place, low if low >= 0 else fast_path.LOW_NONE) for place, low, slot in self.doubles]
+        return doubles + [(slot, place, fast_path.LOW_SINGLE) for place, slot in self.whole]
 
 
 class CyclicImage:
@@ -78,73 +78,78 @@ class CyclicImage:
         self._counts = ClosedChannels()
         #: Of NumPy, whose own way to one element takes three times as long.
         self._intervals = memoryview(self._counts.intervals)
-        #: What the short way works on as well (:mod:`pnfarm.buses.profibus.device.short_way`).
-        self.cells: Any = [0] * short.CELLS
-        self.cells[short.LEFT] = AVERAGED
-        self._short: tuple[ShortWay, int] | None = None
+        #: What the fast path works on as well (:mod:`pnfarm.buses.profibus.device.fast_path`).
+        self.cells: Any = [0] * fast_path.CELLS
+        self.cells[fast_path.LEFT] = AVERAGED
+        self._fast_path: tuple[FastPath, int] | None = None
         self._on_cycle = on_cycle
         self.layout((), ())
 
-    def join(self, way: ShortWay, row: int) -> None:
+    def join(self, path: FastPath, row: int) -> None:
         """Polls of this drive may be answered there, in this row, from now on."""
-        way.place(row, self._row)
-        cells = way.cells(row)
-        for place in range(short.CELLS):
+        path.place(row, self._row)
+        cells = path.cells(row)
+        for place in range(fast_path.CELLS):
             cells[place] = self.cells[place]
-        self.cells, self._short = cells, (way, row)
-        way.layout(row, self._outputs.as_compiled(), self._inputs.as_compiled())
+        self.cells, self._fast_path = cells, (path, row)
+        path.layout(row, self._outputs.as_compiled(), self._inputs.as_compiled())
 
     @property
     def counts(self) -> ClosedChannels:
         """Counters, as of the engine's channels; there is no agreed cycle, so jitter stays empty."""
         counts, cells = self._counts, self.cells
-        if cells[short.RECEIVED]:
-            counts.received += cells[short.RECEIVED]
-            counts.sent += cells[short.SENT]
-            counts.interval_sum_ns += cells[short.INTERVAL_SUM]
+        if cells[fast_path.RECEIVED]:
+            counts.received += cells[fast_path.RECEIVED]
+            counts.sent += cells[fast_path.SENT]
+            counts.interval_sum_ns += cells[fast_path.INTERVAL_SUM]
             for place in range(len(self._intervals)):
-                self._intervals[place] += cells[short.FIRST_INTERVAL + place]
-            for place in range(short.RECEIVED, short.CELLS):
+                self._intervals[place] += cells[fast_path.FIRST_INTERVAL + place]
+            for place in range(fast_path.RECEIVED, fast_path.CELLS):
                 cells[place] = 0
         return counts
 
     @property
     def sent_ns(self) -> int:
         """When inputs were last sent."""
-        return int(self.cells[short.SENT_NS])
+        return int(self.cells[fast_path.SENT_NS])
 
     def repeat(self, master: int, fcb: int, body: int) -> None:
         """The next poll of this master is as the last one was, whose answer's DA was at ``body``.
 
-        The short way may answer it.
+        The fast path may answer it.
         """
         cells = self.cells
-        cells[short.MASTER], cells[short.FCB_CELL], cells[short.BODY] = master, fcb, body
-        cells[short.OUTPUTS], cells[short.INPUTS] = self.output_octets, self.input_octets
-        cells[short.READY] = 1
+        cells[fast_path.MASTER], cells[fast_path.FCB_CELL], cells[fast_path.BODY] = master, fcb, body
+        cells[fast_path.OUTPUTS], cells[fast_path.INPUTS] = self.output_octets, self.input_octets
+        cells[fast_path.READY] = 1
 
     def repeated(self) -> tuple[int, int, bytes, bytes, int] | None:
-        """Master, FCB, outputs, inputs and time of the last poll that the short way answered since the last call."""
-        if self._short is None or not self.cells[short.CHANGED]:
+        """Master, FCB, outputs, inputs and time of the last poll that the fast path answered since the last call."""
+        if self._fast_path is None or not self.cells[fast_path.CHANGED]:
             return None
-        self.cells[short.CHANGED] = 0
-        way, row = self._short
+        self.cells[fast_path.CHANGED] = 0
+        path, row = self._fast_path
         cells = self.cells
-        return (int(cells[short.MASTER]), int(cells[short.FCB_CELL]), *way.last(row), int(cells[short.SENT_NS]))
+        return (
+            int(cells[fast_path.MASTER]),
+            int(cells[fast_path.FCB_CELL]),
+            *path.last(row),
+            int(cells[fast_path.SENT_NS]),
+        )
 
     def layout(self, output_codes: Sequence[int], input_codes: Sequence[int]) -> None:
         """Another telegram is in force: codes of its words (:mod:`pnfarm.table.signals`)."""
         self._outputs, self._inputs = _Words(output_codes), _Words(input_codes)
         self.output_octets, self.input_octets = self._outputs.octets, self._inputs.octets
-        self.cells[short.READY] = 0
-        if self._short is not None:
-            way, row = self._short
-            way.layout(row, self._outputs.as_compiled(), self._inputs.as_compiled())
+        self.cells[fast_path.READY] = 0
+        if self._fast_path is not None:
+            path, row = self._fast_path
+            path.layout(row, self._outputs.as_compiled(), self._inputs.as_compiled())
 
     def begin(self) -> None:
         """A connection begins: the first interval counts from its first data."""
-        self.cells[short.LAST] = 0
-        self.cells[short.LEFT] = AVERAGED
+        self.cells[fast_path.LAST] = 0
+        self.cells[fast_path.LEFT] = AVERAGED
 
     def take(self, data: bytes, now: int) -> None:
         """Outputs of the length of the telegram."""
@@ -160,7 +165,7 @@ class CyclicImage:
 
     def note(self, now: int) -> None:
         """Valid data came, whatever they are."""
-        last = self.cells[short.LAST]
+        last = self.cells[fast_path.LAST]
         self._interval_ns[0] = now - last if last else 0
         self._valid[0] = 1
         self._lost[0] = LOST_NOT
@@ -178,7 +183,7 @@ class CyclicImage:
         self._valid[0] = 0
         self._zero()
         self._lost[0] = why
-        self.cells[short.LAST] = 0
+        self.cells[fast_path.LAST] = 0
 
     def fill(self) -> bytes:
         """Inputs as they are now."""
@@ -193,7 +198,7 @@ class CyclicImage:
                 words[low] = value & 0xFFFF
         self._filled[0] = (self._filled[0] + 1) & 0xFFFFFFFF
         self._counts.sent += 1
-        self.cells[short.SENT_NS] = self._frame_ns[0]
+        self.cells[fast_path.SENT_NS] = self._frame_ns[0]
         return inputs.coding.pack(*words)
 
     def _zero(self) -> None:
@@ -206,20 +211,20 @@ class CyclicImage:
         self._frames[0] = (self._frames[0] + 1) & 0xFFFFFFFF
         counts, cells = self._counts, self.cells
         counts.received += 1
-        last = cells[short.LAST]
+        last = cells[fast_path.LAST]
         if last:
             interval = now - last
             counts.interval_sum_ns += interval
             self._intervals[bisect_left(INTERVAL_EDGES_NS, interval)] += 1
-            cells[short.LEFT] -= 1
-            if cells[short.LEFT] <= 0:
+            cells[fast_path.LEFT] -= 1
+            if cells[fast_path.LEFT] <= 0:
                 self._averaged(now)
         else:
-            cells[short.SINCE] = now
-        cells[short.LAST] = now
+            cells[fast_path.SINCE] = now
+        cells[fast_path.LAST] = now
 
     def _averaged(self, now: int) -> None:
-        mean = (now - self.cells[short.SINCE]) // AVERAGED
-        self.cells[short.SINCE], self.cells[short.LEFT] = now, AVERAGED
+        mean = (now - self.cells[fast_path.SINCE]) // AVERAGED
+        self.cells[fast_path.SINCE], self.cells[fast_path.LEFT] = now, AVERAGED
         if self._on_cycle is not None:
             self._on_cycle(mean)

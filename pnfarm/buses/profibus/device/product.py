@@ -10,7 +10,7 @@ from pnfarm.protocols.profibus.wire.dp import parse_identifiers
 from pnfarm.protocols.profibus.wire.timing import BAUD_RATES
 
 if TYPE_CHECKING:
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["Product"]
 

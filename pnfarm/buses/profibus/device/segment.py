@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.profibus.device.short_way import ShortWay
+from pnfarm.buses.profibus.device.fast_path import FastPath
 from pnfarm.protocols.profibus.wire.telegram import BODY, BROADCAST, EXTENDED, body_of_data
 
 if TYPE_CHECKING:
@@ -33,11 +33,11 @@ class ProfibusSegment:
         #: When a telegram came last.
         self.heard_ns = 0
         self._ports = [device.port.index for device in devices]
-        self._short: ShortWay | None = None
+        self._fast_path: FastPath | None = None
         if devices:
-            self._short = ShortWay(len(devices), devices[0].station.handle.image.base)
+            self._fast_path = FastPath(len(devices), devices[0].station.handle.image.base)
             for row, device in enumerate(devices):
-                device.image.join(self._short, row)
+                device.image.join(self._fast_path, row)
         self._are_addressed = False
         for device in devices:
             device.line = self
@@ -87,24 +87,24 @@ class ProfibusSegment:
 
     def answer(self, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
         """See :class:`pnfarm.buses.bus.LineSegment`."""
-        short = self._short
-        if short is None:
+        fast_path = self._fast_path
+        if fast_path is None:
             return None
         if not self._are_addressed:
-            self._address(short)
-        found = short.answer(octets, length, now)
+            self._address(fast_path)
+        found = fast_path.answer(octets, length, now)
         if found is None:
             return None
         self.heard_ns = now
         row, answer = found
         return self._ports[row], answer
 
-    def _address(self, short: ShortWay) -> None:
+    def _address(self, fast_path: FastPath) -> None:
         """Addresses that one slave alone has; none while a slave seeks the rate, as any telegram concerns it."""
         devices = list(self._devices.values())
         count = Counter(device.slave.address for device in devices)
         seeking = any(not device.slave.found for device in devices)
-        short.addresses(
+        fast_path.addresses(
             [
                 (device.slave.address, row)
                 for row, device in enumerate(devices)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profibus.device.image import CyclicImage
     from pnfarm.buses.profibus.device.product import Product
-    from pnfarm.drives.store import ParameterStore
+    from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.protocols.profibus.wire.dp import Parameters
 
 __all__ = ["DriveUser"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from pnfarm.faults.connection import Connection, ConnectionPart, Status
+from pnfarm.faults.effects.connection import Connection, ConnectionPart, Status
 from pnfarm.protocols.profibus.slave import LEFT, WATCHDOG
 from pnfarm.protocols.profibus.wire.dp import NO_MASTER, DpState
 from pnfarm.table.signals import ZSW1
@@ -21,7 +21,7 @@ _BITS: Final = {Status.FAULT: (3, 1), Status.WARNING: (7, 1), Status.INHIBITED: 
 
 
 class SlaveConnection(ConnectionPart):
-    """See :class:`~pnfarm.faults.connection.ConnectionPart`; no code on the wire says why a slave left."""
+    """See :class:`~pnfarm.faults.effects.connection.ConnectionPart`; no code on the wire says why a slave left."""
 
     def __init__(self, device: ProfibusDevice, settle: Callable[[int], None]) -> None:
         self._device = device

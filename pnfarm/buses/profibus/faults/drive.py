@@ -9,11 +9,11 @@ from pnfarm.buses.profibus.faults.requests import Records, SetParameters
 from pnfarm.buses.profibus.faults.slave import SLAVE, SlavePart
 from pnfarm.buses.profibus.faults.wire import ACYCLIC, CYCLIC, LineWire
 from pnfarm.errors import DecodeError
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
-from pnfarm.faults.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
-from pnfarm.faults.servo import SERVO, Servo
-from pnfarm.faults.wire import WIRE
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
+from pnfarm.faults.effects.servo import SERVO, Servo
+from pnfarm.faults.effects.wire import WIRE
 from pnfarm.protocols.profibus.wire.telegram import Telegram, parse_telegram
 
 if TYPE_CHECKING:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.requests import ConnectRequests, ParameterAccess
+from pnfarm.faults.effects.requests import ConnectRequests, ParameterAccess
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.buses.profibus.device.device import ProfibusDevice
-    from pnfarm.faults.gate import LateRule
+    from pnfarm.faults.gate.gate import LateRule
 
 __all__ = ["Records", "SetParameters"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.parts import DrivePart, Part
+from pnfarm.faults.effects.parts import DrivePart, Part
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -6,12 +6,12 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pnfarm.buses.profibus.faults.slave import SLAVE
-from pnfarm.faults.effect import POLL_NS, Effect, Tally, Window
+from pnfarm.faults.effects.effect import POLL_NS, Effect, Tally, Window
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["SlaveEffect"]
 
@@ -22,7 +22,7 @@ class SlaveEffect(Effect):
     needs = (SLAVE,)
     what: ClassVar[str]
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self.slave = drive.part(SLAVE)
         self._tally = Tally()

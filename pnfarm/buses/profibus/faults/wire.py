@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from pnfarm.faults.choice import Choice
-from pnfarm.faults.evidence import Evidence
-from pnfarm.faults.gate import GateRule
-from pnfarm.faults.shaping import Shape
-from pnfarm.faults.wire import Wire
+from pnfarm.faults.effects.evidence import Evidence
+from pnfarm.faults.effects.wire import Wire
+from pnfarm.faults.gate.choice import Choice
+from pnfarm.faults.gate.gate import GateRule
+from pnfarm.faults.gate.shaping import Shape
 from pnfarm.table.impairment import ALWAYS, CORRUPT, DELAY, DUPLICATE, INDEPENDENT, LATE, LOSS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.faults.gate import FrameClasses
+    from pnfarm.faults.gate.gate import FrameClasses
     from pnfarm.wire.direction import Direction
 
 __all__ = ["ACYCLIC", "CYCLIC", "LineWire"]

@@ -44,7 +44,7 @@ def _own_address(interface: str, wanted: str | None) -> IPv4Interface:
     """``--own-ip``, or the first address that the kernel has on the interface."""
     from ipaddress import IPv4Interface
 
-    from pnfarm.links.kernel_addresses import kernel_address
+    from pnfarm.links.kernel.addresses import kernel_address
 
     if wanted is None:
         return kernel_address(interface)
@@ -84,7 +84,7 @@ async def _access(
     from pnfarm.links.base import PortSpec
     from pnfarm.links.callbacks import raise_of_callbacks
     from pnfarm.links.interface import InterfaceLink
-    from pnfarm.links.kernel_addresses import hold_ports
+    from pnfarm.links.kernel.addresses import hold_ports
 
     link = InterfaceLink(interface)
     held = hold_ports(own, (TOOL_PORT,))

@@ -20,9 +20,9 @@ def gsdml(
     ] = Path(),
 ) -> None:
     """Write a model's GSDML file, which describes the virtual drive, and print its path."""
+    from pnfarm.buses.profinet.model_gsdml import describe_model, file_name
     from pnfarm.drives import catalogue
     from pnfarm.errors import ConfigError, EnvironmentError_
-    from pnfarm.protocols.profinet.gsdml.describe import describe_model, file_name
     from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
     from pnfarm.terminal.output import print_line, print_next
 

@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
     from pnfarm.buses.search import Question, SearchAnswer
-    from pnfarm.protocols.profinet.dcp_client import IdentifyAnswered
-    from pnfarm.protocols.profinet.lldp import Neighbour
+    from pnfarm.protocols.profinet.dcp.client import IdentifyAnswered
+    from pnfarm.protocols.profinet.lldp.agent import Neighbour
 
 __all__ = ["search"]
 
@@ -76,8 +76,8 @@ async def _listen(
     from pnfarm.links.base import PortSpec
     from pnfarm.links.callbacks import raise_of_callbacks
     from pnfarm.links.interface import InterfaceLink
-    from pnfarm.protocols.profinet.dcp_client import DcpClient, IdentifyAnswered, IdentifyFinished
-    from pnfarm.protocols.profinet.lldp import LldpPort, LocalPort, LocalSystem
+    from pnfarm.protocols.profinet.dcp.client import DcpClient, IdentifyAnswered, IdentifyFinished
+    from pnfarm.protocols.profinet.lldp.agent import LldpPort, LocalPort, LocalSystem
     from pnfarm.wire.ethernet import ETHERTYPE_LLDP, parse_ethernet
 
     link = InterfaceLink(interface)

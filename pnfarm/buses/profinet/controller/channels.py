@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.engine.schedule import ChannelTable, ConsumerPlan, ProviderPlan
-from pnfarm.protocols.profinet.binding import channel_layout
+from pnfarm.buses.profinet.binding import channel_layout
+from pnfarm.engine.channels.schedule import ChannelTable, ConsumerPlan, ProviderPlan
 
 if TYPE_CHECKING:
     from collections.abc import Container
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.controller.session import DeviceSession
     from pnfarm.engine.columns import Columns
     from pnfarm.links.base import Port
-    from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
-    from pnfarm.protocols.profinet.cmctl_events import Connected
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
+    from pnfarm.protocols.profinet.cm.controller.events import Connected
 
 __all__ = ["SessionChannels"]
 

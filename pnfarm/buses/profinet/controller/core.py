@@ -25,22 +25,22 @@ from pnfarm.engine.columns import Columns, allocate
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
-from pnfarm.protocols.profinet.cmctl_response import addressed_ar
-from pnfarm.protocols.profinet.dcp_client import (
+from pnfarm.protocols.profinet.cm.controller.response import addressed_ar
+from pnfarm.protocols.profinet.dcp.client import (
     DcpClient,
     GetFinished,
     HelloReceived,
 )
-from pnfarm.protocols.profinet.dcp_device import DcpDevice
-from pnfarm.protocols.profinet.dcp_rules import DcpIdentity
+from pnfarm.protocols.profinet.dcp.device import DcpDevice
+from pnfarm.protocols.profinet.dcp.rules import DcpIdentity
 from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode, pnio_error
-from pnfarm.protocols.profinet.lldp import LldpPort, LocalPort, LocalSystem, NeighbourAppeared, NeighbourChanged
-from pnfarm.protocols.profinet.rpc_client import RpcClient
-from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReceived, CallReturned, Interface, RpcServerConfig
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.rpc_server import RpcServer
+from pnfarm.protocols.profinet.lldp.agent import LldpPort, LocalPort, LocalSystem, NeighbourAppeared, NeighbourChanged
+from pnfarm.protocols.profinet.rpc.client import RpcClient
+from pnfarm.protocols.profinet.rpc.events import CallFailed, CallReceived, CallReturned, Interface, RpcServerConfig
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.rpc.server import RpcServer
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     RPC_PORT,
     UUID_PNIO_CONTROLLER,
     UUID_PNIO_DEVICE,
@@ -66,9 +66,9 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.controller.device_plan import DevicePlan
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.links.base import Link, Port
-    from pnfarm.protocols.profinet.ar import ExpectedKey
-    from pnfarm.protocols.profinet.cmctl import CmController
-    from pnfarm.protocols.profinet.cmctl_events import RecordRead, RecordWriteDone
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey
+    from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
+    from pnfarm.protocols.profinet.cm.controller.events import RecordRead, RecordWriteDone
     from pnfarm.station.event_log import EventLog
 
 __all__ = ["ControllerCore"]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from pnfarm.protocols.profinet.cmctl_events import Timeouts
-from pnfarm.protocols.profinet.wire.blocks_connect import ArType
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT
+from pnfarm.protocols.profinet.cm.controller.events import Timeouts
+from pnfarm.protocols.profinet.wire.cm.connect import ArType
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.axis_program import AxisProgram
     from pnfarm.buses.signal_steps import SignalSteps
-    from pnfarm.drives.signal_view import AxisSignals
-    from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
+    from pnfarm.drives.telegrams.signal_view import AxisSignals
+    from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 
 __all__ = ["CALL_PORT", "DevicePlan", "ProfinetPlan"]

@@ -11,7 +11,7 @@ from pnfarm.station.event import Event, Level, event, shown, unshown
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.protocols.profinet.lldp import Neighbour
+    from pnfarm.protocols.profinet.lldp.agent import Neighbour
 
 __all__ = [
     "AlarmReceived",

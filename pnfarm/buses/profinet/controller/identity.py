@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.blocks import BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.records import parse_im0, parse_im_text
+from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
+from pnfarm.protocols.profinet.wire.records.identification import parse_im0, parse_im_text
 
 __all__ = ["Identification", "read_im", "revision_text"]
 

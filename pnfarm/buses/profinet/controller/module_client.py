@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError, RemoteError
-from pnfarm.protocols.profinet.record_directory import Index
-from pnfarm.protocols.profinet.wire.blocks_any import parse_blocks
-from pnfarm.protocols.profinet.wire.records import ApiData, IdentificationData
+from pnfarm.protocols.profinet.records.directory import Index
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.records.identification import ApiData, IdentificationData
 
 if TYPE_CHECKING:
     from collections.abc import Generator

@@ -10,11 +10,11 @@ from pnfarm.buses.axis_program import IDLE, axis_program
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, ProfinetPlan
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
+from pnfarm.buses.profinet.model_gsdml import describe_diagnosis
 from pnfarm.buses.signal_steps import KnownSteps, SignalSteps
-from pnfarm.drives.signal_view import axis_signals
+from pnfarm.drives.telegrams.signal_view import axis_signals
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
-from pnfarm.protocols.profinet.gsdml.describe import describe_diagnosis
+from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.table.axis_codes import TASKS_NONE
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.config.controller import ForeignDevice, ProfinetController
     from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["plan_controller", "plan_devices"]
 

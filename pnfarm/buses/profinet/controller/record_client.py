@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError, RemoteError
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
-from pnfarm.protocols.profinet.cmctl import CmController
-from pnfarm.protocols.profinet.cmctl_events import (
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
+from pnfarm.protocols.profinet.cm.controller.events import (
     ArAborted,
     ArEstablished,
     ArFailed,
@@ -31,15 +31,15 @@ from pnfarm.protocols.profinet.cmctl_events import (
     RecordRead,
     RecordWriteDone,
 )
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan
-from pnfarm.protocols.profinet.dcp_client import DcpClient, IdentifyAnswered, IdentifyFinished
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
+from pnfarm.protocols.profinet.dcp.client import DcpClient, IdentifyAnswered, IdentifyFinished
 from pnfarm.protocols.profinet.errors import describe_status
-from pnfarm.protocols.profinet.rpc_client import RpcClient
-from pnfarm.protocols.profinet.rpc_events import CallFailed, CallReturned
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.wire.blocks_connect import ArType
-from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_DEVICE, object_uuid
+from pnfarm.protocols.profinet.rpc.client import RpcClient
+from pnfarm.protocols.profinet.rpc.events import CallFailed, CallReturned
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.wire.cm.connect import ArType
+from pnfarm.protocols.profinet.wire.dcp.blocks import NameBlock
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_DEVICE, object_uuid
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.protocols.profinet.cmctl_events import RecordRead, RecordWriteDone
+from pnfarm.protocols.profinet.cm.controller.events import RecordRead, RecordWriteDone
 from pnfarm.protocols.profinet.errors import PnioStatus, describe_status
 
 if TYPE_CHECKING:

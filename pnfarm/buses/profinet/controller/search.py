@@ -12,19 +12,19 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.controller.session import DeviceSession, SessionState, Sign
-from pnfarm.protocols.profinet.dcp_client import (
+from pnfarm.protocols.profinet.dcp.client import (
     COLLECT_MARGIN_NS,
     DcpClient,
     IdentifyAnswered,
     IdentifyFinished,
     SetFinished,
 )
-from pnfarm.protocols.profinet.wire.dcp_blocks import NameBlock
+from pnfarm.protocols.profinet.wire.dcp.blocks import NameBlock
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from pnfarm.protocols.profinet.dcp_client import DcpClientEvent
+    from pnfarm.protocols.profinet.dcp.client import DcpClientEvent
 
 __all__ = ["Duplicate", "Outcome", "Search", "duplicate_names"]
 

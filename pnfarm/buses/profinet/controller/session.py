@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.controller.device_plan import DevicePlan
     from pnfarm.buses.profinet.controller.identity import Identification
-    from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
-    from pnfarm.protocols.profinet.cmctl import CmController
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
+    from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
 
 __all__ = ["TRANSITIONS", "DeviceSession", "Measures", "SessionState", "Sign"]
 

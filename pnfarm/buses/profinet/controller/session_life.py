@@ -9,8 +9,8 @@ from pnfarm.buses.profinet.controller import events
 from pnfarm.buses.profinet.controller.identification import IdentificationReader
 from pnfarm.buses.profinet.controller.records import RecordJobs
 from pnfarm.buses.profinet.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
-from pnfarm.protocols.profinet.cmctl import CmController
-from pnfarm.protocols.profinet.cmctl_events import (
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
+from pnfarm.protocols.profinet.cm.controller.events import (
     AlarmIndicated,
     ApplicationReadyReceived,
     ArAborted,
@@ -25,9 +25,9 @@ from pnfarm.protocols.profinet.cmctl_events import (
     SubmodulesChanged,
     Timeouts,
 )
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
 from pnfarm.protocols.profinet.errors import describe_status
-from pnfarm.protocols.profinet.wire.alarm_texts import only_disappears
+from pnfarm.protocols.profinet.wire.alarms.texts import only_disappears
 
 if TYPE_CHECKING:
     from collections.abc import Callable

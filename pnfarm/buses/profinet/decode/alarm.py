@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.errors import ConnectFault, RtaError, describe_status
-from pnfarm.protocols.profinet.wire.alarm_texts import alarm_in_words
-from pnfarm.protocols.profinet.wire.alarms import AlarmAck, describe_place, parse_alarm
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmAck, describe_place, parse_alarm
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, error_of, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.texts import alarm_in_words
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH
-from pnfarm.protocols.profinet.wire.rta import RtaType, error_of, parse_rta
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -16,12 +16,12 @@ from pnfarm.captures.neutral import describe_udp, ip_packet
 from pnfarm.captures.packet import Description
 from pnfarm.captures.parameter_access import parameter_request, parameter_response
 from pnfarm.protocols.profinet.errors import describe_status
-from pnfarm.protocols.profinet.rpc_fragments import STUB_MAX, Reassembly
+from pnfarm.protocols.profinet.rpc.fragments import STUB_MAX, Reassembly
+from pnfarm.protocols.profinet.wire.any_block import read_blocks
+from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.block_texts import blocks_in_line
-from pnfarm.protocols.profinet.wire.blocks import BlockType
-from pnfarm.protocols.profinet.wire.blocks_any import read_blocks
-from pnfarm.protocols.profinet.wire.blocks_control import ControlBlock
-from pnfarm.protocols.profinet.wire.iod import (
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock
+from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadReqHeader,
     IodReadResHeader,
     IodWriteReqHeader,
@@ -32,7 +32,7 @@ from pnfarm.protocols.profinet.wire.iod import (
     parse_write_request,
     parse_write_response,
 )
-from pnfarm.protocols.profinet.wire.rpc import (
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
     RPC_PORT,
     UUID_EPM,
     UUID_PNIO_DEVICE,
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.decode.shared import Shared
     from pnfarm.captures.packet import Packet
-    from pnfarm.protocols.profinet.wire.blocks_any import Block
+    from pnfarm.protocols.profinet.wire.any_block import Block
 
 __all__ = ["is_call", "rpc"]
 

@@ -6,16 +6,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.captures.drive_words import words_of
-from pnfarm.protocols.profinet.wire.iocr import IocrType
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrType
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pnfarm.drives.model import Model
-    from pnfarm.drives.telegram import Telegram
-    from pnfarm.protocols.profinet.ar import IocrLayout
-    from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedApi
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.telegrams.telegram import Telegram
+    from pnfarm.protocols.profinet.cm.ar import IocrLayout
+    from pnfarm.protocols.profinet.wire.cm.expected import ExpectedApi
 
 __all__ = ["Channel", "Template", "make_template", "telegram_of"]
 

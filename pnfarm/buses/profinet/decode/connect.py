@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.profinet.decode.channels import Channel, make_template, telegram_of
 from pnfarm.buses.profinet.decode.identity import learn_identity
 from pnfarm.captures.packet import Description
-from pnfarm.protocols.profinet.ar import IocrLayout, LayoutError, compute_layout, expected_submodules
-from pnfarm.protocols.profinet.wire.blocks_connect import (
+from pnfarm.protocols.profinet.cm.ar import IocrLayout, LayoutError, compute_layout, expected_submodules
+from pnfarm.protocols.profinet.wire.cm.connect import (
     ArBlockReq,
     ArBlockRes,
     ArProperties,
     ArServerBlock,
     ArType,
 )
-from pnfarm.protocols.profinet.wire.blocks_expected import (
+from pnfarm.protocols.profinet.wire.cm.expected import (
     ExpectedApi,
     ExpectedSubmoduleBlockReq,
     IdentInfo,
     ModuleDiffBlock,
     ModuleState,
 )
-from pnfarm.protocols.profinet.wire.iocr import FRAME_ID_ASSIGN, IocrBlockReq, IocrBlockRes, IocrType
+from pnfarm.protocols.profinet.wire.cm.iocr import FRAME_ID_ASSIGN, IocrBlockReq, IocrBlockRes, IocrType
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.decode.shared import Shared
     from pnfarm.captures.packet import Packet
-    from pnfarm.protocols.profinet.wire.blocks_any import Block
-    from pnfarm.protocols.profinet.wire.rpc import RpcPdu
+    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.rpc.pdu import RpcPdu
 
 __all__ = ["connect_request", "connect_response", "forget_asked"]
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.profinet.decode.channels import Channel
 from pnfarm.captures.drive_words import SECOND_MASK, bits_text, stw1_text, values_text, zsw1_text
 from pnfarm.captures.packet import Description
-from pnfarm.drives.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.protocols.profinet.wire.frame_id import classify_frame_id
 from pnfarm.protocols.profinet.wire.rtc import (
     IOXS_BAD_BY_CONTROLLER,

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.identity import learn_identity
 from pnfarm.captures.packet import Description
-from pnfarm.protocols.profinet.wire import dcp_blocks as blocks
-from pnfarm.protocols.profinet.wire.dcp import (
+from pnfarm.protocols.profinet.wire.dcp import blocks
+from pnfarm.protocols.profinet.wire.dcp.pdu import (
     SERVICE_GET,
     SERVICE_HELLO,
     SERVICE_IDENTIFY,

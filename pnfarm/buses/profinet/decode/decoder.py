@@ -19,7 +19,7 @@ from pnfarm.buses.profinet.decode.shared import Shared
 from pnfarm.buses.profinet.decode.snmp import snmp
 from pnfarm.captures.conversations import CyclicChannel
 from pnfarm.captures.packet import Capture, Description, Packet
-from pnfarm.protocols.profinet.cmctl_plan import ArPlan, plan_frames
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, plan_frames
 from pnfarm.protocols.profinet.wire.frame_id import (
     ALARM_HIGH,
     ALARM_LOW,
@@ -28,7 +28,7 @@ from pnfarm.protocols.profinet.wire.frame_id import (
     classify_frame_id,
 )
 from pnfarm.protocols.profinet.wire.ptcp import PTCP_NAMES
-from pnfarm.protocols.profinet.wire.rpc import NIL_UUID
+from pnfarm.protocols.profinet.wire.rpc.pdu import NIL_UUID
 from pnfarm.wire.ethernet import ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET
 from pnfarm.wire.ipv4 import PROTOCOL_UDP
 from pnfarm.wire.rtc import FIRST_ACYCLIC_FRAME_ID, FIRST_CYCLIC_FRAME_ID

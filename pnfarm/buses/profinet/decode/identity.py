@@ -9,7 +9,7 @@ from pnfarm.drives.catalogue import model, models
 
 if TYPE_CHECKING:
     from pnfarm.captures.stations import Stations
-    from pnfarm.drives.model import Model
+    from pnfarm.drives.description.model import Model
 
 __all__ = ["learn_identity"]
 

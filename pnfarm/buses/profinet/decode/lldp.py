@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.captures.packet import Description
-from pnfarm.protocols.profinet.wire.lldp import parse_lldp, peer_names
+from pnfarm.protocols.profinet.wire.lldp.pdu import parse_lldp, peer_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.captures.stations import Bounded
-from pnfarm.protocols.profinet.wire import dcp_blocks as blocks
-from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq, ArProperties, ArType
-from pnfarm.protocols.profinet.wire.blocks_expected import ExpectedApi, ExpectedSubmoduleBlockReq, ModuleDiffBlock
-from pnfarm.protocols.profinet.wire.iocr import IocrBlockReq
+from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArProperties, ArType
+from pnfarm.protocols.profinet.wire.cm.expected import ExpectedApi, ExpectedSubmoduleBlockReq, ModuleDiffBlock
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockReq
+from pnfarm.protocols.profinet.wire.dcp import blocks
 from pnfarm.wire.mac import is_group
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from ipaddress import IPv4Address
 
-    from pnfarm.protocols.profinet.wire.blocks_any import Block
-    from pnfarm.protocols.profinet.wire.iod import WriteRequest
+    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.records.iod import WriteRequest
 
 __all__ = ["Observed", "SeenConnection", "SeenStation"]
 

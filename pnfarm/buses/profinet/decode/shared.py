@@ -13,9 +13,9 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.decode.channels import Channel, Template
     from pnfarm.buses.profinet.decode.observed import Observed
     from pnfarm.captures.packet import Capture
-    from pnfarm.protocols.profinet.rpc_fragments import Reassembly
-    from pnfarm.protocols.profinet.wire.blocks_any import Block
-    from pnfarm.protocols.profinet.wire.iod import WriteRequest
+    from pnfarm.protocols.profinet.rpc.fragments import Reassembly
+    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.records.iod import WriteRequest
 
 __all__ = ["Call", "Shared"]
 

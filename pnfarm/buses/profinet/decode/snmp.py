@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.captures.neutral import ip_packet
 from pnfarm.captures.packet import Description
-from pnfarm.protocols.profinet.wire.snmp import GET, GET_BULK, GET_NEXT, RESPONSE, SET, Pdu, parse_snmp
+from pnfarm.protocols.profinet.wire.snmp.message import GET, GET_BULK, GET_NEXT, RESPONSE, SET, Pdu, parse_snmp
 from pnfarm.wire.udp import parse_udp
 
 if TYPE_CHECKING:

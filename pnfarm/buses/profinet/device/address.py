@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 from pnfarm.buses.profinet.device import events
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.ip.host import AddressConflict, AddressRefused, AddressSettled, IpHost
-from pnfarm.protocols.profinet.dcp_device import DcpDevice
-from pnfarm.protocols.profinet.dcp_rules import (
+from pnfarm.protocols.profinet.dcp.device import DcpDevice
+from pnfarm.protocols.profinet.dcp.rules import (
     NO_DNS,
     DcpIdentity,
     Dns,
@@ -25,7 +25,7 @@ from pnfarm.protocols.profinet.dcp_rules import (
     SignalBegan,
     SignalEnded,
 )
-from pnfarm.protocols.profinet.wire.fsu import FSU_DATA_ADJUST_INDEX, parse_fsu_data_adjust
+from pnfarm.protocols.profinet.wire.records.fsu import FSU_DATA_ADJUST_INDEX, parse_fsu_data_adjust
 from pnfarm.station import events as happened
 from pnfarm.station.events import StartUpPhase
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.device.config import DeviceConfig
     from pnfarm.protocols.ip.host import IpEvent
-    from pnfarm.protocols.profinet.dcp_rules import DcpDeviceEvent
+    from pnfarm.protocols.profinet.dcp.rules import DcpDeviceEvent
     from pnfarm.station.event import Event
 
 __all__ = ["Note", "StationAddress"]

@@ -5,22 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pnfarm.engine.closed_channels import ClosedChannels
-from pnfarm.engine.schedule import ConsumerPlan, ProviderPlan
-from pnfarm.protocols.profinet.binding import channel_layout
+from pnfarm.buses.profinet.binding import channel_layout
+from pnfarm.engine.channels.closed_channels import ClosedChannels
+from pnfarm.engine.channels.schedule import ConsumerPlan, ProviderPlan
 from pnfarm.protocols.profinet.description import MAX_SUPERVISOR_ARS
-from pnfarm.protocols.profinet.record_store import IoData
+from pnfarm.protocols.profinet.records.store import IoData
 from pnfarm.table.channel import IOXS_GOOD, STATUS_GOOD, STATUS_NO_PROBLEM
 
 if TYPE_CHECKING:
     from collections.abc import Container, Sequence
     from ipaddress import IPv4Address
 
-    from pnfarm.engine.impairments import ImpairmentTable
-    from pnfarm.engine.schedule import ChannelTable
+    from pnfarm.engine.channels.impairments import ImpairmentTable
+    from pnfarm.engine.channels.schedule import ChannelTable
     from pnfarm.links.base import Port
-    from pnfarm.protocols.profinet.ar import ExpectedKey, IocrLayout
-    from pnfarm.protocols.profinet.events import ArConnected
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
+    from pnfarm.protocols.profinet.cm.device.events import ArConnected
 
 __all__ = ["ArChannels", "StationChannels", "channel_rows"]
 

@@ -7,7 +7,7 @@ from one does not delay the Connect of another.
 
 from __future__ import annotations
 
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT
 from pnfarm.wire.ethernet import ETHERTYPE_IPV4
 
 __all__ = ["CONNECTS", "SOURCES", "WINDOW_NS", "ConnectBudget"]

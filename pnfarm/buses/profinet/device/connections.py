@@ -13,9 +13,8 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.device import events as happened
-from pnfarm.buses.profinet.device.record_memory import record_word
-from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
-from pnfarm.protocols.profinet.events import (
+from pnfarm.buses.profinet.device.memory.record_memory import record_word
+from pnfarm.protocols.profinet.cm.device.events import (
     AlarmConfirmed,
     ApplicationReadyConfirmed,
     ArAborted,
@@ -28,6 +27,7 @@ from pnfarm.protocols.profinet.events import (
     RecordWritten,
     SubmodulesChanged,
 )
+from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
 from pnfarm.station.events import StartUpPhase, WatchdogExpired
 from pnfarm.station.lateness import Lateness, budget_ns
 from pnfarm.station.step_time import SLOWEST_STEP_NS, longest_step_ns
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.device.channels import ArChannels
     from pnfarm.buses.profinet.device.parts import DeviceParts
     from pnfarm.engine.lateness import LatenessRecord
-    from pnfarm.protocols.profinet.events import CmEvent
+    from pnfarm.protocols.profinet.cm.device.events import CmEvent
 
 __all__ = ["StationConnections"]
 

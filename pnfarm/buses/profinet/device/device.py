@@ -15,42 +15,42 @@ from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
+from pnfarm.buses.profinet.binding import DriveRecords as ParameterRecords
+from pnfarm.buses.profinet.binding import describe_device
 from pnfarm.buses.profinet.device import events as happened
 from pnfarm.buses.profinet.device.address import StationAddress
 from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels, channel_rows
 from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
 from pnfarm.buses.profinet.device.connections import StationConnections
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
-from pnfarm.buses.profinet.device.kept_values import check_kept
-from pnfarm.buses.profinet.device.neighbours import StationNeighbours
+from pnfarm.buses.profinet.device.management.neighbour_rows import NeighbourRows
+from pnfarm.buses.profinet.device.management.neighbours import StationNeighbours
+from pnfarm.buses.profinet.device.management.station import snmp_view
+from pnfarm.buses.profinet.device.management.traffic import PortTraffic
+from pnfarm.buses.profinet.device.memory.kept_values import check_kept
+from pnfarm.buses.profinet.device.memory.record_memory import records_of
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.device.pump import CALL_PORT, DevicePump
-from pnfarm.buses.profinet.device.record_memory import records_of
-from pnfarm.buses.profinet.device.snmp import snmp_view
-from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
-from pnfarm.buses.profinet.device.traffic import PortTraffic
 from pnfarm.buses.profinet.device.view import connection_of, details_of, losses_in_words, losses_of, view_of
 from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError, InternalError
 from pnfarm.protocols.deadlines import earliest
-from pnfarm.protocols.profinet.binding import DriveRecords as ParameterRecords
-from pnfarm.protocols.profinet.binding import describe_device
-from pnfarm.protocols.profinet.cmdev import CmDevice
-from pnfarm.protocols.profinet.dcp_rules import DcpIdentity
+from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
+from pnfarm.protocols.profinet.dcp.rules import DcpIdentity
 from pnfarm.protocols.profinet.description import Plugged
 from pnfarm.protocols.profinet.errors import RtaError
-from pnfarm.protocols.profinet.mib_view import SystemText
-from pnfarm.protocols.profinet.record_store import DeviceRecords
-from pnfarm.protocols.profinet.rpc_client import RpcClient
-from pnfarm.protocols.profinet.rpc_endpoints import Endpoint
-from pnfarm.protocols.profinet.rpc_events import RpcServerConfig
-from pnfarm.protocols.profinet.rpc_server import RpcServer
-from pnfarm.protocols.profinet.snmp import SnmpAgent
-from pnfarm.protocols.profinet.wire.epm import annotation
+from pnfarm.protocols.profinet.records.store import DeviceRecords
+from pnfarm.protocols.profinet.rpc.client import RpcClient
+from pnfarm.protocols.profinet.rpc.endpoints import Endpoint
+from pnfarm.protocols.profinet.rpc.events import RpcServerConfig
+from pnfarm.protocols.profinet.rpc.server import RpcServer
+from pnfarm.protocols.profinet.snmp.agent import SnmpAgent
+from pnfarm.protocols.profinet.snmp.view import SystemText
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.names import check_station_name
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, object_uuid
-from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
+from pnfarm.protocols.profinet.wire.rpc.epm import annotation
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, object_uuid
+from pnfarm.protocols.profinet.wire.snmp.message import SNMP_PORT
 from pnfarm.station.events import ControllerModeChanged, OutputsChanged
 from pnfarm.station.parameter_words import StationParameterWords
 from pnfarm.table import engine_row
@@ -63,12 +63,12 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.profinet.device.config import DeviceConfig
-    from pnfarm.drives.store import ParameterStore
-    from pnfarm.engine.closed_channels import ClosedChannels
+    from pnfarm.drives.parameters.store import ParameterStore
+    from pnfarm.engine.channels.closed_channels import ClosedChannels
     from pnfarm.links.base import Port
     from pnfarm.protocols.ip.host import IpHost
-    from pnfarm.protocols.profinet.dcp_device import DcpDevice
-    from pnfarm.protocols.profinet.wire.lldp import Lldpdu
+    from pnfarm.protocols.profinet.dcp.device import DcpDevice
+    from pnfarm.protocols.profinet.wire.lldp.pdu import Lldpdu
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
     from pnfarm.station.station import Station

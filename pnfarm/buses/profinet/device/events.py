@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.protocols.profinet.errors import describe_status
-from pnfarm.protocols.profinet.wire.alarms import alarm_type_text
-from pnfarm.protocols.profinet.wire.diagnosis_texts import describe_error_type
+from pnfarm.protocols.profinet.wire.alarms.notification import alarm_type_text
+from pnfarm.protocols.profinet.wire.records.diagnosis_texts import describe_error_type
 from pnfarm.station.event import Event, Level, event, shown, unshown
 from pnfarm.station.events import (
     ConnectionEstablished,
@@ -19,11 +19,11 @@ from pnfarm.station.events import (
 if TYPE_CHECKING:
     from ipaddress import IPv4Address, IPv4Interface
 
-    from pnfarm.protocols.profinet.ar import ExpectedKey
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey
     from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
     from pnfarm.protocols.profinet.errors import PnioStatus
-    from pnfarm.protocols.profinet.lldp import Neighbour
-    from pnfarm.protocols.profinet.pdev_checks import CheckFailed, CheckPassed
+    from pnfarm.protocols.profinet.lldp.agent import Neighbour
+    from pnfarm.protocols.profinet.records.pdev_checks import CheckFailed, CheckPassed
 
 __all__ = [
     "AddressSet",

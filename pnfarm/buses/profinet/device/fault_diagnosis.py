@@ -12,11 +12,11 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
-from pnfarm.protocols.profinet.wire.diagnosis import Direction, Usi
+from pnfarm.protocols.profinet.wire.records.diagnosis import Direction, Usi
 from pnfarm.table.axis_codes import FAULT_SLOTS
 
 if TYPE_CHECKING:
-    from pnfarm.drives.store import ParameterStore
+    from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 
 __all__ = ["FaultDiagnosis", "fault_entry"]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pnfarm.protocols.profinet.wire.names import check_station_name
 
 if TYPE_CHECKING:
-    from pnfarm.protocols.profinet.dcp_device import DcpDevice
+    from pnfarm.protocols.profinet.dcp.device import DcpDevice
 
 __all__ = ["StationNetwork"]
 

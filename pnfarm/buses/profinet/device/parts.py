@@ -8,20 +8,20 @@ if TYPE_CHECKING:
     from collections import Counter
     from collections.abc import Mapping
 
+    from pnfarm.buses.profinet.binding import DriveRecords
     from pnfarm.buses.profinet.device.address import StationAddress
     from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels
-    from pnfarm.buses.profinet.device.neighbours import StationNeighbours
-    from pnfarm.buses.profinet.device.snmp_neighbours import NeighbourRows
-    from pnfarm.buses.profinet.device.traffic import PortTraffic
+    from pnfarm.buses.profinet.device.management.neighbour_rows import NeighbourRows
+    from pnfarm.buses.profinet.device.management.neighbours import StationNeighbours
+    from pnfarm.buses.profinet.device.management.traffic import PortTraffic
     from pnfarm.drives.axis_handle import AxisHandle
-    from pnfarm.drives.model import Model
-    from pnfarm.drives.store import ParameterStore
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.links.base import Port
-    from pnfarm.protocols.profinet.binding import DriveRecords
-    from pnfarm.protocols.profinet.cmdev import CmDevice
-    from pnfarm.protocols.profinet.dcp_device import DcpDevice
+    from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
+    from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription
-    from pnfarm.protocols.profinet.mib_view import SystemText
+    from pnfarm.protocols.profinet.snmp.view import SystemText
     from pnfarm.station.event import Event
     from pnfarm.station.parameter_words import StationParameterWords
 

@@ -10,18 +10,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.buses.profinet.device import events as happened
-from pnfarm.buses.profinet.device.factory_reset import clear_memory
-from pnfarm.buses.profinet.device.neighbours import port_diagnosis
+from pnfarm.buses.profinet.device.management.neighbours import port_diagnosis
+from pnfarm.buses.profinet.device.memory.factory_reset import clear_memory
+from pnfarm.buses.profinet.device.memory.record_memory import record_word
 from pnfarm.buses.profinet.device.parts import DeviceParts
-from pnfarm.buses.profinet.device.record_memory import record_word
 from pnfarm.errors import InternalError
 from pnfarm.protocols.ip.host import DatagramReceived
-from pnfarm.protocols.profinet.dcp_rules import AbortRequired, FactoryReset, IpSet, NameSet, SignalBegan, Stored
-from pnfarm.protocols.profinet.pdev_checks import CheckFailed
-from pnfarm.protocols.profinet.rpc_events import CallFailed, CallKey, CallReceived, CallReturned
-from pnfarm.protocols.profinet.rpc_fragments import Peer
-from pnfarm.protocols.profinet.wire.rpc import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum
-from pnfarm.protocols.profinet.wire.snmp import SNMP_PORT
+from pnfarm.protocols.profinet.dcp.rules import AbortRequired, FactoryReset, IpSet, NameSet, SignalBegan, Stored
+from pnfarm.protocols.profinet.records.pdev_checks import CheckFailed
+from pnfarm.protocols.profinet.rpc.events import CallFailed, CallKey, CallReceived, CallReturned
+from pnfarm.protocols.profinet.rpc.fragments import Peer
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum
+from pnfarm.protocols.profinet.wire.snmp.message import SNMP_PORT
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet
 
 if TYPE_CHECKING:
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
     from pnfarm.buses.profinet.device.connections import StationConnections
     from pnfarm.protocols.ip.host import IpHost
-    from pnfarm.protocols.profinet.record_store import DeviceRecords
-    from pnfarm.protocols.profinet.rpc_client import RpcClient
-    from pnfarm.protocols.profinet.rpc_server import RpcServer
-    from pnfarm.protocols.profinet.snmp import SnmpAgent
+    from pnfarm.protocols.profinet.records.store import DeviceRecords
+    from pnfarm.protocols.profinet.rpc.client import RpcClient
+    from pnfarm.protocols.profinet.rpc.server import RpcServer
+    from pnfarm.protocols.profinet.snmp.agent import SnmpAgent
     from pnfarm.station.station import Station
 
 __all__ = ["CALL_PORT", "DevicePump"]

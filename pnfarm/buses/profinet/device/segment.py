@@ -14,17 +14,17 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.dcp_device import identify_matches
-from pnfarm.protocols.profinet.wire.dcp import DcpPdu, parse_dcp
-from pnfarm.protocols.profinet.wire.dcp_blocks import AliasBlock, AllSelectorBlock, DeviceInstanceBlock, NameBlock
-from pnfarm.protocols.profinet.wire.lldp import parse_lldp
+from pnfarm.protocols.profinet.dcp.device import identify_matches
+from pnfarm.protocols.profinet.wire.dcp.blocks import AliasBlock, AllSelectorBlock, DeviceInstanceBlock, NameBlock
+from pnfarm.protocols.profinet.wire.dcp.pdu import DcpPdu, parse_dcp
+from pnfarm.protocols.profinet.wire.lldp.pdu import parse_lldp
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Hashable, Mapping, Sequence
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
-    from pnfarm.protocols.profinet.wire.lldp import Lldpdu
+    from pnfarm.protocols.profinet.wire.lldp.pdu import Lldpdu
 
 __all__ = ["ProfinetSegment"]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.protocols.profinet.ar import CmdevState
+from pnfarm.protocols.profinet.cm.ar import CmdevState
 from pnfarm.protocols.profinet.errors import abort_label, abort_status, describe_status
-from pnfarm.protocols.profinet.wire.blocks_connect import ArType
+from pnfarm.protocols.profinet.wire.cm.connect import ArType
 from pnfarm.station.device import ConnectionView
 from pnfarm.wire.mac import format_mac
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.device.channels import ArChannels
     from pnfarm.buses.profinet.device.parts import DeviceParts
-    from pnfarm.protocols.profinet.ar import IocrLayout
+    from pnfarm.protocols.profinet.cm.ar import IocrLayout
 
 __all__ = [
     "CONNECTION_STATES",

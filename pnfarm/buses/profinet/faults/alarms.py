@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.parts import DrivePart, Part
-from pnfarm.protocols.profinet.events import AlarmConfirmed
-from pnfarm.protocols.profinet.wire.alarms import AlarmType
+from pnfarm.faults.effects.parts import DrivePart, Part
+from pnfarm.protocols.profinet.cm.device.events import AlarmConfirmed
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
 from pnfarm.table.impairment import IOPS_BAD
 
 if TYPE_CHECKING:
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.faults.connection import ArKeys
-    from pnfarm.engine.impairments import ImpairmentTable
-    from pnfarm.protocols.profinet.ar import ExpectedKey
-    from pnfarm.protocols.profinet.events import CmEvent
-    from pnfarm.protocols.profinet.wire.alarms import AlarmItem
+    from pnfarm.engine.channels.impairments import ImpairmentTable
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey
+    from pnfarm.protocols.profinet.cm.device.events import CmEvent
+    from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem
 
 __all__ = ["ALARMS", "Alarms", "OwnAlarm"]
 

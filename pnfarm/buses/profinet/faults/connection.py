@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.connection import Connection, ConnectionPart, Status
+from pnfarm.faults.effects.connection import Connection, ConnectionPart, Status
 from pnfarm.table.channel import IDLE
 from pnfarm.table.plain import plain
 from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1
@@ -37,7 +37,7 @@ class ArKeys:
 
 
 class ProfinetConnection(ConnectionPart):
-    """See :class:`~pnfarm.faults.connection.ConnectionPart`; error codes are those of an ERR-RTA-PDU."""
+    """See :class:`~pnfarm.faults.effects.connection.ConnectionPart`; error codes are those of an ERR-RTA-PDU."""
 
     def __init__(self, station: ProfinetDevice, columns: Columns, keys: ArKeys, settle: Callable[[int], None]) -> None:
         self._station = station

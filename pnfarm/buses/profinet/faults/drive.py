@@ -13,13 +13,13 @@ from pnfarm.buses.profinet.faults.modules import MODULES, Modules
 from pnfarm.buses.profinet.faults.records import RECORDS, Records
 from pnfarm.buses.profinet.faults.second_station import NEIGHBOUR, Neighbour
 from pnfarm.buses.profinet.faults.set_up import SET_UP, SetUp
-from pnfarm.faults.adapter import ADAPTER, Adapter
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.parts import DrivePart, InjectedDrive, Part
-from pnfarm.faults.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
-from pnfarm.faults.servo import SERVO, Servo
-from pnfarm.faults.sign_of_life import LIFE, SignOfLife
-from pnfarm.faults.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
+from pnfarm.faults.effects.adapter import ADAPTER, Adapter
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
+from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
+from pnfarm.faults.effects.servo import SERVO, Servo
+from pnfarm.faults.effects.sign_of_life import LIFE, SignOfLife
+from pnfarm.faults.effects.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
 
 if TYPE_CHECKING:
     from pnfarm.buses.bus import InjectionHost

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Final
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.wire.alarms.rta import FIRST_ACK, RtaType, emit_rta, parse_rta
 from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
-from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaType, emit_rta, parse_rta
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 
 __all__ = [

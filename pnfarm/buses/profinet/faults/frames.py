@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
-from pnfarm.faults.frames import FramesEffect
-from pnfarm.faults.parts import Part
+from pnfarm.faults.effects.frames import FramesEffect
+from pnfarm.faults.effects.parts import Part
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effect import Needs
-    from pnfarm.faults.gate import FrameClasses
-    from pnfarm.faults.wire import Wire
+    from pnfarm.faults.effects.effect import Needs
+    from pnfarm.faults.effects.wire import Wire
+    from pnfarm.faults.gate.gate import FrameClasses
 
 __all__ = ["PROFINET_FRAMES", "ProfinetFramesEffect"]
 

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.device.modules import module_of_ident, module_of_telegram
 from pnfarm.errors import ConfigError
+from pnfarm.faults.effects.parts import DrivePart, Part
 from pnfarm.faults.errors import InjectionError
-from pnfarm.faults.parts import DrivePart, Part
 from pnfarm.protocols.profinet.description import SlotState
-from pnfarm.protocols.profinet.wire.blocks_expected import ModuleState
+from pnfarm.protocols.profinet.wire.cm.expected import ModuleState
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.faults.connection import ArKeys
-    from pnfarm.protocols.profinet.ar import Ar, ExpectedKey
+    from pnfarm.protocols.profinet.cm.ar import Ar, ExpectedKey
     from pnfarm.protocols.profinet.description import ModuleDescription
 
 __all__ = ["MODULES", "ModuleChange", "Modules"]

@@ -8,9 +8,14 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.profinet.faults.alarms import OwnAlarm
 from pnfarm.buses.profinet.faults.slot_effect import SLOT, SUBSLOT
 from pnfarm.faults.kind import ParamSpec, words_of
-from pnfarm.protocols.profinet.wire.alarms import AlarmItem, AlarmType
-from pnfarm.protocols.profinet.wire.diagnosis import WHOLE_SUBMODULE, ChannelDiagnosis, ChannelProperties, emit_items
-from pnfarm.protocols.profinet.wire.diagnosis_texts import (
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmType
+from pnfarm.protocols.profinet.wire.records.diagnosis import (
+    WHOLE_SUBMODULE,
+    ChannelDiagnosis,
+    ChannelProperties,
+    emit_items,
+)
+from pnfarm.protocols.profinet.wire.records.diagnosis_texts import (
     CHANNEL_ERROR_TYPES,
     EXT_CHANNEL_ERROR_TYPES,
     PROFIDRIVE_ERROR_TYPES,

@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.parts import Part
-from pnfarm.faults.requests import ParameterAccess
+from pnfarm.faults.effects.parts import Part
+from pnfarm.faults.effects.requests import ParameterAccess
 from pnfarm.protocols.profinet.errors import PnioStatus, RecordError
-from pnfarm.protocols.profinet.wire.rpc import Opnum
+from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
-    from pnfarm.faults.gate import LateRule
-    from pnfarm.protocols.profinet.rpc_events import CallKey
+    from pnfarm.faults.gate.gate import LateRule
+    from pnfarm.protocols.profinet.rpc.events import CallKey
 
 __all__ = ["RECORDS", "Records"]
 

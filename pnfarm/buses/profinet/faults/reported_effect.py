@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pnfarm.buses.profinet.faults.alarms import ALARMS
 from pnfarm.buses.profinet.faults.modules import MODULES
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.effect import POLL_NS, Effect, Tally
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.effect import POLL_NS, Effect, Tally
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effect import Needs
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.protocols.profinet.events import AlarmConfirmed
+    from pnfarm.faults.effects.effect import Needs
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
+    from pnfarm.protocols.profinet.cm.device.events import AlarmConfirmed
 
 __all__ = ["ReportedEffect"]
 
@@ -25,7 +25,7 @@ class ReportedEffect(Effect):
 
     needs: ClassVar[Needs] = (CONNECTION, ALARMS, MODULES)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._connection = drive.part(CONNECTION)
         self._alarms = drive.part(ALARMS)

@@ -11,13 +11,13 @@ from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar
 
 from pnfarm.errors import DecodeError
-from pnfarm.faults.effect import Effect, Tally
+from pnfarm.faults.effects.effect import Effect, Tally
+from pnfarm.faults.effects.parts import DrivePart, Part
+from pnfarm.faults.effects.wire import WIRE
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import ParamSpec
-from pnfarm.faults.parts import DrivePart, Part
-from pnfarm.faults.wire import WIRE
 from pnfarm.protocols.ip.host import IpHost
-from pnfarm.protocols.profinet.dcp_device import DcpDevice
+from pnfarm.protocols.profinet.dcp.device import DcpDevice
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_PROFINET, parse_ethernet
 from pnfarm.wire.mac import format_mac
 
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
-    from pnfarm.faults.effect import Needs, Window
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.protocols.profinet.dcp_rules import DcpIdentity
+    from pnfarm.faults.effects.effect import Needs, Window
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
+    from pnfarm.protocols.profinet.dcp.rules import DcpIdentity
     from pnfarm.wire.direction import Direction
     from pnfarm.wire.ethernet import EthernetFrame
 
@@ -79,7 +79,7 @@ class SecondStation(Effect):
 
     needs: ClassVar[Needs] = (WIRE, NEIGHBOUR)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._wire = drive.part(WIRE)
         self._original = drive.part(NEIGHBOUR)
@@ -159,7 +159,7 @@ class SecondStation(Effect):
 class SecondHost(SecondStation):
     """Has the drive's IP address: announces it every so often, answers ARP and ping, defends it."""
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         address = self._original.address
         if address is None:
@@ -196,7 +196,7 @@ class SecondHost(SecondStation):
 class SecondName(SecondStation):
     """Has the drive's station name, of the same type, without an address: answers DCP Identify."""
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         if not self._original.name:
             raise InjectionError([("kind", f"{drive.name} has no station name that a second station could have", "")])

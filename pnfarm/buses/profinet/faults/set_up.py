@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-from pnfarm.faults.parts import Part
-from pnfarm.faults.requests import ConnectRequests
-from pnfarm.protocols.profinet.ar import CmdevState
+from pnfarm.faults.effects.parts import Part
+from pnfarm.faults.effects.requests import ConnectRequests
+from pnfarm.protocols.profinet.cm.ar import CmdevState
 from pnfarm.protocols.profinet.errors import ErrorCode, pnio_error
-from pnfarm.protocols.profinet.wire.blocks_connect import ArBlockReq, ArProperties
+from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArProperties
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.profinet.faults.modules import ModuleChange
 from pnfarm.buses.profinet.faults.reported_effect import ReportedEffect
 from pnfarm.faults.kind import WORD, ParamSpec
-from pnfarm.protocols.profinet.wire.alarms import AlarmType
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effect import Window
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.protocols.profinet.events import AlarmConfirmed
+    from pnfarm.faults.effects.effect import Window
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
+    from pnfarm.protocols.profinet.cm.device.events import AlarmConfirmed
 
 __all__ = ["ONE_SUBSLOT", "SLOT", "SUBSLOT", "SlotEffect"]
 
@@ -27,7 +27,7 @@ _GONE = frozenset({AlarmType.PULL, AlarmType.PULL_MODULE, AlarmType.PLUG_WRONG_S
 class SlotEffect(ReportedEffect):
     """Confirmed by the alarms for a submodule that is gone or wrong."""
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         _, slot, _ = self._modules.place(self.values["slot"], None)
         given = {name: self.values[name] for name in ("telegram", "ident", "substitute") if name in self.values}

@@ -10,15 +10,15 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.model_files import integer, rows
-from pnfarm.drives.parameter import ParameterType
+from pnfarm.drives.description.files import integer, rows
+from pnfarm.drives.parameters.parameter import ParameterType
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.drives.model_files import ModelFiles
-    from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.description.files import ModelFiles
+    from pnfarm.drives.parameters.parameter import Parameter
 
 __all__ = ["ATTRIBUTE_SIZES", "CIP", "Cip", "CipAttribute", "CipInstance", "Scaling", "read_cip"]
 

@@ -22,7 +22,7 @@ Twelve elements in 46 octets; subindex 0 asks for all of them, 1..12 for one.
 
 from __future__ import annotations
 
-from pnfarm.drives.parameter import Form, Parameter, ParameterError, ParameterErrorNumber, ParameterType
+from pnfarm.drives.parameters.parameter import Form, Parameter, ParameterError, ParameterErrorNumber, ParameterType
 from pnfarm.drives.profiles.profidrive.base_mode import FORMAT_BYTE, FORMAT_DWORD, FORMAT_WORD
 from pnfarm.wire.octets import Writer
 

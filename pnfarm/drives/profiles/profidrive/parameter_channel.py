@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import Backing, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import (
     ATTRIBUTE_DESCRIPTION,
     ATTRIBUTE_TEXT,
@@ -43,7 +43,7 @@ from pnfarm.drives.profiles.profidrive.description import data_type, describe, f
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.drives.store import ParameterStore
+    from pnfarm.drives.parameters.store import ParameterStore
 
 __all__ = ["LOCAL", "ParameterChannel"]
 

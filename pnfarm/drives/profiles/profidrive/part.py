@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.model_parts import NO_IDENTITY, Identity
-from pnfarm.drives.word_bits import bit_names
+from pnfarm.drives.description.parts import NO_IDENTITY, Identity
+from pnfarm.drives.telegrams.word_bits import bit_names
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.drives.model_parts import SignOfLife
+    from pnfarm.drives.description.parts import SignOfLife
     from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
-    from pnfarm.drives.telegram import Signal, Telegram
-    from pnfarm.drives.word_bits import WordBits
+    from pnfarm.drives.telegrams.telegram import Signal, Telegram
+    from pnfarm.drives.telegrams.word_bits import WordBits
 
 __all__ = ["PROFIDRIVE", "Profidrive"]
 

@@ -14,15 +14,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.parameter import Parameter, ParameterError, ParameterErrorNumber, refusal
+from pnfarm.drives.parameters.parameter import Parameter, ParameterError, ParameterErrorNumber, refusal
 from pnfarm.drives.profiles.profidrive.description import describe
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK, Pkw, emit_pkw, parse_pkw
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.drives.profiles.profidrive.pkw import ParameterWords
-    from pnfarm.drives.store import ParameterStore
 
 __all__ = ["OTHER_ERROR", "PkwChannel"]
 

@@ -208,7 +208,7 @@ def body_of_data(octets: bytes) -> int:
 
 
 def emit_data(destination: int, source: int, function: int, data: bytes, *, fixed: bool = True) -> bytes:
-    """:func:`emit_telegram` of a telegram with data and without access points, the shortest way."""
+    """:func:`emit_telegram` of a telegram with data and without access points, the fastest path."""
     body = bytes((destination, source, function)) + data
     end = bytes((sum(body) & 0xFF, ED))
     if fixed and len(data) == _FIXED:

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profinet.cmctl_plan import ParameterRecord, PlannedSubmodule
+from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.document import PortSubmodule, SubmoduleItem
-from pnfarm.protocols.profinet.wire.blocks_expected import SubmoduleProperties
+from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:

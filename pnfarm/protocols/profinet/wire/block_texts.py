@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.blocks import RawBlock
-from pnfarm.protocols.profinet.wire.blocks_any import parse_block, parse_blocks
-from pnfarm.protocols.profinet.wire.pdev import MultipleBlock
+from pnfarm.protocols.profinet.wire.any_block import parse_block, parse_blocks
+from pnfarm.protocols.profinet.wire.block import RawBlock
+from pnfarm.protocols.profinet.wire.records.pdev import MultipleBlock
 
 if TYPE_CHECKING:
-    from pnfarm.protocols.profinet.wire.blocks_any import Block
+    from pnfarm.protocols.profinet.wire.any_block import Block
 
 __all__ = ["blocks_in_line", "blocks_in_words", "number_text"]
 

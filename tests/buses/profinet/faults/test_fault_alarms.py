@@ -4,7 +4,7 @@ import pytest
 from fault_line import FaultLine
 from profinet_state import alarms, at_rest, iops, station
 
-from pnfarm.protocols.profinet.wire.rta import RtaType, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, parse_rta
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 
 

@@ -16,8 +16,8 @@ from pnfarm.buses.profinet.faults.frame_class import (
     acknowledging_nothing,
     frame_class,
 )
+from pnfarm.protocols.profinet.wire.alarms.rta import FIRST_ACK, RtaPdu, RtaType, emit_rta, parse_rta
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
-from pnfarm.protocols.profinet.wire.rta import FIRST_ACK, RtaPdu, RtaType, emit_rta, parse_rta
 
 MACS = bytes.fromhex("020000000001020000000002")
 #: Every class that a frame can have.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effect import Effect, Tally, Window
+from pnfarm.faults.effects.effect import Effect, Tally, Window
 from pnfarm.faults.kind import InjectionKind
 from toybus.faults import MOUTH
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
+    from pnfarm.faults.effects.evidence import Evidence
 
 
 class ToyMute(Effect):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.ethernetip.device.objects.position_controller import ONLY
 from pnfarm.drives.motion_tasks import MotionTask
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.firmware.ethernetip.maps import COMMAND_SIZES, DYNAMIC
 from pnfarm.firmware.ethernetip.tasks import TASK_ATTRIBUTE, TASK_MAP, TASK_MOVE, TASK_PARAMETER
 from pnfarm.protocols.enip.object import SUCCESS, Answer, refused
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.ethernetip.device.objects.parameter_object import ParameterObject
     from pnfarm.buses.ethernetip.device.objects.position_controller import PositionController
     from pnfarm.buses.ethernetip.device.objects.values import CipValues
-    from pnfarm.drives.store import ParameterStore
+    from pnfarm.drives.parameters.store import ParameterStore
 
 __all__ = ["FrontTasks"]
 

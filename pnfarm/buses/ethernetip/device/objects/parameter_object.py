@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.ethernetip.device.objects.shared import class_attribute, integer_of, octets_of, status_of
-from pnfarm.drives.parameter import Backing, ParameterError
+from pnfarm.drives.parameters.parameter import Backing, ParameterError
 from pnfarm.drives.profiles.cip.part import Scaling
 from pnfarm.protocols.enip.object import SUCCESS, Answer, refused
 from pnfarm.protocols.enip.status import GeneralStatus
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Container
 
     from pnfarm.buses.ethernetip.device.objects.values import CipValues
-    from pnfarm.drives.store import ParameterStore
+    from pnfarm.drives.parameters.store import ParameterStore
 
 __all__ = ["PARAMETER_CLASS", "ParameterObject"]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.ethernetip.device.objects.shared import class_attribute, integer_of, octets_of, status_of
 from pnfarm.buses.ethernetip.device.objects.values import POSITION_UNITS, PROFILE_UNITS
-from pnfarm.drives.parameter import ParameterError
+from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.firmware.ethernetip.attributes import ATTRIBUTES, attribute_value
 from pnfarm.protocols.enip.object import SUCCESS, Answer, refused
 from pnfarm.protocols.enip.status import GeneralStatus
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Container
 
     from pnfarm.buses.ethernetip.device.objects.values import CipValues
+    from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.drives.profiles.cip.part import CipAttribute
-    from pnfarm.drives.store import ParameterStore
 
 __all__ = ["CONTROLLER_CLASS", "SUPERVISOR_CLASS", "PositionController", "Supervisor"]
 

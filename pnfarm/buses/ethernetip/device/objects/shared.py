@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.parameter import ParameterErrorNumber
+from pnfarm.drives.parameters.parameter import ParameterErrorNumber
 from pnfarm.protocols.enip.object import Answer, refused
 from pnfarm.protocols.enip.status import GeneralStatus
 
 if TYPE_CHECKING:
-    from pnfarm.drives.parameter import ParameterError
+    from pnfarm.drives.parameters.parameter import ParameterError
 
 __all__ = ["class_attribute", "integer_of", "octets_of", "status_of"]
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.parameter import ParameterErrorNumber, refusal
+from pnfarm.drives.parameters.parameter import ParameterErrorNumber, refusal
 from pnfarm.drives.profiles.cip.part import Scaling
 
 if TYPE_CHECKING:
-    from pnfarm.drives.parameter import Parameter
+    from pnfarm.drives.parameters.parameter import Parameter
+    from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.drives.profiles.cip.part import CipInstance
-    from pnfarm.drives.store import ParameterStore
 
 __all__ = ["POSITION_UNITS", "PROFILE_UNITS", "CipValues", "wire_number"]
 

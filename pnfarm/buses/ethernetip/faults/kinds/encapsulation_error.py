@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pnfarm.buses.ethernetip.faults.frames import CipFramesEffect
 from pnfarm.buses.ethernetip.faults.messages import MESSAGES
 from pnfarm.errors import DecodeError
-from pnfarm.faults.gate import GateRule
+from pnfarm.faults.gate.gate import GateRule
+from pnfarm.faults.gate.socket_gate import DATAGRAM
 from pnfarm.faults.kind import EACH, InjectionKind, ParamSpec, words_of
-from pnfarm.faults.socket_gate import DATAGRAM
 from pnfarm.protocols.enip.wire.encapsulation import EncapsulationStatus, emit_encapsulation, parse_encapsulation
 
 if TYPE_CHECKING:
-    from pnfarm.faults.gate import FrameClasses
+    from pnfarm.faults.gate.gate import FrameClasses
 
 __all__ = ["KINDS"]
 

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.ethernetip.faults.frames import CIP_FRAMES
 from pnfarm.buses.ethernetip.faults.messages import OPEN
-from pnfarm.faults.gate import DelayRule
+from pnfarm.faults.effects.late import LATE_PARAMS, LateEffect
+from pnfarm.faults.gate.gate import DelayRule
 from pnfarm.faults.kind import EACH, InjectionKind
-from pnfarm.faults.late import LATE_PARAMS, LateEffect
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effect import Window
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.effect import Window
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -23,7 +23,7 @@ class ForwardOpenDelay(LateEffect):
 
     needs = (CIP_FRAMES,)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._wire = drive.part(CIP_FRAMES)
         self._rule = DelayRule(frozenset({OPEN}), self)

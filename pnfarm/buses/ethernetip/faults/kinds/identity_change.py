@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.ethernetip.faults.identity import IDENTITY, OtherIdentity
-from pnfarm.faults.effect import Effect, Tally, Window
+from pnfarm.faults.effects.effect import Effect, Tally, Window
 from pnfarm.faults.kind import HELD, OCTET, WORD, InjectionKind, ParamSpec
 from pnfarm.protocols.enip.connection import ConnectionRefused
 from pnfarm.protocols.enip.status import ConnectionStatus
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.protocols.enip.connection import ManagerEvent
 
 __all__ = ["KINDS"]
@@ -30,7 +30,7 @@ class IdentityChange(Effect):
 
     needs = (IDENTITY,)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._identity = drive.part(IDENTITY)
         self._tally = Tally()

@@ -12,7 +12,7 @@ from pnfarm.vocabulary.problem import Problem
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pnfarm.faults.given import GivenInjection
+    from pnfarm.faults.effects.injection_fields import InjectionFields
     from pnfarm.wire.direction import Direction
 
 __all__ = ["KINDS"]
@@ -49,7 +49,7 @@ class SequenceJump(CipFramesEffect):
         return {"amount": self.values["by"], "whole": _WHICH[self.values["which"]]}
 
 
-def _check(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+def _check(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
     if spec.params.get("by") in (0, "0"):
         yield "params.by", Problem("is 0, which changes nothing", "a whole number other than 0")
 

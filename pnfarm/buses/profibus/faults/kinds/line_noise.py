@@ -6,13 +6,13 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profibus.faults.slave import SLAVE
-from pnfarm.faults.effect import Chance, Effect, Window, seed_of
+from pnfarm.faults.effects.effect import Chance, Effect, Window, seed_of
 from pnfarm.faults.kind import EACH, InjectionKind, ParamSpec
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -22,7 +22,7 @@ class LineNoise(Effect):
 
     needs = (SLAVE,)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._slave = drive.part(SLAVE)
         self._chance = Chance(spec, drive, spec.count)

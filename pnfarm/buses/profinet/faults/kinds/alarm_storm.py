@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.profinet.faults.alarms import ALARMS
 from pnfarm.buses.profinet.faults.modules import MODULES
 from pnfarm.buses.profinet.faults.own_alarm import NEVER_BY_ITSELF, OWN_ALARM_PARAMS, own_alarm
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.effect import POLL_NS, Effect, Tally, Window
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.effect import POLL_NS, Effect, Tally, Window
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import InjectionKind, ParamSpec
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.protocols.profinet.events import AlarmConfirmed
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
+    from pnfarm.protocols.profinet.cm.device.events import AlarmConfirmed
 
 __all__ = ["KINDS"]
 
@@ -30,7 +30,7 @@ class AlarmStorm(Effect):
 
     needs = (CONNECTION, ALARMS, MODULES)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._connection = drive.part(CONNECTION)
         self._alarms = drive.part(ALARMS)

@@ -9,15 +9,15 @@ from pnfarm.buses.profinet.faults.frame_class import ALARM, ALARM_ACK, acknowled
 from pnfarm.buses.profinet.faults.frames import PROFINET_FRAMES
 from pnfarm.buses.profinet.faults.modules import MODULES
 from pnfarm.buses.profinet.faults.own_alarm import NEVER_BY_ITSELF, OWN_ALARM_PARAMS, own_alarm
-from pnfarm.faults.connection import CONNECTION
-from pnfarm.faults.effect import POLL_NS, Chance, Effect, Window
-from pnfarm.faults.gate import GateRule
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.effect import POLL_NS, Chance, Effect, Window
+from pnfarm.faults.gate.gate import GateRule
 from pnfarm.faults.kind import EACH, InjectionKind, ParamSpec
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -27,7 +27,7 @@ class AlarmUnacknowledged(Effect):
 
     needs = (CONNECTION, PROFINET_FRAMES, ALARMS, MODULES)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._connection = drive.part(CONNECTION)
         self._wire = drive.part(PROFINET_FRAMES)

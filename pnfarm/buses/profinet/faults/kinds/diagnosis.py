@@ -11,16 +11,16 @@ from pnfarm.buses.profinet.faults.slot_effect import SLOT, SUBSLOT
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, WORD, InjectionKind, ParamSpec
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
-from pnfarm.protocols.profinet.wire.alarms import AlarmType
-from pnfarm.protocols.profinet.wire.diagnosis import WHOLE_SUBMODULE, Maintenance, Qualifier, Usi
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
+from pnfarm.protocols.profinet.wire.records.diagnosis import WHOLE_SUBMODULE, Maintenance, Qualifier, Usi
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effect import Window
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
-    from pnfarm.protocols.profinet.ar import ExpectedKey
-    from pnfarm.protocols.profinet.events import AlarmConfirmed
+    from pnfarm.faults.effects.effect import Window
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey
+    from pnfarm.protocols.profinet.cm.device.events import AlarmConfirmed
 
 __all__ = ["KINDS"]
 
@@ -45,7 +45,7 @@ class Diagnosis(ReportedEffect):
 
     needs = (*ReportedEffect.needs, DIAGNOSES)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._diagnoses = drive.part(DIAGNOSES)
         self._entry = _entry(self.values, self._modules.place(self.values["slot"], self.values["subslot"]))

@@ -12,7 +12,7 @@ from pnfarm.vocabulary.quoting import shown
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pnfarm.faults.given import GivenInjection
+    from pnfarm.faults.effects.injection_fields import InjectionFields
 
 __all__ = ["KINDS"]
 
@@ -20,7 +20,7 @@ __all__ = ["KINDS"]
 _SHORTEST_NS = 10_000_000
 
 
-def _misfits(spec: GivenInjection) -> Iterable[tuple[str, Problem]]:
+def _misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
     if "every" not in spec.params:
         return
     try:

@@ -10,8 +10,8 @@ from pnfarm.faults.kind import FRAMES, InjectionKind
 from pnfarm.table.impairment import IOPS_BAD
 
 if TYPE_CHECKING:
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS"]
 
@@ -22,7 +22,7 @@ class IopsBad(ProfinetFramesEffect):
     needs = (*ProfinetFramesEffect.needs, ALARMS)
     cyclic = IOPS_BAD
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._alarms = drive.part(ALARMS)
 

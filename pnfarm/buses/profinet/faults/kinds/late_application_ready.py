@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.faults.set_up import SET_UP
-from pnfarm.faults.effect import Chance, Effect, Window
+from pnfarm.faults.effects.effect import Chance, Effect, Window
 from pnfarm.faults.kind import EACH, InjectionKind, ParamSpec
 
 if TYPE_CHECKING:
-    from pnfarm.faults.evidence import Evidence
-    from pnfarm.faults.given import GivenInjection
-    from pnfarm.faults.parts import InjectedDrive
+    from pnfarm.faults.effects.evidence import Evidence
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
 
 __all__ = ["KINDS", "LateReady"]
 
@@ -21,7 +21,7 @@ class LateReady(Effect):
 
     needs = (SET_UP,)
 
-    def __init__(self, spec: GivenInjection, drive: InjectedDrive) -> None:
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
         super().__init__(spec, drive)
         self._set_up = drive.part(SET_UP)
         self._chance = Chance(spec, drive, spec.count)

@@ -1,0 +1,219 @@
+"""``pnfarm demo``: a farm, a controller, two faults, two recoveries and a scenario, on any Linux machine without a PLC.
+
+It runs in a network of its own: as an ordinary user in a user, network and mount namespace, as root in a network
+namespace.  Where the machine permits neither, it runs in memory, paced by the real clock, and says so.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from functools import partial
+from ipaddress import IPv4Address, IPv4Interface
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pnfarm.errors import EnvironmentError_
+from pnfarm.farm.process.address_space import ENGINE, require_address_space
+
+__all__ = ["command"]
+
+#: A drive drops the connection after 32 cycles without a frame, 128 ms with the shortest cycle of 4 ms: a machine
+#: may stall for tens of milliseconds, and no connection may be lost by that.
+FILE = """
+farm: demo
+link: {link}
+api: off
+drives:{groups}
+controller:
+  name: plc
+  ip: 10.77.255.1/16
+  {where}
+  cycle: 16ms
+  watchdog_factor: 32
+  program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 500ms}}
+  reconnect: {{after: 200ms}}{scanner}{master}
+"""
+#: The controller's other half, for the drives on EtherNet/IP.
+SCANNER = """
+  ethernetip: {{ip: {ip}, {where}, timeout_multiplier: 16}}"""
+SCANNER_IP = IPv4Interface("10.77.255.2/16")
+#: And for those on PROFIBUS.  Both ends are in this event loop, and a worker of the kernel carries the octets of a pty:
+#: beside a disk that is written to it was seen to rest for 600 ms.
+MASTER = """
+  profibus: {cycle: 10ms, watchdog: 3s, latency: 700ms, retries: 3}"""
+GROUP = """
+  - name: axis-{{n:02}}
+    start: {first}
+    count: {count}
+    model: {model}
+    {place}
+    {pace}
+    load: {{inertia: 2.0e-4, friction: 0.05}}"""
+#: The model that has a line in place of a network.
+ON_LINE, FIRST_ADDRESS = "moog-msd-dp", 11
+#: Models beside the AKD, each with a cycle that its manual allows; each gets one drive in eight.
+OTHERS = (
+    ("akd-profinet-2012", "cycle: 8ms"),
+    ("hiwin-e1", "cycle: 4ms"),
+    ("moog-msd", "cycle: 4ms"),
+    ("akd-ethernetip", "rpi: 10ms"),
+    (ON_LINE, ""),
+)
+PARENT, PEER = "pndemo0", "pndemo1"
+
+
+def command(
+    drives: Annotated[int, typer.Option(min=1, max=256, help="Number of virtual drives.")] = 8,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Minimum run time.")] = 12.0,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Write the summary to this file as JSON.")
+    ] = None,
+    svg_file: Annotated[
+        Path | None, typer.Option("--svg", metavar="FILE", help="Write a picture of the table to this file.")
+    ] = None,
+    pcap: Annotated[
+        Path | None,
+        typer.Option("--pcap", metavar="FILE", help="Capture all frames of the drives to this pcapng file."),
+    ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            "--html", metavar="FILE", help="Write the scenario's report to this file.", show_default="a temporary file"
+        ),
+    ] = None,
+) -> None:
+    """Run a demo farm: drives, a controller, two faults and the recovery, and a scenario with its verdict.
+
+    Needs no root and no PLC.
+    """
+    require_address_space(ENGINE)
+    for file in (json_file, svg_file, pcap, html):
+        _check_writable(file)
+    where, why = _enter()
+    _announce(where, why)
+    # numpy and the engine start threads, so they are imported only after the namespace was entered
+    import anyio
+
+    from pnfarm.cli.demo.run import Demo
+    from pnfarm.cli.running import compile_ahead
+    from pnfarm.links.serial.eager_loop import LOOKING
+
+    anyio.run(partial(compile_ahead, in_memory=where == "memory"))
+    # the times that are shown do not include compilation
+    begin = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="pnfarm-demo-") as folder:
+        text = _text(drives, None if where == "memory" else Path(folder) / "line")
+        demo = Demo(
+            text, in_memory=where == "memory", seconds=seconds, begin=begin, picture=svg_file, pcap=pcap, report=html
+        )
+        summary: dict[str, Any] = anyio.run(demo.run, backend_options=LOOKING)
+    if json_file is not None:
+        json_file.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    if not summary["ok"]:
+        raise typer.Exit(1)
+
+
+def _text(drives: int, line: Path | None) -> str:
+    """The farm file: in a network, with a pty named ``line``; in memory without."""
+    every = drives // 8
+    if line is None:
+        scanner = SCANNER.format(ip=SCANNER_IP, where="mac: auto") if every else ""
+        master = MASTER if every else ""
+        link, where = "{kind: memory}", "mac: auto"
+    else:
+        _cable()
+        own = f"mac: auto, link: {{kind: macvlan, parent: {PEER}}}"
+        scanner = SCANNER.format(ip=SCANNER_IP, where=own) if every else ""
+        master = MASTER if every else ""
+        lines = f", lines: {{profibus: {{pty: '{line}'}}}}" if every else ""
+        link, where = f"{{kind: macvlan, parent: {PARENT}{lines}}}", f"profinet: {{interface: {PEER}}}"
+    return FILE.format(link=link, groups=_groups(drives), where=where, scanner=scanner, master=master)
+
+
+def _groups(drives: int) -> str:
+    """AKDs first, since the demo injects its faults there; then drives of every other model."""
+    each = drives // 8
+    groups, first = "", 1
+    for model, pace, count in (
+        ("akd-profinet", "cycle: 16ms", drives - each * len(OTHERS)),
+        *((model, pace, each) for model, pace in OTHERS),
+    ):
+        if count:
+            place = f"address: {FIRST_ADDRESS}" if model == ON_LINE else f"ip: {IPv4Address('10.77.0.10') + first}/16"
+            groups += GROUP.format(first=first, count=count, model=model, place=place, pace=pace)
+            first += count
+    return groups
+
+
+def _check_writable(file: Path | None) -> None:
+    """Check an output file before the demo runs.  Raises :class:`~pnfarm.errors.EnvironmentError_`."""
+    if file is None:
+        return
+    if file.is_dir():
+        raise EnvironmentError_(f"{file} cannot be written: it is a folder; give a file")
+    if not os.access(file if file.exists() else file.parent, os.W_OK):
+        why = "no permission" if file.parent.is_dir() else "its folder does not exist"
+        raise EnvironmentError_(f"{file} cannot be written: {why}")
+
+
+def _enter() -> tuple[str, str]:
+    """Where the demo runs ("user", "root" or "memory"), and the reason if it is memory."""
+    from pnfarm.links.kernel.sandbox import enter_sandbox
+
+    if os.environ.get("PNFARM_DEMO_MEMORY") == "1":
+        return "memory", "PNFARM_DEMO_MEMORY is set"
+    try:
+        sandbox = enter_sandbox()
+        _try()
+    except EnvironmentError_ as exc:
+        return "memory", str(exc)
+    return sandbox.kind, ""
+
+
+def _try() -> None:
+    """Check that the kernel permits what the demo needs: a veth pair, a macvlan on it, a raw socket."""
+    from pnfarm.links.base import PortSpec
+    from pnfarm.links.kernel import bpf
+    from pnfarm.links.kernel.interfaces import Interfaces
+    from pnfarm.links.kernel.packet import open_packet_socket
+    from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
+
+    _cable()
+    try:
+        with Interfaces() as interfaces:
+            (port,) = interfaces.create_macvlans("demo trial", PARENT, [PortSpec("trial", b"\x02\0\0\0\0\x01")])
+        open_packet_socket(ETHERTYPE_PROFINET, bpf.ethertype_filter(port.index, port.index)).close()
+    finally:
+        # removes the macvlan with it
+        _uncable()
+
+
+def _announce(where: str, why: str) -> None:
+    if where == "memory":
+        typer.echo(
+            f"This machine does not permit a network namespace ({why}): the demo runs in memory, in real time.",
+            err=True,
+        )
+    else:
+        kind = "network namespace" if where == "root" else "user and network namespace"
+        typer.echo(f"Running in a {kind} of its own: the network of this machine is not touched.", err=True)
+
+
+def _cable() -> None:
+    """A veth pair: the farm's macvlans on one end, the controller on the other."""
+    from pnfarm.links.kernel.interfaces import Interfaces
+
+    with Interfaces() as interfaces:
+        interfaces.create_cable(PARENT, PEER)
+
+
+def _uncable() -> None:
+    from pnfarm.links.kernel.interfaces import Interfaces
+
+    with Interfaces() as interfaces:
+        interfaces.remove_cable(PARENT)

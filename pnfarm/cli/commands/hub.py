@@ -1,0 +1,136 @@
+"""``pnfarm hub``: one API for the farms of many machines."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pnfarm.terminal.settings import settings
+
+if TYPE_CHECKING:
+    from pnfarm.farm.file.sections import Api
+
+__all__ = ["hub"]
+
+_LISTEN = "127.0.0.1:8702"
+
+
+def hub(
+    shard: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--shard",
+            metavar="URL",
+            envvar="PNFARM_HUB_SHARD",
+            show_envvar=False,
+            help="A farm's API, a URL or HOST:PORT.  Repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    discover: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--discover",
+            metavar="NAME:PORT",
+            envvar="PNFARM_HUB_DISCOVER",
+            show_envvar=False,
+            help="A name whose every address in DNS is a farm's; asked anew every 5 s.  Repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    api: Annotated[
+        str,
+        typer.Option(
+            "--api", metavar="HOST:PORT", envvar="PNFARM_HUB_API", show_envvar=False, help="Address of the hub's API."
+        ),
+    ] = _LISTEN,
+    token: Annotated[
+        str | None,
+        typer.Option(
+            "--api-token",
+            metavar="TOKEN",
+            envvar="PNFARM_HUB_API_TOKEN",
+            show_envvar=False,
+            help="Bearer token of the hub's API; beyond loopback one is made up, and logged, unless it is given.",
+        ),
+    ] = None,
+    read_token: Annotated[
+        str | None,
+        typer.Option(
+            "--api-read-token",
+            metavar="TOKEN",
+            envvar="PNFARM_HUB_API_READ_TOKEN",
+            show_envvar=False,
+            help="Bearer token that may read and change nothing.",
+        ),
+    ] = None,
+    shard_token: Annotated[
+        str | None,
+        typer.Option(
+            "--shard-token",
+            metavar="TOKEN",
+            envvar="PNFARM_HUB_SHARD_TOKEN",
+            show_envvar=False,
+            help="Bearer token of the shards' APIs; or set PNFARM_HUB_SHARD_TOKEN_FILE to a file that holds it.",
+        ),
+    ] = None,
+) -> None:
+    """Answer the API of several farms as of one, in the foreground until Ctrl-C (docs/hub.md).
+
+    Options override environment variables: PNFARM_HUB_SHARD and PNFARM_HUB_DISCOVER (several values with spaces
+    between them), PNFARM_HUB_API, PNFARM_HUB_API_TOKEN, PNFARM_HUB_API_READ_TOKEN and PNFARM_HUB_SHARD_TOKEN; for the
+    tokens also PNFARM_HUB_API_TOKEN_FILE, PNFARM_HUB_API_READ_TOKEN_FILE and PNFARM_HUB_SHARD_TOKEN_FILE.
+    """
+    import anyio
+
+    from pnfarm.errors import ConfigError
+    from pnfarm.hub.settings import api_of, name_of, token_in, url_of
+
+    urls = list(dict.fromkeys(url_of(text) for text in shard or []))
+    names = list(dict.fromkeys(name_of(text) for text in discover or []))
+    if not urls and not names:
+        raise ConfigError("no shard is given: add --shard URL for each farm, or --discover NAME:PORT")
+    section = api_of(
+        api,
+        token or token_in("PNFARM_HUB_API_TOKEN_FILE"),
+        read_token or token_in("PNFARM_HUB_API_READ_TOKEN_FILE"),
+    )
+    anyio.run(_run, section, urls, names, shard_token or token_in("PNFARM_HUB_SHARD_TOKEN_FILE"))
+
+
+async def _run(section: Api, urls: list[str], names: list[tuple[str, int]], shard_token: str | None) -> None:
+    import secrets
+
+    import anyio
+
+    from pnfarm.api import serve
+    from pnfarm.cli.running import stop_on_signals
+    from pnfarm.farm.events import ApiListening
+    from pnfarm.farm.process.garbage import keep_what_is_loaded
+    from pnfarm.hub import Hub, make_hub_app
+    from pnfarm.hub.tasks import run_hub
+    from pnfarm.terminal.output import print_line
+
+    made = secrets.token_urlsafe(24) if section.needs_token and section.token is None else None
+    hub = Hub(token=shard_token)
+    app = make_hub_app(hub, token=section.token or made, read_token=section.read_token)
+    async with stop_on_signals() as running:
+        with running:
+            async with anyio.create_task_group() as tasks:
+                await tasks.start(run_hub, hub, urls, names, app.state.views)
+                host, port = await tasks.start(serve, app, section.host, section.port)
+                keep_what_is_loaded()
+                url = f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
+                hub.record(ApiListening(url, token=made))
+                if not settings.logs_json:
+                    away = hub.shards.unreachable
+                    print_line(
+                        f"hub: {len(hub.shards.names)} drives of {len(hub.shards)} shards, {len(away)} unreachable, "
+                        f"API {url}/"
+                    )
+                    for one in away:
+                        print_line(f"  {one.label}: {one.reason}")
+                    if sys.stdout.isatty():
+                        print_line("Ctrl-C stops it.")

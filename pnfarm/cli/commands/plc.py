@@ -1,0 +1,282 @@
+"""``pnfarm plc``: the built-in controller in the foreground."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pnfarm.farm.process.address_space import ENGINE, require_address_space
+from pnfarm.terminal.settings import Format, settings
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.table import Table
+
+    from pnfarm.controller.runtime import Plc
+    from pnfarm.farm.file.reading import FarmConfig
+
+__all__ = ["plc"]
+
+#: Refresh period of the live table.
+DRAW_SECONDS = 0.25
+
+
+def plc(
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[FILE]", help="Farm file, *.pnfarm.yml; or --gsdml instead.", show_default=False),
+    ] = None,
+    interface: Annotated[
+        str | None,
+        typer.Option(
+            "--interface",
+            "-i",
+            metavar="IF",
+            envvar="PNFARM_PLC_INTERFACE",
+            help="Existing network interface for the controller.",
+        ),
+    ] = None,
+    gsdml: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Run one device described by this GSDML file; needs --device, --ip and --interface."
+        ),
+    ] = None,
+    device: Annotated[str | None, typer.Option(metavar="NAME", help="Station name of that device.")] = None,
+    ip: Annotated[str | None, typer.Option("--ip", metavar="ADDRESS/PREFIX", help="IP address of that device.")] = None,
+    dap: Annotated[
+        str | None, typer.Option(metavar="ID", help="Device access point, where the GSDML file has several.")
+    ] = None,
+    module: Annotated[list[str] | None, typer.Option(metavar="SLOT=ID", help="Module in a slot.  Repeatable.")] = None,
+    cycle: Annotated[str | None, typer.Option(help="Cycle time of that device; default: 16ms.")] = None,
+    watchdog_factor: Annotated[
+        int | None, typer.Option(metavar="N", help="Missed cycles until the connection is dropped; default: 3.")
+    ] = None,
+    seconds: Annotated[
+        float | None, typer.Option(min=0.1, help="Run for this time, then release the drives; default: until Ctrl-C.")
+    ] = None,
+    json_file: Annotated[
+        Path | None,
+        typer.Option("--json", metavar="FILE", help="Write a summary to this file at the end.", dir_okay=False),
+    ] = None,
+    output: Annotated[
+        Format | None,
+        typer.Option("--format", help="Print a summary at the end; default: a live table on a terminal."),
+    ] = None,
+) -> None:
+    """Run the built-in controller for the drives and devices of a farm file, virtual or real, until Ctrl-C.
+
+    With --seconds the exit code is 1 if a drive never exchanged data.
+    """
+    import anyio
+
+    from pnfarm.cli.farm_file import read
+    from pnfarm.cli.plc_device import one_device
+    from pnfarm.farm.file.choice import bus_of_controller
+    from pnfarm.terminal.output import print_json, print_table
+
+    require_address_space(ENGINE)
+    if (file is None) == (gsdml is None):
+        raise typer.BadParameter("give either a farm file or --gsdml", param_hint="FILE")
+    if file is not None:
+        if any((device, ip, dap, module, cycle, watchdog_factor is not None)):
+            raise typer.BadParameter(
+                "needs --gsdml; a farm file has these settings itself", param_hint="an option of a device"
+            )
+        config = read(file)
+    else:
+        assert gsdml is not None
+        config = one_device(
+            gsdml, device=device, ip=ip, interface=interface, dap=dap, modules=module or (), cycle=cycle,
+            watchdog_factor=watchdog_factor,
+        )  # fmt: skip
+    rows, interrupted = anyio.run(_run, config, interface, seconds, output is None and _is_live())
+    quiet = [row["name"] for row in rows if not row["connects"]]
+    summary = {"ok": not quiet, "controller": config.controller.name if config.controller else "", "drives": rows}
+    if several := len(config.controllers) > 1:
+        summary["controllers"] = [
+            {"bus": bus_of_controller(section).name, "name": section.name} for section in config.controllers
+        ]
+    if json_file is not None:
+        _write(json_file, summary)
+    if output is Format.JSON:
+        print_json(summary)
+    elif output is Format.TABLE:
+        print_table(_columns(_COLUMNS, several), [_with_bus(row, _cells(row), several) for row in rows])
+    if seconds is not None and quiet and not interrupted:
+        shown = " ".join(quiet[:8]) + (f" and {len(quiet) - 8} more" if len(quiet) > 8 else "")
+        sys.stderr.write(f"pnfarm: {len(quiet)} of {len(rows)} drives never exchanged data: {shown}\n")
+        raise typer.Exit(1)
+
+
+def _is_live() -> bool:
+    return sys.stdout.isatty() and not settings.logs_json
+
+
+def _write(path: Path, summary: dict[str, Any]) -> None:
+    from pnfarm.errors import EnvironmentError_
+
+    try:
+        path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    except OSError as exc:
+        raise EnvironmentError_(f"the summary {path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
+
+
+async def _run(
+    config: FarmConfig, interface: str | None, seconds: float | None, live: bool
+) -> tuple[list[dict[str, Any]], bool]:
+    """The state of the controller's drives before it released them, and whether a signal ended the run."""
+    import anyio
+
+    from pnfarm.cli.running import compile_ahead, stop_on_signals
+    from pnfarm.controller.runtime import Plc
+    from pnfarm.farm.process.garbage import keep_what_is_loaded
+
+    controller = Plc(config, interface=interface)
+    rows: list[dict[str, Any]] = []
+    opened = False
+    async with stop_on_signals() as running:
+        try:
+            with running:
+                controller.check_rights()  # checked before compiling, which may take a minute
+                await compile_ahead(in_memory=False)
+                await controller.open()
+                keep_what_is_loaded()
+                opened = True
+                if not settings.logs_json and not live:
+                    _say_up(controller)
+                with anyio.move_on_after(seconds):
+                    await _watch(controller, live)
+            if opened:
+                rows = controller.summary()
+                with anyio.CancelScope(shield=True):
+                    await controller.release()
+        finally:
+            with anyio.CancelScope(shield=True):
+                await controller.close()
+    return rows, running.cancel_called
+
+
+def _say_up(controller: Plc) -> None:
+    from pnfarm.cli.farm_file import counted
+    from pnfarm.terminal.output import print_line
+
+    several = len(controller.controllers) > 1
+    for one, section in zip(controller.controllers, controller.config.controllers, strict=True):
+        count = len(one.snapshot()) if several else len(controller.drives)
+        print_line(f"{section.name}: controller of {counted(count, 'drive')} on {one.port.name}")
+
+
+async def _watch(controller: Plc, live: bool) -> None:
+    """Until something fails, with a table on the terminal if there is one."""
+    import anyio
+
+    if not live:
+        await controller.wait()
+        return
+    from rich.live import Live
+
+    from pnfarm.terminal.output import console
+
+    out = console()
+
+    def table() -> Table:
+        # a line for the heads of the columns, one for what is left out, one for the cursor
+        return _live_table(controller, max(1, out.height - 3))
+
+    with Live(table(), console=out, auto_refresh=False) as screen:
+
+        async def draw() -> None:
+            while True:
+                await anyio.sleep(DRAW_SECONDS)
+                screen.update(table(), refresh=True)
+
+        async with anyio.create_task_group() as tasks:
+            tasks.start_soon(draw)
+            await controller.wait()
+
+
+_COLUMNS = (
+    "DRIVE",
+    "CONNECTION",
+    "PROGRAM",
+    "IP",
+    ">CYCLE",
+    ">CONNECTS",
+    ">LOSSES",
+    ">FAULTS",
+    ">SENT",
+    ">RECEIVED",
+    "ZSW1",
+    "~LAST REASON",
+)
+#: What a terminal of 80 columns has room for.
+_LIVE_COLUMNS = ("DRIVE", "CONNECTION", "PROGRAM", ">CYCLE", ">LOSSES", ">FAULTS", ">RECEIVED", "~LAST REASON")
+
+
+def _columns(names: tuple[str, ...], several: bool) -> tuple[str, ...]:
+    """With several controllers, each row has its drive's bus."""
+    return (names[0], "BUS", *names[1:]) if several else names
+
+
+def _with_bus(row: dict[str, Any], cells: Sequence[object], several: bool) -> Sequence[object]:
+    return (cells[0], row["bus"], *cells[1:]) if several else cells
+
+
+def _cells(row: dict[str, Any]) -> Sequence[object]:
+    from pnfarm.terminal.output import number, seconds
+
+    return (
+        row["name"],
+        row["state"],
+        row["phase"],
+        row["ip"],
+        seconds(row["cycle_seconds"]),
+        row["connects"],
+        row["losses"],
+        row["faults"],
+        number(row["frames_sent"]),
+        number(row["frames_received"]),
+        f"0x{row['zsw1']:04X}",
+        _reason(row),
+    )
+
+
+def _reason(row: dict[str, Any]) -> str:
+    """What stands in the way of a drive: its program's failure, unusable submodules, or the last lost connection."""
+    failure = row["program"]["failure"] if row["program"] else ""
+    return failure or "; ".join(row["unusable"]) or row["last_reason"]
+
+
+def _live_table(controller: Plc, room: int) -> Table:
+    """A table of at most ``room`` drives; those that are not running come first."""
+    from pnfarm.terminal.output import make_table, number, seconds
+
+    rows = controller.summary()
+    hidden = len(rows) - room
+    if hidden > 0:
+        rows = sorted(rows, key=lambda row: row["state"] == "DATA" and row["phase"] == "running")[:room]
+    several = len(controller.controllers) > 1
+    cells = [
+        _with_bus(
+            row,
+            (
+                row["name"],
+                row["state"],
+                row["phase"],
+                seconds(row["cycle_seconds"]),
+                row["losses"],
+                row["faults"],
+                number(row["frames_received"]),
+                _reason(row),
+            ),
+            several,
+        )
+        for row in rows
+    ]
+    return make_table(_columns(_LIVE_COLUMNS, several), cells, caption=f"... and {hidden} more" if hidden > 0 else "")

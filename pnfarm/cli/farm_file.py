@@ -1,0 +1,174 @@
+"""A farm file as commands read it: against the installed models and the fault catalogue, and in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    import typer
+
+    from pnfarm.config.impairment import Impairment
+    from pnfarm.farm.file.reading import FarmConfig, Known
+    from pnfarm.farm.shard import Shard
+
+__all__ = [
+    "check_impairments",
+    "check_program",
+    "counted",
+    "known_names",
+    "link_text",
+    "read",
+    "shard_option",
+    "summary",
+]
+
+
+def shard_option(context: typer.Context, text: str | None) -> Shard | None:
+    """The shard of ``--shard`` or PNFARM_UP_SHARD; raises :class:`~pnfarm.errors.ConfigError` naming its source."""
+    if text is None:
+        return None
+    from pnfarm.farm.shard import parse_shard
+
+    source = context.get_parameter_source("shard")
+    return parse_shard(text, "PNFARM_UP_SHARD" if source is not None and source.name == "ENVIRONMENT" else "--shard")
+
+
+class _FaultKinds(Collection[str]):
+    """The names of the fault catalogue, which is loaded when one is asked for: most farm files name none."""
+
+    @cached_property
+    def _names(self) -> frozenset[str]:
+        from pnfarm.buses.registry import fault_kinds
+
+        return frozenset(fault_kinds())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+_FAULT_KINDS = _FaultKinds()
+
+
+def known_names() -> Known:
+    """The installed models and the fault catalogue, which a farm file refers to."""
+    from pnfarm.config.known import catalogue
+
+    return catalogue(_FAULT_KINDS)
+
+
+def read(path: Path) -> FarmConfig:
+    """A farm file, checked against the models and the fault catalogue.  Raises :class:`FarmFileError`."""
+    from pnfarm.farm.file.reading import load_farm
+
+    return load_farm(path, known_names())
+
+
+def check_impairments(config: FarmConfig) -> None:
+    """Check the parameters, drives and conditions of the file's impairments; raises :class:`FarmFileError`.
+
+    The farm file's own checks only know the kinds; the fault catalogue knows the parameters of each, and the model its
+    signals.
+    """
+    from pnfarm.farm.file.reading import FarmFileError, FileIssue, expand
+
+    issues: list[FileIssue] = []
+    named: set[str] = set()
+    drives = expand(config)
+    for group, section in enumerate(config.drives):
+        names = [drive.name for drive in drives if drive.group == group]
+        for number, impairment in enumerate(section.impair):
+            found = list(_misfits(impairment, section.model, names))
+            if impairment.name is not None and impairment.name in named:
+                found.append(("as", f"{impairment.name!r} is the name of another fault", "a name of its own"))
+            if impairment.name is not None:
+                named.add(impairment.name)
+            for field, what, allowed in found:
+                location: tuple[str | int, ...] = ("drives", group, "impair", number, *field.split("."))
+                place = f"drives[{group}].impair[{number}].{field}"
+                issues.append(FileIssue(*config.place(location), place, what, allowed))
+    if issues:
+        raise FarmFileError(issues)
+
+
+def _misfits(impairment: Impairment, model_name: str, names: Sequence[str]) -> Iterator[tuple[str, str, str]]:
+    """What is wrong with an impairment of drives of one model: (field, what, allowed)."""
+    from pnfarm.buses.registry import fault_kinds
+    from pnfarm.drives import catalogue
+    from pnfarm.faults.errors import InjectionError
+    from pnfarm.station.conditions import bind
+    from pnfarm.vocabulary.conditions import ConditionError
+    from pnfarm.vocabulary.globs import GLOBS, means
+
+    model = catalogue.model(model_name)
+    try:
+        fault_kinds().parse(impairment.as_dict() | {"on": "all"})
+    except InjectionError as exc:
+        yield from exc.issues
+    if impairment.on is not None:
+        models = (model.name, *model.aliases)
+        if not any(means(glob, (name,), models) for glob in impairment.on for name in names):
+            yield "on", f"means no drive of this group: {names[0]} to {names[-1]}", GLOBS
+    if impairment.when is not None:
+        try:
+            bind(impairment.when, model)
+        except ConditionError as exc:
+            yield "when", f"column {exc.column}: {exc.what}", exc.allowed
+
+
+def check_program(config: FarmConfig) -> None:
+    """Load the file of the controller's own program, if it has one; raises :class:`ConfigError`."""
+    if all(section.program.python is None for section in config.controllers):
+        return
+    from pnfarm.controller.program_file import program_of
+
+    program_of(config)
+
+
+def summary(config: FarmConfig) -> str:
+    """A summary of the farm file in one line."""
+    from pnfarm.farm.file.choice import bus_of_controller
+    from pnfarm.farm.file.reading import expand
+
+    drives = expand(config)
+    models: dict[str, int] = {}
+    for drive in drives:
+        models[drive.model] = models.get(drive.model, 0) + 1
+    kinds = ", ".join(f"{count} {model}" for model, count in models.items())
+    parts = [f"{counted(len(drives), 'drive')} ({kinds})"] if drives else []
+    if config.farm is not None:
+        api = config.api
+        parts.insert(0, f"farm {config.farm}")
+        parts.append(f"on {link_text(config)}")
+        parts.append("no API" if api is None else f"API {api.host}:{api.port}")
+    several = len(config.controllers) > 1
+    for section in config.controllers:
+        on = f" on {bus_of_controller(section).title}" if several else ""
+        parts.append(f"controller {section.name}{on}")
+        if section.device_names:
+            parts.append(f"{counted(len(section.device_names), 'device')} by {section.description_file} file")
+    return ", ".join(parts)
+
+
+def link_text(config: FarmConfig) -> str:
+    """``macvlan eth1``, ``veth``."""
+    link = config.link
+    if link is None:
+        return "no link"
+    target = getattr(link, "parent", None) or getattr(link, "bridge", None)
+    return f"{link.kind} {target}" if target else link.kind
+
+
+def counted(number: int, word: str) -> str:
+    """``1 drive``, ``8 drives``."""
+    return f"{number} {word}{'' if number == 1 else 's'}"

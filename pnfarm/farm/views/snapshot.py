@@ -1,0 +1,243 @@
+"""The present state of a drive and the engine, as plain JSON values for the API, the command line and Python code.
+
+Snapshots read the table and the stations; they never write (rule R8).  Times are given in seconds.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.description.parts import fault_label
+from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
+from pnfarm.faults.manager import RunState
+from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.station.signals import SIGNALS, STATUS_BITS
+from pnfarm.table.axis_codes import FAULT_SITUATIONS, FAULT_SLOTS
+from pnfarm.table.channel import DISCARDS
+from pnfarm.wire.mac import format_mac
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pnfarm.farm.core import FarmCore
+    from pnfarm.faults.manager import InjectionManager
+    from pnfarm.station.device import ConnectionView
+    from pnfarm.station.station import Station
+
+__all__ = [
+    "NO_AR",
+    "discards",
+    "drive_snapshot",
+    "injected_faults",
+    "line_snapshot",
+    "named_bits",
+]
+
+#: Keys that a bus shows of a drive (:meth:`pnfarm.station.device.Device.view`) and another may not have.
+_NOT_SHOWN: Mapping[str, Any] = {
+    "station_name": None,
+    "ip": None,
+    "gateway": None,
+    "ip_conflict": None,
+    "neighbours": [],
+    "signalling": False,
+    "station_address": None,
+    "lamps": None,
+}
+#: State without a connection; the other states are named by the bus.
+NO_AR = "NO_AR"
+
+
+def named_bits(word: int, names: Sequence[str]) -> list[str]:
+    """The names of the bits that are set, bit 0 first; a bit without a name is ``bit_11``."""
+    named = [*names, *[""] * (16 - len(names))]
+    return [named[bit] or f"bit_{bit}" for bit in range(16) if word >> bit & 1]
+
+
+def discards(core: FarmCore, station: Station) -> dict[str, int]:
+    """Frames that the drive dropped, by reason: cyclic ones since the start, and those of the protocol machines."""
+    cyclic = station.device.closed.discarded.copy()
+    for row in station.device.channel_rows[1]:
+        cyclic += core.columns.cpm[row].discarded
+    total = dict(station.device.discards())
+    for reason, count in zip(DISCARDS, cyclic.tolist(), strict=True):
+        total[reason] = total.get(reason, 0) + count
+    return total
+
+
+def injected_faults(manager: InjectionManager) -> dict[str, list[str]]:
+    """Ids of the injections that wait or are in force, by drive."""
+    found: dict[str, list[str]] = {}
+    for injection in manager.list():
+        for drive, run in injection.runs.items():
+            if run.state is not RunState.ENDED:
+                found.setdefault(drive, []).append(injection.id)
+    return found
+
+
+def drive_snapshot(
+    core: FarmCore, station: Station, now: int, *, injected: Mapping[str, list[str]] | None = None
+) -> dict[str, Any]:
+    """One drive.  ``injected`` saves a query of the injection manager for each of many drives."""
+    axis = station.handle.axis
+    powered = station.powered
+    state = int(axis.drive.state)
+    zsw1, stw1 = int(axis.profidrive.zsw1), int(axis.profidrive.stw1)
+    telegram = station.store.telegram_number
+    codes = [int(code) & NUMBER_MASK for code in axis.faults.code if code]
+    connection = station.device.connection()
+    known = connection if connection is not None and (connection.ip is not None or connection.cyclic) else None
+    exchanging = powered and connection is not None and connection.exchanging
+    sent, suppressed, received = _frames(core, station)
+    seen = {**_NOT_SHOWN, "station_name": station.device.name, **station.device.view(now)}
+    if injected is None:
+        injected = injected_faults(core.injections)
+    return {
+        "name": station.configured_name,
+        "station_name": seen["station_name"],
+        "model": station.model.name,
+        "behaviour": dict(station.model.readings),
+        "mac": format_mac(station.port.mac),
+        "ip": seen["ip"],
+        "gateway": seen["gateway"],
+        "ip_conflict": seen["ip_conflict"],
+        "station_address": seen["station_address"],
+        "powered": powered,
+        "state": _state_word(powered, state),
+        "status": [name for name in STATUS_BITS if SIGNALS[name].read(station)] if powered else [],
+        "zsw1": f"0x{zsw1:04X}",
+        "zsw1_bits": named_bits(zsw1, station.model.profidrive.bit_names("ZSW1", telegram) or ZSW1_BITS),
+        "stw1": f"0x{stw1:04X}",
+        "stw1_bits": named_bits(stw1, station.model.profidrive.bit_names("STW1", telegram) or STW1_BITS),
+        "telegram": telegram,
+        "ar_state": connection.state if powered and connection is not None and connection.state else NO_AR,
+        "connected": exchanging,
+        "controller": _controller(known) if known is not None else None,
+        "cycle_seconds": known.cycle_ns / 1e9 if known is not None else None,
+        "watchdog_seconds": known.watchdog_ns / 1e9 if known is not None else None,
+        "connected_seconds": (now - known.connected_ns) / 1e9 if known is not None else None,
+        "frames_sent": sent,
+        "frames_suppressed": suppressed,
+        "frames_received": received,
+        "frames_discarded": {reason: count for reason, count in discards(core, station).items() if count},
+        "watchdog_expirations": station.device.watchdog_expirations,
+        "watchdog_expirations_by_farm": station.device.watchdog_expirations_by_farm,
+        "connects": station.device.connects,
+        "aborts": dict(station.device.losses_in_words()),
+        "aborts_by_farm": sum(station.device.losses_by_farm().values()),
+        "fault": _fault(station, codes[0]) if codes else None,
+        "faults": [_fault(station, code) for code in codes],
+        "last_fault": _last_fault(station),
+        "neighbours": seen["neighbours"],
+        "fault_counts": {fault_label(number): count for number, count in sorted(station.fault_counts.items())},
+        "warning": _fault(station, int(axis.warnings.code)) if axis.warnings.code else None,
+        "setpoint_rpm": float(axis.ramp.setpoint),
+        "velocity_rpm": float(axis.motor.velocity),
+        "position_revolutions": float(axis.motor.position) - float(axis.homing.origin),
+        "pitch_millimetres": station.model.pitch or None,
+        "current_amperes": float(axis.motor.current),
+        "following_error_revolutions": float(axis.positioning.following_error),
+        "torque_newton_metres": float(axis.motor.torque),
+        "bus_volts": float(axis.supply.voltage),
+        "thermal_load": float(axis.motor.thermal_load),
+        "signalling": seen["signalling"],
+        "lamps": (
+            _lamps(station, exchanging=exchanging, signalling=seen["signalling"])
+            if seen["lamps"] is None
+            else seen["lamps"]
+        ),
+        "details": station.device.details(),
+        "signalled_seconds_ago": ((now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None),
+        "realism": station.flaws.shown(),
+        "faults_injected": list(injected.get(station.configured_name, ())),
+    }
+
+
+def _controller(connection: ConnectionView) -> dict[str, Any]:
+    ip = "" if connection.ip is None else str(connection.ip)
+    return {"name": connection.controller, "ip": ip, "mac": format_mac(connection.mac) if connection.mac else ""}
+
+
+def _lamps(station: Station, *, exchanging: bool, signalling: bool) -> dict[str, str]:
+    lamps = station.model.lamps
+    if lamps is None:
+        return {}
+    return lamps.show(
+        powered=station.powered,
+        booting=int(station.handle.axis.drive.state) == 0,
+        exchanging=exchanging,
+        signalling=signalling,
+    )
+
+
+def line_snapshot(core: FarmCore, name: str) -> dict[str, Any]:
+    """One serial line: where it is, and what went over it."""
+    line = core.lines[name]
+    octets, replies, telegrams = line.octets, line.replies, line.telegrams
+    return {
+        "name": name,
+        "way": line.way,
+        "where": line.where,
+        "up": line.is_up,
+        "baud": line.baud,
+        "telegrams_received": telegrams[0],
+        "telegrams_sent": telegrams[1],
+        "octets_received": octets.received,
+        "octets_sent": octets.sent,
+        "octets_lost": dict(octets.lost),
+        "interruptions": dict(octets.interruptions),
+        "dropped": dict(line.dropped),
+        "counts": dict(core.line_counts(name)),
+        "answers_withheld": line.withheld,
+        "reply_seconds_mean": replies.sum_ns / 1e9 / replies.count if replies.count else None,
+    }
+
+
+def engine_snapshot(core: FarmCore) -> dict[str, Any]:
+    """The engine's own counters."""
+    engine = core.columns.engine[0]
+    return {
+        "cycles": int(engine.cycles),
+        "overruns": int(engine.overruns),
+        "lateness_max_seconds": int(engine.lateness_max_ns) / 1e9,
+        "frames_sent": int(engine.sent),
+        "frames_received": int(engine.received),
+        "frames_unknown": int(engine.unknown),
+        "frames_malformed": int(engine.malformed),
+        "send_errors": int(engine.send_errors),
+        "events_lost": core.events_lost,
+    }
+
+
+def _state_word(powered: bool, state: int) -> str:
+    if not powered:
+        return "off"
+    return f"S{state}" if state else "boot"
+
+
+def _frames(core: FarmCore, station: Station) -> tuple[int, int, int]:
+    """Cyclic frames sent, suppressed by a fault, received, over all connections since the start."""
+    closed = station.device.closed
+    sent, suppressed, received = closed.sent, closed.suppressed, closed.received
+    providers, consumers = station.device.channel_rows
+    for row in providers:
+        sent += int(core.columns.ppm[row].sent)
+        suppressed += int(core.columns.ppm[row].suppressed)
+    for row in consumers:
+        received += int(core.columns.cpm[row].received)
+    return sent, suppressed, received
+
+
+def _fault(station: Station, number: int) -> dict[str, Any]:
+    known = station.model.faults.get(number)
+    return {"number": number, "name": known.name if known is not None else ""}
+
+
+def _last_fault(station: Station) -> dict[str, Any] | None:
+    """First fault of the newest situation: the active one, or the one acknowledged last."""
+    axis = station.handle.axis
+    buffer = axis.faults.buffer
+    for place in range(0, FAULT_SLOTS * FAULT_SITUATIONS, int(axis.faults.settings.places) or FAULT_SLOTS):
+        if buffer[place]:
+            return _fault(station, int(buffer[place]) & NUMBER_MASK)
+    return None

@@ -1,0 +1,214 @@
+"""Effects on frames: lost or changed, cyclic ones by the engine, acyclic ones by the gate."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pnfarm.faults.effects.connection import CONNECTION
+from pnfarm.faults.effects.effect import POLL_NS, Effect, Window, seed_of
+from pnfarm.faults.effects.evidence import NOTHING, Evidence
+from pnfarm.faults.effects.wire import WIRE
+from pnfarm.faults.gate.choice import Choice
+from pnfarm.faults.gate.frame_words import check_word
+from pnfarm.faults.gate.gate import EVERY_FRAME, GateRule
+from pnfarm.table.impairment import LOSS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from pnfarm.faults.effects.effect import Needs
+    from pnfarm.faults.effects.injection_fields import InjectionFields
+    from pnfarm.faults.effects.parts import InjectedDrive
+    from pnfarm.faults.effects.wire import Wire
+    from pnfarm.faults.gate.gate import FrameClasses
+    from pnfarm.wire.direction import Direction
+
+__all__ = ["Frames", "FramesEffect"]
+
+
+class Frames:
+    """Rows of the engine and a rule of the gate that act together on one drive's frames.
+
+    ``cyclic`` is the action on cyclic frames (:mod:`pnfarm.table.impairment`, None: none) with its ``settings`` for
+    each direction, ``acyclic`` the classes of acyclic frames (None: none), which a ``rule`` of the gate loses or
+    changes.  Frames are chosen by ``choice``; without one, each with the injection's probability.
+    """
+
+    def __init__(
+        self,
+        spec: InjectionFields,
+        drive: str,
+        wire: Wire,
+        directions: tuple[Direction, ...],
+        *,
+        cyclic: int | None = LOSS,
+        acyclic: FrameClasses | None = EVERY_FRAME,
+        settings: Callable[[Direction], Mapping[str, float]] = lambda _: {},
+        choice: Choice | None = None,
+        rule: Callable[..., GateRule] = GateRule,
+    ) -> None:
+        self._spec = spec
+        self._drive = drive
+        self._wire = wire
+        self._directions = directions
+        self._cyclic = cyclic
+        self._acyclic = acyclic
+        self._settings = settings
+        self._choice = choice
+        self._make_rule = rule
+        self._rows: dict[int, Direction] = {}
+        self._rule: GateRule | None = None
+        self._done = NOTHING
+        self._after = 0
+
+    def begin(self, window: Window) -> None:
+        probability = 1.0 if self._spec.probability is None else self._spec.probability
+        choice = self._choice or Choice(start=probability)
+        seed = seed_of(self._spec, self._drive)
+        self._after = window.after
+        try:
+            for index, direction in enumerate(self._directions if self._cyclic is not None else ()):
+                number = self._wire.impair(
+                    direction,
+                    self._cyclic or 0,
+                    probability=choice.start,
+                    seed=seed + index,
+                    count=self._spec.count or 0,
+                    after=window.after,
+                    start_ns=window.start_ns,
+                    stop_ns=window.stop_ns,
+                    settings={**choice.settings(), **self._settings(direction)},
+                )
+                self._rows[number] = direction
+            if self._spec.count and len(self._rows) == 2:
+                self._wire.share_limit(*self._rows)
+        except BaseException:
+            self.end()
+            raise
+        if self._acyclic is not None:
+            self._rule = self._make_rule(
+                self._directions,
+                self._acyclic,
+                choice=choice,
+                seed=seed + 16,
+                count=self._spec.count or 0,
+                stop_ns=window.stop_ns,
+                armed=self._armed,
+                spent=self._spent,
+                lost=self._gate_lost,
+            )
+            self._wire.gate(self._rule)
+
+    def _spent(self) -> int:
+        """Cyclic frames that the engine acted on."""
+        return sum(self._wire.impairment(row).activations for row in self._rows)
+
+    def _gate_lost(self) -> None:
+        """An acyclic frame was lost: subtract it from the rest of ``count`` for the cyclic ones."""
+        if self._spec.count and self._rule is not None:
+            for number in self._rows:
+                self._wire.set_limit(number, self._spec.count - self._rule.evidence().activations)
+
+    def _armed(self) -> bool:
+        """The engine has let the healthy frames pass."""
+        return not self._after or any(self._wire.impairment(row).checks > self._after for row in self._rows)
+
+    def end(self) -> None:
+        rows, self._rows = self._rows, {}
+        for number in rows:
+            self._done += self._wire.unimpair(number)
+        if self._rule is not None:
+            self._wire.ungate(self._rule)
+            self._done += self._rule.evidence()
+            self._rule = None
+
+    def evidence(self) -> Evidence:
+        seen = self._done
+        for number in self._rows:
+            seen += self._wire.impairment(number)
+        return seen if self._rule is None else seen + self._rule.evidence()
+
+    @property
+    def waiting(self) -> int:
+        """Frames that are held at present."""
+        waiting = sum(self._wire.waiting(number) for number in self._rows)
+        return waiting if self._rule is None else waiting + self._rule.waiting
+
+    @property
+    def remaining(self) -> int:
+        """Occurrences left of ``count``; 1 without such a limit."""
+        if self._spec.count is None:
+            return 1
+        return self._spec.count - self.evidence().activations
+
+
+class FramesEffect(Effect):
+    """Frames are lost or changed from begin to end."""
+
+    needs: ClassVar[Needs] = (WIRE, CONNECTION)
+    #: As for :class:`Frames`.
+    cyclic: ClassVar[int | None] = LOSS
+    acyclic: ClassVar[FrameClasses | None] = EVERY_FRAME
+
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
+        super().__init__(spec, drive)
+        check_word(self.values.get("frames", "all"), drive.name, drive.part(WIRE).classes)
+        self._cyclic, acyclic = self.acts_on()
+        self._frames = Frames(
+            spec,
+            drive.name,
+            drive.part(WIRE),
+            spec.directions,
+            cyclic=self._cyclic,
+            acyclic=acyclic,
+            settings=self.settings,
+            choice=self.choice(),
+            rule=self.rule,
+        )
+        self._connection = drive.part(CONNECTION)
+        self.counts_frames = self._cyclic is not None
+        self._due: int | None = None
+
+    def acts_on(self) -> tuple[int | None, FrameClasses | None]:
+        """``cyclic`` and ``acyclic`` of this injection."""
+        return self.cyclic, self.acyclic
+
+    def settings(self, direction: Direction) -> Mapping[str, float]:
+        """Further fields of the engine's row (:mod:`pnfarm.table.impairment`)."""
+        del direction
+        return {}
+
+    def choice(self) -> Choice | None:
+        """How frames are chosen; None: each with the probability of the injection."""
+        return None
+
+    def rule(self, *args: Any, **fields: Any) -> GateRule:
+        """The rule of the gate for acyclic frames."""
+        return GateRule(*args, **fields)
+
+    def begin(self, window: Window, now: int) -> None:
+        self._frames.begin(window)
+        self.check(now)
+
+    def check(self, now: int) -> None:
+        self._due = None
+        if self.spec.count is None:
+            return
+        remaining = self._frames.remaining
+        # ending earlier would let the last ones go on before their time
+        self.finished = remaining <= 0 and not self._frames.waiting
+        connection = self._connection.now()
+        if not self.finished and connection is not None and self._cyclic is not None:
+            self._due = now + max(1, remaining) * connection.cycle_ns
+        elif not self.finished:
+            self._due = now + POLL_NS
+
+    def end(self, now: int) -> None:
+        del now
+        self._frames.end()
+
+    def evidence(self) -> Evidence:
+        return self._frames.evidence()
+
+    def next_deadline(self) -> int | None:
+        return self._due

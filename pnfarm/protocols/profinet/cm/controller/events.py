@@ -1,0 +1,200 @@
+"""Events of a controller's AR, and the calls that it requests.
+
+Every end of an AR is one of three events: :class:`ArFailed` before it was established, :class:`ArAborted` after,
+:class:`ArReleased` after the owner's release.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable, Mapping
+
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
+    from pnfarm.protocols.profinet.cm.controller.response import ModuleDeviation
+    from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification
+    from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
+
+__all__ = [
+    "AlarmIndicated",
+    "ApplicationReadyReceived",
+    "ArAborted",
+    "ArEstablished",
+    "ArFailed",
+    "ArReleased",
+    "CmctlEvent",
+    "Connected",
+    "ControllerCall",
+    "ParametersEnded",
+    "Parametrised",
+    "Phase",
+    "RecordRead",
+    "RecordWriteDone",
+    "SubmodulesChanged",
+    "Timeouts",
+]
+
+#: Phase of a start-up that failed.
+Phase = Literal["connect", "write", "parameter-end", "application-ready"]
+
+
+@dataclass(frozen=True, slots=True)
+class Timeouts:
+    """How long each phase may take, nanoseconds.
+
+    The RPC client does the retries; these limit the total time.  ``application_ready`` runs
+    from the end of parametrisation; a GSDML file may name another time (RemoteApplicationTimeout).
+    """
+
+    connect_ns: int = 10_000_000_000
+    write_ns: int = 10_000_000_000
+    parameter_end_ns: int = 10_000_000_000
+    application_ready_ns: int = 20_000_000_000
+    release_ns: int = 5_000_000_000
+    record_ns: int = 10_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerCall:
+    """One RPC call to the device's interface; its end comes back through ``call_returned`` or ``call_failed``."""
+
+    key: int
+    opnum: int
+    args_maximum: int
+    payload: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Connected:
+    """The device accepted the Connect: both cyclic channels start now, with the frame ids as the device answered."""
+
+    input_layout: IocrLayout
+    output_layout: IocrLayout
+    device_mac: bytes
+    device_alarm_reference: int
+    device_max_alarm_data_length: int
+    module_diff: tuple[ModuleDeviation, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Parametrised:
+    """The device confirmed PrmEnd; ApplicationReady is awaited."""
+
+
+@dataclass(frozen=True, slots=True)
+class ApplicationReadyReceived:
+    """The device is ready, or ready again after a plug (``after_plug``)."""
+
+    module_diff: tuple[ModuleDeviation, ...]
+    after_plug: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ArEstablished:
+    """ApplicationReady was answered: outputs are valid from now on."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmIndicated:
+    """The device raised an alarm; ``text`` says it in one line.
+
+    It has been acknowledged, unless the plan leaves that to the owner (``CmController.acknowledge_alarm``).
+    """
+
+    alarm: AlarmNotification
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class SubmodulesChanged:
+    """Which submodules cannot be used from now on, and why; the controller's own data for them are to be BAD."""
+
+    unusable: Mapping[ExpectedKey, str]
+
+
+@dataclass(frozen=True, slots=True)
+class ParametersEnded:
+    """Parameters that were written while data flow: after an alarm (``after_plug``), or from PrmBegin on.
+
+    ``reason`` is empty when the device is ready with them.  ``code`` is the RtaError that the AR ends with, None when
+    it goes on.
+    """
+
+    submodules: tuple[ExpectedKey, ...]
+    after_plug: bool
+    reason: str = ""
+    code: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ArFailed:
+    """The AR was not established.  ``status`` is the device's, if the device refused."""
+
+    phase: Phase
+    status: PnioStatus | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class ArAborted:
+    """An established AR ended.
+
+    The two codes are those of the RTA error that was sent or received; ``error_code1`` is RTA_ERR_CLS_PROTOCOL unless
+    the device says otherwise, ``error_code2`` then one of ``errors.RtaError``.
+    """
+
+    by_device: bool
+    error_code1: int
+    error_code2: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class ArReleased:
+    """The owner's release is through; ``reason`` is empty when the device confirmed it."""
+
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordRead:
+    """The end of a read: ``data``, or the device's ``status``, or a ``reason`` why there is neither."""
+
+    tag: Hashable
+    data: bytes | None
+    status: PnioStatus | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordWriteDone:
+    """The end of a write.  ``tag`` of a parameter record is the plan's ParameterRecord itself.
+
+    ``status`` is the device's, None when no usable answer came; then ``reason`` says why.
+    """
+
+    tag: Hashable
+    status: PnioStatus | None
+    reason: str = ""
+
+    @property
+    def ok(self) -> bool:
+        return self.status is not None and self.status.ok
+
+
+CmctlEvent = (
+    Connected
+    | AlarmIndicated
+    | Parametrised
+    | ApplicationReadyReceived
+    | ArEstablished
+    | ArFailed
+    | ArAborted
+    | ArReleased
+    | RecordRead
+    | RecordWriteDone
+    | SubmodulesChanged
+    | ParametersEnded
+)

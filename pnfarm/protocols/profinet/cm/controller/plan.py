@@ -1,0 +1,332 @@
+"""A controller's plan for an AR, and the layout of its two cyclic frames.
+
+An :class:`ArPlan` holds everything for the Connect request and the start-up after it; it is plain data,
+without wire format.  :func:`plan_frames` decides the only open point, the position of
+all data in the two frames:
+
+* input frame: for each submodule with inputs, and for each without any data, its data and then its provider status;
+  after all of these one consumer status for each submodule with outputs;
+* output frame: the same the other way round.
+
+A submodule without any data has only a provider status in the input frame, as the captures of real
+controllers show and IEC 61158-6-10 (ExpectedSubmoduleBlockReq, SubmoduleProperties Type = NO_IO) requires.  With
+DiscardIOXS a submodule has no status octet in either frame; the request still lists it, with offset 0 if it
+has no octet at all, as captured controllers do.  A frame shorter than the C_SDU's 40 octets is padded after its last
+status.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.cm.ar import DataPlace, IocrLayout, IocsPlace
+from pnfarm.protocols.profinet.wire.cm.connect import STARTUP_ADVANCED, STARTUP_LEGACY, ArProperties, ArType
+from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties, SubmoduleType
+from pnfarm.protocols.profinet.wire.cm.iocr import (
+    FRAME_ID_ASSIGN,
+    FRAME_SEND_OFFSET_ANY,
+    IOCR_TAG_HEADER,
+    IocrType,
+    RtClass,
+)
+from pnfarm.protocols.profinet.wire.frame_id import RT_UDP_UNICAST, RTC1_UNICAST
+from pnfarm.protocols.profinet.wire.rpc.pdu import object_uuid
+from pnfarm.wire.rtc import SEND_CLOCK_NS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from uuid import UUID
+
+    from pnfarm.protocols.profinet.wire.alarms.texts import DiagnosisTexts
+
+__all__ = [
+    "MAX_C_SDU",
+    "MIN_C_SDU",
+    "ArPlan",
+    "ParameterRecord",
+    "PlannedSubmodule",
+    "plan_frames",
+]
+
+#: Octets of IO data that one frame of RT class 1 or 2 carries, from and to (IEC 61158-6-10, C_SDU).
+MIN_C_SDU = 40
+MAX_C_SDU = 1440
+
+#: IOCRReference of the two CRs, as the captured controllers count them.
+INPUT_REFERENCE = 1
+OUTPUT_REFERENCE = 2
+
+#: Frame ids of unicast cyclic data by the RT class that IOCRProperties names.
+FRAME_IDS: dict[int, range] = {RtClass.CLASS_1: RT_UDP_UNICAST, RtClass.CLASS_2: RTC1_UNICAST}
+
+MAX_SLOT = 0x7FFF
+MAX_SUBSLOT = 0x9FFF
+#: From here on subslots are interfaces and ports.
+FIRST_INTERFACE_SUBSLOT = 0x8000
+
+#: Longest time without data that RT classes 1 and 2 allow, nanoseconds.
+MAX_HOLD_NS = 1_920_000_000
+
+#: SubmoduleProperties that would change the content of frames; this controller does not support them.
+_UNSUPPORTED_PROPERTIES = SubmoduleProperties.REDUCE_INPUT_LENGTH | SubmoduleProperties.REDUCE_OUTPUT_LENGTH
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedSubmodule:
+    """One submodule that the controller expects, with the module it sits in.
+
+    ``properties`` adds bits to SubmoduleProperties; bits 0 and 1 follow from the lengths (octets).
+    """
+
+    api: int
+    slot: int
+    module_ident: int
+    subslot: int
+    submodule_ident: int
+    input_bytes: int = 0
+    output_bytes: int = 0
+    properties: int = 0
+
+    @property
+    def wire_properties(self) -> int:
+        """SubmoduleProperties as they go into the ExpectedSubmoduleBlockReq."""
+        has_input = SubmoduleType.INPUT if self.input_bytes else SubmoduleType.NO_IO
+        has_output = SubmoduleType.OUTPUT if self.output_bytes else SubmoduleType.NO_IO
+        return self.properties | has_input | has_output
+
+    @property
+    def provides_input(self) -> bool:
+        """It has a place among the data of the input frame: it has inputs, or no data at all."""
+        return bool(self.input_bytes) or not self.output_bytes
+
+    @property
+    def discards_ioxs(self) -> bool:
+        """It has no status octets."""
+        return bool(self.properties & SubmoduleProperties.DISCARD_IOXS)
+
+    @property
+    def where(self) -> str:
+        return f"slot {self.slot} subslot 0x{self.subslot:04X}"
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterRecord:
+    """A record written before PrmEnd."""
+
+    api: int
+    slot: int
+    subslot: int
+    index: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ArPlan:
+    """One application relation as its initiator requests it.
+
+    Factors are in the standard's units: ``send_clock_factor`` in 31.25 us, ``activity_timeout_factor`` and
+    ``rta_timeout_factor`` in 100 ms.  ``data_hold_factor`` None means: as ``watchdog_factor``, which is what the
+    standard requires if a device knows only one of them.  The defaults are those of the captured controllers.
+    """
+
+    # Identity
+    vendor_id: int
+    device_id: int
+    instance: int
+    controller_name: str
+    controller_mac: bytes
+    controller_object_uuid: UUID
+    ar_uuid: UUID
+    session_key: int
+    submodules: tuple[PlannedSubmodule, ...]
+    # Start-up
+    ar_type: int = ArType.IOCAR_SINGLE
+    #: A supervisor may take submodules over; the AR continues with the others until it gives them back.
+    takeover_allowed: bool = False
+    #: Records alone: an AR without cyclic data, alarms and submodules of its own (a supervisor's, ``ArType.IOSAR``).
+    device_access: bool = False
+    startup: Literal["legacy", "advanced"] = "legacy"
+    activity_timeout_factor: int = 600
+    expected_blocks: Literal["per-api", "per-slot"] = "per-api"
+    records: tuple[ParameterRecord, ...] = ()
+    multiple_write: bool = False
+    #: Octets of one MultipleWrite's record; what does not fit goes into a further one.
+    multiple_write_octets: int = 1200
+    #: What to do when the device refuses a record, or reports a module that does not fit.
+    on_record_error: Literal["fail", "go-on"] = "fail"
+    on_module_diff: Literal["fail", "go-on"] = "go-on"
+    # Cyclic data
+    send_clock_factor: int = 32
+    reduction_ratio: int = 1
+    phase: int = 1
+    frame_send_offset: int = FRAME_SEND_OFFSET_ANY
+    watchdog_factor: int = 3
+    data_hold_factor: int | None = None
+    rt_class: int = RtClass.CLASS_2
+    input_frame_id: int = 0x8000
+    output_frame_id: int = FRAME_ID_ASSIGN
+    tag_header: int = IOCR_TAG_HEADER
+    # Alarms
+    rta_timeout_factor: int = 1
+    rta_retries: int = 3
+    local_alarm_reference: int = 1
+    max_alarm_data_length: int = 200
+    alarm_properties: int = 0
+    #: The device's alarms are acknowledged by the machine, at once and with OK, or by its owner.
+    on_alarm: Literal["acknowledge", "ask"] = "acknowledge"
+    #: The device's own texts for its diagnoses, if its description is available.
+    texts: DiagnosisTexts | None = None
+
+    @property
+    def sorted_submodules(self) -> tuple[PlannedSubmodule, ...]:
+        """In the order in which requests and frames have them: by API, slot and subslot."""
+        return tuple(sorted(self.submodules, key=lambda s: (s.api, s.slot, s.subslot)))
+
+    @property
+    def ar_properties(self) -> int:
+        """ARProperties: State = Active, ParametrizationServer = CM initiator, and what the plan adds to them."""
+        properties = STARTUP_ADVANCED if self.startup == "advanced" else STARTUP_LEGACY
+        if self.takeover_allowed:
+            properties |= ArProperties.SUPERVISOR_TAKEOVER_ALLOWED
+        if self.device_access:
+            properties |= ArProperties.DEVICE_ACCESS
+        return properties
+
+    @property
+    def device_object_uuid(self) -> UUID:
+        """Object UUID that every call to the device carries."""
+        return object_uuid(self.instance, self.device_id, self.vendor_id)
+
+    @property
+    def cycle_ns(self) -> int:
+        """Time between two frames of either CR, nanoseconds."""
+        return SEND_CLOCK_NS * self.send_clock_factor * self.reduction_ratio
+
+    @property
+    def hold_factor(self) -> int:
+        return self.watchdog_factor if self.data_hold_factor is None else self.data_hold_factor
+
+    def problems(self) -> list[str]:
+        """Messages about values outside of the standard's ranges, for which a device may refuse the Connect.
+
+        The ranges are those of IEC 61158-6-10 for ARBlockReq, IOCRBlockReq and AlarmCRBlockReq.  A plan with problems
+        can still be sent, to test how a device refuses it.
+        """
+        return list(_problems(self))
+
+
+def _problems(plan: ArPlan) -> Iterator[str]:
+    hold_ns = plan.cycle_ns * plan.hold_factor
+    for name, value, lowest, highest in (
+        ("session_key", plan.session_key, 0, 0xFFFF),
+        ("activity_timeout_factor", plan.activity_timeout_factor, 1, 1000),
+        ("reduction_ratio", plan.reduction_ratio, 1, 512),
+        ("phase", plan.phase, 1, plan.reduction_ratio),
+        ("watchdog_factor", plan.watchdog_factor, 1, 0x1E00),
+        ("data_hold_factor", plan.hold_factor, 1, 0x1E00),
+        ("rta_timeout_factor", plan.rta_timeout_factor, 1, 100),
+        ("rta_retries", plan.rta_retries, 3, 15),
+        ("max_alarm_data_length", plan.max_alarm_data_length, 200, 1432),
+        ("length of controller_name", len(plan.controller_name), 1, 240),
+    ):
+        if not lowest <= value <= highest:
+            yield f"{name} is {value}, allowed are {lowest} to {highest}"
+    if plan.send_clock_factor not in {1, 2, 4, 8, 16, 32, 64, 128}:
+        yield f"send_clock_factor is {plan.send_clock_factor}, allowed are powers of two up to 128"
+    if plan.send_clock_factor * plan.reduction_ratio > 128 * 128:
+        yield f"the cycle is {plan.cycle_ns / 1e9:g} s, at most 0.512 s is possible"
+    if hold_ns > MAX_HOLD_NS:
+        yield f"data would be missed only after {hold_ns / 1e9:g} s, at most 1.92 s is possible"
+    for submodule in plan.sorted_submodules:
+        if submodule.slot > MAX_SLOT or not 0 < submodule.subslot <= MAX_SUBSLOT:
+            yield f"{submodule.where} does not exist, slots end at {MAX_SLOT} and subslots at 0x{MAX_SUBSLOT:04X}"
+        if submodule.module_ident == 0:
+            yield f"{submodule.where} expects module ident 0, which no module has"
+        if submodule.api and submodule.subslot >= FIRST_INTERFACE_SUBSLOT:
+            yield f"{submodule.where} is in API 0x{submodule.api:X}, interfaces and ports belong to API 0"
+    if plan.startup == "advanced" and plan.rt_class == RtClass.CLASS_1:
+        yield "the advanced start-up does not have RT_CLASS_1, rt_class has to be 2"
+    frame_ids = FRAME_IDS.get(plan.rt_class)
+    if frame_ids is None:
+        yield f"rt_class is {plan.rt_class}, it has to be 1 or 2"
+        return
+    allowed = f"of RT_CLASS_{plan.rt_class} lie between 0x{frame_ids[0]:04X} and 0x{frame_ids[-1]:04X}"
+    if plan.input_frame_id not in frame_ids:
+        yield f"input_frame_id is 0x{plan.input_frame_id:04X}, frame ids {allowed}"
+    if plan.output_frame_id != FRAME_ID_ASSIGN and plan.output_frame_id not in frame_ids:
+        yield f"output_frame_id is 0x{plan.output_frame_id:04X}, frame ids {allowed}"
+
+
+def _check_submodules(plan: ArPlan) -> None:
+    if plan.device_access and (plan.submodules or plan.ar_type != ArType.IOSAR):
+        raise ConfigError("device access is a supervisor's AR (ar_type 6) and expects no submodules")
+    if not plan.submodules and not plan.device_access:
+        raise ConfigError("the plan expects no submodule, at least the device's access point (slot 0) is needed")
+    seen: set[tuple[int, int, int]] = set()
+    modules: dict[tuple[int, int], int] = {}
+    for submodule in plan.submodules:
+        key = (submodule.api, submodule.slot, submodule.subslot)
+        if key in seen:
+            raise ConfigError(f"{submodule.where} is given twice in the plan, each place can be expected once")
+        seen.add(key)
+        ident = modules.setdefault(key[:2], submodule.module_ident)
+        if ident != submodule.module_ident:
+            raise ConfigError(
+                f"{submodule.where} expects module 0x{submodule.module_ident:08X} and another submodule of that slot "
+                f"0x{ident:08X}, one slot has one module"
+            )
+        if submodule.input_bytes < 0 or submodule.output_bytes < 0:
+            raise ConfigError(f"{submodule.where} has a negative length, octets count from 0")
+        if submodule.properties & _UNSUPPORTED_PROPERTIES:
+            raise ConfigError(
+                f"{submodule.where} has properties 0x{submodule.properties:04X}, reduced lengths cannot be planned"
+            )
+
+
+def _layout(plan: ArPlan, iocr_type: IocrType, name: str) -> IocrLayout:
+    is_input = iocr_type is IocrType.INPUT
+    data: list[DataPlace] = []
+    offset = 0
+    for s in plan.sorted_submodules:
+        if s.provides_input if is_input else s.output_bytes:
+            length = s.input_bytes if is_input else s.output_bytes
+            status = 0 if s.discards_ioxs else 1
+            start = offset if length + status else 0
+            data.append(DataPlace(s.api, s.slot, s.subslot, start, length, offset + length if status else None))
+            offset += length + status
+    iocs: list[IocsPlace] = []
+    for s in plan.sorted_submodules:
+        if s.output_bytes if is_input else s.provides_input:
+            iocs.append(IocsPlace(s.api, s.slot, s.subslot, None if s.discards_ioxs else offset))
+            offset += 0 if s.discards_ioxs else 1
+    if offset > MAX_C_SDU:
+        raise ConfigError(f"the {name} frame would carry {offset} octets, at most {MAX_C_SDU} fit")
+    return IocrLayout(
+        iocr_type=int(iocr_type),
+        iocr_reference=INPUT_REFERENCE if is_input else OUTPUT_REFERENCE,
+        frame_id=plan.input_frame_id if is_input else plan.output_frame_id,
+        data_length=max(offset, MIN_C_SDU),
+        send_clock_factor=plan.send_clock_factor,
+        reduction_ratio=plan.reduction_ratio,
+        phase=plan.phase,
+        frame_send_offset=plan.frame_send_offset,
+        watchdog_factor=plan.watchdog_factor,
+        data_hold_factor=plan.hold_factor,
+        rt_class=int(plan.rt_class),
+        data=tuple(data),
+        iocs=tuple(iocs),
+        properties=int(plan.rt_class),
+        tag_header=plan.tag_header,
+    )
+
+
+def plan_frames(plan: ArPlan) -> tuple[IocrLayout, IocrLayout]:
+    """The layouts of the input and of the output CR.
+
+    Both are empty for device access.  Raises ConfigError when another plan expects nothing, when a place is given
+    twice, or when there is more data than a frame holds.
+    """
+    _check_submodules(plan)
+    return _layout(plan, IocrType.INPUT, "input"), _layout(plan, IocrType.OUTPUT, "output")

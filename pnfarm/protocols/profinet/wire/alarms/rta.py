@@ -1,0 +1,179 @@
+"""RTA-PDU: what carries alarms, their acknowledgements and the end of an AR (IEC 61158-6-10, RTA-PDU).
+
+``FrameID u16, AlarmDstEndpoint u16, AlarmSrcEndpoint u16, PDUType u8, AddFlags u8, SendSeqNum u16, AckSeqNum u16,
+VarPartLen u16, VarPart``, behind EtherType 0x8892.  The endpoints are the alarm references that both ends exchanged at
+Connect.  A DATA-RTA-PDU carries one alarm block, an ERR-RTA-PDU a PNIOStatus, the other two nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.errors import rta_status
+from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
+from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
+from pnfarm.wire.octets import Reader, Writer
+
+__all__ = [
+    "FIRST_ACK",
+    "FIRST_SEND",
+    "RTA_VERSION",
+    "TACK",
+    "WINDOW_SIZE",
+    "RtaErrorPdu",
+    "RtaPdu",
+    "RtaType",
+    "emit_rta",
+    "emit_rta_error",
+    "error_of",
+    "error_pdu",
+    "next_sequence",
+    "parse_rta",
+    "parse_rta_error",
+    "rta_error",
+]
+
+
+class RtaType(IntEnum):
+    """PDUType.Type, bits 0 to 3; other values are reserved."""
+
+    DATA = 1
+    NACK = 2
+    ACK = 3
+    ERR = 4
+
+
+#: PDUType.Version, bits 4 to 7.
+RTA_VERSION = 1
+#: AddFlags.WindowSize, bits 0 to 2: one DATA-RTA-PDU may be without its acknowledgement.
+WINDOW_SIZE = 0x01
+#: AddFlags.TACK, bit 4: the receiver acknowledges at once.
+TACK = 0x10
+
+#: SendSeqNum of the first DATA-RTA-PDU, and AckSeqNum of an end that has received none.
+FIRST_SEND = 0xFFFF
+FIRST_ACK = 0xFFFE
+#: Behind the first number the counters run from 0 to here and start again.
+_HIGHEST_SEQUENCE = 0x7FFF
+
+_ERR_PDU = RTA_VERSION << 4 | RtaType.ERR
+
+
+@dataclass(frozen=True, slots=True)
+class RtaPdu:
+    """One PDU; ``destination`` and ``source`` are alarm references, ``body`` is the VarPart."""
+
+    frame_id: int
+    destination: int
+    source: int
+    pdu_type: int
+    add_flags: int
+    send_sequence: int
+    ack_sequence: int
+    body: bytes = b""
+
+    @property
+    def type(self) -> int:
+        """One of :class:`RtaType`, or a reserved number."""
+        return self.pdu_type & 0x0F
+
+    @property
+    def version(self) -> int:
+        return self.pdu_type >> 4
+
+    @property
+    def tack(self) -> bool:
+        return bool(self.add_flags & TACK)
+
+
+def next_sequence(number: int) -> int:
+    """What follows a SendSeqNum: 0 after the first one, then one more each time, modulo 0x8000."""
+    return (number + 1) & _HIGHEST_SEQUENCE
+
+
+def parse_rta(data: bytes) -> RtaPdu:
+    """``data`` starts with the frame id; what follows the PDU is padding of the Ethernet frame.
+
+    Raises :class:`DecodeError`: ``bad-type`` for a frame id that is not an alarm's, ``short``.  PDUs of reserved types
+    and versions are values like any other.
+    """
+    r = Reader(data)
+    frame_id = r.u16()
+    if frame_id not in {ALARM_HIGH, ALARM_LOW}:
+        raise DecodeError("bad-type", f"frame id 0x{frame_id:04X} is not an alarm's")
+    destination, source, pdu_type, add_flags, send, ack = r.u16(), r.u16(), r.u8(), r.u8(), r.u16(), r.u16()
+    return RtaPdu(frame_id, destination, source, pdu_type, add_flags, send, ack, r.bytes(r.u16()))
+
+
+def emit_rta(pdu: RtaPdu) -> bytes:
+    """The octets behind the EtherType."""
+    w = Writer().u16(pdu.frame_id).u16(pdu.destination).u16(pdu.source).u8(pdu.pdu_type).u8(pdu.add_flags)
+    return w.u16(pdu.send_sequence).u16(pdu.ack_sequence).u16(len(pdu.body)).bytes(pdu.body).getvalue()
+
+
+# ERR-RTA-PDU: how either end of an AR reports its end
+
+
+@dataclass(frozen=True, slots=True)
+class RtaErrorPdu:
+    """An ERR-RTA-PDU; ``vendor`` is what may follow the status (IEC 61158-6-10, RTA-SDU of ERR)."""
+
+    destination: int
+    source: int
+    status: PnioStatus
+    frame_id: int = ALARM_LOW
+    send_sequence: int = FIRST_SEND
+    ack_sequence: int = FIRST_ACK
+    vendor: bytes = b""
+    pdu_type: int = _ERR_PDU
+    add_flags: int = WINDOW_SIZE
+
+
+def rta_error(destination: int, source: int, code: int) -> RtaErrorPdu:
+    """The PDU with the status CF 81 FD ``code`` (:class:`~pnfarm.protocols.profinet.errors.RtaError`)."""
+    return RtaErrorPdu(destination, source, rta_status(code))
+
+
+def error_of(pdu: RtaPdu) -> RtaErrorPdu:
+    """The same PDU as an ERR-RTA-PDU.  Raises ``bad-type`` for one of another type, ``short``."""
+    if pdu.type != RtaType.ERR:
+        raise DecodeError("bad-type", f"RTA-PDU of type 0x{pdu.pdu_type:02X} is not ERR")
+    body = Reader(pdu.body)
+    status = PnioStatus.from_int(body.u32())
+    return RtaErrorPdu(
+        pdu.destination,
+        pdu.source,
+        status,
+        pdu.frame_id,
+        pdu.send_sequence,
+        pdu.ack_sequence,
+        body.rest(),
+        pdu.pdu_type,
+        pdu.add_flags,
+    )
+
+
+def parse_rta_error(data: bytes) -> RtaErrorPdu:
+    """``data`` starts with the frame id.  Raises ``bad-type`` for every other RTA-PDU."""
+    return error_of(parse_rta(data))
+
+
+def error_pdu(value: RtaErrorPdu) -> RtaPdu:
+    """The ERR-RTA-PDU as one among the others."""
+    return RtaPdu(
+        value.frame_id,
+        value.destination,
+        value.source,
+        value.pdu_type,
+        value.add_flags,
+        value.send_sequence,
+        value.ack_sequence,
+        Writer().u32(int(value.status)).bytes(value.vendor).getvalue(),
+    )
+
+
+def emit_rta_error(value: RtaErrorPdu) -> bytes:
+    """The octets behind the EtherType."""
+    return emit_rta(error_pdu(value))

@@ -1,0 +1,401 @@
+"""The endpoint mapper that a PROFINET device answers on its context management port.
+
+Sources: C706 appendix O (the ``ept`` interface), appendix L (protocol towers) and chapter 14 (NDR); IEC 61158-6-10
+4.10.3 (RPC substitutions, annotation), which makes lookup and lookup-handle-free mandatory.
+
+The arguments follow the header's data representation.  A tower is little-endian always, save for the port and
+the address, which are in network order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from ipaddress import IPv4Address
+from typing import TYPE_CHECKING, Final
+from uuid import UUID
+
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
+    NIL_UUID,
+    read_u16,
+    read_u32,
+    read_uuid,
+    write_u16,
+    write_u32,
+    write_uuid,
+)
+from pnfarm.wire.octets import Reader, Writer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+__all__ = [
+    "ANNOTATION_LENGTH",
+    "EPM_VERSION",
+    "MAX_ENTRIES",
+    "NIL_HANDLE",
+    "NOT_REGISTERED",
+    "EntryHandle",
+    "EpmOpnum",
+    "EptEntry",
+    "Floor",
+    "Inquiry",
+    "LookupRequest",
+    "LookupResponse",
+    "Tower",
+    "VersionOption",
+    "annotation",
+    "emit_handle",
+    "emit_handle_freed",
+    "emit_lookup_request",
+    "emit_lookup_response",
+    "emit_tower",
+    "parse_handle",
+    "parse_handle_freed",
+    "parse_lookup_request",
+    "parse_lookup_response",
+    "parse_tower",
+]
+
+EPM_VERSION: Final = 3
+NDR_UUID: Final = UUID("8a885d04-1ceb-11c9-9fe8-08002b104860")
+NDR_VERSION: Final = 2
+NOT_REGISTERED: Final = 0x16C9A0D6
+"""ept_s_not_registered: nothing (more) to list."""
+
+ANNOTATION_LENGTH: Final = 64
+MAX_ENTRIES: Final = 500
+"""C706 appendix O, ept_max_lookup_results."""
+
+
+class EpmOpnum(IntEnum):
+    """C706 appendix O; a PROFINET device serves LOOKUP and LOOKUP_HANDLE_FREE."""
+
+    INSERT = 0
+    DELETE = 1
+    LOOKUP = 2
+    MAP = 3
+    LOOKUP_HANDLE_FREE = 4
+    INQ_OBJECT = 5
+    MGMT_DELETE = 6
+
+
+class Inquiry(IntEnum):
+    """C706 appendix O, rpc_c_ep_*."""
+
+    ALL = 0
+    BY_INTERFACE = 1
+    BY_OBJECT = 2
+    BY_BOTH = 3
+
+
+class VersionOption(IntEnum):
+    """C706 appendix O, rpc_c_vers_*."""
+
+    ALL = 1
+    COMPATIBLE = 2
+    EXACT = 3
+    MAJOR_ONLY = 4
+    UP_TO = 5
+
+
+class _Protocol(IntEnum):
+    """First octet of a floor's left side (C706 appendix I)."""
+
+    DOD_UDP = 0x08
+    DOD_IP = 0x09
+    NCADG = 0x0A
+    UUID = 0x0D
+
+
+# --- annotation (IEC 61158-6-10, 4.10.3.3) -------------------------------------------------------------------
+
+
+def annotation(
+    device_type: str,
+    order_id: str,
+    hardware_revision: int,
+    software_prefix: str,
+    software_revision: tuple[int, int, int],
+) -> str:
+    """The 63 characters a tool shows: type (25), order id (20), hardware (5), prefix (1) and software revision (9).
+
+    Longer texts are cut to their field.
+    """
+    version = "".join(f"{part:3d}"[:3] for part in software_revision)
+    return f"{device_type:<25.25} {order_id:<20.20} {hardware_revision:>5} {software_prefix:1.1}{version}"[:63]
+
+
+def _annotation_octets(text: str) -> bytes:
+    return text.encode("latin-1", "replace")[: ANNOTATION_LENGTH - 1].ljust(ANNOTATION_LENGTH, b"\0")
+
+
+# --- protocol tower (C706 appendix L) ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """One floor as on the wire: the protocol's octet and what each side holds beyond it."""
+
+    protocol: int
+    left: bytes
+    right: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Tower:
+    """The five floors of connectionless RPC over UDP: interface, NDR, RPC, port, address."""
+
+    interface: UUID
+    version: int
+    port: int
+    address: IPv4Address
+    version_minor: int = 0
+
+
+def emit_tower(tower: Tower) -> bytes:
+    """75 octets."""
+    rows = (
+        (_Protocol.UUID, tower.interface.bytes_le + tower.version.to_bytes(2, "little"), tower.version_minor),
+        (_Protocol.UUID, NDR_UUID.bytes_le + NDR_VERSION.to_bytes(2, "little"), 0),
+        (_Protocol.NCADG, b"", 0),
+    )
+    floors = [Floor(protocol, left, minor.to_bytes(2, "little")) for protocol, left, minor in rows]
+    floors.append(Floor(_Protocol.DOD_UDP, b"", tower.port.to_bytes(2, "big")))
+    floors.append(Floor(_Protocol.DOD_IP, b"", tower.address.packed))
+    writer = Writer().u16le(len(floors))
+    for floor in floors:
+        writer.u16le(1 + len(floor.left)).u8(floor.protocol).bytes(floor.left)
+        writer.u16le(len(floor.right)).bytes(floor.right)
+    return writer.getvalue()
+
+
+def _floors(octets: bytes) -> list[Floor]:
+    reader = Reader(octets)
+    floors = []
+    for _ in range(reader.u16le()):
+        left = reader.bytes(reader.u16le())
+        right = reader.bytes(reader.u16le())
+        if not left:
+            raise DecodeError("bad-tower", "a floor without a protocol")
+        floors.append(Floor(left[0], left[1:], right))
+    reader.expect_end()
+    return floors
+
+
+def parse_tower(octets: bytes) -> Tower:
+    """Read a tower of connectionless RPC over UDP; any other is a :class:`DecodeError` (``bad-tower``)."""
+    floors = _floors(octets)
+    shape = [(floor.protocol, len(floor.left), len(floor.right)) for floor in floors]
+    wanted = [
+        (_Protocol.UUID, 18, 2),
+        (_Protocol.UUID, 18, 2),
+        (_Protocol.NCADG, 0, 2),
+        (_Protocol.DOD_UDP, 0, 2),
+        (_Protocol.DOD_IP, 0, 4),
+    ]
+    if shape != wanted:
+        raise DecodeError("bad-tower", f"floors {shape}")
+    interface, transfer = (UUID(bytes_le=floors[row].left[:16]) for row in (0, 1))
+    if transfer != NDR_UUID:
+        raise DecodeError("bad-tower", f"transfer syntax {transfer} is not NDR")
+    return Tower(
+        interface,
+        int.from_bytes(floors[0].left[16:], "little"),
+        int.from_bytes(floors[3].right, "big"),
+        IPv4Address(floors[4].right),
+        int.from_bytes(floors[0].right, "little"),
+    )
+
+
+# --- lookup (C706 appendix O, ept_lookup) ----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class EntryHandle:
+    """A context handle: the position of the listing."""
+
+    attributes: int
+    uuid: UUID
+
+
+NIL_HANDLE: Final = EntryHandle(0, NIL_UUID)
+
+
+@dataclass(frozen=True, slots=True)
+class LookupRequest:
+    """What to list.  An absent UUID (``None``) is a null pointer on the wire."""
+
+    inquiry: int = Inquiry.ALL
+    object_uuid: UUID | None = NIL_UUID
+    interface: UUID | None = NIL_UUID
+    version_major: int = 0
+    version_minor: int = 0
+    version_option: int = VersionOption.ALL
+    handle: EntryHandle = NIL_HANDLE
+    max_entries: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class EptEntry:
+    """One registered endpoint."""
+
+    object_uuid: UUID
+    tower: Tower
+    annotation: str
+
+
+@dataclass(frozen=True, slots=True)
+class LookupResponse:
+    """A part of the listing; ``status`` is :data:`NOT_REGISTERED` when there is nothing (more)."""
+
+    handle: EntryHandle
+    entries: tuple[EptEntry, ...]
+    max_entries: int
+    status: int = 0
+
+
+_FIXED_LENGTH: Final = 76
+_OBJECT_REFERENCE, _INTERFACE_REFERENCE, _TOWER_REFERENCE = 1, 2, 3
+
+
+def parse_lookup_request(stub: bytes, *, little_endian: bool) -> LookupRequest:
+    """Read the arguments of lookup.
+
+    In the 76 octets that IEC 61158-6-10 lists, both UUIDs are present whatever their references say; any other
+    length is plain NDR, where a null reference leaves its UUID out.
+    """
+    little = little_endian
+    reader = Reader(stub)
+    fixed = len(stub) == _FIXED_LENGTH
+    inquiry = read_u32(reader, little=little)
+    object_ = read_uuid(reader, little=little) if read_u32(reader, little=little) or fixed else None
+    interface, major, minor = None, 0, 0
+    if read_u32(reader, little=little) or fixed:
+        interface = read_uuid(reader, little=little)
+        major, minor = read_u16(reader, little=little), read_u16(reader, little=little)
+    option = read_u32(reader, little=little)
+    handle = _read_handle(reader, little=little)
+    max_entries = read_u32(reader, little=little)
+    reader.expect_end()
+    return LookupRequest(inquiry, object_, interface, major, minor, option, handle, max_entries)
+
+
+def emit_lookup_request(request: LookupRequest, *, little_endian: bool) -> bytes:
+    little = little_endian
+    writer = Writer()
+    write_u32(writer, request.inquiry, little=little)
+    write_u32(writer, 0 if request.object_uuid is None else _OBJECT_REFERENCE, little=little)
+    if request.object_uuid is not None:
+        write_uuid(writer, request.object_uuid, little=little)
+    write_u32(writer, 0 if request.interface is None else _INTERFACE_REFERENCE, little=little)
+    if request.interface is not None:
+        write_uuid(writer, request.interface, little=little)
+        write_u16(writer, request.version_major, little=little)
+        write_u16(writer, request.version_minor, little=little)
+    write_u32(writer, request.version_option, little=little)
+    _write_handle(writer, request.handle, little=little)
+    write_u32(writer, request.max_entries, little=little)
+    return writer.getvalue()
+
+
+def parse_lookup_response(stub: bytes, *, little_endian: bool) -> LookupResponse:
+    """Read the answer to lookup; towers follow the array of entries, as NDR defers what pointers point to."""
+    little = little_endian
+    reader = Reader(stub)
+    handle = _read_handle(reader, little=little)
+    number, maximum, offset, actual = (read_u32(reader, little=little) for _ in range(4))
+    if offset or actual != number or actual > min(maximum, MAX_ENTRIES):
+        raise DecodeError("bad-length", f"{number} entries, counts {maximum}, {offset}, {actual}")
+    heads = [_read_entry(reader, little=little) for _ in range(actual)]
+    entries = tuple(EptEntry(object_, _read_tower(reader, little=little), text) for object_, text in heads)
+    reader.align(4)
+    status = read_u32(reader, little=little)
+    reader.expect_end()
+    return LookupResponse(handle, entries, maximum, status)
+
+
+def emit_lookup_response(response: LookupResponse, *, little_endian: bool) -> bytes:
+    little = little_endian
+    writer = Writer()
+    _write_handle(writer, response.handle, little=little)
+    number = len(response.entries)
+    for word in (number, response.max_entries, 0, number):
+        write_u32(writer, word, little=little)
+    _write_entries(writer, response.entries, little=little)
+    write_u32(writer.align(4), response.status, little=little)
+    return writer.getvalue()
+
+
+def _read_handle(reader: Reader, *, little: bool) -> EntryHandle:
+    return EntryHandle(read_u32(reader, little=little), read_uuid(reader, little=little))
+
+
+def _write_handle(writer: Writer, handle: EntryHandle, *, little: bool) -> None:
+    write_u32(writer, handle.attributes, little=little)
+    write_uuid(writer, handle.uuid, little=little)
+
+
+def _read_entry(reader: Reader, *, little: bool) -> tuple[UUID, str]:
+    reader.align(4)
+    object_ = read_uuid(reader, little=little)
+    reference, offset, length = (read_u32(reader, little=little) for _ in range(3))
+    if not reference:
+        raise DecodeError("bad-tower", "an entry without a tower")
+    if offset or length > ANNOTATION_LENGTH:
+        raise DecodeError("bad-length", f"annotation of {length} octets at {offset}")
+    return object_, reader.bytes(length).split(b"\0", 1)[0].decode("latin-1")
+
+
+def _read_tower(reader: Reader, *, little: bool) -> Tower:
+    reader.align(4)
+    maximum, length = read_u32(reader, little=little), read_u32(reader, little=little)
+    if maximum != length:
+        raise DecodeError("bad-length", f"tower of {length} octets, {maximum} announced")
+    return parse_tower(reader.bytes(length))
+
+
+def _write_entries(writer: Writer, entries: Sequence[EptEntry], *, little: bool) -> None:
+    for row, entry in enumerate(entries):
+        write_uuid(writer.align(4), entry.object_uuid, little=little)
+        for word in (_TOWER_REFERENCE + row, 0, ANNOTATION_LENGTH):
+            write_u32(writer, word, little=little)
+        writer.bytes(_annotation_octets(entry.annotation))
+    for entry in entries:
+        octets = emit_tower(entry.tower)
+        for word in (len(octets), len(octets)):
+            write_u32(writer.align(4), word, little=little)
+        writer.bytes(octets)
+
+
+# --- lookup-handle-free (C706 appendix O) ------------------------------------------------------------------------
+
+
+def parse_handle(stub: bytes, *, little_endian: bool) -> EntryHandle:
+    """The arguments of lookup-handle-free: the handle alone."""
+    reader = Reader(stub)
+    handle = _read_handle(reader, little=little_endian)
+    reader.expect_end()
+    return handle
+
+
+def emit_handle(handle: EntryHandle, *, little_endian: bool) -> bytes:
+    writer = Writer()
+    _write_handle(writer, handle, little=little_endian)
+    return writer.getvalue()
+
+
+def parse_handle_freed(stub: bytes, *, little_endian: bool) -> tuple[EntryHandle, int]:
+    """The answer to lookup-handle-free: the handle, now nil, and the status."""
+    reader = Reader(stub)
+    handle, status = _read_handle(reader, little=little_endian), read_u32(reader, little=little_endian)
+    reader.expect_end()
+    return handle, status
+
+
+def emit_handle_freed(handle: EntryHandle, status: int, *, little_endian: bool) -> bytes:
+    writer = Writer()
+    _write_handle(writer, handle, little=little_endian)
+    write_u32(writer, status, little=little_endian)
+    return writer.getvalue()

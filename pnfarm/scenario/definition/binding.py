@@ -1,0 +1,170 @@
+"""A scenario checked against the drives of a farm: names, kinds of faults, parameters, signals of each model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.drives.parameters.parameter import ParameterError
+from pnfarm.errors import ConfigError
+from pnfarm.faults.errors import InjectionError
+from pnfarm.faults.plan import matching
+from pnfarm.scenario.definition.steps import ALL_CONNECTED
+from pnfarm.station.conditions import bind
+from pnfarm.vocabulary.conditions import ConditionError
+from pnfarm.vocabulary.globs import read_globs
+from pnfarm.vocabulary.issues import FarmFileError
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import did_you_mean, few_hints
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from pnfarm.drives.description.model import Model
+    from pnfarm.faults.catalogue import Catalogue
+    from pnfarm.scenario.definition.file import Scenario
+    from pnfarm.scenario.definition.steps import Step
+    from pnfarm.station.conditions import Condition
+    from pnfarm.vocabulary.issues import FileIssue
+
+__all__ = ["Binding", "bind_scenario"]
+
+#: Most errors that are reported.
+MAX_ISSUES = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Binding:
+    """A scenario and its farm's drives (name and model, in the farm's order)."""
+
+    scenario: Scenario
+    drives: Mapping[str, Model]
+
+    def chosen(self, step: Step, key: str = "drive") -> list[str]:
+        """Names of the drives that a key of a step means; all without the key."""
+        return self.matching(step.get(key) or ["all"])
+
+    def matching(self, globs: Sequence[str]) -> list[str]:
+        """Names of the drives that globs mean.  Raises :class:`InjectionError`."""
+        known = {name: ((name,), (model.name, *model.aliases)) for name, model in self.drives.items()}
+        return matching(globs, known)
+
+    def matching_or_none(self, globs: Any) -> list[str]:
+        """Names of the drives that a fault's `on` means; none if it is not valid."""
+        try:
+            return self.matching(read_globs(globs))
+        except (InjectionError, Problem):
+            return []
+
+    def conditions(self, step: Step) -> dict[str, Condition]:
+        """The condition of a step, for each of its drives."""
+        text = step.get("that") or step.get("until")
+        if text == ALL_CONNECTED:
+            text = "connected"
+        by_model: dict[str, Condition] = {}
+        found: dict[str, Condition] = {}
+        for name in self.chosen(step):
+            model = self.drives[name]
+            if model.name not in by_model:
+                by_model[model.name] = bind(text, model)
+            found[name] = by_model[model.name]
+        return found
+
+
+@few_hints()
+def bind_scenario(scenario: Scenario, drives: Mapping[str, Model], kinds: Catalogue) -> Binding:
+    """Check every step against the farm; of a matrix, one run at a time.
+
+    Raises :class:`FarmFileError` with all that is wrong.
+    """
+    if scenario.runs:
+        raise ConfigError(
+            "matrix: repeats the whole scenario, with a farm for each run, and this farm runs already; "
+            "use `repeat: {for: ...}` in the steps, or `pnfarm run` with a farm file"
+        )
+    binding = Binding(scenario, drives)
+    issues: dict[FileIssue, None] = {}
+    names: set[str] = set()
+    for step in scenario.every_step():
+        for key, what, allowed in _errors(binding, step, kinds, names):
+            issues[scenario.issue(step, key, what, allowed)] = None
+        if len(issues) >= MAX_ISSUES:
+            break
+    if issues:
+        raise FarmFileError(issues)
+    return binding
+
+
+def _errors(binding: Binding, step: Step, kinds: Catalogue, names: set[str]) -> Iterator[tuple[str, str, str]]:
+    missing = False
+    for key in ("drive", "on", "off", "cycle"):
+        if step.get(key) is not None:
+            try:
+                binding.matching(step.values[key])
+            except InjectionError as error:
+                missing = True
+                yield from ((key, what, allowed) for _, what, allowed in error.issues)
+    match step.kind:
+        case "fault":
+            yield from _fault_errors(binding, step.values["spec"], kinds)
+            name = step.values["spec"].get("as")
+            if isinstance(name, str):
+                names.add(name)
+        case "clear":
+            wanted = step.values["fault"]
+            if wanted != "all" and wanted not in names:
+                what = f"no fault above is called {wanted!r}{did_you_mean(wanted, names)}"
+                yield "", what, ", ".join(("all", *sorted(names)))
+        case "wait" | "expect" if not missing and (step.get("that") or step.get("until")):
+            try:
+                binding.conditions(step)
+            except ConditionError as error:
+                key = "that" if step.get("that") else "until"
+                yield key, f"column {error.column}: {error.what}", error.allowed
+        case "param" if not missing:
+            yield from _parameter_errors(binding, step)
+        case "load":
+            wanted = step.values["total"] if "total" in step.values else step.values["drives"]
+            key = "total" if "total" in step.values else "drives"
+            count, most = abs(wanted), len(binding.chosen(step, "on")) if not missing else 0
+            if not missing and count > most:
+                yield key, f"is {count}, and there are {most}", f"at most {most}"
+        case _:
+            pass
+
+
+def _fault_errors(binding: Binding, given: Mapping[str, Any], kinds: Catalogue) -> Iterator[tuple[str, str, str]]:
+    try:
+        spec = kinds.parse(given)
+        drives = binding.matching(spec.on)
+    except InjectionError as error:
+        yield from error.issues
+        return
+    if spec.when is not None:
+        for model in {binding.drives[name].name: binding.drives[name] for name in drives}.values():
+            try:
+                bind(spec.when, model)
+            except ConditionError as error:
+                yield "when", f"column {error.column}: {error.what}", error.allowed
+    if spec.kind.name in {"drive-fault", "drive-warning"}:
+        for model in {binding.drives[name].name: binding.drives[name] for name in drives}.values():
+            wanted = next((value for key, value in spec.params.items() if key in {"fault", "warning"}), None)
+            if wanted is not None:
+                try:
+                    model.fault(wanted)
+                except ConfigError as error:
+                    yield "params", str(error), f"a fault of `pnfarm models {model.name}`"
+
+
+def _parameter_errors(binding: Binding, step: Step) -> Iterator[tuple[str, str, str]]:
+    for model in {binding.drives[name].name: binding.drives[name] for name in binding.chosen(step)}.values():
+        for key in step.values["set"]:
+            try:
+                parameter, _ = model.resolve(key)
+            except ParameterError:
+                hint = did_you_mean(key, model.parameter_names)
+                allowed = f"a name or number of `pnfarm models {model.name}`"
+                yield f"set.{key}", f"{model.name} has no such parameter{hint}", allowed
+                continue
+            if not model.writable(key):
+                yield f"set.{key}", f"{parameter.name} can only be read", "a parameter that can be written"

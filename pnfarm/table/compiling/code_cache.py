@@ -1,0 +1,145 @@
+"""The cache of machine code, named by a digest of everything that the code was made of.
+
+Numba's own cache checks only the file of the decorated function and would keep stale machine code when a *callee* in
+another file changes.  Here each file's functions are in a folder named after the digest of that file and of all files
+of the package that it imports, directly or not, together with the versions of Python, Numba and NumPy.  So a change
+recompiles only what depends on it, and copies of the same sources share their code wherever they are.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import numba
+import numpy as np
+from numba.core import caching
+
+__all__ = ["REAL_TIME", "DigestLocator", "cache_directory", "is_cached", "kept_functions", "mark_cached"]
+
+#: What a farm in real time over interfaces needs: all but what exchanges frames in memory.
+REAL_TIME = "real-time"
+
+_PACKAGE = Path(__file__).resolve().parents[2]
+#: Packages whose files hold compiled functions.
+_COMPILED_ROOMS = ("table", "firmware", "engine")
+#: An import that runs when the module is loaded; indented ones are for types or one function, never for machine code.
+_IMPORT = re.compile(r"^(?:from ([a-z]\w*[.\w]*) import (\([^)]*\)|.*)|import ([.\w]+))", re.MULTILINE)
+
+
+def cache_directory() -> Path:
+    """Where machine code is kept: ``NUMBA_CACHE_DIR``, or ``$XDG_CACHE_HOME/pnfarm/code``."""
+    explicit = os.environ.get("NUMBA_CACHE_DIR")
+    if explicit:
+        return Path(explicit)
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "pnfarm" / "code"
+
+
+@functools.cache
+def _imported(path: Path) -> frozenset[Path]:
+    """The files of the package, and those beside it, that a file imports."""
+    found: set[Path] = set()
+    for package, names, module in _IMPORT.findall(path.read_text("utf-8")):
+        parts = (package or module).split(".")
+        if parts[0] == _PACKAGE.name:
+            place = _PACKAGE.parent.joinpath(*parts)
+        elif path.is_relative_to(_PACKAGE) or len(parts) > 1:
+            continue
+        else:
+            place = path.parent / parts[0]
+        found.update(place / f"{name}.py" for name in re.findall(r"\w+", names))
+        found.update((place.with_suffix(".py"), place / "__init__.py"))
+    return frozenset(file for file in found if file.is_file())
+
+
+@functools.cache
+def _sources(path: Path) -> tuple[Path, ...]:
+    """A file and all that it imports, directly or not."""
+    found, new = set(), {path}
+    while new:
+        found |= new
+        new = {other for file in new for other in _imported(file)} - found
+    return tuple(sorted(found))
+
+
+@functools.cache
+def _file_digest(path: Path) -> bytes:
+    return hashlib.sha256(path.read_bytes()).digest()
+
+
+def _digest(paths: tuple[Path, ...]) -> str:
+    state = hashlib.sha256(f"{sys.version} {numba.__version__} {np.__version__}".encode())
+    state.update(os.environ.get("NUMBA_BOUNDSCHECK", "").encode())
+    for path in paths:
+        state.update(f"{path.parent.name}/{path.name}".encode())
+        state.update(_file_digest(path))
+    return state.hexdigest()[:16]
+
+
+def _folder(path: Path) -> Path:
+    return cache_directory() / f"{path.parent.name}.{path.stem}-{_digest(_sources(path))}"
+
+
+class DigestLocator(caching._CacheLocator):  # type: ignore[misc]  # noqa: SLF001 - what Numba's setting for locators takes
+    """Locates one function's machine code for Numba."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        self._path = Path(file).resolve()
+        self._line = function.__code__.co_firstlineno
+        self._py_file = file  # Numba names it in a warning
+
+    @classmethod
+    def from_function(cls, py_func: Any, py_file: str) -> DigestLocator | None:
+        """Numba's constructor; None where nothing can be written."""
+        locator = cls(py_func, py_file)
+        try:
+            locator.ensure_cache_path()
+        except OSError:
+            return None
+        return locator
+
+    def get_cache_path(self) -> str:
+        """The folder of the function's file."""
+        return str(_folder(self._path))
+
+    def get_source_stamp(self) -> str:
+        """Constant, because the folder's name depends on the sources already."""
+        return ""
+
+    def get_disambiguator(self) -> str:
+        """Distinguishes functions of one name in one file."""
+        return str(self._line)
+
+
+def _compiled_files() -> tuple[Path, ...]:
+    return tuple(sorted(path for room in _COMPILED_ROOMS for path in (_PACKAGE / room).rglob("*.py")))
+
+
+def _mark(part: str) -> Path:
+    """A file that exists when the machine code of these sources, this Numba and this type of processor is cached."""
+    processor = numba.config.CPU_NAME or llvmlite.binding.get_host_cpu_name()
+    return cache_directory() / f"{part or 'complete'}-{_digest(_compiled_files())}-{processor}"
+
+
+def is_cached(part: str = "") -> bool:
+    """Whether all machine code, or all of ``part`` (:data:`REAL_TIME`), is cached: a start needs no compilation."""
+    return any(_mark(one).exists() for one in {"", part})
+
+
+def mark_cached(part: str = "") -> None:
+    """Mark everything, or ``part``, as compiled; does nothing where the folder cannot be written."""
+    with contextlib.suppress(OSError):
+        _mark(part).touch()
+
+
+def kept_functions() -> int:
+    """How many functions of these sources have cached machine code."""
+    return sum(len(list(_folder(path).glob("*.nbi"))) for path in _compiled_files())
