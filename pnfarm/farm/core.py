@@ -44,7 +44,7 @@ from pnfarm.station.events import (
 )
 from pnfarm.station.station import Station
 from pnfarm.table import engine_row
-from pnfarm.table.fresh_rows import FreshRows, Same
+from pnfarm.table.access.fresh_rows import FreshRows, Same
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.trace import TraceManager
 

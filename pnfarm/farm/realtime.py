@@ -31,7 +31,7 @@ from pnfarm.links.kernel.linux import PacketLink
 from pnfarm.links.serial.link import SerialLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.links.tap import TapLink
-from pnfarm.table.record_fields import field_views
+from pnfarm.table.access.record_fields import field_views
 
 if TYPE_CHECKING:
     import socket

@@ -16,8 +16,8 @@ from pnfarm.faults.errors import InjectionError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.station.conditions import bind
 from pnfarm.table import condition as codes
-from pnfarm.table.places import Place, place_of
-from pnfarm.table.plain import plain
+from pnfarm.table.access.places import Place, place_of
+from pnfarm.table.access.plain import plain
 from pnfarm.table.segments import Segments
 from pnfarm.table.trace import SOURCE_AXIS_REAL
 from pnfarm.vocabulary.conditions import Both, Comparison, ConditionError, Either, Name, Not, Text, evaluate

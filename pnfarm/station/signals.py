@@ -22,14 +22,14 @@ from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.profidrive.control_word import FAULT_ACKNOWLEDGE
 from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, POWER_ENABLE, POWER_ON
-from pnfarm.table.places import place_of
+from pnfarm.table.access.places import place_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from pnfarm.drives.description.model import Model
     from pnfarm.station.station import Station
-    from pnfarm.table.places import Place
+    from pnfarm.table.access.places import Place
     from pnfarm.vocabulary.conditions import Value
 
 __all__ = [

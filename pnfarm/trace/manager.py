@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.columns import Columns
     from pnfarm.station.event_log import EventLog, LogEntry
     from pnfarm.station.station import Station
-    from pnfarm.table.places import Place
+    from pnfarm.table.access.places import Place
     from pnfarm.trace.signals import TraceSignal
 
 __all__ = ["MOST_TRACES", "MOST_VALUES", "Trace", "TraceManager"]

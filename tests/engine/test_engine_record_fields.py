@@ -1,7 +1,7 @@
 """Views of single fields of a row, in place of the slow attributes of its record."""
 
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.record_fields import field_views
+from pnfarm.table.access.record_fields import field_views
 
 
 def test_views_show_and_write_fields_of_a_row_also_those_of_its_parts():

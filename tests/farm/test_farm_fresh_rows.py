@@ -11,7 +11,7 @@ from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.parameters.axis_fields import AxisFields
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.fresh_rows import FreshRows, Same
+from pnfarm.table.access.fresh_rows import FreshRows, Same
 
 FILE = """
 farm: alike

@@ -20,8 +20,8 @@ from pnfarm.table.axis_codes import (
     VELOCITY_NSOLL_B,
     VELOCITY_REF_SPEED,
 )
-from pnfarm.table.fresh_rows import FreshRows, Same
-from pnfarm.table.patch import Patch
+from pnfarm.table.access.fresh_rows import FreshRows, Same
+from pnfarm.table.access.patch import Patch
 from pnfarm.table.signals import (
     DRV_ACC,
     DRV_DEC,

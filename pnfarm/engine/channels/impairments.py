@@ -14,7 +14,7 @@ from typing import Any
 from pnfarm.engine.columns import Columns
 from pnfarm.errors import InternalError
 from pnfarm.table.impairment import threshold
-from pnfarm.table.plain import plain
+from pnfarm.table.access.plain import plain
 from pnfarm.wire.direction import Direction
 
 __all__ = ["CyclicEvidence", "ImpairmentTable"]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects.connection import Connection, ConnectionPart, Status
 from pnfarm.table.channel import IDLE
-from pnfarm.table.plain import plain
+from pnfarm.table.access.plain import plain
 
 if TYPE_CHECKING:
     from collections.abc import Callable

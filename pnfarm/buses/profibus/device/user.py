@@ -10,7 +10,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.protocols.profibus.slave_user import RecordRefusedError
 from pnfarm.protocols.profibus.wire.dpv1 import ErrorCode1
-from pnfarm.table.record_fields import field_views
+from pnfarm.table.access.record_fields import field_views
 from pnfarm.table.signals import WORD_NONE
 
 if TYPE_CHECKING:

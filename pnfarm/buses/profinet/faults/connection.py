@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.connection import Connection, ConnectionPart, Status
 from pnfarm.table.channel import IDLE
-from pnfarm.table.plain import plain
+from pnfarm.table.access.plain import plain
 from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pnfarm.table.record_fields import row_octets
+from pnfarm.table.access.record_fields import row_octets
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
