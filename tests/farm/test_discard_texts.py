@@ -17,7 +17,7 @@ ROOMS = ("protocols", "links", "farm", "buses", "controller", "wire", "drives")
 COUNTERS = {"dropped", "_dropped", "discards"}
 FUNCTIONS = {"_drop", "passed_over", "drop"}
 #: Machines whose slugs come from functions that answer a reason.
-ANSWERS = {"protocols/profinet/rpc_fragments.py": {"add"}}
+ANSWERS = {"protocols/profinet/rpc/fragments.py": {"add"}}
 
 
 def name_of(node: ast.AST) -> str:
