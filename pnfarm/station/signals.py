@@ -21,8 +21,8 @@ from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.profidrive.control_word import FAULT_ACKNOWLEDGE
-from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, POWER_ENABLE, POWER_ON
 from pnfarm.table.access.places import place_of
+from pnfarm.table.axis_codes import FIRMWARE_ETHERNETIP, POWER_ENABLE, POWER_ON
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

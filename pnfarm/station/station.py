@@ -33,9 +33,9 @@ from pnfarm.station.events import (
 )
 from pnfarm.station.events import TelegramChanged as TelegramTaken
 from pnfarm.station.fault_memory import active_of, history_of, restore_history
+from pnfarm.table.access.record_fields import field_views
 from pnfarm.table.axis_codes import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAULT, CMD_RELEASE_FAULT
 from pnfarm.table.image import LOST_NEVER
-from pnfarm.table.access.record_fields import field_views
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

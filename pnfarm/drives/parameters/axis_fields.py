@@ -11,6 +11,8 @@ from pnfarm.drives.parameters.factor_group import apply_factor_group, float_bits
 from pnfarm.drives.parameters.measured import deviation
 from pnfarm.drives.parameters.parameter import Backing, Parameter
 from pnfarm.firmware.axis import AXIS
+from pnfarm.table.access.fresh_rows import FreshRows, Same
+from pnfarm.table.access.patch import Patch
 from pnfarm.table.axis_codes import (
     FAULT_ACTIONS,
     RAMP_GENERATED,
@@ -20,8 +22,6 @@ from pnfarm.table.axis_codes import (
     VELOCITY_NSOLL_B,
     VELOCITY_REF_SPEED,
 )
-from pnfarm.table.access.fresh_rows import FreshRows, Same
-from pnfarm.table.access.patch import Patch
 from pnfarm.table.signals import (
     DRV_ACC,
     DRV_DEC,

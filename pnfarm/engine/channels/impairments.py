@@ -13,8 +13,8 @@ from typing import Any
 
 from pnfarm.engine.columns import Columns
 from pnfarm.errors import InternalError
-from pnfarm.table.impairment import threshold
 from pnfarm.table.access.plain import plain
+from pnfarm.table.impairment import threshold
 from pnfarm.wire.direction import Direction
 
 __all__ = ["CyclicEvidence", "ImpairmentTable"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects.connection import Connection, ConnectionPart, Status
-from pnfarm.table.channel import IDLE
 from pnfarm.table.access.plain import plain
+from pnfarm.table.channel import IDLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable

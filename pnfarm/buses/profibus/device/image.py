@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profibus.device import fast_path
 from pnfarm.engine.channels.closed_channels import ClosedChannels
+from pnfarm.table.access.record_fields import field_views, row_number
 from pnfarm.table.channel import INTERVAL_EDGES_NS
 from pnfarm.table.image import LOST_NOT, LOST_STOP
-from pnfarm.table.access.record_fields import field_views, row_number
 from pnfarm.table.signals import PART_HIGH, PART_LOW, STW1, WORD_NONE
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.connection import Connection, ConnectionPart, Status
-from pnfarm.table.channel import IDLE
 from pnfarm.table.access.plain import plain
+from pnfarm.table.channel import IDLE
 from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1
 
 if TYPE_CHECKING:
