@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pnfarm.firmware.axis import AXIS
-from pnfarm.table.channel import CPM, FRAME_SLOT, PPM
+from pnfarm.table.channel import CPM, FRAME_SLOT, OPEN, PPM
 from pnfarm.table.compiling.by_address import link
 from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.condition import CONDITION, CONDITION_OP, MAX_CONDITIONS, MAX_OPERATIONS
@@ -17,6 +17,7 @@ from pnfarm.table.image import IMAGE
 from pnfarm.table.impairment import IMPAIRMENT
 from pnfarm.table.late import LATE, LATE_ROWS
 from pnfarm.table.observed import OBSERVED
+from pnfarm.table.plain_data import CONSUMED, PIECE, PROVIDED
 from pnfarm.table.program import PROGRAM
 from pnfarm.table.trace import MAX_PROBES, MAX_TRACES, PROBE, RING_VALUES, TRACE
 
@@ -59,7 +60,7 @@ class Columns(NamedTuple):
     ``axis_reals``    (axes * words of a row,)    the memory of ``axis`` as float64, for traces and
                                                   conditions
     ``axis_words``    (axes * words of a row,)    the same as int64
-    ``image_words``   (stations * words,)         the memory of ``image`` as int64
+    ``image_words``   (images * words,)           the memory of ``image`` as int64
     ================  ==========================  ======================================================
     """
 
@@ -94,16 +95,28 @@ class Columns(NamedTuple):
     image_words: Any
     condition: Any
     condition_op: Any
+    provided: Any
+    consumed: Any
+    piece: Any
 
 
 def allocate(
-    *, stations: int, axes: int = 0, programs: int = 0, channels: int = 0, impairments: int = 0, traces: bool = False
+    *,
+    images: int,
+    axes: int = 0,
+    programs: int = 0,
+    channels: int = 0,
+    impairments: int = 0,
+    plain: int = 0,
+    pieces: int = 0,
+    traces: bool = False,
 ) -> Columns:
     """A zeroed table.
 
-    ``stations`` process images, ``axes`` drives and ``programs`` (both index images), ``channels``
-    providers and as many consumers, ``impairments`` rows for faults, with ``traces`` the room for these
-    and for conditions of injections.
+    ``images``: process images, one for each axis and one for each station without, behind them; ``axes`` and
+    ``programs`` (both index images), ``channels`` providers and as many consumers, ``impairments`` rows for faults,
+    ``plain`` stations with plain data, which have so many ``pieces`` in frames, with ``traces`` the room for these and
+    for conditions of injections.
     Compiles what takes a table, if it is not cached.
     """
     link()
@@ -112,7 +125,7 @@ def allocate(
     while size < channels * 4:
         size *= 2
     waiting = max(FEWEST_HELD, channels * HELD_PER_CHANNEL) if impairments else 1
-    axis, image = AXIS.allocate(max(1, axes)), IMAGE.allocate(max(1, stations))
+    axis, image = AXIS.allocate(max(1, axes)), IMAGE.allocate(max(1, images))
     frame_octets = np.zeros((channels + 2 * waiting) * FRAME_SLOT, np.uint8)
     rx_octets = np.zeros(CHANGED_AT + FRAME_SLOT, np.uint8)
     columns = Columns(
@@ -147,6 +160,9 @@ def allocate(
         image_words=image.view(np.ndarray).view(np.int64),
         condition=CONDITION.allocate(MAX_CONDITIONS if traces else 1),
         condition_op=CONDITION_OP.allocate(MAX_OPERATIONS if traces else 1),
+        provided=PROVIDED.allocate(max(1, plain)),
+        consumed=CONSUMED.allocate(max(1, plain)),
+        piece=PIECE.allocate(max(1, pieces)),
     )
     engine = columns.engine[0]
     engine.axis_rows = axes
@@ -176,7 +192,7 @@ def lookup_rebuild(columns: Columns) -> None:
     table[:, :] = 0
     for row in range(engine.cpm_rows):
         consumer = columns.cpm[row]
-        if consumer.active == 0:
+        if consumer.active != OPEN:
             continue
         key = (int(consumer.port) << 32) | int(consumer.frame_id)
         slot = _slot(key, mask)
@@ -205,7 +221,7 @@ def lookup_find(table: Any, consumers: Any, port: int, frame_id: int, destinatio
             row -= 1
             if row < consumers.shape[0]:
                 consumer = consumers[row]
-                known = consumer.active != 0 and consumer.port == port and consumer.frame_id == frame_id
+                known = consumer.active == OPEN and consumer.port == port and consumer.frame_id == frame_id
                 if known and consumer.destination == destination:
                     return row
         slot = (slot + 1) & mask

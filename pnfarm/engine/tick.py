@@ -13,6 +13,7 @@ from pnfarm.engine.channels import class1, framing
 from pnfarm.engine.channels.consuming import accept, accept_rtc, check, check_rtc, zero
 from pnfarm.engine.channels.delay_queue import copy_octets, forget, release_all, take_first
 from pnfarm.engine.channels.impair import GOES_ON, HELD, IS_LOST, WAS_CHANGED, impair_received, impair_sent
+from pnfarm.engine.channels.plain_data import spoil_pieces
 from pnfarm.engine.channels.providing import pack, pack_rtc
 from pnfarm.engine.columns import CHANGED_AT, Columns, lookup_find
 from pnfarm.engine.conditions import watch_conditions
@@ -27,11 +28,13 @@ from pnfarm.firmware.profidrive.sign_of_life import count_life
 from pnfarm.firmware.step import step
 from pnfarm.table.axis_codes import FAULT_SLOTS
 from pnfarm.table.channel import (
+    CLOSED,
     DISCARD_IMPAIRED,
     FRAME_SLOT,
     FRAMING_RTC,
     FRUN,
     IDLE,
+    OPEN,
     RUN,
     W_START,
 )
@@ -134,7 +137,10 @@ def _release_received(columns: Columns, until: int) -> None:
         if data == 0 or not _is_for(consumer, frame, length, int(item.place)):
             engine.unknown += 1
             continue
-        accept(engine, columns.events, columns.image, int(item.row), consumer, frame, length, data, int(item.due_ns))
+        accept(
+            engine, columns.events, columns.image, columns.cpm, columns.consumed, columns.piece,
+            int(item.row), consumer, frame, length, data, int(item.due_ns),
+        )  # fmt: skip
 
 
 @inlined
@@ -203,9 +209,15 @@ def receive_from(columns: Columns, octets: Any, places: Any, count: int) -> None
             if not _comes_through(columns, number, frame, length, place, data, columns.rx_ns[i]):
                 continue
         if is_rtc:
-            accept_rtc(engine, events, images, number, consumer, frame, length, data, columns.rx_ns[i])
+            accept_rtc(
+                engine, events, images, consumers, columns.consumed, columns.piece,
+                number, consumer, frame, length, data, columns.rx_ns[i],
+            )  # fmt: skip
         else:
-            accept(engine, events, images, number, consumer, frame, length, data, columns.rx_ns[i])
+            accept(
+                engine, events, images, consumers, columns.consumed, columns.piece,
+                number, consumer, frame, length, data, columns.rx_ns[i],
+            )  # fmt: skip
 
 
 @compiled
@@ -233,8 +245,24 @@ def _take_back(consumer: Any, image: Any) -> None:
     consumer.fed = 0
 
 
+@compiled
+def _lose(consumers: Any, images: Any, stored: Any, pieces: Any, number: int) -> None:
+    """The data hold timer of a consumer ran out: nothing that it brings is valid."""
+    consumer = consumers[number]
+    if consumer.pieces:
+        spoil_pieces(consumer, pieces, stored[consumer.plain])
+    following = number + 1
+    while following > 0:
+        consumer = consumers[following - 1]
+        following = consumer.rider
+        image = images[consumer.image]
+        if consumer.feeds and (image.valid or image.lost == LOST_STOP):
+            image.valid = 0
+            image.lost = LOST_EXPIRED
+
+
 @inlined
-def _watch(engine: Any, consumers: Any, images: Any, events: Any, now: int) -> None:
+def _watch(engine: Any, consumers: Any, images: Any, stored: Any, pieces: Any, events: Any, now: int) -> None:
     """Data hold timers, and rows that the station opened or closed since the last tick."""
     for number in range(engine.cpm_rows):
         consumer = consumers[number]
@@ -243,6 +271,8 @@ def _watch(engine: Any, consumers: Any, images: Any, events: Any, now: int) -> N
                 consumer.state = IDLE
                 if consumer.fed or consumer.feeds:
                     _take_back(consumer, images[consumer.image])
+                if consumer.pieces:
+                    spoil_pieces(consumer, pieces, stored[consumer.plain])
         elif consumer.fed and not consumer.feeds:
             _take_back(consumer, images[consumer.image])
         elif consumer.state == IDLE:
@@ -251,11 +281,7 @@ def _watch(engine: Any, consumers: Any, images: Any, events: Any, now: int) -> N
         elif consumer.state == RUN and now - consumer.last_ns > consumer.hold_ns:
             consumer.state = W_START
             consumer.expirations += 1
-            if consumer.feeds:
-                image = images[consumer.image]
-                if image.valid or image.lost == LOST_STOP:
-                    image.valid = 0
-                    image.lost = LOST_EXPIRED
+            _lose(consumers, images, stored, pieces, number)
             emit(engine, events, EXPIRED, number, now, now - consumer.last_ns)
         elif consumer.state == FRUN and consumer.first_hold_ns > 0 and now - consumer.last_ns > consumer.first_hold_ns:
             consumer.state = W_START
@@ -351,6 +377,7 @@ def transmit(columns: Columns, now: int) -> int:
     """Fill every frame that is due; their rows are in ``tx_row``, the count is returned."""
     engine, providers, images, frames = columns.engine[0], columns.ppm, columns.image, columns.frames
     impairments, held, held_order, tx_row = columns.impairment, columns.held, columns.held_order, columns.tx_row
+    stored, pieces = columns.provided, columns.piece
     count = 0
     overrun = False
     engine.busy_out = 0
@@ -358,8 +385,8 @@ def transmit(columns: Columns, now: int) -> int:
         count = _release_sent(engine, held, held_order[OUTWARD], impairments, tx_row, providers.shape[0], now, count)
     for number in range(engine.ppm_rows):
         provider = providers[number]
-        if provider.active == 0:
-            if provider.state != IDLE:
+        if provider.active != OPEN:
+            if provider.active == CLOSED and provider.state != IDLE:
                 provider.state = IDLE
                 if engine.held_out > 0:
                     forget(held, held_order[OUTWARD], int(engine.held_out), number)
@@ -384,12 +411,10 @@ def transmit(columns: Columns, now: int) -> int:
         framing.advance(provider, 1)
         provider.state = RUN
         frame = frames[number]
-        image = images[provider.image]
         if provider.framing == FRAMING_RTC:
-            pack_rtc(provider, image, frame)
+            pack_rtc(provider, images, providers, stored, pieces, frame)
         else:
-            pack(provider, image, frame)
-        image.filled = (int(image.filled) + 1) & 0xFFFFFFFF
+            pack(provider, images, providers, stored, pieces, frame)
         outcome = GOES_ON
         if provider.impairment > 0:
             outcome = impair_sent(
@@ -419,7 +444,7 @@ def one_tick(columns: Columns, now: int) -> int:
         _release_ended(columns, now)
     if engine.held_in > 0:
         _release_received(columns, now)
-    _watch(engine, columns.cpm, columns.image, columns.events, now)
+    _watch(engine, columns.cpm, columns.image, columns.consumed, columns.piece, columns.events, now)
     run_firmware(columns, now)
     if engine.trace_rows != 0:
         sample(
@@ -484,7 +509,7 @@ def first_due(columns: Columns, now: int) -> int:
     due = now - now % engine.tick_ns + engine.tick_ns
     for number in range(engine.ppm_rows):
         provider = providers[number]
-        if provider.active != 0 and provider.state != IDLE and provider.next_ns < due:
+        if provider.active == OPEN and provider.state != IDLE and provider.next_ns < due:
             due = provider.next_ns
     if engine.held_out > 0:
         due = min(due, max(now, held[held_order[OUTWARD, 0]].due_ns))

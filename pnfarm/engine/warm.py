@@ -178,7 +178,7 @@ def _compile_half(half: str, part: str) -> None:
             _compile_loops(part)
         else:
             # the other process needs it before its first function is complete
-            _compile_impairment(allocate(stations=1, axes=1, channels=1))
+            _compile_impairment(allocate(images=1, axes=1, channels=1))
             step()
             for compile_bus in _of_buses():
                 compile_bus()
@@ -225,8 +225,8 @@ def _compile_impairment(columns: Columns) -> None:
 
 
 def _compile_loops(part: str) -> None:
-    farm = allocate(stations=1, axes=1, channels=1)
-    controller = allocate(stations=1, programs=1, channels=1)
+    farm = allocate(images=1, axes=1, channels=1)
+    controller = allocate(images=1, programs=1, channels=1)
     addresses, ports = np.zeros(0, np.int64), np.zeros(0, np.int32)
     for columns in (farm, controller):
         _compile(tick, columns, 0, 0)

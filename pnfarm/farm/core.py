@@ -145,7 +145,7 @@ class FarmCore:
         count = len(drives)
         known = [models(config) for config in drives]
         self.columns = allocate(
-            stations=count,
+            images=count,
             axes=count,
             channels=sum(bus(model.bus).channel_rows(model) for model in known),
             impairments=count * IMPAIRMENTS_PER_DRIVE + 8,

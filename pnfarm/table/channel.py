@@ -18,6 +18,7 @@ __all__ = [
     "JITTER_EDGES_NS",
     "MAX_IOCS",
     "MAX_IOPS",
+    "MAX_STATUSES",
     "MAX_WORDS",
     "PPM",
 ]
@@ -27,8 +28,10 @@ __all__ = [
 FRAME_SLOT = 1600
 #: Telegram words of one channel; the longest telegram of the manuals has 34.
 MAX_WORDS = 64
-#: Provider status octets that a consumer evaluates.
+#: Provider status octets of one axis in a frame.
 MAX_IOPS = 4
+#: Provider status octets of a provider's frame that an impairment may change.
+MAX_STATUSES = 64
 #: Consumer status octets of a provider's frame that an impairment may change.
 MAX_IOCS = 32
 
@@ -77,6 +80,11 @@ STATUS_NO_PROBLEM = 0x20
 STATUS_IGNORE = 0x80
 STATUS_GOOD = STATUS_PRIMARY | STATUS_VALID | STATUS_RUN | STATUS_NO_PROBLEM
 
+# A row's life (``active``).
+CLOSED = 0
+OPEN = 1
+RIDES = 2  # it has no frames of its own: a part of those of another row, for another axis of the station
+
 #: GOOD; a bit of its own, so that consumers test it alone.
 IOXS_GOOD = 0x80
 #: BAD, found by the IO device (IEC 61158-6-10, IOxS: DataState 0, Instance 2).
@@ -87,7 +95,7 @@ PPM = Layout(
     "A provider: one frame sent every ``cycle_ns``. Its Ethernet frame is in the same row of the frame store.",
     [
         # each tick looks at these
-        Field("active", "u1", "", "station", "set last when a row is ready, cleared first when it goes"),
+        Field("active", "u1", "", "station", "CLOSED, OPEN or RIDES: set last when a row is ready, cleared first"),
         Field("state", "u1", "", "transmit", "IDLE, W_START or RUN"),
         Field("framing", "u1", "", "station", "what stands around its data: FRAMING_*"),
         Field("words", "u1", "", "station", "telegram words in the frame"),
@@ -97,6 +105,7 @@ PPM = Layout(
         ),
         # and these are of each frame
         Field("image", "i4", "", "station", "row of the process image that fills it"),
+        Field("rider", "i4", "", "station", "row of the next axis in its frames + 1, 0 = none"),
         Field("port", "i4", "", "station", "where it goes out: interface index, or port of a memory link"),
         Field("exit", "i4", "", "station", "interface through which it leaves, 0 = its port"),
         Field("impairment", "i4", "", "fault", "first impairment on this row + 1, 0 = none"),
@@ -113,12 +122,17 @@ PPM = Layout(
         Field("counter_step", "u2", "31.25 us", "station", "send clock factor x reduction ratio"),
         Field("data_status", "u1", "", "station", "APDU data status while nothing is impaired"),
         Field("run_idle", "u1", "", "station", "1 = a run/idle header stands before the data"),
-        Field("iops_count", "u1", "", "station", "provider status octets"),
+        Field("iops_count", "u1", "", "station", "provider status octets that follow the image"),
         Field("iocs_count", "u1", "", "station", "consumer status octets"),
+        Field("pieces", "u2", "", "station", "pieces of plain data in its frames"),
+        Field("piece", "i4", "", "station", "row of the first of them"),
+        Field("plain", "i4", "", "station", "row of the station's plain data that they come from"),
         Field("iops_offset", "u2", "octets", "station", "place of each provider status", (MAX_IOPS,)),
         Field("word_code", "u1", "", "station", "slot * 4 + part of each word", (MAX_WORDS,)),
         Field("word_offset", "u2", "octets", "station", "each word's place in the frame", (MAX_WORDS,)),
         Field("iocs_offset", "u2", "octets", "station", "place of each consumer status", (MAX_IOCS,)),
+        Field("statuses", "u1", "", "station", "provider status octets of all axes and pieces that may be changed"),
+        Field("status_offset", "u2", "octets", "station", "place of each of these", (MAX_STATUSES,)),
         Field("slipped_ns", "f8", "ns", "transmit", "part of a nanosecond that is left of that"),
         Field("phase_ns", "i8", "ns", "station", "offset in the cycle, spreads the farm's frames"),
         Field("suppressed", "i8", "frames", "transmit", "frames that an impairment kept back"),
@@ -132,7 +146,7 @@ CPM = Layout(
     "A consumer: frames of one frame id at one port, watched by the data hold timer.",
     [
         # each tick looks at these
-        Field("active", "u1", "", "station", "set last when a row is ready, cleared first when it goes"),
+        Field("active", "u1", "", "station", "CLOSED, OPEN or RIDES: set last when a row is ready, cleared first"),
         Field("state", "u1", "", "receive", "IDLE, W_START, FRUN (no frame yet) or RUN"),
         Field(
             "feeds",
@@ -147,6 +161,8 @@ CPM = Layout(
         Field("words", "u1", "", "station", "telegram words in the frame"),
         Field("iops_count", "u1", "", "station", "provider status octets"),
         Field("image", "i4", "", "station", "row of the process image that it fills"),
+        Field("rider", "i4", "", "station", "row of the next axis in its frames + 1, 0 = none"),
+        Field("pieces", "u2", "", "station", "pieces of plain data in its frames"),
         Field("port", "i4", "", "station", "where it comes in"),
         Field("last_ns", "i8", "ns", "receive", "arrival of the last valid frame"),
         Field(
@@ -182,6 +198,8 @@ CPM = Layout(
         ),
         Field("jitter_bucket", "u1", "", "receive", "bucket of the last deviation, likewise"),
         Field("run_idle", "u1", "", "station", "1 = a run/idle header stands before the data"),
+        Field("piece", "i4", "", "station", "row of the first piece"),
+        Field("plain", "i4", "", "station", "row of the station's plain data that they go to"),
         Field("iops_offset", "u2", "octets", "station", "place of each, from the first octet of IO data", (MAX_IOPS,)),
         Field("word_code", "u1", "", "station", "slot * 4 + part of each word", (MAX_WORDS,)),
         Field(

@@ -12,12 +12,12 @@ from pnfarm.table.compiling.compiled import IS_COMPILED
 
 
 def test_the_loops_share_one_machine_code_of_a_drives_step():
-    allocate(stations=1)
+    allocate(images=1)
     if not IS_COMPILED or numba.config.BOUNDSCHECK:
         assert tick._step is step
         return
     assert llvmlite.binding.address_of_symbol("pnfarm_step")
-    columns = allocate(stations=1, axes=1, channels=1)
+    columns = allocate(images=1, axes=1, channels=1)
     columns.axis[0].front = columns.axis[0].powered = 1
     tick.tick(columns, 0, 5_000_000)
     assert columns.axis[0].last_ns == 5_000_000
@@ -26,7 +26,7 @@ def test_the_loops_share_one_machine_code_of_a_drives_step():
 if IS_COMPILED and not numba.config.BOUNDSCHECK:
 
     def test_a_step_is_linked_once():
-        allocate(stations=1)
+        allocate(images=1)
         first = llvmlite.binding.address_of_symbol("pnfarm_step")
-        allocate(stations=2)
+        allocate(images=2)
         assert llvmlite.binding.address_of_symbol("pnfarm_step") == first

@@ -53,7 +53,7 @@ class Line:
     """A target (``drive``) and an originator (``scanner``) with one connection, 64 octets each way."""
 
     def __init__(self, rpi: int = RPI, multiplier: int = 4, first_hold_ns: int | None = None, **of_target) -> None:
-        self.drive, self.scanner = (allocate(stations=1, channels=4, impairments=4) for _ in range(2))
+        self.drive, self.scanner = (allocate(images=1, channels=4, impairments=4) for _ in range(2))
         self.drive_rows, self.scanner_rows = ChannelTable(self.drive), ChannelTable(self.scanner)
         common = {"image": 0, "port": 7, "data_length": 64, "rpi_ns": rpi, "words": WORDS}
         mine = {"destination": SCANNER, "destination_address": SCANNER_IP, **of_target}

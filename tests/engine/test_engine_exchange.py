@@ -243,7 +243,7 @@ def test_a_repeated_cycle_counter_is_an_old_frame():
 
 
 def test_a_closed_row_is_not_handed_out_before_the_engine_has_seen_it():
-    columns = allocate(stations=1, axes=0, channels=2)
+    columns = allocate(images=1, axes=0, channels=2)
     channels = ChannelTable(columns)
     plan = ProviderPlan(
         image=0, port=1, destination=bytes(6), source=bytes(6), frame_id=0x8000, data_length=40,
@@ -256,7 +256,7 @@ def test_a_closed_row_is_not_handed_out_before_the_engine_has_seen_it():
 
 
 def test_a_full_table_says_so():
-    columns = allocate(stations=1, channels=1)
+    columns = allocate(images=1, channels=1)
     channels = ChannelTable(columns)
     plan = ProviderPlan(
         image=0, port=1, destination=bytes(6), source=bytes(6), frame_id=0x8000, data_length=40,
@@ -272,7 +272,7 @@ def test_a_full_table_says_so():
     [([(0, 39)], [4]), ([(0, -1)], [4]), ([(0, 0)], [40]), ([(0, 0)] * (MAX_WORDS + 1), [4]), ([(0, 0)], [1] * 5)],
 )
 def test_offsets_outside_of_the_data_are_refused_before_compiled_code_sees_them(words, iops):
-    channels = ChannelTable(allocate(stations=1, channels=1))
+    channels = ChannelTable(allocate(images=1, channels=1))
     with pytest.raises(InternalError):
         channels.open_provider(
             ProviderPlan(
@@ -283,7 +283,7 @@ def test_offsets_outside_of_the_data_are_refused_before_compiled_code_sees_them(
 
 
 def test_lookup_finds_every_consumer_by_port_and_frame_id_and_nothing_else():
-    columns = allocate(stations=1, channels=300)
+    columns = allocate(images=1, channels=300)
     columns.engine[0].cpm_rows = 300
     for i in range(300):
         columns.cpm[i].active, columns.cpm[i].port, columns.cpm[i].frame_id = 1, 7 + i % 5, 0x8000 + i // 5
@@ -298,7 +298,7 @@ def test_lookup_finds_every_consumer_by_port_and_frame_id_and_nothing_else():
 
 
 def test_two_multicasts_of_one_id_are_told_apart_by_their_groups():
-    columns = allocate(stations=1, channels=4)
+    columns = allocate(images=1, channels=4)
     columns.engine[0].cpm_rows = 2
     for i in range(2):
         columns.cpm[i].active, columns.cpm[i].port, columns.cpm[i].frame_id = 1, 7, 0x10001

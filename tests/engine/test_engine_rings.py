@@ -66,7 +66,7 @@ def test_all_due_frames_go_out_as_they_are_in_the_frame_store():
 
 
 def test_frames_of_a_ring_are_taken_in_order_with_port_and_arrival():
-    columns, ring = allocate(stations=1), receive_ring(8)
+    columns, ring = allocate(images=1), receive_ring(8)
     sent = [bytes([n]) * (60 + n) for n in range(5)]
     for n, frame in enumerate(sent):
         put(ring, n, frame, port=20 + n, when=1_000_000_000_000 + n)
@@ -77,14 +77,14 @@ def test_frames_of_a_ring_are_taken_in_order_with_port_and_arrival():
 
 
 def test_a_frame_that_was_stamped_later_than_now_arrives_now():
-    columns, ring = allocate(stations=1), receive_ring(8)
+    columns, ring = allocate(images=1), receive_ring(8)
     put(ring, 0, bytes(64), when=9_000)
     assert called(take_batch)(columns, ring, 5_000, 0) == 1
     assert columns.rx_ns[0] == 5_000
 
 
 def test_a_slot_is_the_kernel_s_again_once_it_was_given_back_and_the_ring_goes_round():
-    columns, ring = allocate(stations=1), receive_ring(8)
+    columns, ring = allocate(images=1), receive_ring(8)
     for turn in range(20):
         frames = [bytes([turn, n]) * 40 for n in range(3)]
         for n, frame in enumerate(frames):
@@ -97,7 +97,7 @@ def test_a_slot_is_the_kernel_s_again_once_it_was_given_back_and_the_ring_goes_r
 
 
 def test_a_full_ring_is_taken_once_and_no_batch_is_larger_than_the_receive_slots():
-    columns = allocate(stations=1)
+    columns = allocate(images=1)
     for slots, expected in ((8, 8), (512, RX_BATCH)):
         ring = receive_ring(slots)
         for n in range(slots):
@@ -106,7 +106,7 @@ def test_a_full_ring_is_taken_once_and_no_batch_is_larger_than_the_receive_slots
 
 
 def test_a_frame_that_was_cut_or_lies_outside_of_its_slot_has_no_octets():
-    columns, ring = allocate(stations=1), receive_ring(8)
+    columns, ring = allocate(images=1), receive_ring(8)
     put(ring, 0, bytes(100), length=4000)
     put(ring, 1, bytes(60), begin=HEAD - 4)
     put(ring, 2, bytes(60), length=SLOT, captured=SLOT)
@@ -118,7 +118,7 @@ def test_a_frame_that_was_cut_or_lies_outside_of_its_slot_has_no_octets():
 
 
 def test_a_frame_too_long_for_its_slot_is_taken_whole_and_in_its_order():
-    columns = allocate(stations=1)
+    columns = allocate(images=1)
     near, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with near, far:
         ring = receive_ring(8)._replace(descriptor=near.fileno())
@@ -158,7 +158,7 @@ def test_no_content_of_a_ring_breaks_the_engine():
 def test_a_socket_that_is_no_packet_socket_has_no_ring():
     near, far = socket.socketpair()
     with near, far:
-        ring = make_ring(allocate(stations=1), near)
+        ring = make_ring(allocate(images=1), near)
         assert ring.received.words.shape == (0,)
 
 
@@ -168,7 +168,7 @@ def test_frames_leave_through_the_exit_that_their_port_has_for_their_peer():
     def egress_for(port, destination):
         return asked.setdefault((port, destination), 99)
 
-    columns = allocate(stations=1, channels=1)
+    columns = allocate(images=1, channels=1)
     table = ChannelTable(columns, egress_for)
     number = table.open_provider(ProviderPlan(0, 7, b"\x0a" * 6, b"\x02" * 6, 0x8000, 40, 32, 1, [], []))
     assert sent_port(columns.ppm, columns.held, number) == 99

@@ -11,7 +11,7 @@ MS = 1_000_000
 
 
 def table(*steps_ns, last=0):
-    columns = allocate(stations=max(1, len(steps_ns)), axes=len(steps_ns), traces=True)
+    columns = allocate(images=max(1, len(steps_ns)), axes=len(steps_ns), traces=True)
     columns.engine[0].tick_ns = MS
     for axis, step in zip(columns.axis, steps_ns, strict=False):
         axis.front, axis.last_ns, axis.step_ns = 1, last, step

@@ -20,7 +20,7 @@ def octets_of(columns, ring, n):
 
 def test_short_and_long_frames_arrive_whole_and_in_order_round_the_ring(cable):
     near, far = cable
-    columns = allocate(stations=1)
+    columns = allocate(images=1)
     with (
         socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as receiver,
         socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0) as sender,

@@ -121,7 +121,7 @@ def test_a_batch_leaves_by_both_ways_and_what_finds_no_room_by_the_packet_socket
     ip("link", "add", "link", near, "name", "drive", "type", "macvlan", "mode", "bridge")
     ip("link", "set", "drive", "up")
     parent, own = socket.if_nametoindex(near), socket.if_nametoindex("drive")
-    columns = allocate(stations=rows, channels=rows)
+    columns = allocate(images=rows, channels=rows)
     with (
         xdp(near, rows=1) as made,
         listener(far) as heard,
@@ -137,7 +137,7 @@ def test_a_batch_leaves_by_both_ways_and_what_finds_no_room_by_the_packet_socket
 def test_a_batch_after_the_end_of_a_lease_sends_nothing_by_any_way(cable):
     near, far = cable
     parent = socket.if_nametoindex(near)
-    columns = allocate(stations=4, channels=4)
+    columns = allocate(images=4, channels=4)
     with (
         xdp(near, rows=4) as made,
         listener(far) as heard,

@@ -45,8 +45,8 @@ class Pair:
     ) -> None:
         self.drives = drives
         self._records = records
-        self.farm = allocate(stations=drives, axes=drives, channels=drives * 2, impairments=drives * 4)
-        self.controller = allocate(stations=drives, programs=drives, channels=drives * 2)
+        self.farm = allocate(images=drives, axes=drives, channels=drives * 2, impairments=drives * 4)
+        self.controller = allocate(images=drives, programs=drives, channels=drives * 2)
         self.farm_channels = ChannelTable(self.farm)
         self.controller_channels = ChannelTable(self.controller)
         self.cycle_ns = factor * ratio * 31_250

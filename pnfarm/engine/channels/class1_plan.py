@@ -18,6 +18,7 @@ from pnfarm.engine.channels.class1 import (
     RUN_IDLE,
     UDP,
 )
+from pnfarm.engine.channels.parts import Piece, Rider
 from pnfarm.table.channel import FRAMING_CLASS1
 from pnfarm.wire.ethernet import ETHERTYPE_IPV4
 from pnfarm.wire.ipv4 import PROTOCOL_UDP, Ipv4Packet, emit_ipv4
@@ -56,9 +57,12 @@ class Class1ProviderPlan:
     destination_port: int = CLASS1_PORT
     source_port: int = CLASS1_PORT
     drift: float = 0.0
+    pieces: Sequence[Piece] = ()
+    plain: int = 0
 
     framing: ClassVar[int] = FRAMING_CLASS1
     iops: ClassVar[Sequence[int]] = ()
+    riders: ClassVar[Sequence[Rider]] = ()
     iocs: ClassVar[Sequence[int]] = ()
     trailer: ClassVar[int] = 0
     counter_step: ClassVar[int] = 1
@@ -116,9 +120,12 @@ class Class1ConsumerPlan:
     feeds: bool = True
     zeroes: bool = False
     drift: float = 0.0
+    pieces: Sequence[Piece] = ()
+    plain: int = 0
 
     framing: ClassVar[int] = FRAMING_CLASS1
     iops: ClassVar[Sequence[int]] = ()
+    riders: ClassVar[Sequence[Rider]] = ()
 
     @property
     def frame_id(self) -> int:

@@ -9,6 +9,7 @@ from typing import Any
 
 from pnfarm.engine.channels import class1, rtc
 from pnfarm.engine.channels.intervals import measure_interval
+from pnfarm.engine.channels.plain_data import take_pieces
 from pnfarm.table.channel import (
     DISCARD_INVALID,
     DISCARD_LENGTH,
@@ -60,6 +61,46 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
             else:
                 image.received[slot] = word
 
+    @inlined
+    def _worst(consumer: Any, frame: Any, data: int) -> int:
+        """GOOD if each provider status is."""
+        iops = IOXS_GOOD
+        for i in range(consumer.iops_count):
+            if not frame[data + consumer.iops_offset[i]] & IOXS_GOOD:
+                iops = IOXS_BAD
+        return iops
+
+    @inlined
+    def _feed(consumer: Any, image: Any, frame: Any, data: int, good: bool) -> None:
+        """The set points of a consumer that feeds its axis."""
+        if good:
+            _unpack(consumer, image, frame, data)
+            image.frames = (int(image.frames) + 1) & 0xFFFFFFFF
+            consumer.fed = 1
+            image.valid = 1
+            image.lost = LOST_NOT
+        elif image.valid:
+            image.valid = 0
+            image.lost = LOST_STOP
+            if consumer.zeroes:
+                zero(consumer, image)
+
+    @compiled
+    def _pass_on(
+        consumers: Any, images: Any, first: int, frame: Any, data: int, runs: bool, arrival: int, interval: int
+    ) -> None:
+        """The parts of a frame for the further axes of a station."""
+        following = first
+        while following > 0:
+            rider = consumers[following - 1]
+            following = rider.rider
+            rider.iops = _worst(rider, frame, data)
+            if rider.feeds:
+                image = images[rider.image]
+                image.interval_ns = interval
+                image.frame_ns = arrival
+                _feed(rider, image, frame, data, runs and rider.iops == IOXS_GOOD)
+
     @compiled
     def _check(consumer: Any, frame: Any, length: int, place: int) -> int:
         data = framing.fits(consumer, frame, length, place)
@@ -76,6 +117,9 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
         engine: Any,
         events: Any,
         images: Any,
+        consumers: Any,
+        stored: Any,
+        pieces: Any,
         number: int,
         consumer: Any,
         frame: Any,
@@ -88,10 +132,7 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
             consumer.discarded[why] += 1
             return
 
-        iops = IOXS_GOOD
-        for i in range(consumer.iops_count):
-            if not frame[data + consumer.iops_offset[i]] & IOXS_GOOD:
-                iops = IOXS_BAD
+        iops = _worst(consumer, frame, data)
         image = images[consumer.image]
         begins = consumer.state != RUN
         if framing.repeats(consumer, frame, data):
@@ -115,23 +156,17 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
         if begins or iops != consumer.iops:
             emit(engine, events, IOPS_CHANGED, number, arrival, 1 if iops == IOXS_GOOD else 0)
         framing.take(consumer, frame, length, data)
+        if consumer.rider:
+            interval = 0 if begins else arrival - consumer.last_ns
+            _pass_on(consumers, images, int(consumer.rider), frame, data, runs, arrival, interval)
+        if consumer.pieces:
+            take_pieces(consumer, pieces, stored[consumer.plain], frame, data, runs)
         consumer.iops = iops
         consumer.impaired = 0
         consumer.last_ns = arrival
         consumer.received += 1
-        if consumer.feeds == 0:
-            return
-        if runs and iops == IOXS_GOOD:
-            _unpack(consumer, image, frame, data)
-            image.frames = (int(image.frames) + 1) & 0xFFFFFFFF
-            consumer.fed = 1
-            image.valid = 1
-            image.lost = LOST_NOT
-        elif image.valid:
-            image.valid = 0
-            image.lost = LOST_STOP
-            if consumer.zeroes:
-                zero(consumer, image)
+        if consumer.feeds:
+            _feed(consumer, image, frame, data, runs and iops == IOXS_GOOD)
 
     return _check, _accept
 
@@ -156,6 +191,9 @@ def accept(
     engine: Any,
     events: Any,
     images: Any,
+    consumers: Any,
+    stored: Any,
+    pieces: Any,
     number: int,
     consumer: Any,
     frame: Any,
@@ -165,8 +203,10 @@ def accept(
 ) -> None:
     """Take the data of a frame that has come through, unless the CPM refuses it."""
     if consumer.framing == FRAMING_RTC:
-        accept_rtc(engine, events, images, number, consumer, frame, length, data, arrival)
+        accept_rtc(engine, events, images, consumers, stored, pieces, number, consumer, frame, length, data, arrival)
     elif consumer.framing == FRAMING_CLASS1:
-        _accept_class1(engine, events, images, number, consumer, frame, length, data, arrival)
+        _accept_class1(
+            engine, events, images, consumers, stored, pieces, number, consumer, frame, length, data, arrival
+        )
     else:
         consumer.discarded[DISCARD_INVALID] += 1

@@ -348,8 +348,8 @@ def impair_sent(
             if kind == LOSS:
                 lost = True
             elif kind == IOPS_BAD:
-                for i in range(provider.iops_count):
-                    frame[provider.iops_offset[i]] = IOXS_BAD
+                for i in range(provider.statuses):
+                    frame[provider.status_offset[i]] = IOXS_BAD
             elif kind == PROVIDER_STOP:
                 framing.change_status(provider, frame, length, STATUS_RUN)
             elif kind == DATA_INVALID:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.engine.channels import class1, rtc
+from pnfarm.engine.channels.plain_data import put_pieces
 from pnfarm.table.channel import FRAMING_CLASS1, FRAMING_RTC, IOXS_BAD, IOXS_GOOD
 from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.signals import PART_HIGH, WORD_NONE
@@ -19,7 +20,8 @@ def _made_for(framing: Any, first: int) -> Any:
     """``first`` is 1 where the more significant octet of a telegram word is the second one."""
 
     @inlined
-    def _pack(provider: Any, image: Any, frame: Any) -> None:
+    def _put(provider: Any, image: Any, frame: Any) -> None:
+        """The telegram words of one axis, and their provider status."""
         for i in range(provider.words):
             code = int(provider.word_code[i])
             word = 0
@@ -32,6 +34,27 @@ def _made_for(framing: Any, first: int) -> Any:
         status = IOXS_GOOD if image.good else IOXS_BAD
         for i in range(provider.iops_count):
             frame[provider.iops_offset[i]] = status
+
+    @compiled
+    def _pass_on(providers: Any, images: Any, first: int, frame: Any) -> None:
+        """The parts of a frame of the further axes of a station."""
+        following = first
+        while following > 0:
+            rider = providers[following - 1]
+            following = rider.rider
+            image = images[rider.image]
+            _put(rider, image, frame)
+            image.filled = (int(image.filled) + 1) & 0xFFFFFFFF
+
+    @inlined
+    def _pack(provider: Any, images: Any, providers: Any, stored: Any, pieces: Any, frame: Any) -> None:
+        image = images[provider.image]
+        _put(provider, image, frame)
+        image.filled = (int(image.filled) + 1) & 0xFFFFFFFF
+        if provider.rider:
+            _pass_on(providers, images, int(provider.rider), frame)
+        if provider.pieces:
+            put_pieces(provider, pieces, stored[provider.plain], frame, image.good)
         framing.seal(provider, frame)
 
     return _pack
@@ -42,9 +65,9 @@ _pack_class1 = _made_for(class1, 1)
 
 
 @compiled
-def pack(provider: Any, image: Any, frame: Any) -> None:
-    """The process image into a complete frame; a row with an unknown framing keeps the frame as it is."""
+def pack(provider: Any, images: Any, providers: Any, stored: Any, pieces: Any, frame: Any) -> None:
+    """Process images and plain data into a complete frame; a row with an unknown framing keeps the frame as it is."""
     if provider.framing == FRAMING_RTC:
-        pack_rtc(provider, image, frame)
+        pack_rtc(provider, images, providers, stored, pieces, frame)
     elif provider.framing == FRAMING_CLASS1:
-        _pack_class1(provider, image, frame)
+        _pack_class1(provider, images, providers, stored, pieces, frame)

@@ -27,8 +27,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pnfarm.engine.columns import RX_BATCH, Columns
+from pnfarm.engine.memory_order import acquire, release
 from pnfarm.engine.sockets.libc import MSG_DONTWAIT, recv
-from pnfarm.engine.sockets.memory_order import acquire, release
 from pnfarm.errors import EnvironmentError_
 from pnfarm.table.channel import FRAME_SLOT
 from pnfarm.table.compiling.compiled import inlined

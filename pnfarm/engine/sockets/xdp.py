@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from pnfarm.engine.memory_order import acquire, release
 from pnfarm.engine.sockets.libc import MSG_DONTWAIT, sendto
-from pnfarm.engine.sockets.memory_order import acquire, release
 from pnfarm.errors import EnvironmentError_
 from pnfarm.table.compiling.compiled import inlined
 

@@ -84,7 +84,7 @@ class Peer:
     def __init__(self, rig: Rig, address: IPv4Interface = OWN, number: int = 0) -> None:
         self.rig = rig
         self.address = address
-        self.columns = allocate(stations=1, channels=4)
+        self.columns = allocate(images=1, channels=4)
         self.channels = ChannelTable(self.columns)
         self.link = rig.world.link()
         mac = bytes.fromhex("0200000000") + bytes([0x70 + number])

@@ -34,7 +34,7 @@ class Asker(LineParameter):
 
     def __init__(self, *given):
         super().__init__(*given)
-        self.columns = allocate(stations=1, programs=1, channels=8)
+        self.columns = allocate(images=1, programs=1, channels=8)
 
 
 def ask(parameter, value=None, *, station=11, text=FARM, named=None, own=0, before=lambda line: None):

@@ -223,7 +223,7 @@ def test_one_drive_and_many_have_the_same_machine_code():
     FastPath(1, IMAGE.allocate(1))
     known = len(answer_poll.signatures)
     for stations in (1, 2, 9):
-        FastPath(1, allocate(stations=stations).image)
+        FastPath(1, allocate(images=stations).image)
     assert len(answer_poll.signatures) == known
 
 

@@ -80,7 +80,7 @@ class ToyCore:
     def __init__(self, plan: ToyPlan, host: ControllerHost) -> None:
         self.plan, self.link, self.port = plan, host.link, host.port
         count = len(plan.devices)
-        self.columns = allocate(stations=count, programs=count)
+        self.columns = allocate(images=count, programs=count)
         self.talks = {one.name: _Talk() for one in plan.devices}
         self._by_mac = {one.mac: (row, one) for row, one in enumerate(plan.devices)}
         self._due: int | None = None

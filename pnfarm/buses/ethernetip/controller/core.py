@@ -61,7 +61,7 @@ class ScannerCore:
         self._sockets = sockets
         self._address = plan.ip
         count = len(plan.devices)
-        self.columns: Columns = allocate(stations=count, programs=count, channels=count * 2 + 8)
+        self.columns: Columns = allocate(images=count, programs=count, channels=count * 2 + 8)
         self.columns.engine[0].tick_ns = tick_ns
         self.columns.image.lost[:] = LOST_NEVER
         self.channels = SessionChannels(self.columns, self.port, plan.ip.ip, sockets)

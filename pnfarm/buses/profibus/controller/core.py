@@ -52,7 +52,7 @@ class MasterCore:
         baud = host.port.baud or plan.settings.baud
         self.master = Master(replace(plan.settings, baud=baud), [device.slave for device in plan.devices])
         count = len(plan.devices)
-        self.columns: Columns = allocate(stations=count, programs=count, channels=8)
+        self.columns: Columns = allocate(images=count, programs=count, channels=8)
         self.columns.engine[0].tick_ns = tick_ns
         self.columns.image.lost[:] = LOST_NEVER
         self._images: list[CyclicImage] = []

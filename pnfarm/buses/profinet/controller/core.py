@@ -97,7 +97,7 @@ class ControllerCore:
         self.port = port
         self.log = log
         count = len(plans)
-        self.columns: Columns = allocate(stations=count, programs=count, channels=count * 2 + 8)
+        self.columns: Columns = allocate(images=count, programs=count, channels=count * 2 + 8)
         self.columns.engine[0].tick_ns = tick_ns
         self.columns.image.lost[:] = LOST_NEVER
         self.channels = SessionChannels(self.columns, port)

@@ -1,4 +1,4 @@
-"""Order of memory accesses between the engine and the kernel, which share a ring.
+"""Order of memory accesses between the engine and others: the kernel, which shares its rings, and the event loop.
 
 On x86 a fence of these kinds is no instruction: it only keeps the compiler from moving accesses across it.  Interpreted
 code needs none.

@@ -1,0 +1,32 @@
+"""Parts of a channel's frames beside the first axis's words: further axes, and plain data.
+
+All offsets count from the first octet of IO data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+__all__ = ["Piece", "Rider"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rider:
+    """The part of a further axis in a channel's frames: words and statuses as in the plans, its own process image."""
+
+    image: int
+    words: Sequence[tuple[int, int]]
+    iops: Sequence[int]
+    feeds: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Plain data of one submodule: their place in the frame and in the station's row, and those of their status."""
+
+    frame: int
+    place: int
+    length: int
+    status_frame: int | None
+    status_place: int

@@ -1,0 +1,50 @@
+"""Allocates rows of the piece table: the plain data in the frames of each open channel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pnfarm.engine.channels.parts import Piece
+from pnfarm.engine.columns import Columns
+from pnfarm.errors import InternalError
+from pnfarm.table.plain_data import NO_STATUS
+from pnfarm.table.segments import Segments
+
+__all__ = ["PieceTable"]
+
+
+class PieceTable:
+    """The pieces of a channel are rows in sequence; those of a closed one are free when the engine has ticked again."""
+
+    def __init__(self, columns: Columns) -> None:
+        self._columns = columns
+        self._segments = Segments(columns.piece.shape[0])
+        #: First rows that the engine may still use, and its cycles when they were left.
+        self._left: list[tuple[int, int]] = []
+
+    def leave(self, row: Any) -> None:
+        """A channel's row no longer needs its pieces; the engine may be using them."""
+        if row.pieces:
+            self._left.append((int(row.piece), int(self._columns.engine[0].cycles)))
+
+    def put(self, row: Any, pieces: Sequence[Piece], plain: int, start: int) -> None:
+        """Give a channel's row other pieces, of row ``plain``; ``start``: of the IO data, as its words count."""
+        cycles = int(self._columns.engine[0].cycles)
+        for entry in [entry for entry in self._left if entry[1] != cycles]:
+            self._left.remove(entry)
+            self._segments.release(entry[0])
+        self.leave(row)
+        row["pieces"] = 0
+        if not pieces:
+            return
+        first = self._segments.allocate(len(pieces))
+        if first is None:
+            raise InternalError(f"all {self._segments.size} rows of the piece table are in use")
+        for number, piece in enumerate(pieces, start=first):
+            one = self._columns.piece[number]
+            one["frame"], one["place"], one["length"] = start + piece.frame, piece.place, piece.length
+            one["status_frame"] = NO_STATUS if piece.status_frame is None else start + piece.status_frame
+            one["status_place"] = piece.status_place
+        row["piece"], row["plain"] = first, plain
+        row["pieces"] = len(pieces)

@@ -1,0 +1,75 @@
+"""Plain data between frames and their rows (:mod:`pnfarm.table.plain_data`), piece by piece."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pnfarm.engine.memory_order import acquire, release
+from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
+from pnfarm.table.compiling.compiled import compiled
+from pnfarm.table.plain_data import NO_STATUS
+
+__all__ = ["put_pieces", "spoil_pieces", "take_pieces"]
+
+
+@compiled
+def _open(row: Any) -> int:
+    """Copy the half in force into the other one; returns which that is."""
+    half = (int(row.sequence) + 1) & 1
+    source, target = row.octets[1 - half], row.octets[half]
+    for i in range(row.length):
+        target[i] = source[i]
+    return half
+
+
+@compiled
+def _close(row: Any) -> None:
+    """Put the half that was written in force."""
+    release()
+    row.sequence = (int(row.sequence) + 1) & 0xFFFFFFFF
+
+
+@compiled
+def take_pieces(consumer: Any, pieces: Any, row: Any, frame: Any, data: int, runs: bool) -> None:
+    """The pieces of a consumer's frame, whose IO data begin at ``data``; those that are not good keep what they had."""
+    target = row.octets[_open(row)]
+    for number in range(consumer.piece, consumer.piece + consumer.pieces):
+        piece = pieces[number]
+        good = runs and (piece.status_frame == NO_STATUS or frame[data + piece.status_frame] & IOXS_GOOD != 0)
+        target[piece.status_place] = IOXS_GOOD if good else IOXS_BAD
+        if good:
+            place, begin = int(piece.place), data + int(piece.frame)
+            for i in range(piece.length):
+                target[place + i] = frame[begin + i]
+    _close(row)
+
+
+@compiled
+def spoil_pieces(consumer: Any, pieces: Any, row: Any) -> None:
+    """No frames come any more: the pieces keep their data with status BAD."""
+    target = row.octets[_open(row)]
+    for number in range(consumer.piece, consumer.piece + consumer.pieces):
+        target[pieces[number].status_place] = IOXS_BAD
+    _close(row)
+
+
+@compiled
+def put_pieces(provider: Any, pieces: Any, row: Any, frame: Any, good: int) -> None:
+    """The station's data into a provider's frame; ``good`` 0 makes every status BAD.
+
+    The event loop writes a half in microseconds and rests in between, so that the copy is soon whole.
+    """
+    while True:
+        before = row.sequence
+        acquire()
+        source = row.octets[int(before) & 1]
+        for number in range(provider.piece, provider.piece + provider.pieces):
+            piece = pieces[number]
+            place, begin = int(piece.place), int(piece.frame)
+            for i in range(piece.length):
+                frame[begin + i] = source[place + i]
+            if piece.status_frame != NO_STATUS:
+                frame[piece.status_frame] = source[piece.status_place] if good else IOXS_BAD
+        acquire()
+        if row.sequence == before:
+            return

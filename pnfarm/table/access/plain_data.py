@@ -1,0 +1,90 @@
+"""One station's plain data of one direction, for the event loop: read and written without tearing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import InternalError
+from pnfarm.table.access.plain import plain
+from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
+from pnfarm.table.plain_data import PLAIN_OCTETS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+__all__ = ["ConsumedData", "ProvidedData", "copy_plain"]
+
+#: Copies before a reader gives up; the engine writes once in a cycle, a copy takes a few microseconds.
+_MOST_COPIES = 1_000
+
+
+def copy_plain(row: Any) -> bytes:
+    """Data and statuses of a row as they were at one time."""
+    for _ in range(_MOST_COPIES):
+        before = int(row["sequence"])
+        octets: bytes = row["octets"][before & 1, : int(row["length"])].tobytes()
+        if int(row["sequence"]) == before:
+            return octets
+    raise InternalError("plain data changed while they were read, again and again")
+
+
+class _PlainData:
+    """A row of ``PROVIDED`` or ``CONSUMED`` (:mod:`pnfarm.table.plain_data`) with so many octets and submodules."""
+
+    def __init__(self, rows: Any, number: int, octets: int, statuses: int) -> None:
+        if octets + statuses > PLAIN_OCTETS:
+            raise InternalError(f"{octets} octets of plain data and {statuses} statuses are above {PLAIN_OCTETS}")
+        self.number = number
+        self.octets = octets
+        self._row = plain(rows)[number]
+        self._row["length"] = octets + statuses
+        self._halves = self._row["octets"]
+
+    def status_place(self, submodule: int) -> int:
+        """Where the provider status of a submodule is, by its number."""
+        return self.octets + submodule
+
+    def read(self) -> bytes:
+        """The data of all submodules, as they were at one time."""
+        return copy_plain(self._row)[: self.octets]
+
+    def good(self, submodule: int) -> bool:
+        """Whether the provider status of a submodule is GOOD."""
+        return bool(copy_plain(self._row)[self.status_place(submodule)] & IOXS_GOOD)
+
+    @property
+    def changes(self) -> int:
+        """Counts the changes, modulo 2 ** 32."""
+        return int(self._row["sequence"])
+
+
+class ConsumedData(_PlainData):
+    """What the engine receives."""
+
+
+class ProvidedData(_PlainData):
+    """What the engine sends; new rows have zeros, with status GOOD."""
+
+    def __init__(self, rows: Any, number: int, octets: int, statuses: int) -> None:
+        super().__init__(rows, number, octets, statuses)
+        self._halves[:, octets : octets + statuses] = IOXS_GOOD
+
+    def write(self, changes: Mapping[int, bytes]) -> None:
+        """Write octets at places, all in force at once."""
+        octets = bytearray(copy_plain(self._row))
+        for place, values in changes.items():
+            if not 0 <= place <= place + len(values) <= self.octets:
+                raise InternalError(f"octets {place} to {place + len(values)} of {self.octets} octets of plain data")
+            octets[place : place + len(values)] = values
+        self._put(octets)
+
+    def set_good(self, submodule: int, *, good: bool) -> None:
+        """Set the provider status of a submodule."""
+        octets = bytearray(copy_plain(self._row))
+        octets[self.status_place(submodule)] = IOXS_GOOD if good else IOXS_BAD
+        self._put(octets)
+
+    def _put(self, octets: bytearray) -> None:
+        following = (int(self._row["sequence"]) + 1) & 0xFFFFFFFF
+        self._halves[following & 1, : len(octets)] = octets
+        self._row["sequence"] = following
