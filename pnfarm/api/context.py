@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.metrics import FarmCollector
+    from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
 __all__ = ["ApiContext"]
@@ -40,14 +41,21 @@ class ApiContext:
     rendering: anyio.Lock = field(default_factory=anyio.Lock)
     messages: Messages = field(default_factory=Messages)
 
-    def station(self, name: str) -> Station:
+    def axis(self, name: str) -> Axis:
         """Raises :class:`NotFoundError`."""
+        try:
+            return self.core.axis(name)
+        except ConfigError as exc:
+            raise NotFoundError(str(exc)) from exc
+
+    def station(self, name: str) -> Station:
+        """The station of an axis, or by its own name; raises :class:`NotFoundError`."""
         try:
             return self.core.station(name)
         except ConfigError as exc:
             raise NotFoundError(str(exc)) from exc
 
-    def view(self, station: Station) -> dict[str, Any]:
+    def view(self, station: Axis) -> dict[str, Any]:
         """One drive as it is now."""
         return drive_snapshot(self.core, station, self.now())
 

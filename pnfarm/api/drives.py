@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from pnfarm.api.context import ApiContext
     from pnfarm.drives.parameters.parameter import Parameter
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
 
 __all__ = ["add_drives"]
 
@@ -48,7 +48,7 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
         core = context.core
         injected = injected_faults(core.injections)
         drives = []
-        for place, station in enumerate(core.stations, start=1):
+        for place, station in enumerate(core.axes, start=1):
             drives.append(drive_snapshot(core, station, context.now(), injected=injected))
             if place % DRIVES_AT_ONCE == 0:
                 await anyio.lowlevel.checkpoint()
@@ -174,7 +174,7 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
         return Json(_parameter(station, pnu))
 
 
-def _fault_memory(station: Station) -> list[list[dict[str, Any]]]:
+def _fault_memory(station: Axis) -> list[list[dict[str, Any]]]:
     """The buffer by situation, the newest first."""
     known = station.model.faults
     found = []
@@ -189,7 +189,7 @@ def _fault_memory(station: Station) -> list[list[dict[str, Any]]]:
     return found
 
 
-def _matching(station: Station, text: str) -> list[Parameter]:
+def _matching(station: Axis, text: str) -> list[Parameter]:
     wanted = text.casefold().strip()
     numbering = station.model.numbering
     return [
@@ -202,7 +202,7 @@ def _matching(station: Station, text: str) -> list[Parameter]:
     ]
 
 
-def _described(station: Station, parameter: Parameter) -> dict[str, Any]:
+def _described(station: Axis, parameter: Parameter) -> dict[str, Any]:
     """For a list: with its value where the drive has its supply and shows one."""
     try:
         value = station.store.read(parameter.pnu, 0)[0] if station.powered else None
@@ -227,13 +227,13 @@ def _described(station: Station, parameter: Parameter) -> dict[str, Any]:
     }
 
 
-def _powered(station: Station) -> Station:
+def _powered(station: Axis) -> Axis:
     if not station.powered:
         raise ParameterError(ParameterErrorNumber.OPERATING_STATE, detail=f"{station.configured_name} is switched off")
     return station
 
 
-def _parameter(station: Station, wanted: str) -> dict[str, Any]:
+def _parameter(station: Axis, wanted: str) -> dict[str, Any]:
     parameter, subindex = station.model.resolve(wanted)
     store = station.store
     values = store.read(parameter.pnu, 0, parameter.elements) if parameter.elements else None

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
 
     from pnfarm.api.context import ApiContext
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
 
 __all__ = ["LiveViews"]
 
@@ -76,7 +76,7 @@ class LiveViews:
             self._overview = None
 
     async def stream(
-        self, scope: Mapping[str, Any], station: Station | None, *, follow: bool = True
+        self, scope: Mapping[str, Any], station: Axis | None, *, follow: bool = True
     ) -> AsyncIterator[bytes]:
         """Messages until the client goes or the API stops; ``station`` is the chosen drive.
 
@@ -134,12 +134,12 @@ class LiveViews:
 
     def _farm(self, scope: Mapping[str, Any]) -> dict[str, Any]:
         core = self._context.core
-        models = {station.model.name: station.model for station in core.stations}
+        models = {station.model.name: station.model for station in core.axes}
         return {
             "farm": core.name,
             "link": core.link.kind,
             "parent": interface_below(core.link),
-            "drives": len(core.stations),
+            "drives": len(core.axes),
             "writes": scope.get(WHO) != "read_token",
             "lines": {name: {"way": line.way, "where": line.where} for name, line in core.lines.items()},
             "faults": {

@@ -81,7 +81,7 @@ def difference(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
 
 async def _settled(core: Any, seconds: float) -> dict[str, Any]:
     """The counters once the event loop hears no more than what goes on for ever, at the latest after so long."""
-    few = len(core.stations) // 10 + 5
+    few = len(core.axes) // 10 + 5
     with anyio.move_on_after(seconds):
         while True:
             before = core.link.counters.received
@@ -130,7 +130,7 @@ async def _farm(settings: dict[str, Any]) -> None:
         async def connected(seconds: float) -> bool:
             with anyio.move_on_after(seconds):
                 core = farm.core
-                while not all(s.device.connected for s in core.stations):  # noqa: ASYNC110 - stations have no events to wait for
+                while not all(s.device.connected for s in core.axes):  # noqa: ASYNC110 - stations have no events to wait for
                     await anyio.sleep(0.005)
                 return True
             return False

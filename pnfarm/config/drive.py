@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.motion_tasks import MotionTask
 
-__all__ = ["MAX_DRIVES", "Claim", "DriveConfig", "DriveGroup"]
+__all__ = ["MAX_DRIVES", "AxisConfig", "Claim", "DriveConfig", "DriveGroup"]
 
 #: Most drives of one farm.
 MAX_DRIVES = 4094
@@ -79,6 +79,22 @@ Claim = tuple[str, object, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class AxisConfig:
+    """One axis of a drive that has several.
+
+    ``name`` is the whole name, with the drive's; ``telegram`` None is the model's default.
+    """
+
+    name: str
+    load: Load = field(default_factory=Load)
+    motor: Motor = field(default_factory=Motor)
+    machine: Machine = field(default_factory=Machine)
+    params: Mapping[str, int | float | str | bool] = field(default_factory=dict)
+    motion_tasks: tuple[MotionTask, ...] = ()
+    telegram: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DriveConfig:
     """One drive as the farm file configures it; a bus's drives have more.
 
@@ -86,7 +102,8 @@ class DriveConfig:
     ``model`` is the name under which the model is listed, also where the file has an alias; ``listed`` is that model
     with the parameters of the farm file's list, None where the file has no list for it.
     ``realism_by_source``: keys that ``realism`` leaves out are on where a source gives the model's figure.
-    ``mac`` is that of its port, empty on a link without hardware addresses.
+    ``mac`` is that of its port, empty on a link without hardware addresses.  ``further``: the axes behind the first
+    one, which has the drive's own settings, and with ``first`` a name of its own.
     """
 
     index: int
@@ -106,11 +123,31 @@ class DriveConfig:
     realism_by_source: bool = False
     listed: Model | None = None
     mac: bytes = b""
+    first: str = ""
+    further: tuple[AxisConfig, ...] = ()
 
     @classmethod
     def extending(cls, common: DriveConfig, **own: Any) -> Self:
         """The drive of a bus: the fields of ``common``, and the bus's ``own``."""
         return cls(**{each.name: getattr(common, each.name) for each in fields(DriveConfig)} | own)
+
+    @property
+    def axes(self) -> tuple[AxisConfig, ...]:
+        """All axes; of a drive with one, that axis has the drive's name."""
+        own = AxisConfig(
+            name=self.first or self.name,
+            load=self.load,
+            motor=self.motor,
+            machine=self.machine,
+            params=self.params,
+            motion_tasks=self.motion_tasks,
+            **self.of_axis(),
+        )
+        return own, *self.further
+
+    def of_axis(self) -> Mapping[str, Any]:
+        """Fields of an axis that only its bus has."""
+        return {}
 
     def claims(self) -> Sequence[Claim]:
         """Values that no other drive of the farm may have, besides its name."""

@@ -33,6 +33,7 @@ from pnfarm.links.kernel.linux import PacketLink
 from pnfarm.links.memory import MemoryLink
 from pnfarm.links.sockets import sockets_of
 from pnfarm.protocols.deadlines import Deadlines
+from pnfarm.station.axis import Axis
 from pnfarm.station.events import (
     AcknowledgeRefused,
     ControlBitChanged,
@@ -59,6 +60,7 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.links.serial.line import LineTally
     from pnfarm.station.event_log import EventLog
+    from pnfarm.station.imperfections import Imperfections
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 #: Events whose row is a consumer's.
@@ -142,18 +144,21 @@ class FarmCore:
         gate = self._gate = GatedLink(link, clock)
         self.link: Link = gate
         self.log = log
-        count = len(drives)
         known = [models(config) for config in drives]
+        count = sum(len(config.axes) for config in drives)
         self.columns = allocate(
             images=count,
             axes=count,
-            channels=sum(bus(model.bus).channel_rows(model) for model in known),
-            impairments=count * IMPAIRMENTS_PER_DRIVE + 8,
+            channels=sum(
+                bus(model.bus).channel_rows(model) * len(config.axes)
+                for config, model in zip(drives, known, strict=True)
+            ),
+            impairments=len(drives) * IMPAIRMENTS_PER_DRIVE + 8,
             traces=True,
         )
         self.columns.engine[0].tick_ns = tick_ns
         #: What the drives' controllers did.
-        self.controllers = ControllerRecords(log, [config.name for config in drives])
+        self.controllers = ControllerRecords(log, [axis.name for config in drives for axis in config.axes])
         self.columns.image.lost[:] = LOST_NEVER
         #: Whether the drives may send at this moment; None: always.
         self.may_speak: Callable[[], bool] | None = None
@@ -174,33 +179,43 @@ class FarmCore:
         if self._sockets is not None:
             services = replace(services, next_hop=self._sockets.next_hop, answers_arp=self._sockets.answers_arp)
         self.stations: list[Station] = []
+        #: The axes of all stations, in the order of their rows.
+        self.axes: list[Axis] = []
         self._by_port: dict[int, Station] = {}
+        #: Stations by the rows of their process images.
+        self._by_image: dict[int, Station] = {}
         self._by_name: dict[str, Station] = {}
+        self._axis_by_name: dict[str, Axis] = {}
         self._deadlines = Deadlines()
         self._tail = 0
         self.events_lost = 0
-        for index, (config, model, port) in enumerate(zip(drives, known, ports, strict=True)):
-            axis, image = self.columns.axis[index], self.columns.image[index]
-            _NEW_MOTORS.write(axis, Same(model), partial(model.apply_motor, axis))
-            apply_axis(axis, config.load, config.motor, model.pitch)
-            apply_machine(axis, config.machine, config.load, model.pitch)
+        for config, model, port in zip(drives, known, ports, strict=True):
+            index = len(self.axes)
             flaws = imperfections(config.realism, model, config.name, by_source=config.realism_by_source)
-            flaws.apply(axis)
-            axis.step_ns = 4_000_000
-            image.port = port.index
-            image.mac = int.from_bytes(port.mac, "big")
-            make = partial(bus(model.bus).device, services=services)
-            handle = AxisHandle(axis, image)
-            station = Station(config, model, index, port, handle, make, memory=memory, log=log, flaws=flaws)
-            axis.powered = 1
-            axis.front = model.front
-            self.stations.append(station)
-            self._by_port[port.index] = station
-            self._by_name[config.name] = station
+            station = Station(
+                config,
+                model.bus,
+                (model.name, *model.aliases),
+                index,
+                port,
+                self.columns.image[index],
+                partial(self._make_axes, config=config, model=model, flaws=flaws),
+                partial(bus(model.bus).device, services=services),
+                memory=memory,
+                log=log,
+                flaws=flaws,
+            )
+            for axis in station.axes:
+                axis.handle.axis.powered = 1
+                axis.handle.axis.front = model.front
+                self._by_image[axis.index] = station
+                self._axis_by_name[axis.configured_name] = axis
+            self.axes += station.axes
+            self._join(station)
         #: What the drives on each bus have in common, and each port's part of it.
         self._segments = {
-            name: bus(name).segment([s.device for s in self.stations if s.model.bus == name])
-            for name in {station.model.bus for station in self.stations}
+            name: bus(name).segment([s.device for s in self.stations if s.bus == name])
+            for name in {station.bus for station in self.stations}
         }
         on_line = next((one for one in self._segments if line_of(bus(one))), "")
         innermost = unwrap(link)
@@ -208,11 +223,12 @@ class FarmCore:
         self.lines: dict[str, LineTally] = {name or on_line: carrier for name, carrier in lines_of(link).items()}
         if isinstance(innermost, MemoryLink):
             self.lines |= innermost.tallies()
-        self._segment_of = {s.port.index: self._segments[s.model.bus] for s in self.stations}
+        self._segment_of = {s.port.index: self._segments[s.bus] for s in self.stations}
         self._socket_gate = SocketGate(self._deliver, self._act, self._refuse_streams)
         #: What is injected into the drives.
         self.injections = make_manager(
             self.stations,
+            self.axes,
             self.columns,
             self.impairments,
             gate,
@@ -221,7 +237,7 @@ class FarmCore:
             log=log,
             clock=clock,
         )
-        self.traces = TraceManager(self.stations, self.columns, log)
+        self.traces = TraceManager(self.axes, self.columns, log)
         gate.set_receiver(self.receive)
         self._served: dict[int, tuple[int, Services]] = {}
         if self._sockets is not None:
@@ -239,9 +255,39 @@ class FarmCore:
         if isinstance(innermost, MemoryLink):
             innermost.set_line_audience(self._line_audience)
 
+    def _make_axes(
+        self, station: Station, *, config: DriveConfig, model: Model, flaws: Imperfections
+    ) -> tuple[Axis, ...]:
+        """The axes of a drive, in the next free rows."""
+        axes = []
+        for number, own in enumerate(config.axes):
+            index = station.index + number
+            axis, image = self.columns.axis[index], self.columns.image[index]
+            _NEW_MOTORS.write(axis, Same(model), partial(model.apply_motor, axis))
+            apply_axis(axis, own.load, own.motor, model.pitch)
+            apply_machine(axis, own.machine, own.load, model.pitch)
+            flaws.apply(axis)
+            axis.step_ns = 4_000_000
+            handle = AxisHandle(axis, image)
+            made = Axis(
+                station, number, own.name, model, index, handle, params=own.params, motion_tasks=own.motion_tasks
+            )
+            axes.append(made)
+        return tuple(axes)
+
+    def _join(self, station: Station) -> None:
+        """Find a station by its port, its row and its name; its row takes strays for the port."""
+        port = station.port
+        station.image.port = port.index
+        station.image.mac = int.from_bytes(port.mac, "big")
+        self.stations.append(station)
+        self._by_port[port.index] = station
+        self._by_image[station.index] = station
+        self._by_name[station.configured_name] = station
+
     def start(self, now: int) -> None:
         """Power on at ``now``: announce addresses."""
-        for axis in self.columns.axis[: len(self.stations)]:
+        for axis in self.columns.axis[: len(self.axes)]:
             axis.last_ns = now
             axis.boot_ns = now
             axis.clock.settings.start_ns = now
@@ -256,11 +302,23 @@ class FarmCore:
             self.settle(station, now)
 
     def station(self, name: str) -> Station:
-        """A station by its name in the farm file, or the one set by DCP; raises :class:`ConfigError`."""
+        """A station by its name in the farm file, the one set by DCP, or an axis's; raises :class:`ConfigError`."""
         found = self._by_name.get(name) or next((s for s in self.stations if s.device.name == name), None)
+        if found is None and (axis := self._axis_by_name.get(name)) is not None:
+            return axis.station
         if found is None:
             raise ConfigError(f"there is no drive {name!r} in farm {self.name}; `pnfarm inspect` lists them")
         return found
+
+    def axis(self, name: str) -> Axis:
+        """An axis by its name, or by that of a drive with one axis; raises :class:`ConfigError`."""
+        if (found := self._axis_by_name.get(name)) is not None:
+            return found
+        station = self.station(name)
+        if len(station.axes) != 1:
+            names = ", ".join(axis.configured_name for axis in station.axes) or "none"
+            raise ConfigError(f"{name} is no single axis; its axes: {names}")
+        return station.axes[0]
 
     # -- frames and time ---------------------------------------------------------------------------------------------
 
@@ -337,7 +395,7 @@ class FarmCore:
                 continue
             ports = segment.audience(frame, besides)
             if ports is None:
-                found += (s.port.index for s in self.stations if s.model.bus == name)
+                found += (s.port.index for s in self.stations if s.bus == name)
             else:
                 found += ports
                 concerns_all = False
@@ -394,11 +452,13 @@ class FarmCore:
         self._deadlines.set(station.index, station.next_deadline())
         # a connection, a parameter: an injection may wait for it
         self.injections.touch(station.configured_name)
+        for axis in station.axes[1:]:
+            self.injections.touch(axis.configured_name)
 
     def service(self, now: int) -> None:
         self._drain(now)
         for index in self._deadlines.take(now):
-            station = self.stations[index]
+            station = self._by_image[index]
             station.handle_timeout(now)
             self.settle(station, now)
         self.injections.handle_timeout(now)
@@ -442,7 +502,7 @@ class FarmCore:
 
     def _take(self, kind: int, row: int, when: int, value: int, now: int) -> Station | None:
         if kind in _OF_CONSUMERS:
-            station = self.stations[int(self.columns.cpm[row].image)]
+            station = self._by_image[int(self.columns.cpm[row].image)]
             return station if station.device.channel_event(kind, row, when, value, now) else None
         if kind == engine_row.TRACE_TRIGGERED:
             self.traces.triggered(row, when)
@@ -453,16 +513,16 @@ class FarmCore:
         if kind == engine_row.TRACE_ENDED:
             self.traces.ended(row, when)
             return None
-        station = self.stations[row]
-        name = station.configured_name
+        axis = self.axes[row]
+        name = axis.configured_name
         match kind:
             case engine_row.STATE_CHANGED:
                 self.log.record(when, name, StateChanged(value >> 8, value & 0xFF))
             case engine_row.FAULT_RAISED:
-                station.fault_raised(value, when)
+                axis.fault_raised(value, when)
                 self.log.record(when, name, FaultRaised(value))
             case engine_row.FAULTS_CLEARED:
-                station.faults_cleared(when)
+                axis.faults_cleared(when)
                 self.log.record(when, name, FaultsCleared(value))
             case engine_row.FAULT_REACTED:
                 self.log.record(when, name, FaultReacted(value))
@@ -472,10 +532,10 @@ class FarmCore:
             case engine_row.WARNING_CHANGED:
                 self.log.record(when, name, WarningChanged(value))
             case engine_row.ACKNOWLEDGE_REFUSED:
-                station.refused_ns = when
+                axis.refused_ns = when
                 self.log.record(when, name, AcknowledgeRefused(value))
             case engine_row.PARAMETER_TASK:
-                station.device.parameter_task(value, now)
+                axis.device.parameter_task(axis, value, now)
             case _:
                 return None
-        return station
+        return axis.station

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.description.model import Model
     from pnfarm.engine.columns import Columns
+    from pnfarm.station.axis import Axis
     from pnfarm.station.conditions import Condition
-    from pnfarm.station.station import Station
     from pnfarm.vocabulary.conditions import Operand, Tree, Value
 
 __all__ = ["ConditionWatch", "Conditions"]
@@ -53,7 +53,7 @@ _STATE = place_of(AXIS, "drive.state")
 class Conditions:
     """The conditions for which injections wait on a farm's drives."""
 
-    def __init__(self, stations: Sequence[Station], columns: Columns) -> None:
+    def __init__(self, stations: Sequence[Axis], columns: Columns) -> None:
         self._stations = {station.configured_name: station for station in stations}
         self._engine = columns.engine
         self._conditions, self._ops = plain(columns.condition), plain(columns.condition_op)
@@ -138,7 +138,7 @@ def _bound(text: str, model: Model) -> Condition:
 class ConditionWatch:
     """A condition on one drive, until it held or :meth:`close` is called."""
 
-    def __init__(self, conditions: Conditions, station: Station, condition: Condition) -> None:
+    def __init__(self, conditions: Conditions, station: Axis, condition: Condition) -> None:
         self.drive = station.configured_name
         self.serial = 0
         #: When the engine saw it hold.
@@ -197,7 +197,7 @@ class ConditionWatch:
 class _Builder:
     """Operations of a condition, numbered from 0."""
 
-    def __init__(self, station: Station, condition: Condition, value: Callable[[Tree], float]) -> None:
+    def __init__(self, station: Axis, condition: Condition, value: Callable[[Tree], float]) -> None:
         self._station = station
         self._signals = condition.signals
         self._value = value

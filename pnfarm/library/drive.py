@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from pnfarm.library.fault import FaultHandle
     from pnfarm.library.runner import FarmRunner
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
 
 __all__ = ["Drive"]
 
@@ -25,7 +25,7 @@ __all__ = ["Drive"]
 class Drive(DriveReadings):
     """A drive: every reading is the present one.  ``inject`` is :meth:`pnfarm.Farm.fault`."""
 
-    def __init__(self, inject: Callable[..., FaultHandle], passing: FarmRunner, station: Station) -> None:
+    def __init__(self, inject: Callable[..., FaultHandle], passing: FarmRunner, station: Axis) -> None:
         super().__init__(passing.core, station, passing.now)
         self._inject = inject
         self._passing = passing
@@ -84,15 +84,15 @@ class Drive(DriveReadings):
 
     async def power_off(self) -> None:
         """Switch its supply off: it leaves the network at once."""
-        self._power(self._station.power_off)
+        self._power(self._station.station.power_off)
 
     async def power_on(self) -> None:
         """Switch its supply on: it boots."""
-        self._power(self._station.power_on)
+        self._power(self._station.station.power_on)
 
     async def power_cycle(self) -> None:
         """Off and on."""
-        self._power(self._station.power_cycle)
+        self._power(self._station.station.power_cycle)
 
     def _power(self, action: Callable[[int], None]) -> None:
         action(self._passing.now())
@@ -100,6 +100,6 @@ class Drive(DriveReadings):
 
     def _changed(self) -> None:
         core, now = self._passing.core, self._passing.now()
-        core.settle(self._station, now)
+        core.settle(self._station.station, now)
         core.injections.touch(self.name)
         self._passing.poke()

@@ -88,7 +88,7 @@ class Farm:
         """Start it; on failure nothing is left behind.  Raises :class:`~pnfarm.errors.EnvironmentError_`."""
         await self._passing.open()
         self._began_ns = self._passing.now()
-        self._drives = {s.configured_name: Drive(self.fault, self._passing, s) for s in self.core.stations}
+        self._drives = {s.configured_name: Drive(self.fault, self._passing, s) for s in self.core.axes}
 
     async def close(self) -> None:
         """End every fault, stop the drives, and remove every interface that the farm made.  Twice does nothing."""
@@ -113,7 +113,7 @@ class Farm:
 
     def drive(self, name: str) -> Drive:
         """A drive by its name in the file, or the one that DCP gave it.  Raises :class:`ConfigError`."""
-        return self._drives[self.core.station(name).configured_name]
+        return self._drives[self.core.axis(name).configured_name]
 
     @property
     def now(self) -> float:
@@ -180,7 +180,7 @@ class Farm:
         scenario = load_scenario(path)
         if scenario.overrides:
             raise ConfigError(f"{path}: with: sets keys of a farm file, and this farm runs already; leave it out")
-        models = {station.configured_name: station.model for station in self.core.stations}
+        models = {station.configured_name: station.model for station in self.core.axes}
         return ScenarioResult(await self._passing.carry_out(bind_scenario(scenario, models, fault_kinds())))
 
     # -- what happened

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from prometheus_client.metrics_core import Metric
 
     from pnfarm.farm.core import FarmCore
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
 
 #: Counts by the values of a family's labels.
 Counts: TypeAlias = "dict[tuple[str, ...], int]"
@@ -91,7 +91,7 @@ class FarmCollector(Collector):
         #: Values of the reactions, and of how many reactions and samples they are.
         self._reaction_values: Values = []
         self._reacted = (-1, 0)
-        self._names = [station.configured_name for station in core.stations]
+        self._names = [station.configured_name for station in core.axes]
         self._families()
         self._lines = LineFamilies(core)
         #: The process's own metrics (CPU, memory, open files), in addition to the farm's.
@@ -161,7 +161,7 @@ class FarmCollector(Collector):
             ("drive", "model", "bus"),
             room=self._room,
         )
-        for station in self._core.stations:
+        for station in self._core.axes:
             self._info.add(station.configured_name, station.model.name, station.model.bus)
         self._axis: list[tuple[Family, str]] = [
             (drive(f"axis_{name}", "gauge", documentation), column)
@@ -190,7 +190,7 @@ class FarmCollector(Collector):
         self._fault_total = self._counted(
             "axis_faults_total", "Faults of the drive by number (702 = F702).", ("drive", "code"), "code"
         )
-        buses = dict.fromkeys(station.model.bus for station in self._core.stations)
+        buses = dict.fromkeys(station.model.bus for station in self._core.axes)
         self._states = {name: connection_numbers(name) for name in buses}
         states = "; ".join(", ".join(f"{n} {word}" for word, n in words.items()) for words in self._states.values())
         self._ar_state = drive("ar_state", "gauge", f"State of the connection (CMDEV): 0 none, {states}.")
@@ -210,7 +210,7 @@ class FarmCollector(Collector):
         self._discarded = self._counted(
             "frames_discarded_total", "Frames and PDUs that the drive dropped.", ("drive", "reason"), "reason"
         )
-        for station in self._core.stations:
+        for station in self._core.axes:
             name = station.configured_name
             faults = [fault for fault in station.model.faults.values() if not fault.warning]
             for fault in faults if len(faults) <= MOST_FAULTS else ():
@@ -295,7 +295,7 @@ class FarmCollector(Collector):
     def gather(self) -> Scrape:
         """Read everything; call it in the thread of the stations."""
         core = self._core
-        stations = core.stations
+        stations = core.axes
         count = len(stations)
         axis = core.columns.axis[:count]
         parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._shard, [1]), (self._info, [1] * count)]
@@ -383,11 +383,11 @@ class FarmCollector(Collector):
     def _fault_counts(self) -> Counts:
         return {
             (station.configured_name, fault_label(number)): count
-            for station in self._core.stations
+            for station in self._core.axes
             for number, count in station.fault_counts.items()
         }
 
-    def _connections(self, stations: Sequence[Station]) -> list[tuple[Family, Values]]:
+    def _connections(self, stations: Sequence[Axis]) -> list[tuple[Family, Values]]:
         states: list[float] = []
         exchanging: list[float] = []
         cycles: list[float] = []
@@ -416,7 +416,7 @@ class FarmCollector(Collector):
             (self._watchdog, watchdog),
         ]
 
-    def _channels(self, stations: Sequence[Station]) -> list[tuple[Family, Values]]:
+    def _channels(self, stations: Sequence[Axis]) -> list[tuple[Family, Values]]:
         """Open channels by column, closed ones from their stations."""
         count = len(stations)
         columns = self._core.columns

@@ -30,8 +30,8 @@ from pnfarm.table.axis_codes import FAULT_SLOTS
 
 if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
+    from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import LogEntry
-    from pnfarm.station.station import Station
 
 __all__ = ["REACTION_EDGES_NS", "RECONNECT_EDGES_NS", "Reaction", "Recovery"]
 
@@ -80,7 +80,7 @@ class Recovery:
     """
 
     def __init__(self, core: FarmCore) -> None:
-        count = len(core.stations)
+        count = len(core.axes)
         self._reaction_edges = np.array(REACTION_EDGES_NS, np.int64)
         self._reconnect_edges = np.array(RECONNECT_EDGES_NS, np.int64)
         self._controllers = core.controllers
@@ -89,8 +89,8 @@ class Recovery:
         self.reacted = 0
         self.reconnects: Any = np.zeros((count, len(RECONNECT_EDGES_NS) + 1), np.int64)
         self.reconnect_sums_ns: Any = np.zeros(count, np.int64)
-        self._by_name = {station.configured_name: station for station in core.stations}
-        self._drives = [self._look(station) for station in core.stations]
+        self._by_name = {station.configured_name: station for station in core.axes}
+        self._drives = [self._look(station) for station in core.axes]
         self._unsubscribe = core.log.subscribe(self._take)
 
     def close(self) -> None:
@@ -98,10 +98,10 @@ class Recovery:
         self._unsubscribe()
 
     @staticmethod
-    def _is_connected(station: Station) -> bool:
+    def _is_connected(station: Axis) -> bool:
         return station.device.connected
 
-    def _look(self, station: Station) -> _Drive:
+    def _look(self, station: Axis) -> _Drive:
         axis = station.handle.axis
         faulted = bool(axis.faults.code[:FAULT_SLOTS].any())
         return _Drive(connected=self._is_connected(station), faulted=faulted, state=int(axis.drive.state))
@@ -144,7 +144,7 @@ class Recovery:
             case _:
                 pass
 
-    def _ended(self, drive: _Drive, station: Station) -> bool:
+    def _ended(self, drive: _Drive, station: Axis) -> bool:
         """Whether the drive had a connection, and this was its last one."""
         if not drive.connected or self._is_connected(station):
             return False

@@ -19,7 +19,7 @@ def controllers(core: FarmCore, begin_ns: int, now: int) -> list[dict[str, Any]]
     """Fault situations and start-ups since ``begin_ns``, of drives that had one; ``at_seconds`` of the run."""
     found: list[dict[str, Any]] = []
     length = (now - begin_ns) / 1e9
-    for station in core.stations:
+    for station in core.axes:
         record = core.controllers.of(station.configured_name)
         if not any(one.begin_ns >= begin_ns for one in record.situations) and not any(
             when >= begin_ns for one in record.start_ups for when in one.phases.values()

@@ -72,7 +72,7 @@ class ScenarioRun(Flow):
         self._off: dict[str, None] = {}
         #: Drives that lost their connection by the farm's own lateness and are not back in operation -> when.
         self._own_losses: dict[str, int] = {}
-        self._stations = {station.configured_name: station for station in core.stations}
+        self._stations = {station.configured_name: station for station in core.axes}
         for step in binding.scenario.every_step():
             if "metric" in step.values:
                 self._check_metric(step, "metric", step.values["metric"], _asked(step))
@@ -171,7 +171,7 @@ class ScenarioRun(Flow):
                             self._stations[name].store.set(parameter, value)
                         except PnfarmError as error:
                             raise ConfigError(f"{name}, {parameter}: {error}") from error
-                    self._core.settle(self._stations[name], self._now)
+                    self._core.settle(self._stations[name].station, self._now)
 
     def _end_fault(self, name: str) -> Life:
         yield from ()
@@ -196,7 +196,7 @@ class ScenarioRun(Flow):
         self.record.fault_ended(injection)
 
     def _power(self, name: str, *, on: bool) -> None:
-        station = self._stations[name]
+        station = self._stations[name].station
         if station.powered is on:
             return
         if on:

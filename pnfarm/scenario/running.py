@@ -88,7 +88,7 @@ class RunningScenarios:
         scenario = parse_scenario(text, variables=variables)
         if scenario.overrides:
             raise ConfigError("with: sets keys of a farm file, and this farm runs already; leave it out")
-        drives = {station.configured_name: station.model for station in self._core.stations}
+        drives = {station.configured_name: station.model for station in self._core.axes}
         binding = bind_scenario(scenario, drives, fault_kinds())
         at_work = [found.id for found in self._kept.values() if not found.run.finished and found.part is part]
         if len(at_work) >= (MOST_PARTS_AT_WORK if part else MOST_AT_WORK):

@@ -15,9 +15,9 @@ from pnfarm.station.signals import EVENT_SIGNALS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.station.axis import Axis
     from pnfarm.station.conditions import Condition
     from pnfarm.station.event_log import LogEntry
-    from pnfarm.station.station import Station
     from pnfarm.vocabulary.conditions import Value
 
 __all__ = ["Watch", "as_text", "signals_of_event"]
@@ -52,7 +52,7 @@ class Watch:
     While :attr:`must_hold` is set, what counts is that none is false.
     """
 
-    def __init__(self, conditions: Mapping[str, Condition], stations: Mapping[str, Station]) -> None:
+    def __init__(self, conditions: Mapping[str, Condition], stations: Mapping[str, Axis]) -> None:
         self._conditions = conditions
         self._stations = stations
         self.held_ns: dict[str, int] = {}

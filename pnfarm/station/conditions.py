@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.drives.description.model import Model
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
     from pnfarm.vocabulary.conditions import Operand, Tree, Value
 
 __all__ = ["Condition", "bind"]
@@ -60,7 +60,7 @@ class Condition:
     tree: Tree
     signals: Mapping[str, DriveSignal]
 
-    def holds(self, station: Station, known: Mapping[str, Value] | None = None) -> bool:
+    def holds(self, station: Axis, known: Mapping[str, Value] | None = None) -> bool:
         """Whether it holds; ``known`` are values of signals at the moment of an event."""
 
         def value_of(operand: Operand) -> Value:
@@ -72,7 +72,7 @@ class Condition:
 
         return evaluate(self.tree, value_of)
 
-    def values(self, station: Station) -> dict[str, Any]:
+    def values(self, station: Axis) -> dict[str, Any]:
         """The present value of each of its signals, for a report; a state's word, numbers in the signal's unit."""
         return {name: signal.read(station) for name, signal in self.signals.items()}
 

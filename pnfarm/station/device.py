@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Address
 
+    from pnfarm.station.axis import Axis
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 __all__ = ["ChannelCounts", "ConnectionView", "Device", "KeptValueError", "SocketDevice"]
@@ -102,8 +103,8 @@ class Device(Protocol):
         """Do what is due by now."""
         ...
 
-    def telegram_changed(self) -> None:
-        """Another telegram is in force: cyclic frames carry other signals."""
+    def telegram_changed(self, axis: Axis) -> None:
+        """Another telegram of an axis is in force: cyclic frames carry other signals."""
         ...
 
     # -- events of the engine
@@ -116,16 +117,16 @@ class Device(Protocol):
         """Events of the engine were lost: read from the rows what happened to the connections."""
         ...
 
-    def fault_raised(self, number: int) -> None:
-        """The drive raised a fault: report it in the bus's own way (a diagnosis, an attribute)."""
+    def fault_raised(self, axis: Axis, number: int) -> None:
+        """An axis raised a fault: report it in the bus's own way (a diagnosis, an attribute)."""
         ...
 
-    def faults_cleared(self) -> None:
-        """Every fault of the drive was acknowledged."""
+    def faults_cleared(self, axis: Axis) -> None:
+        """Every fault of an axis was acknowledged."""
         ...
 
-    def parameter_task(self, value: int, now: int) -> None:
-        """A task came in the cyclic parameter channel."""
+    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+        """A task of an axis came in the cyclic parameter channel."""
         ...
 
     # -- state for observers

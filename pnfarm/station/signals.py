@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from pnfarm.drives.description.model import Model
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
     from pnfarm.table.access.places import Place
     from pnfarm.vocabulary.conditions import Value
 
@@ -56,7 +56,7 @@ _ASKED_NS = 10_000_000
 _BIT = re.compile(r"(?:bit_)?([0-9]{1,2})")
 
 
-def _nowhere(station: Station) -> Place | None:
+def _nowhere(station: Axis) -> Place | None:
     del station
     return None
 
@@ -71,7 +71,7 @@ class ProfileWord:
     shift: int = 0
     bits: int = 16
 
-    def read(self, station: Station) -> int:
+    def read(self, station: Axis) -> int:
         subject, field = self.path
         whole = int(getattr(getattr(station.handle.axis, subject), field))
         return whole >> self.shift & (1 << self.bits) - 1
@@ -109,27 +109,27 @@ class DriveSignal:
     form: str
     unit: str
     doc: str
-    read: Callable[[Station], Value]
-    place: Callable[[Station], Place | None] = _nowhere
+    read: Callable[[Axis], Value]
+    place: Callable[[Axis], Place | None] = _nowhere
 
 
-def _state(station: Station) -> str:
+def _state(station: Axis) -> str:
     if not station.powered:
         return "off"
     number = int(station.handle.axis.drive.state)
     return f"S{number}" if number else "boot"
 
 
-def _fault(station: Station) -> int:
+def _fault(station: Axis) -> int:
     return next((int(code) & NUMBER_MASK for code in station.handle.axis.faults.code if code), 0)
 
 
-def _ready(station: Station) -> bool:
+def _ready(station: Axis) -> bool:
     drive = station.handle.axis.drive
     return station.powered and int(drive.state) > 0 and not int(drive.lacks) and _fault(station) == 0
 
 
-def _enabled(station: Station) -> bool:
+def _enabled(station: Axis) -> bool:
     axis = station.handle.axis
     if int(axis.front) == FIRMWARE_ETHERNETIP:
         # it is asked for while a fault keeps it from being ordered
@@ -138,7 +138,7 @@ def _enabled(station: Station) -> bool:
     return int(axis.orders.power) & both == both
 
 
-def _acknowledging(station: Station) -> bool:
+def _acknowledging(station: Axis) -> bool:
     axis = station.handle.axis
     if int(axis.front) != FIRMWARE_ETHERNETIP and int(axis.profidrive.stw1) & FAULT_ACKNOWLEDGE:
         return True
@@ -146,28 +146,28 @@ def _acknowledging(station: Station) -> bool:
     return asked != 0 and 0 <= int(axis.last_ns) - asked < _ASKED_NS
 
 
-def _acknowledging_place(station: Station) -> Place | None:
+def _acknowledging_place(station: Axis) -> Place | None:
     if int(station.handle.axis.front) == FIRMWARE_ETHERNETIP:
         return None
     return _PROFIDRIVE_WORDS["stw1"].place(FAULT_ACKNOWLEDGE.bit_length() - 1)
 
 
-def _at_rest(station: Station) -> bool:
+def _at_rest(station: Axis) -> bool:
     axis = station.handle.axis
     return abs(float(axis.motor.velocity)) <= float(axis.ramp.settings.standstill)
 
 
-def _connected(station: Station) -> bool:
+def _connected(station: Axis) -> bool:
     return station.powered and station.device.connected
 
 
-def _cycle(station: Station) -> float:
+def _cycle(station: Axis) -> float:
     connection = station.device.connection()
     return connection.cycle_ns / 1e9 if connection is not None and station.powered else 0.0
 
 
-def _axis(*path: str) -> Callable[[Station], Value]:
-    def read(station: Station) -> Value:
+def _axis(*path: str) -> Callable[[Axis], Value]:
+    def read(station: Axis) -> Value:
         value: Any = station.handle.axis
         for step in path:
             value = getattr(value, step)
@@ -176,13 +176,13 @@ def _axis(*path: str) -> Callable[[Station], Value]:
     return read
 
 
-def _position(station: Station) -> float:
+def _position(station: Axis) -> float:
     axis = station.handle.axis
     return float(axis.motor.position) - float(axis.homing.origin)
 
 
 def _signal(
-    name: str, form: str, unit: str, doc: str, read: Callable[[Station], Value], place: Place | None = None
+    name: str, form: str, unit: str, doc: str, read: Callable[[Axis], Value], place: Place | None = None
 ) -> DriveSignal:
     return DriveSignal(name, form, unit, doc, read, _nowhere if place is None else lambda _: place)
 
@@ -204,7 +204,7 @@ def _motion_bit(bit: int) -> Place:
     return dataclasses.replace(whole, shift=whole.shift + bit, mask=1)
 
 
-def _motion(bit: int) -> Callable[[Station], Value]:
+def _motion(bit: int) -> Callable[[Axis], Value]:
     return lambda station: bool(int(station.handle.axis.profidrive.motion_status) >> bit & 1)
 
 
@@ -308,18 +308,18 @@ def _bit_signal(model: Model, word: str, name: str, places: Sequence[tuple[froze
     own = {telegram for telegrams, _ in places for telegram in telegrams}
     whole = profile_words(model)[word]
 
-    def bit_now(station: Station) -> int | None:
+    def bit_now(station: Axis) -> int | None:
         telegram = station.store.telegram_number
         for telegrams, bit in places:
             if telegram in telegrams or (not telegrams and telegram not in own):
                 return bit
         return None
 
-    def read(station: Station) -> Value:
+    def read(station: Axis) -> Value:
         bit = bit_now(station)
         return bit is not None and bool(whole.read(station) >> bit & 1)
 
-    def place(station: Station) -> Place | None:
+    def place(station: Axis) -> Place | None:
         bit = bit_now(station)
         return None if bit is None else whole.place(bit)
 
@@ -360,7 +360,7 @@ def find_parameter(model: Model, name: str) -> DriveSignal | None:
     except ParameterError:
         return None
 
-    def read(station: Station) -> Value:
+    def read(station: Axis) -> Value:
         return int(station.store.get(name)) if station.powered else 0
 
     # its value is the raw number, as `pnfarm param get` shows it: a unit beside it would be read wrongly

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.farm.core import FarmCore
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
     from pnfarm.testing.fault import Fault
 
 __all__ = ["Drive", "FaultReading", "Host"]
@@ -27,7 +27,7 @@ class Host(Protocol):
 
     def inject(self, kind: str, on: str, **options: Any) -> Fault: ...
 
-    def changed(self, station: Station) -> None:
+    def changed(self, station: Axis) -> None:
         """A test changed this drive: let it process the consequences."""
         ...
 
@@ -35,7 +35,7 @@ class Host(Protocol):
 class Drive(DriveReadings):
     """A drive: every reading is the present one."""
 
-    def __init__(self, host: Host, station: Station) -> None:
+    def __init__(self, host: Host, station: Axis) -> None:
         super().__init__(host.core, station, lambda: host.now_ns)
         self._host = host
 
@@ -63,15 +63,15 @@ class Drive(DriveReadings):
 
     def power_off(self) -> None:
         """Switch its supply off: it leaves the network at once."""
-        self._do(self._station.power_off)
+        self._do(self._station.station.power_off)
 
     def power_on(self) -> None:
         """Switch its supply on: it boots."""
-        self._do(self._station.power_on)
+        self._do(self._station.station.power_on)
 
     def power_cycle(self) -> None:
         """Off and on."""
-        self._do(self._station.power_cycle)
+        self._do(self._station.station.power_cycle)
 
     def _do(self, action: Callable[[int], None]) -> None:
         action(self._host.now_ns)

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import LogEntry
-    from pnfarm.station.station import Station
 
 __all__ = ["Line"]
 
@@ -104,7 +104,7 @@ class Line:
         self._is_open = True
         self._plc_log = plc_log
         self._began_ns = self._line.world.now
-        self._drives = {s.configured_name: Drive(self, s) for s in self.core.stations}
+        self._drives = {s.configured_name: Drive(self, s) for s in self.core.axes}
         add_impairments(self.core.injections, [s.config for s in self.core.stations], self.now_ns)  # type: ignore[misc]  # as the farm does
 
     # -- time
@@ -214,9 +214,9 @@ class Line:
         """The farm itself, for what this class does not offer; not part of the public interface."""
         return self._line.farm
 
-    def changed(self, station: Station) -> None:
+    def changed(self, station: Axis) -> None:
         """A test changed this drive: let it process the consequences."""
-        self.core.settle(station, self.now_ns)
+        self.core.settle(station.station, self.now_ns)
         self.core.injections.touch(station.configured_name)
 
     def close(self) -> None:

@@ -14,7 +14,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.trace.signals import signals_of
 
 if TYPE_CHECKING:
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
     from pnfarm.trace.manager import Trace, TraceManager
 
 __all__ = ["MOST_DRIVES", "LiveSignals", "LiveViewer"]
@@ -40,7 +40,7 @@ class LiveSignals:
         self._manager = manager
         self._traces: dict[str, Trace] = {}
 
-    def of(self, station: Station, now: int) -> Trace | None:
+    def of(self, station: Axis, now: int) -> Trace | None:
         """The drive's trace, made if there is none; None where the farm has no room for it."""
         name = station.configured_name
         self._traces = {drive: trace for drive, trace in self._traces.items() if not trace.deleted}
@@ -64,7 +64,7 @@ class LiveSignals:
 class LiveViewer:
     """One viewer of a drive's trace."""
 
-    def __init__(self, live: LiveSignals, station: Station) -> None:
+    def __init__(self, live: LiveSignals, station: Axis) -> None:
         self._live = live
         self._station = station
         self._trace: Trace | None = None

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from pnfarm.engine.columns import Columns
+    from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import EventLog, LogEntry
-    from pnfarm.station.station import Station
     from pnfarm.table.access.places import Place
     from pnfarm.trace.signals import TraceSignal
 
@@ -189,7 +189,7 @@ def _values(chosen: _Chosen, samples: Any) -> Any:
 class TraceManager:
     """``columns`` with room for traces; ``log`` takes their events and tells those of the drives."""
 
-    def __init__(self, stations: Sequence[Station], columns: Columns, log: EventLog) -> None:
+    def __init__(self, stations: Sequence[Axis], columns: Columns, log: EventLog) -> None:
         self.columns = columns
         self._stations = {station.configured_name: station for station in stations}
         self._log = log
@@ -313,7 +313,7 @@ class TraceManager:
         for call in waiting:
             call()
 
-    def _chosen(self, request: TraceRequest) -> list[Station]:
+    def _chosen(self, request: TraceRequest) -> list[Axis]:
         known = {
             name: (
                 (name, *([station.device.name] if station.device.name else [])),
@@ -327,7 +327,7 @@ class TraceManager:
             raise TraceError(list(exc.issues)) from exc
 
     def _columns(
-        self, request: TraceRequest, stations: Sequence[Station], places: list[tuple[int, Place]]
+        self, request: TraceRequest, stations: Sequence[Axis], places: list[tuple[int, Place]]
     ) -> list[_Chosen]:
         """The columns; ``places`` (row, place) gets each field that is sampled once, also if several bits are in it."""
         found: list[_Chosen] = []
@@ -356,8 +356,8 @@ class TraceManager:
         return found
 
     def _trigger(
-        self, request: TraceRequest, stations: Sequence[Station]
-    ) -> tuple[list[tuple[Station, Place]], float, int | None, list[Station]]:
+        self, request: TraceRequest, stations: Sequence[Axis]
+    ) -> tuple[list[tuple[Axis, Place]], float, int | None, list[Axis]]:
         """What the trigger watches: fields of drives, its level, the number of a fault, the drives."""
         trigger = request.trigger
         watched = list(stations)
@@ -375,7 +375,7 @@ class TraceManager:
             return [], 0.0, self._fault_number(trigger, watched), watched
         if not isinstance(trigger, SignalTrigger):
             return [], 0.0, None, watched
-        places: list[tuple[Station, Place]] = []
+        places: list[tuple[Axis, Place]] = []
         levels: set[float] = set()
         for station in watched:
             try:
@@ -390,7 +390,7 @@ class TraceManager:
         return places, levels.pop(), None, watched
 
     @staticmethod
-    def _fault_number(trigger: EventTrigger, stations: Sequence[Station]) -> int | None:
+    def _fault_number(trigger: EventTrigger, stations: Sequence[Axis]) -> int | None:
         if trigger.event not in {"fault", "warning"} or not trigger.argument:
             return None
         numbers: set[int] = set()
@@ -409,7 +409,7 @@ class TraceManager:
         request: TraceRequest,
         columns: tuple[_Chosen, ...],
         places: Sequence[tuple[int, Place]],
-        watched: Sequence[tuple[Station, Place]],
+        watched: Sequence[tuple[Axis, Place]],
         now: int,
     ) -> Trace:
         """A row, with its probes and its part of the ring; raises :class:`ConfigError` if there is no room."""
@@ -532,7 +532,7 @@ def _bit_place(signal: TraceSignal) -> Place:
     return replace(signal.place, shift=signal.place.shift + signal.bit, mask=1, sign=0)
 
 
-def _level(trigger: SignalTrigger, signal: TraceSignal, station: Station) -> float:
+def _level(trigger: SignalTrigger, signal: TraceSignal, station: Axis) -> float:
     """The level in the signal's unit; raises :class:`TraceError`."""
     edge = trigger.kind in {codes.TRIGGER_RISING, codes.TRIGGER_FALLING}
     if trigger.level is None:

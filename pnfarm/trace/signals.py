@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from pnfarm.drives.telegrams.telegram import Signal
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
 
 __all__ = ["TraceSignal", "choose_signals", "chooses_any", "code_of", "is_glob", "label_of", "signals_of"]
 
@@ -170,7 +170,7 @@ _ALWAYS: tuple[TraceSignal, ...] = (
 )
 
 
-def signals_of(station: Station) -> dict[str, TraceSignal]:
+def signals_of(station: Axis) -> dict[str, TraceSignal]:
     """Every signal of a drive by its name, with the telegram that is in force now."""
     found = {signal.name: signal for signal in _ALWAYS}
     for name in _BITS:
@@ -195,14 +195,14 @@ def signals_of(station: Station) -> dict[str, TraceSignal]:
     return found
 
 
-def _mapped(station: Station) -> list[Signal]:
+def _mapped(station: Axis) -> list[Signal]:
     """The signals of the telegram, both directions, each once, without the parameter channel."""
     every = (*station.store.mapping(setpoint=True), *station.store.mapping(setpoint=False))
     unique = {signal.name: signal for signal in every if signal is not None}
     return [signal for signal in unique.values() if signal.slot not in {PKW_HEAD, PKW_VALUE}]
 
 
-def _word(station: Station, signal: Signal, name: str, doc: str) -> TraceSignal:
+def _word(station: Axis, signal: Signal, name: str, doc: str) -> TraceSignal:
     slots = SETPOINT_SLOTS if signal.setpoint else ACTUAL_SLOTS
     place = place_of(
         IMAGE,
@@ -215,7 +215,7 @@ def _word(station: Station, signal: Signal, name: str, doc: str) -> TraceSignal:
     return TraceSignal(name, "", doc, place, "word")
 
 
-def _is_signed(station: Station, signal: Signal) -> bool:
+def _is_signed(station: Axis, signal: Signal) -> bool:
     """Whether the signal is a signed number: its own row says so, a parameter of its name, or the profile."""
     if signal.signed or signal.name.removesuffix("_BACK") in _SIGNED:
         return True
@@ -225,7 +225,7 @@ def _is_signed(station: Station, signal: Signal) -> bool:
     return known is not None and known.signed
 
 
-def _bits(station: Station, word: str, traced: TraceSignal) -> Iterator[TraceSignal]:
+def _bits(station: Axis, word: str, traced: TraceSignal) -> Iterator[TraceSignal]:
     """The bits of a word: of those that the manual names bits of, and of all control and status words."""
     known = word.removesuffix("_RECEIVED")
     own = profile_words(station.model).get(known.lower())
@@ -248,12 +248,12 @@ def is_glob(name: str) -> bool:
     return re.search(r"[*?\[]", name) is not None
 
 
-def chooses_any(station: Station, name: str) -> bool:
+def chooses_any(station: Axis, name: str) -> bool:
     """Whether a glob chooses any signal of the drive."""
     return any(fnmatchcase(known, name.strip().lower()) for known in signals_of(station))
 
 
-def choose_signals(station: Station, wanted: Sequence[str]) -> list[TraceSignal]:
+def choose_signals(station: Axis, wanted: Sequence[str]) -> list[TraceSignal]:
     """The signals that names and globs (``zsw1.*``) choose, in their order, each once.
 
     Raises :class:`ConfigError` for one that the drive does not have, with what it has.

@@ -1,11 +1,10 @@
-"""Binds PROFINET to the drive: the model as a device description, telegrams as words of a frame, parameter records.
+"""Binds PROFINET to the drive: the model as a device description, parameter records.
 
 The only file of this protocol that depends on drives.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
@@ -21,18 +20,17 @@ from pnfarm.protocols.profinet.description import (
     SubmoduleDescription,
 )
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
-from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Container, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.drives.telegrams.telegram import Module
-    from pnfarm.protocols.profinet.cm.ar import Ar, ExpectedKey, IocrLayout
+    from pnfarm.protocols.profinet.cm.ar import Ar
 
-__all__ = ["ChannelLayout", "DriveRecords", "channel_layout", "describe_device", "serial_number"]
+__all__ = ["DriveRecords", "axis_stride", "describe_device", "serial_number"]
 
 #: A drive with lax limits accepts every defined SendClockFactor and ReductionRatio.
 _EVERY_SEND_CLOCK = (1, 2, 4, 8, 16, 32, 64, 128)
@@ -49,19 +47,21 @@ def serial_number(mac: bytes) -> str:
     return f"PNF{mac.hex().upper()}"
 
 
-def _module(module: Module) -> ModuleDescription:
+def _module(module: Module, shift: int = 0) -> ModuleDescription:
+    """``shift``: so many slots further."""
     return ModuleDescription(
-        slot=module.slot,
+        slot=module.slot + shift,
         module_ident=module.ident,
         submodules=tuple(
             SubmoduleDescription(
-                slot=s.slot,
+                slot=s.slot + shift,
                 subslot=s.subslot,
                 api=s.api,
                 module_ident=module.ident,
                 submodule_ident=s.ident,
                 input_bytes=s.input_bytes,
                 output_bytes=s.output_bytes,
+                name=s.name,
             )
             for s in module.submodules
         ),
@@ -79,10 +79,25 @@ def _timing(model: Model) -> tuple[tuple[int, ...], tuple[int, ...]]:
     )
 
 
-def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | None = None) -> DeviceDescription:
-    """This drive's device description; ``telegram`` is plugged at first, default that of the model."""
+def axis_stride(model: Model) -> int:
+    """How many slots an axis's modules are behind those of the axis before it."""
+    slots = [module.slot for telegram in model.profidrive.telegrams.values() for module in telegram.modules]
+    return max(slots) - min(slots) + 1
+
+
+def _axis_modules(model: Model, number: int, telegram: int | None) -> Iterator[ModuleDescription]:
+    """The modules that the slots of an axis can have; those of ``telegram`` first, default that of the model."""
     first = model.profidrive.default_telegram if telegram is None else telegram
-    order = sorted(model.profidrive.telegrams, key=lambda number: number != first)
+    shift = number * axis_stride(model) if number else 0
+    for each in sorted(model.profidrive.telegrams, key=lambda known: known != first):
+        for module in model.profidrive.telegrams[each].modules:
+            yield _module(module, shift)
+
+
+def describe_device(
+    model: Model, mac: bytes, *, strict: bool, telegrams: Sequence[int | None] = (None,)
+) -> DeviceDescription:
+    """A drive's device description; ``telegrams`` are plugged at first, one for each axis, None is the model's."""
     identity = model.profidrive.identity
     prefix, version = identity.software_prefix, identity.software_version
     clocks, ratios = _timing(model) if strict else (_EVERY_SEND_CLOCK, _EVERY_RATIO)
@@ -91,7 +106,7 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
         device_id=identity.device_id,
         station_type=identity.station_type,
         dap=_module(model.dap),
-        modules=tuple(_module(module) for number in order for module in model.profidrive.telegrams[number].modules),
+        modules=tuple(module for number, each in enumerate(telegrams) for module in _axis_modules(model, number, each)),
         min_device_interval=model.limits.min_cycle_ns // SEND_CLOCK_NS if strict else 1,
         send_clocks=clocks,
         reduction_ratios=ratios,
@@ -113,49 +128,6 @@ def describe_device(model: Model, mac: bytes, *, strict: bool, telegram: int | N
     )
 
 
-@dataclass(frozen=True, slots=True)
-class ChannelLayout:
-    """One frame in the engine's form; offsets count from the first octet of IO data.
-
-    ``words``: (code, offset); ``iops``: provider status of submodules with telegram words; ``constants``: (offset,
-    octet) of all other status octets.
-    """
-
-    words: tuple[tuple[int, int], ...]
-    iops: tuple[int, ...]
-    constants: tuple[tuple[int, int], ...]
-
-
-def channel_layout(layout: IocrLayout, words: Sequence[int], unusable: Container[ExpectedKey]) -> ChannelLayout:
-    """Place the telegram's ``words`` in the frame of ``layout``, in the order of its submodules with data.
-
-    A submodule that the device does not have (``unusable``) carries no word and BAD status, unless its status octets
-    are discarded.
-    """
-    placed: list[tuple[int, int]] = []
-    iops: list[int] = []
-    constants: list[tuple[int, int]] = []
-    waiting = list(words)
-    for place in sorted(layout.data, key=lambda d: (d.slot, d.subslot)):
-        key = (place.api, place.slot, place.subslot)
-        if key in unusable or not place.data_length:
-            if place.iops_offset is not None:
-                constants.append((place.iops_offset, IOXS_BAD if key in unusable else IOXS_GOOD))
-            continue
-        if place.iops_offset is not None:
-            iops.append(place.iops_offset)
-        for offset in range(place.data_offset, place.data_offset + place.data_length - 1, 2):
-            if not waiting:
-                break
-            placed.append((waiting.pop(0), offset))
-    for status in layout.iocs:
-        if status.iocs_offset is None:
-            continue
-        good = (status.api, status.slot, status.subslot) not in unusable
-        constants.append((status.iocs_offset, IOXS_GOOD if good else IOXS_BAD))
-    return ChannelLayout(tuple(placed), tuple(iops), tuple(constants))
-
-
 def _client(ar: Ar | None) -> int:
     """The client of a parameter channel: 0 for a read without a connection."""
     return 0 if ar is None else ar.key
@@ -164,26 +136,30 @@ def _client(ar: Ar | None) -> int:
 class DriveRecords:
     """The drive's own records (a ``RecordHandler``): base mode parameter access, and nothing else.
 
-    They belong to the parameter access point, which is any submodule of the drive's slot in the profile's API; index
-    47 is the AKD's, 0xB02E and 0xB02F the profile's.  ``latency`` gives the time that the next request takes, ns.
-    ``error``, when set, refuses every access; ``withhold``, when set, is called with the time at each read of a ready
-    response; if it returns true, the drive is still busy.
+    They belong to the parameter access points, which are any submodules of the axes' slots in the profile's API; index
+    47 is the AKD's, 0xB02E and 0xB02F the profile's.  ``axes`` has the number of the axis, from 0, of each slot.
+    ``latency`` gives the time that the next request takes, ns.  ``error``, when set, refuses every access;
+    ``withhold``, when set, is called with the time at each read of a ready response; if it returns true, the drive is
+    still busy.
     """
 
     def __init__(
         self,
-        store: ParameterStore,
-        slot: int,
+        stores: Sequence[ParameterStore],
+        axes: Mapping[int, int],
         api: int,
         *,
         strict: bool = True,
         latency: Callable[[], int] | None = None,
     ) -> None:
-        indexes = store.model.access.record_indexes
-        self.channels = {index: ParameterChannel(store, index, strict=strict, latency=latency) for index in indexes}
+        indexes = stores[0].model.access.record_indexes
+        first, *further = stores
+        self.channels = {
+            index: ParameterChannel(first, index, further=further, strict=strict, latency=latency) for index in indexes
+        }
         self.error: RecordError | None = None
         self.withhold: Callable[[int], bool] | None = None
-        self._slot = slot
+        self._axes = axes
         self._api = api
 
     def reset(self, key: int) -> None:
@@ -205,7 +181,7 @@ class DriveRecords:
         channel = self.channels.get(index)
         if channel is None:
             return RecordError(AccessError.INVALID_INDEX)
-        if slot != self._slot or api != self._api:
+        if slot not in self._axes or api != self._api:
             return RecordError(AccessError.INVALID_SLOT_SUBSLOT)
         return channel
 
@@ -230,7 +206,7 @@ class DriveRecords:
         if isinstance(channel, RecordError):
             return channel
         try:
-            taken = channel.write_request(data, _client(ar), now)
+            taken = channel.write_request(data, _client(ar), now, self._axes[slot])
         except DecodeError:
             return RecordError(AccessError.WRITE_LENGTH_ERROR)
         return None if taken else RecordError(AccessError.STATE_CONFLICT)

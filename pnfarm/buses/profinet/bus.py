@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.controller.device_plan import ProfinetPlan
     from pnfarm.buses.profinet.decode.decoder import ProfinetDecoder
     from pnfarm.buses.profinet.device.device import ProfinetDevice
+    from pnfarm.buses.profinet.device.drive import DriveSettings
     from pnfarm.buses.profinet.device.segment import ProfinetSegment
     from pnfarm.buses.search import Question, SearchAnswer
     from pnfarm.captures.decoder import FrameDecoder
@@ -97,8 +98,10 @@ class Profinet:
 
     def device(self, station: Station, services: DeviceServices) -> ProfinetDevice:
         from pnfarm.buses.profinet.device.device import ProfinetDevice
+        from pnfarm.buses.profinet.device.drive import DriveKind
 
-        return ProfinetDevice(station, services)
+        kind = DriveKind(station, cast("DriveSettings", station.config))
+        return ProfinetDevice(station, services, kind, kind.model.limits.io_controllers)
 
     def segment(self, devices: Sequence[ProfinetDevice]) -> ProfinetSegment:
         from pnfarm.buses.profinet.device.segment import ProfinetSegment

@@ -192,7 +192,7 @@ class Demo:
         for row in self._plc.snapshot():
             if row["phase"] == "running":
                 continue
-            station = self._farm.station(row["name"])
+            station = self._farm.axis(row["name"])
             seen = drive_snapshot(self._farm, station, self._now(), injected={})
             why = f", {row['last_reason']}" if row["last_reason"] else ""
             fault = f", F{seen['fault']['number']}" if seen["fault"] else ""
@@ -256,7 +256,7 @@ class Demo:
 
     async def _break(self, kind: str, name: str) -> bool:
         """Inject one fault, check its effect, and check that the controller brings the drive back."""
-        station = self._farm.station(name)
+        station = self._farm.axis(name)
         before = station.device.connects
         faults_before = dict(station.fault_counts)
         self._injected.setdefault(name, []).append(kind)
@@ -294,7 +294,7 @@ class Demo:
         return True
 
     def _faulted(self, name: str, before: dict[int, int]) -> list[int]:
-        counts = self._farm.station(name).fault_counts
+        counts = self._farm.axis(name).fault_counts
         return [number for number, count in counts.items() if count > before.get(number, 0)]
 
     # -- time --------------------------------------------------------------------------------------------------------
@@ -349,7 +349,7 @@ class Demo:
             right = column in {"set point", "speed", "current", "cycle", "sent", "received"}
             table.add_column(column, justify="right" if right else "left", no_wrap=True)
         now = self._now()
-        for station in self._farm.stations[:24]:
+        for station in self._farm.axes[:24]:
             seen = drive_snapshot(self._farm, station, now, injected={})
             fault = f"F{seen['fault']['number']}" if seen["fault"] else ""
             style = "red" if fault else ("yellow" if seen["cycle_seconds"] is None else "")
@@ -359,8 +359,8 @@ class Demo:
                 f"{seen['velocity_rpm']:.0f} rpm", f"{seen['current_amperes']:.2f} A", cycle, str(seen["frames_sent"]),
                 str(seen["frames_received"]), fault, style=style,
             )  # fmt: skip
-        if len(self._farm.stations) > 24:
-            table.add_row(f"... {len(self._farm.stations) - 24} more")
+        if len(self._farm.axes) > 24:
+            table.add_row(f"... {len(self._farm.axes) - 24} more")
         return Group(table, Text("\n".join(self._log_lines[-LOG_LINES:])))
 
     def _draw(self, file: Path) -> None:
@@ -373,7 +373,7 @@ class Demo:
     def _summary(self, ok: bool) -> dict[str, Any]:
         now = self._now()
         drives = []
-        for station in self._farm.stations:
+        for station in self._farm.axes:
             seen = drive_snapshot(self._farm, station, now, injected={})
             exchanging = seen["frames_sent"] > 0 and seen["frames_received"] > 0
             connected = exchanging and self._plc.exchanging(station.configured_name)

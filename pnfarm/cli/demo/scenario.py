@@ -39,7 +39,7 @@ def demo_binding(farm: FarmCore, axis: str, names: Sequence[str]) -> Binding:
     others = [name for name in names if name != axis]
     line = OTHERS.format(names=", ".join(others)) if others else ""
     scenario = parse_scenario(SCENARIO.format(axis=axis, others=line))
-    return bind_scenario(scenario, {station.configured_name: station.model for station in farm.stations}, fault_kinds())
+    return bind_scenario(scenario, {station.configured_name: station.model for station in farm.axes}, fault_kinds())
 
 
 def write_report(record: dict[str, Any], file: Path | None) -> Path:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.views.controller_record import Situation, StartUp
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
 
 __all__ = ["controller_view"]
 
@@ -20,7 +20,7 @@ __all__ = ["controller_view"]
 SEQUENCE = 15
 
 
-def controller_view(core: FarmCore, station: Station, now: int) -> dict[str, Any]:
+def controller_view(core: FarmCore, station: Axis, now: int) -> dict[str, Any]:
     """One drive; counters are sums over all connections since the farm started."""
     device, record = station.device, core.controllers.of(station.configured_name)
     connection = device.connection()
@@ -87,7 +87,7 @@ def _start_up(one: StartUp) -> dict[str, Any]:
     }
 
 
-def _situation(station: Station, one: Situation, now: int) -> dict[str, Any]:
+def _situation(station: Axis, one: Situation, now: int) -> dict[str, Any]:
     names = station.model.profidrive.bit_names("STW1", station.store.telegram_number) or STW1_BITS
     named = [*names, *[""] * (16 - len(names))]
     return {

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.faults.manager import InjectionManager
+    from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import LogEntry
-    from pnfarm.station.station import Station
 
 __all__ = ["VALUES", "Overview"]
 
@@ -61,8 +61,8 @@ class Overview:
     def __init__(self, core: FarmCore, now: Callable[[], int]) -> None:
         self._core = core
         self._now = now
-        count = len(core.stations)
-        self._index = {station.configured_name: index for index, station in enumerate(core.stations)}
+        count = len(core.axes)
+        self._index = {station.configured_name: index for index, station in enumerate(core.axes)}
         #: Counts samples that changed something.
         self.version = 0
         self._sampled_ns: int | None = None
@@ -151,7 +151,7 @@ class Overview:
         changed = False
         for place in list(self._wanted)[:MOST_ROWS]:
             del self._wanted[place]
-            row = _row(self._core.stations[place], injected, now)
+            row = _row(self._core.axes[place], injected, now)
             if row != self._rows[place]:
                 self._rows[place] = row
                 self._row_changed[place] = version
@@ -174,7 +174,7 @@ def _injected(manager: InjectionManager) -> dict[str, list[tuple[str, str]]]:
     return found
 
 
-def _row(station: Station, injected: Mapping[str, list[tuple[str, str]]], now: int) -> dict[str, Any]:
+def _row(station: Axis, injected: Mapping[str, list[tuple[str, str]]], now: int) -> dict[str, Any]:
     """What does not move."""
     powered = station.powered
     connection = station.device.connection()

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.views.controller_record import Situation, StartUp
     from pnfarm.faults.injection import Injection
-    from pnfarm.station.station import Station
+    from pnfarm.station.axis import Axis
 
 __all__ = ["MOST_REACTIONS", "reactions"]
 
@@ -25,12 +25,12 @@ CAUSE_NS = 60_000_000_000
 
 def reactions(core: FarmCore, now: int, most: int = MOST_REACTIONS) -> list[dict[str, Any]]:
     """Of all drives, the newest first: fault situations, and start-ups after a lost connection."""
-    found = [one for station in core.stations for one in _of(core, station, now)]
+    found = [one for station in core.axes for one in _of(core, station, now)]
     found.sort(key=lambda one: one["seconds_ago"])
     return found[:most]
 
 
-def _of(core: FarmCore, station: Station, now: int) -> Iterator[dict[str, Any]]:
+def _of(core: FarmCore, station: Axis, now: int) -> Iterator[dict[str, Any]]:
     record = core.controllers.of(station.configured_name)
     for situation in record.situations:
         yield _of_fault(core, station, situation, now)
@@ -39,7 +39,7 @@ def _of(core: FarmCore, station: Station, now: int) -> Iterator[dict[str, Any]]:
             yield _of_loss(core, station, start, now)
 
 
-def _of_fault(core: FarmCore, station: Station, one: Situation, now: int) -> dict[str, Any]:
+def _of_fault(core: FarmCore, station: Axis, one: Situation, now: int) -> dict[str, Any]:
     names = station.model.profidrive.bit_names("STW1", station.store.telegram_number) or STW1_BITS
     steps = [_step("fault", f"fault {one.code}", 0)]
     cause = _cause(core.injections.of_kind(one.kind), station.configured_name, one.begin_ns)
@@ -63,7 +63,7 @@ def _of_fault(core: FarmCore, station: Station, one: Situation, now: int) -> dic
     }
 
 
-def _of_loss(core: FarmCore, station: Station, one: StartUp, now: int) -> dict[str, Any]:
+def _of_loss(core: FarmCore, station: Axis, one: StartUp, now: int) -> dict[str, Any]:
     begin = one.lost_ns or 0
     cause = _cause(core.injections.that_hit(station.configured_name), station.configured_name, begin, acted=True)
     steps = [*_of_cause(cause, begin), _step("lost", "connection lost", 0)]

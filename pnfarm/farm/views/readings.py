@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.telegrams.signal_view import AxisSignals
     from pnfarm.farm.core import FarmCore
+    from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import LogEntry
-    from pnfarm.station.station import Station
 
 __all__ = ["DriveReadings", "FaultReading"]
 
@@ -57,7 +57,7 @@ class FaultReading:
 class DriveReadings:
     """See the module's docstring.  Every reading is the present one; speeds are rpm, currents A, torques N m."""
 
-    def __init__(self, core: FarmCore, station: Station, now: Callable[[], int]) -> None:
+    def __init__(self, core: FarmCore, station: Axis, now: Callable[[], int]) -> None:
         self._core = core
         self._station = station
         self._now = now

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.faults.manager import InjectionManager
+    from pnfarm.station.axis import Axis
     from pnfarm.station.device import ConnectionView
-    from pnfarm.station.station import Station
 
 __all__ = [
     "NO_AR",
@@ -54,7 +54,7 @@ def named_bits(word: int, names: Sequence[str]) -> list[str]:
     return [named[bit] or f"bit_{bit}" for bit in range(16) if word >> bit & 1]
 
 
-def discards(core: FarmCore, station: Station) -> dict[str, int]:
+def discards(core: FarmCore, station: Axis) -> dict[str, int]:
     """Frames that the drive dropped, by reason: cyclic ones since the start, and those of the protocol machines."""
     cyclic = station.device.closed.discarded.copy()
     for row in station.device.channel_rows[1]:
@@ -76,7 +76,7 @@ def injected_faults(manager: InjectionManager) -> dict[str, list[str]]:
 
 
 def drive_snapshot(
-    core: FarmCore, station: Station, now: int, *, injected: Mapping[str, list[str]] | None = None
+    core: FarmCore, station: Axis, now: int, *, injected: Mapping[str, list[str]] | None = None
 ) -> dict[str, Any]:
     """One drive.  ``injected`` saves a query of the injection manager for each of many drives."""
     axis = station.handle.axis
@@ -147,8 +147,10 @@ def drive_snapshot(
             else seen["lamps"]
         ),
         "details": station.device.details(),
-        "signalled_seconds_ago": ((now - station.signalled_ns) / 1e9 if station.signalled_ns is not None else None),
-        "realism": station.flaws.shown(),
+        "signalled_seconds_ago": (
+            (now - lamp_ns) / 1e9 if (lamp_ns := station.station.signalled_ns) is not None else None
+        ),
+        "realism": station.station.flaws.shown(),
         "faults_injected": list(injected.get(station.configured_name, ())),
     }
 
@@ -158,7 +160,7 @@ def _controller(connection: ConnectionView) -> dict[str, Any]:
     return {"name": connection.controller, "ip": ip, "mac": format_mac(connection.mac) if connection.mac else ""}
 
 
-def _lamps(station: Station, *, exchanging: bool, signalling: bool) -> dict[str, str]:
+def _lamps(station: Axis, *, exchanging: bool, signalling: bool) -> dict[str, str]:
     lamps = station.model.lamps
     if lamps is None:
         return {}
@@ -215,7 +217,7 @@ def _state_word(powered: bool, state: int) -> str:
     return f"S{state}" if state else "boot"
 
 
-def _frames(core: FarmCore, station: Station) -> tuple[int, int, int]:
+def _frames(core: FarmCore, station: Axis) -> tuple[int, int, int]:
     """Cyclic frames sent, suppressed by a fault, received, over all connections since the start."""
     closed = station.device.closed
     sent, suppressed, received = closed.sent, closed.suppressed, closed.received
@@ -228,12 +230,12 @@ def _frames(core: FarmCore, station: Station) -> tuple[int, int, int]:
     return sent, suppressed, received
 
 
-def _fault(station: Station, number: int) -> dict[str, Any]:
+def _fault(station: Axis, number: int) -> dict[str, Any]:
     known = station.model.faults.get(number)
     return {"number": number, "name": known.name if known is not None else ""}
 
 
-def _last_fault(station: Station) -> dict[str, Any] | None:
+def _last_fault(station: Axis) -> dict[str, Any] | None:
     """First fault of the newest situation: the active one, or the one acknowledged last."""
     axis = station.handle.axis
     buffer = axis.faults.buffer

@@ -38,7 +38,10 @@ MAX_SUPERVISOR_ARS = 1
 
 @dataclass(frozen=True, slots=True)
 class SubmoduleDescription:
-    """A submodule in its place; ``input_bytes`` go to the controller, ``output_bytes`` come from it."""
+    """A submodule in its place; ``input_bytes`` go to the controller, ``output_bytes`` come from it.
+
+    ``name`` is its maker's, for people.
+    """
 
     slot: int
     subslot: int
@@ -47,6 +50,7 @@ class SubmoduleDescription:
     submodule_ident: int
     input_bytes: int = 0
     output_bytes: int = 0
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)

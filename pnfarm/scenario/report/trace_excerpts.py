@@ -61,7 +61,7 @@ class TraceExcerpts:
     def __init__(self, core: FarmCore, drives: Sequence[str], now: int) -> None:
         self._core = core
         self._drives = list(drives)[:MAX_TRACED]
-        models = [station.model for station in core.stations if station.configured_name in self._drives]
+        models = [station.model for station in core.axes if station.configured_name in self._drives]
         words = dict.fromkeys(word for model in models for word in profile_words(model))
         self._signals = [*SIGNALS, *(f"{word}.*" for word in words)]
         self._origin_ns = now

@@ -124,8 +124,8 @@ class StationConnections:
         self._set_pace()
         if channels.feeds:
             self.lost_owner = False
-            self._station.store.watchdog_ns = connection.timeout_ns
-            self._station.handle.axis.interpolation.settings.cycle_ns = channels.cycle_ns
+            self._station.axis.store.watchdog_ns = connection.timeout_ns
+            self._station.axis.handle.axis.interpolation.settings.cycle_ns = channels.cycle_ns
         self._station.note(
             now,
             happened.IoConnectionOpened(
@@ -155,7 +155,7 @@ class StationConnections:
         if channels is None:
             return
         if channels.feeds:
-            self._station.store.channels_closed()
+            self._station.axis.store.channels_closed()
         released = event.reason is CloseReason.FORWARD_CLOSE or (event.reason is CloseReason.ENDED and self._leaving)
         if released:
             self._station.note(now, happened.IoConnectionReleased(kind, connection=number))
@@ -166,13 +166,13 @@ class StationConnections:
         if own is not None and own.late:
             self.lost_by_farm[reason] += 1
         self._station.note(now, happened.IoConnectionLost(reason, kind, lateness=own, connection=number))
-        code = int(self._station.handle.axis.faults.settings.loss_fault)
+        code = int(self._station.axis.handle.axis.faults.settings.loss_fault)
         if channels.feeds and channels.established and code:
-            self._station.handle.push_command(CMD_RAISE_FAULT, code)
+            self._station.axis.handle.push_command(CMD_RAISE_FAULT, code)
 
     def _set_pace(self) -> None:
         cycles = [channels.cycle_ns for channels in self._channels.open.values()]
-        self._station.handle.axis.step_ns = longest_step_ns(min(cycles)) if cycles else SLOWEST_STEP_NS
+        self._station.axis.handle.axis.step_ns = longest_step_ns(min(cycles)) if cycles else SLOWEST_STEP_NS
 
     def forget(self, now: int) -> None:
         """The supply is off: connections end without a word."""
@@ -180,7 +180,7 @@ class StationConnections:
         for number in list(self._channels.open):
             channels = self._channels.remove(number)
             if channels is not None and channels.feeds:
-                self._station.store.channels_closed()
+                self._station.axis.store.channels_closed()
         self._set_pace()
         self._retry_ns = None
 

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.channels.closed_channels import ClosedChannels
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
+    from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
     from pnfarm.wire.endpoint import SocketAction, SocketEvent
 
@@ -77,9 +78,9 @@ class EthernetIpDevice:
     def __init__(self, station: Station, services: DeviceServices) -> None:
         self.station = station
         self.port = station.port
-        self.model = station.model
-        self.handle = station.handle
-        self.product = Product.of(station.model)
+        self.model = station.axis.model
+        self.handle = station.axis.handle
+        self.product = Product.of(self.model)
         self._services = services
         self.channels = StationChannels(
             station.index,
@@ -273,8 +274,9 @@ class EthernetIpDevice:
         for answer in self.held.due(now):
             self._actions.append(StreamData(answer.stream, answer.data))
 
-    def telegram_changed(self) -> None:
+    def telegram_changed(self, axis: Axis) -> None:
         """See :class:`pnfarm.station.device.Device`: an assembly's layout is fixed."""
+        del axis
 
     # -- streams and datagrams ---------------------------------------------------------------------------------------
 
@@ -355,15 +357,17 @@ class EthernetIpDevice:
         """See :class:`pnfarm.station.device.Device`."""
         self.connections.catch_up(now)
 
-    def fault_raised(self, number: int) -> None:
+    def fault_raised(self, axis: Axis, number: int) -> None:
         """See :class:`pnfarm.station.device.Device`: status word 1 and the Identity object show it."""
-        del number
+        del axis, number
 
-    def faults_cleared(self) -> None:
+    def faults_cleared(self, axis: Axis) -> None:
         """See :class:`pnfarm.station.device.Device`."""
+        del axis
 
-    def parameter_task(self, value: int, now: int) -> None:
+    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`: a task of the front."""
+        del axis
         self.tasks.take(value, now)
 
     # -- state for observers -----------------------------------------------------------------------------------------
@@ -383,7 +387,7 @@ class EthernetIpDevice:
     @property
     def store(self) -> ParameterStore:
         """The drive's parameters; recreated at each power-on."""
-        return self.station.store
+        return self.station.axis.store
 
     @property
     def name(self) -> str:

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
     from pnfarm.station.lateness import Lateness
+    from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
 __all__ = ["ProfibusDevice"]
@@ -63,11 +64,11 @@ class ProfibusDevice:
     def __init__(self, station: Station, services: DeviceServices) -> None:
         self.station = station
         self.port = station.port
-        self.model = station.model
-        self.handle = station.handle
-        self.product = Product.of(station.model)
+        self.model = station.axis.model
+        self.handle = station.axis.handle
+        self.product = Product.of(self.model)
         self._lateness = services.lateness
-        self.image = CyclicImage(station.handle.image, self._cycle_known)
+        self.image = CyclicImage(station.image, self._cycle_known)
         self.connects = 0
         #: Those before the last power-on.
         self.connects_before = 0
@@ -275,8 +276,9 @@ class ProfibusDevice:
         self.user.channel.handle_timeout(now)
         self.parameter_words.handle_timeout(now)
 
-    def telegram_changed(self) -> None:
+    def telegram_changed(self, axis: Axis) -> None:
         """See :class:`pnfarm.station.device.Device`."""
+        del axis
         self.user.layout()
 
     # -- the slave's events ------------------------------------------------------------------------------------------
@@ -391,19 +393,21 @@ class ProfibusDevice:
     def catch_up(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
 
-    def fault_raised(self, number: int) -> None:
+    def fault_raised(self, axis: Axis, number: int) -> None:
         """See :class:`pnfarm.station.device.Device`: the master is asked to read the diagnosis."""
-        del number
+        del axis, number
         if self.user.tells:
             self.slave.diagnosis_changed()
 
-    def faults_cleared(self) -> None:
+    def faults_cleared(self, axis: Axis) -> None:
         """See :class:`pnfarm.station.device.Device`."""
+        del axis
         if self.user.tells:
             self.slave.diagnosis_changed()
 
-    def parameter_task(self, value: int, now: int) -> None:
+    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`: a task of the cyclic parameter channel."""
+        del axis
         self.parameter_words.take(value, now)
 
     # -- state for observers -----------------------------------------------------------------------------------------
@@ -421,7 +425,7 @@ class ProfibusDevice:
     @property
     def store(self) -> ParameterStore:
         """The drive's parameters; recreated at each power-on."""
-        return self.station.store
+        return self.station.axis.store
 
     @property
     def name(self) -> str:

@@ -35,7 +35,7 @@ class ProfibusSegment:
         self._ports = [device.port.index for device in devices]
         self._fast_path: FastPath | None = None
         if devices:
-            self._fast_path = FastPath(len(devices), devices[0].station.handle.image.base)
+            self._fast_path = FastPath(len(devices), devices[0].station.image.base)
             for row, device in enumerate(devices):
                 device.image.join(self._fast_path, row)
         self._are_addressed = False

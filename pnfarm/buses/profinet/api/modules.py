@@ -69,7 +69,7 @@ def add_modules(app: FastAPI, host: RouteHost) -> None:
 def _device(station: Station) -> ProfinetDevice:
     """Raises :class:`NotFoundError` for a drive on another bus, which has no modules."""
     if not isinstance(station.device, ProfinetDevice):
-        raise NotFoundError(f"{station.configured_name} has no modules: it is a drive on {station.model.bus}")
+        raise NotFoundError(f"{station.configured_name} has no modules: it is a drive on {station.bus}")
     return station.device
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
@@ -12,7 +12,7 @@ from pnfarm.config.ip import IpDriveConfig, IpDrives
 from pnfarm.config.values import Cidr
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 __all__ = ["ProfinetDriveConfig", "ProfinetDrives"]
 
@@ -46,6 +46,9 @@ class ProfinetDriveConfig(IpDriveConfig):
     telegram: int | None = None
     hello: bool = False
     cycle_ns: int | None = None
+
+    def of_axis(self) -> Mapping[str, Any]:
+        return {"telegram": self.telegram}
 
     def addresses(self) -> Sequence[str]:
         mac, ip = IpDriveConfig.addresses(self)

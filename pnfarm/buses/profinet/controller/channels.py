@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.profinet.binding import channel_layout
+from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
 from pnfarm.engine.channels.schedule import ChannelTable, ConsumerPlan, ProviderPlan
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ class SessionChannels:
         self._columns.image[session.index].good = 0
         output, inputs = event.output_layout, event.input_layout
         session.layouts = (output, inputs)
-        sent = channel_layout(output, plan.output_words, ())
-        taken = channel_layout(inputs, plan.input_words, ())
+        sent = frame_layout(output, [Carrier(plan.output_words)], ())
+        taken = frame_layout(inputs, [Carrier(plan.input_words)], ())
         common: dict[str, Any] = {"image": session.index, "port": self._port.index}
         session.provider = self._table.open_provider(
             ProviderPlan(
@@ -74,9 +74,9 @@ class SessionChannels:
         if session.provider is None or session.consumer is None or session.layouts is None:
             return
         output, inputs = session.layouts
-        sent = channel_layout(output, session.plan.output_words, unusable)
+        sent = frame_layout(output, [Carrier(session.plan.output_words)], unusable)
         self._table.relayout_provider(session.provider, sent.words, sent.iops, sent.constants)
-        taken = channel_layout(inputs, session.plan.input_words, unusable)
+        taken = frame_layout(inputs, [Carrier(session.plan.input_words)], unusable)
         carries = any(d.data_length for d in inputs.data)
         feeds = not carries or any(d.data_length and (d.api, d.slot, d.subslot) not in unusable for d in inputs.data)
         self._table.relayout_consumer(session.consumer, taken.words, taken.iops, feeds=feeds)

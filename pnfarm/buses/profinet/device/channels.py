@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.binding import channel_layout
 from pnfarm.engine.channels.closed_channels import ClosedChannels
 from pnfarm.engine.channels.schedule import ConsumerPlan, ProviderPlan
 from pnfarm.protocols.profinet.description import MAX_SUPERVISOR_ARS
@@ -13,9 +12,9 @@ from pnfarm.protocols.profinet.records.store import IoData
 from pnfarm.table.channel import IOXS_GOOD, STATUS_GOOD, STATUS_NO_PROBLEM
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Sequence
     from ipaddress import IPv4Address
 
+    from pnfarm.buses.profinet.device.kind import Kind
     from pnfarm.engine.channels.impairments import ImpairmentTable
     from pnfarm.engine.channels.schedule import ChannelTable
     from pnfarm.links.base import Port
@@ -46,8 +45,8 @@ class ArChannels:
     unusable: frozenset[ExpectedKey] = frozenset()
     #: The application has been ready; until then all data are BAD.
     ready: bool = False
-    #: The drive's set points come from this AR.
-    feeds: bool = False
+    #: The axes, by number, whose set points come from this AR; 0 stands for a station without axes.
+    feeds: frozenset[int] = frozenset()
     established: bool = False
     connected_ns: int = 0
 
@@ -57,20 +56,17 @@ class ArChannels:
         return self.unusable if self.ready else self.expected
 
 
-def _feeds(ar: ArChannels, set_points: Container[tuple[int, int]]) -> bool:
-    return any(key[1:] in set_points for key in ar.expected if key not in ar.bad)
-
-
 class StationChannels:
     """Opens and closes the rows of a station's ARs.
 
-    ``index`` is its process image, ``rows`` its share of each table, ``drift`` the drift of the drive's clock;
-    ``closed`` holds the sums of closed rows.
+    ``index`` is its process image, the first of its axes, ``kind`` says what is in the frames.  ``rows``: its share of
+    each table, ``drift``: of its clock; ``closed`` holds the sums of closed rows.
     """
 
     def __init__(
         self,
         index: int,
+        kind: Kind,
         port: Port,
         channels: ChannelTable,
         impairments: ImpairmentTable,
@@ -80,6 +76,7 @@ class StationChannels:
         self.ars: dict[int, ArChannels] = {}
         self.closed = ClosedChannels()
         self._index = index
+        self._kind = kind
         self._rows = rows
         self._drift = drift
         self._port = port
@@ -104,18 +101,8 @@ class StationChannels:
         """The key of the AR whose consumer has this row."""
         return next((key for key, ar in self.ars.items() if any(r == row for r, _ in ar.consumers)), None)
 
-    def open(
-        self,
-        event: ArConnected,
-        input_words: Sequence[int],
-        output_words: Sequence[int],
-        set_points: Container[tuple[int, int]],
-        now: int,
-    ) -> ArChannels:
-        """Open rows for every CR of a connected AR; the words are the telegram's, in its order.
-
-        ``set_points``: (slot, subslot) of the submodules whose owner feeds the drive.
-        """
+    def open(self, event: ArConnected, now: int) -> ArChannels:
+        """Open rows for every CR of a connected AR."""
         ar = ArChannels(
             initiator=event.initiator_name,
             ip=event.initiator_ip,
@@ -130,17 +117,17 @@ class StationChannels:
             [(p.api, p.slot, p.subslot) for cr in event.iocrs for p in cr.data]
             + [(p.api, p.slot, p.subslot) for cr in event.iocrs for p in cr.iocs]
         )
-        ar.feeds = _feeds(ar, set_points)
+        ar.feeds = self._kind.feeds(ar)
         self.ars[event.ar_key] = ar
         for cr in event.iocrs:
             if cr.is_input:
-                self._provide(ar, cr, input_words)
+                self._provide(ar, cr)
             else:
-                self._consume(ar, cr, output_words)
+                self._consume(ar, cr)
         return ar
 
-    def _provide(self, ar: ArChannels, cr: IocrLayout, words: Sequence[int]) -> None:
-        layout = channel_layout(cr, words, ar.bad)
+    def _provide(self, ar: ArChannels, cr: IocrLayout) -> None:
+        layout = self._kind.layout(cr, ar, ar.bad)
         row = self._channels.open_provider(
             ProviderPlan(
                 image=self._index,
@@ -159,13 +146,16 @@ class StationChannels:
                 phase=cr.phase - 1 if cr.phase > 1 else self._index,
                 tag=cr.tag_header,
                 drift=self._drift,
+                riders=layout.riders,
+                pieces=layout.pieces,
+                plain=self._kind.plain_row,
             )
         )
         ar.providers.append((row, cr))
         self._impairments.channel_opened(self._index, "out", row)
 
-    def _consume(self, ar: ArChannels, cr: IocrLayout, words: Sequence[int]) -> None:
-        layout = channel_layout(cr, words, ar.bad)
+    def _consume(self, ar: ArChannels, cr: IocrLayout) -> None:
+        layout = self._kind.layout(cr, ar, ar.bad)
         row = self._channels.open_consumer(
             ConsumerPlan(
                 image=self._index,
@@ -179,45 +169,44 @@ class StationChannels:
                 data_hold_factor=cr.data_hold_factor,
                 words=layout.words,
                 iops=layout.iops,
-                feeds=ar.feeds,
+                feeds=0 in ar.feeds,
                 zeroes=True,
                 drift=self._drift,
+                riders=layout.riders,
+                pieces=layout.pieces,
+                plain=self._kind.plain_row,
             )
         )
         ar.consumers.append((row, cr))
         self._impairments.channel_opened(self._index, "in", row)
 
-    def rewrite(self, input_words: Sequence[int], output_words: Sequence[int]) -> None:
+    def rewrite(self) -> None:
         """Apply a new mapping to the open channels, in place."""
         for ar in self.ars.values():
-            for row, cr in ar.providers:
-                self._channels.rewrite_words("ppm", row, channel_layout(cr, input_words, ar.bad).words)
-            for row, cr in ar.consumers:
-                self._channels.rewrite_words("cpm", row, channel_layout(cr, output_words, ar.bad).words)
+            for name, channels in (("ppm", ar.providers), ("cpm", ar.consumers)):
+                for row, cr in channels:
+                    layout = self._kind.layout(cr, ar, ar.bad)
+                    for axis, words in enumerate((layout.words, *(rider.words for rider in layout.riders))):
+                        self._channels.rewrite_words(name, row, words, axis)
 
-    def relayout(
-        self,
-        key: int,
-        unusable: frozenset[ExpectedKey],
-        input_words: Sequence[int],
-        output_words: Sequence[int],
-        set_points: Container[tuple[int, int]],
-        *,
-        ready: bool,
-    ) -> None:
+    def relayout(self, key: int, unusable: frozenset[ExpectedKey], *, ready: bool) -> None:
         """Submodules came or went, or the application is ``ready``: recompute an AR's open channels, in place."""
         ar = self.ars.get(key)
         if ar is None:
             return
         ar.unusable = unusable
         ar.ready = ar.ready or ready
-        ar.feeds = _feeds(ar, set_points)
+        ar.feeds = self._kind.feeds(ar)
         for row, cr in ar.providers:
-            layout = channel_layout(cr, input_words, ar.bad)
-            self._channels.relayout_provider(row, layout.words, layout.iops, layout.constants)
+            layout = self._kind.layout(cr, ar, ar.bad)
+            self._channels.relayout_provider(
+                row, layout.words, layout.iops, layout.constants, riders=layout.riders, pieces=layout.pieces
+            )
         for row, cr in ar.consumers:
-            layout = channel_layout(cr, output_words, ar.bad)
-            self._channels.relayout_consumer(row, layout.words, layout.iops, feeds=ar.feeds)
+            layout = self._kind.layout(cr, ar, ar.bad)
+            self._channels.relayout_consumer(
+                row, layout.words, layout.iops, feeds=0 in ar.feeds, riders=layout.riders, pieces=layout.pieces
+            )
 
     def problem(self, key: int, *, there: bool) -> None:
         """Set or clear the problem indicator in the DataStatus of an AR's frames."""

@@ -30,8 +30,6 @@ from pnfarm.protocols.profinet.cm.device.events import (
 from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
 from pnfarm.station.events import StartUpPhase, WatchdogExpired
 from pnfarm.station.lateness import Lateness, budget_ns
-from pnfarm.station.step_time import SLOWEST_STEP_NS, longest_step_ns
-from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -148,25 +146,17 @@ class StationConnections:
     def _connected(self, event: ArConnected, now: int) -> None:
         if not event.iocrs:
             return
-        self._follow_telegram()
-        words = self._station.store.input_words(), self._station.store.output_words()
-        ar = self._station.channels.open(event, *words, self._set_points(), now)
+        kind = self._station.kind
+        kind.follow_modules()
+        ar = self._station.channels.open(event, now)
         self._report_problem(event.ar_key)
-        fastest_ns = min(ar.cycle_ns for ar in self._station.ars.values() if ar.providers)
-        self._station.handle.axis.step_ns = longest_step_ns(fastest_ns)
-        telegram = self._station.store.telegram_number
+        kind.opened(min(ar.cycle_ns for ar in self._station.ars.values() if ar.providers))
+        telegram = kind.telegram()
         peer = event.initiator_name, event.initiator_ip
         self.begins(now)
         self._station.note(
             now, happened.ArConnected(*peer, telegram, ar.cycle_ns, ar.watchdog_ns, connection=event.ar_key)
         )
-
-    def _follow_telegram(self) -> None:
-        """The plugged module determines the telegram of the frames."""
-        module = self._station.cm.plugged.module(self._station.description.modules[0].slot)
-        telegram = self._station.model.profidrive.telegram_by_module(module.module_ident) if module else None
-        if module is not None and telegram is not None:
-            self._station.store.plug_telegram(telegram.number, module.module_ident)
 
     def _diagnosis_changed(self, change: DiagnosisEvent, now: int) -> None:
         """Log a diagnosis as text; a fault also sets the problem indicator in the DataStatus of the frames."""
@@ -182,23 +172,14 @@ class StationConnections:
         if ar is not None and key in self._station.ars:
             self._station.channels.problem(key, there=self._station.cm.diagnosis.has_fault(ar.owned))
 
-    def _set_points(self) -> set[tuple[int, int]]:
-        """(slot, subslot) of the submodules whose owner feeds the drive: those with outputs, else all of its slot."""
-        slot = self._station.description.modules[0].slot
-        module = self._station.cm.plugged.module(slot)
-        submodules = module.submodules if module is not None else ()
-        return {(slot, s.subslot) for s in submodules if s.output_bytes} or {(slot, s.subslot) for s in submodules}
-
     def _submodules_changed(self, event: SubmodulesChanged, now: int) -> None:
         """The application is ready, or a submodule was pulled, plugged, taken over or released: update GOOD and BAD."""
         key, unusable = event.ar_key, event.unusable
-        self._follow_telegram()
-        words = self._station.store.input_words(), self._station.store.output_words()
-        self._station.channels.relayout(key, unusable, *words, self._set_points(), ready=event.starting)
+        self._station.kind.follow_modules()
+        self._station.channels.relayout(key, unusable, ready=event.starting)
         ar = self._station.ars.get(key)
-        if ar is not None and ar.feeds:
-            self._station.store.watchdog_ns = ar.watchdog_ns
-            self._station.handle.axis.interpolation.settings.cycle_ns = ar.set_point_cycle_ns
+        if ar is not None:
+            self._station.kind.fed(ar)
         # pulling a submodule removed its diagnosis
         self._report_problem(key)
         if event.starting and not unusable:
@@ -230,18 +211,11 @@ class StationConnections:
 
     def close(self, key: int) -> None:
         self._not_sought()
-        self._station.parameter_records.reset(key)
-        if key in self._station.ars and self._station.ars[key].feeds:
-            self._station.store.channels_closed()
+        self._station.kind.records.reset(key)
         ar = self._station.channels.close(key)
         if ar is not None:
             self._station.traffic.channels_closed(ar)
-        if ar is None:
-            return
-        if ar.feeds or not self._station.channels.any_cyclic:
-            self._station.parameter_words.reset()
-        if not self._station.channels.any_cyclic:
-            self._station.handle.axis.step_ns = SLOWEST_STEP_NS
+            self._station.kind.closed(ar, any_left=self._station.channels.any_cyclic)
 
     def _lateness_of_loss(self, key: int, now: int) -> Lateness | None:
         """The farm's lateness before this AR ended; None for an AR without IO data.
@@ -262,11 +236,9 @@ class StationConnections:
         self.close(key)
         if ar is None:
             return
-        code = int(self._station.handle.axis.faults.settings.loss_fault)
-        # with two controllers on one drive, only the loss of the one that feeds it is a fault; a drive with its own
-        # telegram monitoring time detects it by itself
-        if ar.established and code and ar.feeds and not int(self._station.handle.axis.faults.settings.loss_delay_ns):
-            self._station.handle.push_command(CMD_RAISE_FAULT, code)
+        # with two controllers on one drive, only the loss of the one that feeds an axis is a fault
+        if ar.established:
+            self._station.kind.lost(ar)
 
     # -- the engine's events -----------------------------------------------------------------------------------------
 

@@ -15,21 +15,17 @@ from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
-from pnfarm.buses.profinet.binding import DriveRecords as ParameterRecords
-from pnfarm.buses.profinet.binding import describe_device
 from pnfarm.buses.profinet.device import events as happened
 from pnfarm.buses.profinet.device.address import StationAddress
 from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels, channel_rows
 from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
 from pnfarm.buses.profinet.device.connections import StationConnections
-from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.management.neighbour_rows import NeighbourRows
 from pnfarm.buses.profinet.device.management.neighbours import StationNeighbours
 from pnfarm.buses.profinet.device.management.station import snmp_view
 from pnfarm.buses.profinet.device.management.traffic import PortTraffic
 from pnfarm.buses.profinet.device.memory.kept_values import check_kept
 from pnfarm.buses.profinet.device.memory.record_memory import records_of
-from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.device.pump import CALL_PORT, DevicePump
 from pnfarm.buses.profinet.device.view import connection_of, details_of, losses_in_words, losses_of, view_of
 from pnfarm.buses.profinet.uuids import uuid_source
@@ -52,7 +48,6 @@ from pnfarm.protocols.profinet.wire.rpc.epm import annotation
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, object_uuid
 from pnfarm.protocols.profinet.wire.snmp.message import SNMP_PORT
 from pnfarm.station.events import ControllerModeChanged, OutputsChanged
-from pnfarm.station.parameter_words import StationParameterWords
 from pnfarm.table import engine_row
 from pnfarm.table.channel import W_START
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, parse_ethernet
@@ -63,12 +58,13 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.buses.profinet.device.config import DeviceConfig
-    from pnfarm.drives.parameters.store import ParameterStore
+    from pnfarm.buses.profinet.device.kind import Kind
     from pnfarm.engine.channels.closed_channels import ClosedChannels
     from pnfarm.links.base import Port
     from pnfarm.protocols.ip.host import IpHost
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.wire.lldp.pdu import Lldpdu
+    from pnfarm.station.axis import Axis
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
     from pnfarm.station.station import Station
@@ -84,9 +80,11 @@ STRAY = "unknown-frame-id"
 class ProfinetDevice:
     """See the module's docstring; :class:`pnfarm.station.device.Device` defines the interface."""
 
-    def __init__(self, station: Station, services: DeviceServices) -> None:
+    def __init__(self, station: Station, services: DeviceServices, kind: Kind, io_controllers: int) -> None:
+        """``io_controllers``: how many can be connected at once."""
         self.station = station
-        self.model, self.index, self.handle = station.model, station.index, station.handle
+        self.kind = kind
+        self.index = station.index
         self.port = cast("Port", station.port)
         self._services = services
         self._uuids = uuid_source(services.seed + station.port.mac)
@@ -97,9 +95,10 @@ class ProfinetDevice:
         #: What these were when it left the wire, None while it is there; and those that came by while it was away.
         self._left_at: Mapping[str, int] | None = {}
         self._missed: Counter[str] = Counter()
-        rows = channel_rows(self.model.limits.io_controllers)
-        drift = station.flaws.drift
-        self.channels = StationChannels(self.index, self.port, services.channels, services.impairments, rows, drift)
+        rows = channel_rows(io_controllers)
+        self.channels = StationChannels(
+            self.index, kind, self.port, services.channels, services.impairments, rows, station.flaws.drift
+        )
         self.connections = StationConnections(self, services.lateness)
         self.budget = ConnectBudget()
         self._pump = DevicePump(self)
@@ -118,9 +117,8 @@ class ProfinetDevice:
         check_kept(kept)
 
     def commission(self, kept: Mapping[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`: an address of the farm file counts as set by a tool."""
-        if self.config.ip is not None and "ip" not in kept:
-            self.store.commission_address()
+        """See :class:`pnfarm.station.device.Device`."""
+        self.kind.commission(kept, has_address=self.config.ip is not None)
 
     def build(self, kept: dict[str, Any]) -> None:
         """See :class:`pnfarm.station.device.Device`."""
@@ -134,18 +132,10 @@ class ProfinetDevice:
         self._take_written_name(kept)
         kept = dict(kept)
         mac = self.port.mac
-        identity = self.model.profidrive.identity
-        self.description = describe_device(self.model, mac, strict=self.config.strict, telegram=self.config.telegram)
-        slot, api = next((s.slot, s.api) for m in self.description.modules for s in m.submodules)
-        self.parameter_records = ParameterRecords(
-            self.store, slot, api, strict=self.config.strict, latency=self.station.latency
-        )
-        self.parameter_words = StationParameterWords(self.store, self.station.latency)
+        own = self.description = self.kind.describe(mac)
         self.addressing = StationAddress(
             mac,
-            DcpIdentity(
-                identity.station_type, identity.vendor_id, identity.device_id, instance=(0, self.description.instance)
-            ),
+            DcpIdentity(own.station_type, own.vendor_id, own.device_id, instance=(0, own.instance)),
             self.config,
             kept,
             keep=self.keep,
@@ -153,23 +143,22 @@ class ProfinetDevice:
         )
         self.dcp, self.ip = self.addressing.dcp, self.addressing.ip
         self.dcp.can_keep = self._can_keep
-        self.store.network = StationNetwork(self.dcp, mac, self.model.limits.ports)
         self.ip.open_ports = {RPC_PORT, CALL_PORT, SNMP_PORT}
         self.neighbours = StationNeighbours(mac, self.index, self.description, enabled=self._services.lldp)
         self.neighbours.update(self.dcp.name, self.dcp.address, self.dcp.gateway, 0)
-        version = identity.software_version
-        self._object_uuid = object_uuid(self.description.instance, identity.device_id, identity.vendor_id)
+        prefix, *version = own.im0.software_revision
+        self._object_uuid = object_uuid(own.instance, own.device_id, own.vendor_id)
         self.rpc = RpcServer(
             RpcServerConfig(
                 endpoints=(
                     Endpoint(
                         self._object_uuid,
                         annotation(
-                            identity.station_type,
-                            identity.order_id,
-                            identity.hardware_revision,
-                            identity.software_prefix,
-                            version,
+                            own.station_type,
+                            own.im0.order_id,
+                            own.im0.hardware_revision,
+                            prefix,
+                            (version[0], version[1], version[2]),
                         ),
                     ),
                 )
@@ -183,7 +172,7 @@ class ProfinetDevice:
             self.description,
             plugged,
             lambda: self.cm.ars,
-            application=self.parameter_records,
+            application=self.kind.records,
             io_data=self.channels.io_data,
             pdev=self.neighbours.pdev,
             texts=records_of(kept.get("im")),
@@ -198,7 +187,7 @@ class ProfinetDevice:
         )
         self.records.im.can_keep = self._can_keep
         self.cm.has_room = self.channels.room
-        self.fault_diagnosis = FaultDiagnosis(self.store, self.records.diagnosis)
+        self.kind.join(self.dcp, mac, self.cm)
         #: Texts that SNMP managers wrote; they survive a power cycle.
         self.snmp_texts = {SystemText[which]: text for which, text in kept.get("snmp", {}).items()}
         self.neighbour_rows = NeighbourRows()
@@ -208,13 +197,9 @@ class ProfinetDevice:
 
     def _take_written_name(self, kept: dict[str, Any]) -> None:
         """A station name set by a parameter is used from now on, like one that DCP set permanently."""
-        name = self.store.take_name()
+        name = self.kind.take_name(kept)
         if name is None:
             return
-        if "drive" in kept:
-            number = str(self.model.access.station_name)
-            parameters = {pnu: value for pnu, value in kept["drive"]["parameters"].items() if pnu != number}
-            kept["drive"] = {**kept["drive"], "parameters": parameters}
         if not name or check_station_name(name) is None:
             kept["name"] = name
         self.station.save()
@@ -223,11 +208,6 @@ class ProfinetDevice:
     def config(self) -> DeviceConfig:
         """This drive's settings in the farm file."""
         return cast("DeviceConfig", self.station.config)
-
-    @property
-    def store(self) -> ParameterStore:
-        """The drive's parameters; recreated at each power-on."""
-        return self.station.store
 
     @property
     def ars(self) -> dict[int, ArChannels]:
@@ -317,7 +297,7 @@ class ProfinetDevice:
             raise InternalError(f"{self.configured_name} cannot change its MAC address while it is on")
         self.port = replace(self.port, mac=mac)
         self.station.port = self.port
-        self.handle.image.mac = mac_to_int(mac)
+        self.station.image.mac = mac_to_int(mac)
         self.channels.move(self.port)
 
     # -- frames ------------------------------------------------------------------------------------------------------
@@ -378,13 +358,13 @@ class ProfinetDevice:
         for machine in self._machines:
             for reason, count in machine.dropped.items():
                 total[reason] = total.get(reason, 0) + count
-        total[STRAY] = int(self.handle.image.strays)
+        total[STRAY] = int(self.station.image.strays)
         return total
 
     def next_deadline(self) -> int | None:
         """See :class:`pnfarm.station.device.Device`."""
         if not self._others_known:
-            self._others_ns = earliest(*self._others, self.connections, self.parameter_records, self.parameter_words)
+            self._others_ns = earliest(*self._others, self.connections, self.kind.records, self.kind)
             self._others_known = True
         others, own = self._others_ns, self.neighbours.next_deadline()
         if others is None or own is None:
@@ -402,8 +382,8 @@ class ProfinetDevice:
             if deadline is not None and deadline <= now:
                 machine.handle_timeout(now)
         self.connections.handle_timeout(now)
-        self.parameter_records.handle_timeout(now)
-        self.parameter_words.handle_timeout(now)
+        self.kind.records.handle_timeout(now)
+        self.kind.handle_timeout(now)
 
     def pump(self, now: int) -> list[bytes]:
         """See :class:`pnfarm.station.device.Device`."""
@@ -416,9 +396,10 @@ class ProfinetDevice:
         self._others_known = False
         return self._pump.pump(now)
 
-    def telegram_changed(self) -> None:
+    def telegram_changed(self, axis: Axis) -> None:
         """See :class:`pnfarm.station.device.Device`."""
-        self.channels.rewrite(self.store.input_words(), self.store.output_words())
+        del axis
+        self.channels.rewrite()
 
     # -- events of the engine ----------------------------------------------------------------------------------------
 
@@ -449,17 +430,17 @@ class ProfinetDevice:
             elif consumer.received:
                 self.connections.first_frame(row, now)
 
-    def fault_raised(self, number: int) -> None:
+    def fault_raised(self, axis: Axis, number: int) -> None:
         """See :class:`pnfarm.station.device.Device`: its diagnosis appears."""
-        self.fault_diagnosis.raised(number)
+        self.kind.fault_raised(axis, number)
 
-    def faults_cleared(self) -> None:
+    def faults_cleared(self, axis: Axis) -> None:
         """See :class:`pnfarm.station.device.Device`: their diagnosis disappears."""
-        self.fault_diagnosis.cleared()
+        self.kind.faults_cleared(axis)
 
-    def parameter_task(self, value: int, now: int) -> None:
+    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
-        self.parameter_words.take(value, now)
+        self.kind.parameter_task(axis, value, now)
 
     # -- state for observers -----------------------------------------------------------------------------------------
 

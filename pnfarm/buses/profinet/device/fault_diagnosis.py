@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 __all__ = ["FaultDiagnosis", "fault_entry"]
 
 
-def fault_entry(store: ParameterStore, number: int) -> DiagnosisEntry | None:
-    """The diagnosis that this drive reports for a fault now, or None."""
+def fault_entry(store: ParameterStore, number: int, shift: int = 0) -> DiagnosisEntry | None:
+    """The diagnosis that an axis reports for a fault now, or None; its slots are ``shift`` behind the model's."""
     model = store.model
     error_type = model.diagnoses.get(number)
     if not model.limits.alarms or error_type is None:
@@ -38,7 +38,7 @@ def fault_entry(store: ParameterStore, number: int) -> DiagnosisEntry | None:
         if mode >= len(coding.modes):
             return None
         form, subslot = coding.modes[mode], coding.subslots[mode]
-    entry = partial(DiagnosisEntry, point.api, point.slot, subslot, direction=Direction.INPUT_OUTPUT)
+    entry = partial(DiagnosisEntry, point.api, point.slot + shift, subslot, direction=Direction.INPUT_OUTPUT)
     match form:
         case "channel":
             return entry(error_type=error_type)
@@ -54,13 +54,14 @@ def fault_entry(store: ParameterStore, number: int) -> DiagnosisEntry | None:
 
 
 class FaultDiagnosis:
-    """Diagnosis entries of one drive's faults."""
+    """Diagnosis entries of one axis's faults; its slots are ``shift`` behind the model's."""
 
-    __slots__ = ("_count", "_diagnosis", "_entries", "_store")
+    __slots__ = ("_count", "_diagnosis", "_entries", "_shift", "_store")
 
-    def __init__(self, store: ParameterStore, diagnosis: DiagnosisStore) -> None:
+    def __init__(self, store: ParameterStore, diagnosis: DiagnosisStore, shift: int = 0) -> None:
         self._store = store
         self._diagnosis = diagnosis
+        self._shift = shift
         self._entries: dict[int, DiagnosisEntry] = {}
         #: Faults of the active fault situation.
         self._count = 0
@@ -70,7 +71,7 @@ class FaultDiagnosis:
         self._count += 1
         if self._count > (int(self._store.handle.axis.faults.settings.places) or FAULT_SLOTS):
             return
-        entry = fault_entry(self._store, number)
+        entry = fault_entry(self._store, number, self._shift)
         if entry is not None and number not in self._entries and self._diagnosis.add(entry):
             self._entries[number] = entry
 

@@ -34,8 +34,7 @@ def modules_view(station: ProfinetDevice) -> list[dict[str, Any]]:
 
 
 def _telegram(station: ProfinetDevice, module: ModuleDescription | None) -> int | None:
-    found = None if module is None else station.model.profidrive.telegram_by_module(module.module_ident)
-    return None if found is None else found.number
+    return None if module is None else station.kind.telegram_of(module.module_ident)
 
 
 def _submodule(station: ProfinetDevice, sub: SubmoduleDescription) -> dict[str, Any]:
@@ -118,11 +117,11 @@ def plug_module(
 
 def module_of_telegram(station: ProfinetDevice, slot: int, number: int) -> ModuleDescription:
     """Raises :class:`ConfigError` for a telegram that the slot cannot have."""
-    found = station.model.profidrive.telegrams.get(number)
-    module = None if found is None else station.description.module(slot, found.module.ident)
+    telegrams = station.kind.telegrams
+    module = station.description.module(slot, telegrams[number]) if number in telegrams else None
     if module is None:
-        allowed = ", ".join(map(str, station.model.profidrive.telegrams))
-        raise ConfigError(f"{station.model.name} has no telegram {number} for slot {slot}; it has {allowed}")
+        allowed = ", ".join(map(str, telegrams)) or "none"
+        raise ConfigError(f"{station.station.kinds[0]} has no telegram {number} for slot {slot}; it has {allowed}")
     return module
 
 

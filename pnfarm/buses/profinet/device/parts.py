@@ -8,22 +8,18 @@ if TYPE_CHECKING:
     from collections import Counter
     from collections.abc import Mapping
 
-    from pnfarm.buses.profinet.binding import DriveRecords
     from pnfarm.buses.profinet.device.address import StationAddress
     from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels
+    from pnfarm.buses.profinet.device.kind import Kind
     from pnfarm.buses.profinet.device.management.neighbour_rows import NeighbourRows
     from pnfarm.buses.profinet.device.management.neighbours import StationNeighbours
     from pnfarm.buses.profinet.device.management.traffic import PortTraffic
-    from pnfarm.drives.axis_handle import AxisHandle
-    from pnfarm.drives.description.model import Model
-    from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.links.base import Port
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription
     from pnfarm.protocols.profinet.snmp.view import SystemText
     from pnfarm.station.event import Event
-    from pnfarm.station.parameter_words import StationParameterWords
 
 __all__ = ["DeviceParts"]
 
@@ -31,25 +27,17 @@ __all__ = ["DeviceParts"]
 class DeviceParts(Protocol):
     """See the module's docstring; the machines are recreated at each power-on."""
 
-    model: Model
     port: Port
-    handle: AxisHandle
+    kind: Kind
     description: DeviceDescription
     dcp: DcpDevice
     cm: CmDevice
     addressing: StationAddress
     channels: StationChannels
     neighbours: StationNeighbours
-    parameter_records: DriveRecords
-    parameter_words: StationParameterWords
     traffic: PortTraffic
     snmp_texts: dict[SystemText, str]
     neighbour_rows: NeighbourRows
-
-    @property
-    def store(self) -> ParameterStore:
-        """The drive's parameters."""
-        ...
 
     @property
     def name(self) -> str:

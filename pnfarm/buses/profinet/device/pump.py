@@ -122,7 +122,7 @@ class DevicePump:
                     device.cm.station_name = name
                 case IpSet(interface) if interface is not None:
                     device.rpc.set_address(interface.ip)
-                    device.store.address_set()
+                    device.kind.address_set()
                 case SignalBegan():
                     device.station.signalled_ns = now
                 case AbortRequired(reason):
@@ -141,12 +141,11 @@ class DevicePump:
         clear_memory(device.station.kept, reset.clears)
         device.station.save()
         if Stored.APPLICATION in reset.clears:
-            device.store.restore(None)
-            device.store.power_on()
+            device.kind.reset_application()
         if device.dcp.address is not None:
-            device.store.address_set()
+            device.kind.address_set()
         elif Stored.COMMUNICATION in reset.clears:
-            device.store.address_forgotten()
+            device.kind.address_forgotten()
         if Stored.IDENTIFICATION in reset.clears:
             device.records.im.texts.clear()
         if Stored.MANAGEMENT in reset.clears:

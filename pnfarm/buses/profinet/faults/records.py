@@ -87,7 +87,7 @@ class Records(ParameterAccess):
         self._put()
 
     def _put(self) -> None:
-        records = self._station.parameter_records
+        records = self._station.kind.records
         records.error = self._errors[-1] if self._errors else None
         records.withhold = self._holding if self._hooks else None
 

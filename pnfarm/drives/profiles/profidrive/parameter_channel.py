@@ -41,7 +41,7 @@ from pnfarm.drives.profiles.profidrive.base_mode import (
 from pnfarm.drives.profiles.profidrive.description import data_type, describe, format_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Container, Sequence
 
     from pnfarm.drives.parameters.store import ParameterStore
 
@@ -61,91 +61,21 @@ _INTEGER_FORMATS = {
 }  # fmt: skip
 
 
-class ParameterChannel:
-    """Requests on one record index of one drive.
+class _ParameterAccess:
+    """Carries out the requests to one axis, whose axis number is one of ``axes``; None: any.
 
-    ``index`` is the record's; on the local one the axis number is mirrored and ignored.  ``client`` is the key of the
-    requesting connection, which alone gets the answer; a read without a connection is client 0, which has no request.
     With ``strict`` limits a request has at most as many parameters as the drive allows, else as its field can hold.
-
-    ``latency`` gives the time in ns after which the next request is carried out; None: no delay.
     """
 
-    __slots__ = ("_latency", "_local", "_most", "_responses", "_store", "_working")
+    __slots__ = ("_axes", "_most", "_store")
 
-    def __init__(
-        self,
-        store: ParameterStore,
-        index: int = 47,
-        *,
-        strict: bool = True,
-        latency: Callable[[], int] | None = None,
-    ) -> None:
+    def __init__(self, store: ParameterStore, axes: Container[int] | None, *, strict: bool) -> None:
         self._store = store
+        self._axes = axes
         self._most = store.model.limits.max_parameters if strict else MAX_PARAMETERS
-        self._local = index == LOCAL
-        self._latency = latency
-        self._responses: dict[int, bytes] = {}
-        #: Requests that take their time, one of each client at most: when they are over, and what they ask.
-        self._working: dict[int, tuple[int, ParameterRequest]] = {}
 
-    def pending(self, client: int = 0) -> bool:
-        """Whether a response waits to be read."""
-        return client in self._responses
-
-    def reset(self, client: int = 0) -> None:
-        """The connection went down: drop its requests; one that the drive still works on is not carried out."""
-        self._responses.pop(client, None)
-        self._working.pop(client, None)
-
-    def next_deadline(self) -> int | None:
-        """When a request's time is over."""
-        return min(due for due, _ in self._working.values()) if self._working else None
-
-    def handle_timeout(self, now: int) -> None:
-        """Carry out the requests whose time is over, in the order in which it ended."""
-        over = sorted((due, client) for client, (due, _) in self._working.items() if due <= now)
-        for _, client in over:
-            _, request = self._working.pop(client)
-            self._responses[client] = emit_response(self._answer(request))
-
-    def write_request(self, data: bytes, client: int = 0, now: int = 0) -> bool:
-        """Accept a request and carry it out, now or after its latency; it replaces one whose response was not read.
-
-        False while the drive works on the last one of this client: the record write is a state conflict (0xB5).  Raises
-        :class:`~pnfarm.errors.DecodeError` when the data is shorter than a request's header: the record write is
-        refused (0xB1, length error).  Everything else is answered by a response.
-        """
-        self.handle_timeout(now)
-        if client in self._working:
-            return False
-        request = parse_request(data)
-        latency = self._latency() if self._latency is not None else 0
-        if latency > 0:
-            self._responses.pop(client, None)
-            self._working[client] = (now + latency, request)
-        else:
-            self._responses[client] = emit_response(self._answer(request))
-        return True
-
-    def read_response(self, maximum: int = 0xFFFF, client: int = 0, now: int = 0) -> bytes | None:
-        """The response, once; None when there is none, or not yet (record error 0xB5, state conflict).
-
-        A response longer than ``maximum`` octets becomes the error "response too long", if that fits.
-        """
-        self.handle_timeout(now)
-        if client not in self._responses:
-            return None
-        response = self._responses.pop(client)
-        if len(response) <= maximum:
-            return response
-        too_long = error_values(ParameterError(ParameterErrorNumber.RESPONSE_TOO_LONG))
-        short = emit_response(ParameterResponse(response[0], response[1] | NEGATIVE, response[2], 1, (too_long,)))
-        return short if len(short) <= maximum else None
-
-    # inside
-
-    def _answer(self, request: ParameterRequest) -> ParameterResponse:
+    def answer(self, request: ParameterRequest) -> ParameterResponse:
+        """The response."""
         access = self._store.model.access
         if request.request_id not in {REQUEST_READ, REQUEST_CHANGE} and access.unknown_service_id:
             entry = error_values(ParameterError(ParameterErrorNumber.SERVICE_NOT_SUPPORTED))
@@ -158,7 +88,7 @@ class ParameterChannel:
             return ParameterResponse(request.reference, request.request_id | NEGATIVE, request.axis, 1, (entry,))
         if request.fault is not None:
             return self._refused(request, request.fault.number)
-        if not self._local and request.axis not in access.axis:
+        if self._axes is not None and request.axis not in self._axes:
             return self._refused(request, ParameterErrorNumber.AXIS_NONEXISTENT)
         limit = self._store.model.limits.max_response
         entries: list[ParameterValues] = []
@@ -278,3 +208,101 @@ class ParameterChannel:
         chosen = texts[subindex : subindex + count]
         octets = b"".join(text.encode("ascii", "replace")[:TEXT_OCTETS].ljust(TEXT_OCTETS) for text in chosen)
         return ParameterValues(FORMAT_VISIBLE_STRING, tuple(octets))
+
+
+class ParameterChannel:
+    """Requests on one record index of one drive.
+
+    ``index`` is the record's; on the local one the axis number is mirrored and ignored: a request is for the axis whose
+    access point it came to.  With ``further`` axes, axis number 0 elsewhere is the device, whose parameters are the
+    first axis's (assumed), and 1 to n are the axes; a drive with one axis takes the numbers of its model.  ``client``
+    is the key of the requesting connection, which alone gets the answer; a read without a connection is client 0, which
+    has no request.
+
+    ``strict`` as in :class:`_ParameterAccess`.
+
+    ``latency`` gives the time in ns after which the next request is carried out; None: no delay.
+    """
+
+    __slots__ = ("_accesses", "_latency", "_local", "_responses", "_working")
+
+    def __init__(
+        self,
+        store: ParameterStore,
+        index: int = 47,
+        *,
+        further: Sequence[ParameterStore] = (),
+        strict: bool = True,
+        latency: Callable[[], int] | None = None,
+    ) -> None:
+        self._local = index == LOCAL
+        numbers: Container[int] | None = range(len(further) + 2) if further else store.model.access.axis
+        if self._local:
+            numbers = None
+        self._accesses = [_ParameterAccess(each, numbers, strict=strict) for each in (store, *further)]
+        self._latency = latency
+        self._responses: dict[int, bytes] = {}
+        #: Requests that take their time, one of each client at most: when they are over, what they ask, and of
+        #: which axis.
+        self._working: dict[int, tuple[int, ParameterRequest, int]] = {}
+
+    def pending(self, client: int = 0) -> bool:
+        """Whether a response waits to be read."""
+        return client in self._responses
+
+    def reset(self, client: int = 0) -> None:
+        """The connection went down: drop its requests; one that the drive still works on is not carried out."""
+        self._responses.pop(client, None)
+        self._working.pop(client, None)
+
+    def next_deadline(self) -> int | None:
+        """When a request's time is over."""
+        return min(due for due, *_ in self._working.values()) if self._working else None
+
+    def handle_timeout(self, now: int) -> None:
+        """Carry out the requests whose time is over, in the order in which it ended."""
+        over = sorted((due, client) for client, (due, *_) in self._working.items() if due <= now)
+        for _, client in over:
+            _, request, point = self._working.pop(client)
+            self._responses[client] = self._answer(request, point)
+
+    def write_request(self, data: bytes, client: int = 0, now: int = 0, point: int = 0) -> bool:
+        """Accept a request and carry it out, now or after its latency; it replaces one whose response was not read.
+
+        ``point``: the axis whose access point it came to, from 0.
+
+        False while the drive works on the last one of this client: the record write is a state conflict (0xB5).  Raises
+        :class:`~pnfarm.errors.DecodeError` when the data is shorter than a request's header: the record write is
+        refused (0xB1, length error).  Everything else is answered by a response.
+        """
+        self.handle_timeout(now)
+        if client in self._working:
+            return False
+        request = parse_request(data)
+        latency = self._latency() if self._latency is not None else 0
+        if latency > 0:
+            self._responses.pop(client, None)
+            self._working[client] = (now + latency, request, point)
+        else:
+            self._responses[client] = self._answer(request, point)
+        return True
+
+    def read_response(self, maximum: int = 0xFFFF, client: int = 0, now: int = 0) -> bytes | None:
+        """The response, once; None when there is none, or not yet (record error 0xB5, state conflict).
+
+        A response longer than ``maximum`` octets becomes the error "response too long", if that fits.
+        """
+        self.handle_timeout(now)
+        if client not in self._responses:
+            return None
+        response = self._responses.pop(client)
+        if len(response) <= maximum:
+            return response
+        too_long = error_values(ParameterError(ParameterErrorNumber.RESPONSE_TOO_LONG))
+        short = emit_response(ParameterResponse(response[0], response[1] | NEGATIVE, response[2], 1, (too_long,)))
+        return short if len(short) <= maximum else None
+
+    def _answer(self, request: ParameterRequest, point: int) -> bytes:
+        """Carry out a request on the axis that it is for."""
+        number = point if self._local else max(0, request.axis - 1)
+        return emit_response(self._accesses[number if number < len(self._accesses) else 0].answer(request))

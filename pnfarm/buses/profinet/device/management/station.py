@@ -64,7 +64,7 @@ def snmp_view(station: DeviceParts, now: int) -> SnmpView:
         location=texts.get(SystemText.LOCATION, ""),
     )
     mac = station.port.mac
-    names = {s.subslot - _INTERFACE: s.name for s in station.model.dap.submodules}
+    names = {s.subslot - _INTERFACE: s.name for s in station.description.dap.submodules}
     counters = station.traffic.counters(station.discards())
     numbers = port_numbers(station.description)
     index = numbers[-1] + 1

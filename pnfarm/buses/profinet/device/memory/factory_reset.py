@@ -26,7 +26,9 @@ def clear_memory(kept: dict[str, Any], clears: Iterable[Stored]) -> None:
     """Clear the kinds of data in ``kept``, in place."""
     for kind in clears:
         for key, value in MEMORY_AFTER_RESET[kind].items():
-            if value is None:
-                kept.pop(key, None)
-            else:
+            if value is not None:
                 kept[key] = value
+                continue
+            # with those of further axes
+            for own in [own for own in kept if own.partition(".")[0] == key]:
+                del kept[own]

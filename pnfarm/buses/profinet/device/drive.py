@@ -1,0 +1,236 @@
+"""A drive as a PROFINET device: telegrams in slots, base mode parameter access, faults as diagnosis, for each axis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pnfarm.buses.profinet.binding import DriveRecords, axis_stride, describe_device
+from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
+from pnfarm.buses.profinet.device.network import StationNetwork
+from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
+from pnfarm.protocols.deadlines import earliest
+from pnfarm.station.parameter_words import StationParameterWords
+from pnfarm.station.step_time import SLOWEST_STEP_NS, longest_step_ns
+from pnfarm.table.axis_codes import CMD_RAISE_FAULT
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pnfarm.buses.profinet.device.channels import ArChannels
+    from pnfarm.buses.profinet.frame_layout import FrameLayout
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
+    from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
+    from pnfarm.protocols.profinet.dcp.device import DcpDevice
+    from pnfarm.protocols.profinet.description import DeviceDescription
+    from pnfarm.station.axis import Axis
+    from pnfarm.station.station import Station
+
+__all__ = ["DriveKind", "DriveSettings"]
+
+
+class AxisSettings(Protocol):
+    """One axis in the farm file; ``telegram`` None is the model's."""
+
+    @property
+    def telegram(self) -> int | None: ...
+
+
+class DriveSettings(Protocol):
+    """The drive in the farm file; ``strict``: it keeps to its model's limits."""
+
+    @property
+    def strict(self) -> bool: ...
+    @property
+    def axes(self) -> Sequence[AxisSettings]: ...
+
+
+class _AxisPart:
+    """One axis on the bus: its slots, its cyclic parameter channel, its faults as diagnosis."""
+
+    def __init__(self, axis: Axis, slots: frozenset[int], shift: int) -> None:
+        self.axis = axis
+        self.slots = slots
+        self.shift = shift
+        self.parameter_words = StationParameterWords(axis.store, axis.station.latency)
+        self.diagnosis: FaultDiagnosis
+
+    @property
+    def first_slot(self) -> int:
+        """The slot of the module that stands for the telegram."""
+        return min(self.slots)
+
+
+class DriveKind:
+    """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+
+    def __init__(self, station: Station, settings: DriveSettings) -> None:
+        self._station = station
+        self._settings = settings
+        self.model = station.axes[0].model
+        self.records: DriveRecords
+        self._parts: tuple[_AxisPart, ...] = ()
+        self._cm: CmDevice
+
+    @property
+    def _first(self) -> Axis:
+        return self._station.axes[0]
+
+    def commission(self, kept: Mapping[str, Any], *, has_address: bool) -> None:
+        """An address of the farm file counts as set by a tool."""
+        if has_address and "ip" not in kept:
+            self._first.store.commission_address()
+
+    def take_name(self, kept: dict[str, Any]) -> str | None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        name = self._first.store.take_name()
+        if name is not None and "drive" in kept:
+            number = str(self.model.access.station_name)
+            parameters = {pnu: value for pnu, value in kept["drive"]["parameters"].items() if pnu != number}
+            kept["drive"] = {**kept["drive"], "parameters": parameters}
+        return name
+
+    def describe(self, mac: bytes) -> DeviceDescription:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        strict = self._settings.strict
+        telegrams = [axis.telegram for axis in self._settings.axes]
+        description = describe_device(self.model, mac, strict=strict, telegrams=telegrams)
+        stride = axis_stride(self.model)
+        own = [m.slot for t in self.model.profidrive.telegrams.values() for m in t.modules]
+        # the words of a drive with one axis are those of all its submodules
+        several = len(self._station.axes) > 1
+        self._parts = tuple(
+            _AxisPart(axis, frozenset(slot + axis.number * stride for slot in own), axis.number * stride)
+            for axis in self._station.axes
+        )
+        point = next(s for m in description.modules for s in m.submodules)
+        slots = {part.first_slot if several else point.slot: part.axis.number for part in self._parts}
+        stores = [axis.store for axis in self._station.axes]
+        self.records = DriveRecords(stores, slots, point.api, strict=strict, latency=self._station.latency)
+        return description
+
+    def join(self, dcp: DcpDevice, mac: bytes, cm: CmDevice) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        self._cm = cm
+        for part in self._parts:
+            part.axis.store.network = StationNetwork(dcp, mac, self.model.limits.ports)
+            part.diagnosis = FaultDiagnosis(part.axis.store, cm.diagnosis, part.shift)
+
+    def next_deadline(self) -> int | None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        return earliest(*(part.parameter_words for part in self._parts))
+
+    def handle_timeout(self, now: int) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        for part in self._parts:
+            part.parameter_words.handle_timeout(now)
+
+    # -- cyclic data -------------------------------------------------------------------------------------------------
+
+    plain_row = 0
+
+    def follow_modules(self) -> None:
+        """The plugged modules determine the telegrams of the frames."""
+        for part in self._parts:
+            module = self._cm.plugged.module(part.first_slot)
+            telegram = None if module is None else self.model.profidrive.telegram_by_module(module.module_ident)
+            if module is not None and telegram is not None:
+                part.axis.store.plug_telegram(telegram.number, module.module_ident)
+
+    def _set_points(self, part: _AxisPart) -> set[tuple[int, int]]:
+        """(slot, subslot) of the submodules whose owner feeds an axis: those with outputs, else all of its slot."""
+        module = self._cm.plugged.module(part.first_slot)
+        submodules = module.submodules if module is not None else ()
+        slot = part.first_slot
+        return {(slot, s.subslot) for s in submodules if s.output_bytes} or {(slot, s.subslot) for s in submodules}
+
+    def feeds(self, ar: ArChannels) -> frozenset[int]:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        usable = {key[1:] for key in ar.expected if key not in ar.bad}
+        return frozenset(part.axis.number for part in self._parts if usable & self._set_points(part))
+
+    def layout(self, channel: IocrLayout, ar: ArChannels, unusable: frozenset[ExpectedKey]) -> FrameLayout:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        several = len(self._parts) > 1
+        carriers = [
+            Carrier(
+                part.axis.store.input_words() if channel.is_input else part.axis.store.output_words(),
+                part.slots if several else None,
+                part.axis.index,
+                part.axis.number in ar.feeds,
+            )
+            for part in self._parts
+        ]
+        return frame_layout(channel, carriers, unusable)
+
+    def opened(self, fastest_ns: int) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        for part in self._parts:
+            part.axis.handle.axis.step_ns = longest_step_ns(fastest_ns)
+
+    def fed(self, ar: ArChannels) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        for part in self._fed_by(ar):
+            part.axis.store.watchdog_ns = ar.watchdog_ns
+            part.axis.handle.axis.interpolation.settings.cycle_ns = ar.set_point_cycle_ns
+
+    def closed(self, ar: ArChannels, *, any_left: bool) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        for part in self._fed_by(ar):
+            part.axis.store.channels_closed()
+        for part in self._parts if not any_left else self._fed_by(ar):
+            part.parameter_words.reset()
+        if not any_left:
+            for part in self._parts:
+                part.axis.handle.axis.step_ns = SLOWEST_STEP_NS
+
+    def _fed_by(self, ar: ArChannels) -> list[_AxisPart]:
+        return [part for part in self._parts if part.axis.number in ar.feeds]
+
+    def lost(self, ar: ArChannels) -> None:
+        """The axes that it fed raise their own fault, unless they have a telegram monitoring time of their own."""
+        for part in self._fed_by(ar):
+            settings = part.axis.handle.axis.faults.settings
+            if int(settings.loss_fault) and not int(settings.loss_delay_ns):
+                part.axis.handle.push_command(CMD_RAISE_FAULT, int(settings.loss_fault))
+
+    def telegram(self) -> int:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        return self._first.store.telegram_number
+
+    @property
+    def telegrams(self) -> dict[int, int]:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        return {number: known.module.ident for number, known in self.model.profidrive.telegrams.items()}
+
+    def telegram_of(self, module_ident: int) -> int | None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        found = self.model.profidrive.telegram_by_module(module_ident)
+        return None if found is None else found.number
+
+    # -- events ------------------------------------------------------------------------------------------------------
+
+    def fault_raised(self, axis: Axis, number: int) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        self._parts[axis.number].diagnosis.raised(number)
+
+    def faults_cleared(self, axis: Axis) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        self._parts[axis.number].diagnosis.cleared()
+
+    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        self._parts[axis.number].parameter_words.take(value, now)
+
+    def address_set(self) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        self._first.store.address_set()
+
+    def address_forgotten(self) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        self._first.store.address_forgotten()
+
+    def reset_application(self) -> None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        for axis in self._station.axes:
+            axis.store.restore(None)
+            axis.store.power_on()
