@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.config.axis import axis_complaints
@@ -142,41 +143,16 @@ class InstalledModel:
 
     model: Model
 
-    @property
-    def name(self) -> str:
-        return self.model.name
-
-    @property
-    def bus(self) -> str:
-        return self.model.bus
-
-    @property
-    def min_cycle_ns(self) -> int:
-        return self.model.limits.min_cycle_ns
-
-    @property
-    def max_cycle_ns(self) -> int:
-        return self.model.limits.max_cycle_ns
-
-    @property
-    def send_clocks(self) -> Iterable[int]:
-        return self.model.limits.send_clocks
-
-    @property
-    def telegrams(self) -> Iterable[int]:
-        return self.model.profidrive.telegrams
-
-    @property
-    def default_telegram(self) -> int:
-        return self.model.profidrive.default_telegram
-
-    @property
-    def motion_tasks(self) -> int:
-        return self.model.limits.motion_tasks
-
-    @property
-    def aliases(self) -> Iterable[str]:
-        return self.model.aliases
+    name = property(attrgetter("model.name"))
+    bus = property(attrgetter("model.bus"))
+    min_cycle_ns = property(attrgetter("model.limits.min_cycle_ns"))
+    max_cycle_ns = property(attrgetter("model.limits.max_cycle_ns"))
+    send_clocks = property(attrgetter("model.limits.send_clocks"))
+    telegrams = property(attrgetter("model.profidrive.telegrams"))
+    default_telegram = property(attrgetter("model.profidrive.default_telegram"))
+    motion_tasks = property(attrgetter("model.limits.motion_tasks"))
+    aliases = property(attrgetter("model.aliases"))
+    described = property(attrgetter("model"))
 
     @property
     def open_points(self) -> Mapping[str, Sequence[str]]:
@@ -256,10 +232,6 @@ class InstalledModel:
     def with_list(self, text: str, file: str) -> tuple[ModelFacts, list[ListProblem]]:
         model, problems = read_parameter_list(text, self.model, file)
         return InstalledModel(model), problems
-
-    @property
-    def described(self) -> Model:
-        return self.model
 
     def _identity_error(self, identity: Mapping[str, Any]) -> str | None:
         try:

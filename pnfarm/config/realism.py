@@ -70,40 +70,25 @@ def _ends(value: list[Any], read: Callable[[Any], float]) -> tuple[float, float]
     return low, high
 
 
+def _or_switch(read: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A reader that also takes ``on``, ``off`` and nothing."""
+    return lambda value: None if value is None else _switch(value) or read(value)
+
+
 def _amount(name: str, unit: str) -> Callable[[Any], float | str | None]:
-    def read(value: Any) -> float | str | None:
-        word = _switch(value)
-        return value if value is None else word or _number(value, 0.0, BOUNDS[name], unit)
-
-    return read
+    return _or_switch(lambda value: _number(value, 0.0, BOUNDS[name], unit))
 
 
-def _read_latency(value: Any) -> tuple[float, float] | str | None:
-    most = int(BOUNDS["parameter_latency_ns"])
-
-    def one(end: Any) -> int:
-        return _duration(end, most, ", a list of two, on or off")
-
-    if value is None or (word := _switch(value)) is not None:
-        return value if value is None else word
-    return _ends(value, one) if isinstance(value, list) else (one(value), one(value))
+def _range(one: Callable[[Any], float]) -> Callable[[Any], tuple[float, float] | str | None]:
+    return _or_switch(lambda value: _ends(value, one) if isinstance(value, list) else (one(value), one(value)))
 
 
-def _read_drift(value: Any) -> tuple[float, float] | str | None:
-    most = BOUNDS["clock_drift"]
-
-    def one(end: Any) -> float:
-        return _number(end, -most, most, "ppm, a list of two")
-
-    if value is None or (word := _switch(value)) is not None:
-        return value if value is None else word
-    return _ends(value, one) if isinstance(value, list) else (one(value), one(value))
-
-
-def _read_time(value: Any) -> int | str | None:
-    if value is None or (word := _switch(value)) is not None:
-        return value if value is None else word
-    return _duration(value, int(BOUNDS["answer_time_ns"]), ", on or off")
+_MOST_DRIFT = BOUNDS["clock_drift"]
+_read_latency = _range(
+    lambda end: _duration(end, int(BOUNDS["parameter_latency_ns"]), ", a list of two, on or off"),
+)
+_read_drift = _range(lambda end: _number(end, -_MOST_DRIFT, _MOST_DRIFT, "ppm, a list of two"))
+_read_time = _or_switch(lambda value: _duration(value, int(BOUNDS["answer_time_ns"]), ", on or off"))
 
 
 def _schema(*kinds: dict[str, Any]) -> WithJsonSchema:

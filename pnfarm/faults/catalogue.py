@@ -27,13 +27,13 @@ _FAMILIES = ("frames", "link", "cyclic", "liveness", "connection", "records", "a
 
 
 def kinds_in(package: ModuleType) -> tuple[InjectionKind, ...]:
-    """The kinds that the modules of a package declare in ``KINDS``, in the order of the modules' names."""
+    """The kinds that the modules of a package declare in ``KIND`` or ``KINDS``, in the order of the modules' names."""
     found: list[InjectionKind] = []
     for module in sorted(pkgutil.iter_modules(package.__path__), key=lambda module: module.name):
-        declared = getattr(importlib.import_module(f"{package.__name__}.{module.name}"), "KINDS", None)
-        if not declared:
-            raise InternalError(f"{package.__name__}.{module.name} declares no KINDS")
-        found += declared
+        declared = vars(importlib.import_module(f"{package.__name__}.{module.name}"))
+        if {"KIND", "KINDS"}.isdisjoint(declared):
+            raise InternalError(f"{package.__name__}.{module.name} declares no KIND")
+        found += declared["KINDS"] if "KINDS" in declared else (declared["KIND"],)
     return tuple(found)
 
 

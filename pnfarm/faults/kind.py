@@ -1,7 +1,7 @@
 """Kinds of injections: texts, parameters, accepted common fields, effect. Each kind has its own file,
 
 those of any drive in :mod:`pnfarm.faults.kinds`, those of a bus with the bus.
-Such a file has the effect, if it is not another kind's, and ``KINDS``, a tuple of the declared kinds (mostly one).
+Such a file has the effect, if it is not another kind's, and ``KIND``; one with several kinds has ``KINDS``.
 
 Common fields, as far as a kind takes them: ``probability`` (of each occurrence) with ``seed``; ``direction``, seen from
 the drive; a start ``when`` a condition holds, ``after`` a time or ``after_cycles`` healthy cycles of the connection; an
@@ -14,7 +14,7 @@ an occurrence is.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from pnfarm.errors import InternalError
 from pnfarm.vocabulary.durations import read_duration
@@ -38,11 +38,16 @@ __all__ = [
     "WORD",
     "InjectionKind",
     "KindOnBus",
+    "Misfits",
     "ParamSpec",
+    "by_values",
     "words_of",
 ]
 
 ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault", "octets", "mac"]
+
+#: Fields that contradict each other, with what is wrong.
+Misfits: TypeAlias = "Iterable[tuple[str, Problem]]"
 
 #: Common fields of kinds that act on frames, on one occurrence after the other, or that last until they end.
 FRAMES = frozenset({"probability", "seed", "count", "for", "cycles"})
@@ -194,9 +199,18 @@ class KindOnBus:
         return {"params": list(self.params), "wire": self.wire, "reports": self.reports, "refused": self.refused}
 
 
-def _no_misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
-    del spec
-    return ()
+def by_values(check: Callable[[dict[str, Any]], Misfits]) -> Callable[[InjectionFields], Misfits]:
+    """A kind's ``misfits`` that looks at the values of the parameters, where each is right by itself."""
+
+    def misfits(spec: InjectionFields) -> Misfits:
+        try:
+            values = spec.values()
+        except Problem:
+            # the parameter's own error is already reported
+            return ()
+        return check(values)
+
+    return misfits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -221,7 +235,7 @@ class InjectionKind:
     preset: Mapping[str, Any] = field(default_factory=dict)
     wire: str = ""
     reports: str = ""
-    misfits: Callable[[InjectionFields], Iterable[tuple[str, Problem]]] = _no_misfits
+    misfits: Callable[[InjectionFields], Misfits] = lambda _: ()
     place: int = 1000
     on: Mapping[str, KindOnBus] = field(default_factory=dict)
 

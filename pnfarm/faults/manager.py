@@ -337,7 +337,8 @@ class InjectionManager:
             if window is not None:
                 run.stop_ns = window.stop_ns
                 run.busy = True
-                run.effect.begin(window, now)
+                run.effect.window = window
+                run.effect.begin(now)
                 run.busy = False
                 self._transit(injection, run, RunEvent.DUE, now)
         elif run.state is RunState.ACTIVE:

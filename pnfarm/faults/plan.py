@@ -30,7 +30,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shown
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from pnfarm.faults.kind import InjectionKind
+    from pnfarm.faults.kind import InjectionKind, Misfits
     from pnfarm.wire.direction import Direction
 
 __all__ = ["InjectionSpec", "matching"]
@@ -161,7 +161,7 @@ class InjectionSpec(FaultFields):
                 return ("out", "in")
 
 
-def _misfits(spec: InjectionSpec) -> Iterable[tuple[str, Problem]]:
+def _misfits(spec: InjectionSpec) -> Misfits:
     kind = spec.kind
     for name, value in spec.params.items():
         known = kind.params.get(name)

@@ -17,7 +17,8 @@ from pnfarm.farm.wait import NotInTime
 from pnfarm.library.arguments import duration_ns
 from pnfarm.library.drive import Drive
 from pnfarm.library.events import FarmEvent
-from pnfarm.library.fault import FaultHandle
+from pnfarm.library.face import FarmFace, first_drives
+from pnfarm.library.fault import Bound, FaultHandle, FaultView
 from pnfarm.library.metrics import Metrics
 from pnfarm.library.remote import RemoteFarm
 from pnfarm.library.result import ScenarioResult
@@ -28,13 +29,11 @@ from pnfarm.scenario.definition.file import load_scenario
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable, Mapping, Sequence
     from pathlib import Path
-    from types import TracebackType
 
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.farm.shard import Shard
-    from pnfarm.faults.effects.evidence import Evidence
     from pnfarm.faults.manager import Injection, InjectionManager
     from pnfarm.library.runner import FarmRunner
     from pnfarm.trace import Recording
@@ -45,7 +44,7 @@ __all__ = ["Farm"]
 EVENT_STRETCH_NS = 3_600_000_000_000
 
 
-class Farm:
+class Farm(FarmFace[Drive]):
     """``async with`` starts it and stops it, also after an exception or a cancellation.
 
     On a link with interfaces the controller is the one on the wire: a PLC, or :class:`pnfarm.Plc` beside it.  On a
@@ -56,11 +55,11 @@ class Farm:
     """
 
     def __init__(self, config: FarmConfig, *, virtual: bool = False, shard: Shard | None = None) -> None:
+        super().__init__()
         self.config = config
         self.is_virtual = virtual
         self._passing: FarmRunner = VirtualTimeRunner(config, shard) if virtual else RealTimeRunner(config, shard)
         self._began_ns = 0
-        self._drives: dict[str, Drive] = {}
 
     @classmethod
     def from_file(cls, path: str | Path, *, virtual: bool = False, shard: str | None = None, **overrides: Any) -> Self:
@@ -95,21 +94,7 @@ class Farm:
         with anyio.CancelScope(shield=True):
             await self._passing.close()
 
-    async def __aenter__(self) -> Self:
-        await self.open()
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.close()
-
     # -- drives and time
-
-    @property
-    def drives(self) -> list[Drive]:
-        """Every drive, in the file's order; empty while the farm does not run."""
-        return list(self._drives.values())
 
     def drive(self, name: str) -> Drive:
         """A drive by its name in the file, or the one that DCP gave it.  Raises :class:`ConfigError`."""
@@ -128,19 +113,8 @@ class Farm:
         """Until ``holds()`` is true, looked at each millisecond; how long it took, s.  Raises :class:`NotInTime`."""
         within_ns, began = duration_ns(within, "within"), self._passing.now()
         if not await self._passing.wait(lambda: bool(holds()), within_ns):
-            shown = "; ".join(map(repr, self.drives[:8])) + (" ..." if len(self.drives) > 8 else "")
-            raise NotInTime(f"{what} did not hold within {within_ns / 1e9:g} s: {shown}")
+            raise NotInTime(f"{what} did not hold within {within_ns / 1e9:g} s: {first_drives(self.drives)}")
         return (self._passing.now() - began) / 1e9
-
-    async def wait_connected(self, within: float | str = 20.0) -> float:
-        """Until every drive exchanges data with its controller."""
-        return await self.wait_until(lambda: all(d.connected for d in self.drives), within, what="every connection")
-
-    async def wait_running(self, within: float | str = 20.0) -> float:
-        """Until every drive is in operation (S4)."""
-        return await self.wait_until(
-            lambda: all(d.state == "S4" for d in self.drives), within, what="operation (S4) of every drive"
-        )
 
     # -- faults, traces, scenarios
 
@@ -234,38 +208,19 @@ class Farm:
         return f"<Farm {self.config.farm or 'farm'}: {'; '.join(map(repr, self.drives[:8])) or 'not running'}>"
 
 
-class _LocalFault:
+class _LocalFault(Bound):
     def __init__(self, passing: FarmRunner, injection: Injection) -> None:
         self._passing = passing
         self._injection = injection
 
     @property
-    def id(self) -> str:
-        return self._injection.id
-
-    @property
-    def kind(self) -> str:
-        return self._injection.spec.kind.name
-
-    @property
-    def drives(self) -> tuple[str, ...]:
-        return self._injection.drives
-
-    @property
-    def state(self) -> str:
-        return self._injection.state.value
-
-    @property
-    def evidence(self) -> Evidence:
-        return self._injection.evidence()
+    def view(self) -> FaultView:
+        return FaultView.of(self._injection)
 
     async def clear(self) -> None:
-        if self.state != "ended":
-            self._passing.core.injections.clear(self.id, self._passing.now())
+        if self.view.state != "ended":
+            self._passing.core.injections.clear(self._injection.id, self._passing.now())
             self._passing.poke()
-
-    async def refresh(self) -> None:
-        pass
 
 
 class _Trace(FarmTrace):

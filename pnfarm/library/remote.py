@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import anyio
 from prometheus_client.parser import text_string_to_metric_families
@@ -24,8 +24,10 @@ from pnfarm.farm.wait import NotInTime
 from pnfarm.faults.effects.evidence import Evidence
 from pnfarm.library.arguments import duration_ns
 from pnfarm.library.events import FarmEvent
-from pnfarm.library.fault import FaultHandle
+from pnfarm.library.face import FarmFace, first_drives
+from pnfarm.library.fault import Bound, FaultHandle, FaultView
 from pnfarm.library.metrics import Metrics
+from pnfarm.library.reading import Reading
 from pnfarm.library.result import ScenarioResult
 from pnfarm.table.signals import STW1, ZSW1
 from pnfarm.terminal.client import FarmClient
@@ -35,21 +37,21 @@ from pnfarm.vocabulary.yaml_lines import MAX_OCTETS
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable, Mapping, Sequence
-    from types import TracebackType
 
 __all__ = ["RemoteDrive", "RemoteFarm"]
 
+_T = TypeVar("_T")
 #: Between two questions of a wait.
 ASK_SECONDS = 0.02
 
 
-class RemoteFarm:
+class RemoteFarm(FarmFace["RemoteDrive"]):
     """``async with`` connects; at its end the faults that were injected here, and are still in force, are cleared."""
 
     def __init__(self, url: str, *, token: str | None = None) -> None:
+        super().__init__()
         self.url = url
         self._client = FarmClient(url, token)
-        self._drives: dict[str, RemoteDrive] = {}
         self._faults: dict[str, _RemoteFault] = {}
 
     async def ask(self, method: Callable[..., Any], *path: str, **options: Any) -> Any:
@@ -81,15 +83,6 @@ class RemoteFarm:
                 with self._client:
                     self._faults.clear()
 
-    async def __aenter__(self) -> Self:
-        await self.open()
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        await self.close()
-
     # -- drives and time
 
     async def refresh(self) -> Self:
@@ -98,11 +91,6 @@ class RemoteFarm:
         for view in found["drives"]:
             self._drives.setdefault(view["name"], RemoteDrive(self, view)).view = view
         return self
-
-    @property
-    def drives(self) -> list[RemoteDrive]:
-        """Every drive, in the farm's order; empty before it is connected."""
-        return list(self._drives.values())
 
     def drive(self, name: str) -> RemoteDrive:
         """A drive by its name in the farm file.  Raises :class:`ConfigError`."""
@@ -125,19 +113,8 @@ class RemoteFarm:
             if holds():
                 return took
             if took * 1e9 >= within_ns:
-                shown = "; ".join(map(repr, self.drives[:8])) + (" ..." if len(self.drives) > 8 else "")
-                raise NotInTime(f"{what} did not hold within {within_ns / 1e9:g} s: {shown}")
+                raise NotInTime(f"{what} did not hold within {within_ns / 1e9:g} s: {first_drives(self.drives)}")
             await anyio.sleep(ASK_SECONDS)
-
-    async def wait_connected(self, within: float | str = 20.0) -> float:
-        """Until every drive exchanges data with its controller."""
-        return await self.wait_until(lambda: all(d.connected for d in self.drives), within, what="every connection")
-
-    async def wait_running(self, within: float | str = 20.0) -> float:
-        """Until every drive is in operation (S4)."""
-        return await self.wait_until(
-            lambda: all(d.state == "S4" for d in self.drives), within, what="operation (S4) of every drive"
-        )
 
     # -- faults and scenarios
 
@@ -147,7 +124,7 @@ class RemoteFarm:
         async def begin() -> _RemoteFault:
             body = fields_of(kind, on, options)
             found = _RemoteFault(self, await self.ask(self._client.post, "faults", body=body))
-            self._faults[found.id] = found
+            self._faults[found.view.id] = found
             return found
 
         return FaultHandle(begin)
@@ -224,27 +201,24 @@ class RemoteDrive:
         self.view = await self._farm.ask(self._farm.client.get, "drives", self.name)
         return self
 
-    @property
-    def name(self) -> str:
-        return str(self.view["name"])
+    def read(self, reading: Callable[[Mapping[str, Any]], _T]) -> _T:
+        """A reading of the last view."""
+        return reading(self.view)
 
-    @property
-    def model(self) -> str:
-        return str(self.view["model"])
+    name = Reading(lambda view: str(view["name"]))
+    model = Reading(lambda view: str(view["model"]))
+    state = Reading(lambda view: str(view["state"]))
+    connected = Reading(lambda view: bool(view["connected"]))
+    setpoint = Reading(lambda view: float(view["setpoint_rpm"]))
+    velocity = Reading(lambda view: float(view["velocity_rpm"]))
+    position = Reading(lambda view: float(view["position_revolutions"]))
+    current = Reading(lambda view: float(view["current_amperes"]))
+    torque = Reading(lambda view: float(view["torque_newton_metres"]))
+    following_error = Reading(lambda view: float(view["following_error_revolutions"]))
 
     def snapshot(self) -> dict[str, Any]:
         """Everything at once."""
         return dict(self.view)
-
-    @property
-    def state(self) -> str:
-        """``S1`` to ``S5``, ``boot``, or ``off``."""
-        return str(self.view["state"])
-
-    @property
-    def connected(self) -> bool:
-        """Whether a controller exchanges data with it."""
-        return bool(self.view["connected"])
 
     @property
     def faults(self) -> list[FaultReading]:
@@ -276,36 +250,6 @@ class RemoteDrive:
     def zsw1(self) -> Word:
         """The status word, with its bits by name."""
         return self._word("ZSW1", ZSW1, ZSW1_BITS)
-
-    @property
-    def setpoint(self) -> float:
-        """Speed set point, rpm."""
-        return float(self.view["setpoint_rpm"])
-
-    @property
-    def velocity(self) -> float:
-        """The motor's speed, rpm."""
-        return float(self.view["velocity_rpm"])
-
-    @property
-    def position(self) -> float:
-        """From the home position, revolutions."""
-        return float(self.view["position_revolutions"])
-
-    @property
-    def current(self) -> float:
-        """The motor's current, A."""
-        return float(self.view["current_amperes"])
-
-    @property
-    def torque(self) -> float:
-        """The motor's torque, N m."""
-        return float(self.view["torque_newton_metres"])
-
-    @property
-    def following_error(self) -> float:
-        """Revolutions."""
-        return float(self.view["following_error_revolutions"])
 
     def fault(self, kind: str, **options: Any) -> FaultHandle:
         """As :meth:`pnfarm.library.Drive.fault`."""
@@ -348,39 +292,24 @@ class RemoteDrive:
         return f"<RemoteDrive {self.name} {self.state}, {link}{fault}, {self.velocity:.1f} rpm, STW1 {self.stw1!r}>"
 
 
-class _RemoteFault:
+class _RemoteFault(Bound):
     def __init__(self, farm: RemoteFarm, found: Mapping[str, Any]) -> None:
         self._farm = farm
         self._found = found
 
     @property
-    def id(self) -> str:
-        return str(self._found["id"])
-
-    @property
-    def kind(self) -> str:
-        return str(self._found["kind"])
-
-    @property
-    def drives(self) -> tuple[str, ...]:
-        return tuple(self._found["drives"])
-
-    @property
-    def state(self) -> str:
-        return str(self._found["state"])
-
-    @property
-    def evidence(self) -> Evidence:
-        seen = self._found["evidence"]
+    def view(self) -> FaultView:
+        found, seen = self._found, self._found["evidence"]
         contradicted = seen["reason"] if seen["confirmation"] == "contradicted" else ""
         first, last = (None if s is None else round(s * 1e9) for s in (seen["first_seconds"], seen["last_seconds"]))
-        return Evidence(seen["checks"], seen["activations"], first, last, seen["confirmed"], contradicted)
+        evidence = Evidence(seen["checks"], seen["activations"], first, last, seen["confirmed"], contradicted)
+        return FaultView(found["id"], found["kind"], tuple(found["drives"]), found["state"], evidence)
 
     async def refresh(self) -> None:
-        self._found = await self._farm.ask(self._farm.client.get, "faults", self.id)
+        self._found = await self._farm.ask(self._farm.client.get, "faults", self._found["id"])
 
     async def clear(self) -> None:
         await self.refresh()
-        if self.state != "ended":
-            self._found = await self._farm.ask(self._farm.client.delete, "faults", self.id)
-        self._farm.forget(self.id)
+        if self.view.state != "ended":
+            self._found = await self._farm.ask(self._farm.client.delete, "faults", self._found["id"])
+        self._farm.forget(self._found["id"])

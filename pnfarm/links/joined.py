@@ -7,30 +7,23 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
 from pnfarm.links.serial.link import SerialLink
+from pnfarm.links.wrapper import LinkWrapper
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
-    from pnfarm.links.base import Link, LinkCounters, Port, PortSpec, Receiver
+    from pnfarm.links.base import Link, Port, PortSpec, Receiver
 
 __all__ = ["JoinedLink", "lines_of"]
 
 
-class JoinedLink:
+class JoinedLink(LinkWrapper):
     """``inner`` for stations with interfaces; ``lines`` by the name of the line that a port is asked for."""
 
     def __init__(self, inner: Link, lines: Mapping[str, SerialLink]) -> None:
-        self.inner = inner
+        super().__init__(inner)
         self.lines = dict(lines)
         self._on_line: dict[int, SerialLink] = {}
-
-    @property
-    def kind(self) -> str:
-        return self.inner.kind
-
-    @property
-    def counters(self) -> LinkCounters:
-        return self.inner.counters
 
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         missing = sorted({spec.line for spec in wanted} - self.lines.keys() - {""})

@@ -47,6 +47,16 @@ SHOWN_INTERVALS_NS = (
 _STARTS = (0, *(INTERVAL_EDGES_NS.index(edge) + 1 for edge in SHOWN_INTERVALS_NS))
 #: A model with more faults than this has the series of each from its first occurrence on.
 MOST_FAULTS = 24
+#: What the open consumers of a drive, and the closed ones, count: the column's shape in each row.
+_OF_CONSUMERS: dict[str, tuple[int, ...]] = {
+    "received": (),
+    "intervals": (INTERVAL_BUCKETS,),
+    "interval_sum_ns": (),
+    "jitters": (JITTER_BUCKETS,),
+    "jitter_sum_ns": (),
+    "missed": (),
+    "discarded": (len(DISCARDS),),
+}
 #: Values of the label ``cause`` (:data:`pnfarm.station.lateness.Cause`).
 CAUSES = ("controller", "farm")
 
@@ -133,27 +143,25 @@ class FarmCollector(Collector):
         shard = self._core.shard
         index, count = (1, 1) if shard is None else (shard.index, shard.count)
         self._shard.add(self._core.name, str(index), str(count))
-        self._memory_up = Family(
-            "pnfarm_memory_up", "gauge", "Whether the drives' non-volatile memory can be written, as far as is known."
-        )
-        self._memory_losses = Family(
-            "pnfarm_memory_losses_total", "counter", "Times that the database of the drives' memory was lost."
-        )
-        self._memory_refused = Family(
-            "pnfarm_memory_saves_refused_total",
-            "counter",
-            "Saves that the database of the drives' memory did not take.",
-        )
-        self._lease_held = Family(
-            "pnfarm_lease_held", "gauge", "Whether the drives may speak: 1 also without a lease, 0 while they are mute."
-        )
-        self._lease_renewed = Family(
-            "pnfarm_lease_renewed_seconds_ago", "gauge", "Since the newest renewal of the lease, 0 without a lease."
-        )
-        for family in (
-            self._memory_up, self._memory_losses, self._memory_refused, self._lease_held, self._lease_renewed,
-        ):  # fmt: skip
-            family.add()
+        #: The memory's database and the lease, as :meth:`_standing` has their values.
+        self._of_standing = [
+            Family(f"pnfarm_{name}", kind, documentation)
+            for name, kind, documentation in (
+                ("memory_up", "gauge", "Whether the drives' non-volatile memory can be written, as far as is known."),
+                ("memory_losses_total", "counter", "Times that the database of the drives' memory was lost."),
+                (
+                    "memory_saves_refused_total",
+                    "counter",
+                    "Saves that the database of the drives' memory did not take.",
+                ),
+                (
+                    "lease_held",
+                    "gauge",
+                    "Whether the drives may speak: 1 also without a lease, 0 while they are mute.",
+                ),
+                ("lease_renewed_seconds_ago", "gauge", "Since the newest renewal of the lease, 0 without a lease."),
+            )
+        ]
         self._info = Family(
             "pnfarm_drive_info",
             "gauge",
@@ -346,13 +354,8 @@ class FarmCollector(Collector):
             state = holder.state
             up, losses, refused = float(state.ready), float(state.standing.losses), float(state.standing.refused)
             held, renewed = float(state.may_speak()), state.renewed_seconds_ago() or 0.0
-        return [
-            (self._memory_up, [up]),
-            (self._memory_losses, [losses]),
-            (self._memory_refused, [refused]),
-            (self._lease_held, [held]),
-            (self._lease_renewed, [renewed]),
-        ]
+        values = (up, losses, refused, held, renewed)
+        return [(family, [value]) for family, value in zip(self._of_standing, values, strict=True)]
 
     @staticmethod
     def _labelled(family: Family, counts: Counts) -> list[float]:
@@ -421,49 +424,32 @@ class FarmCollector(Collector):
         count = len(stations)
         columns = self._core.columns
         engine = columns.engine[0]
-        intervals: Any = np.zeros((count, INTERVAL_BUCKETS), np.int64)
-        interval_sums: Any = np.zeros(count, np.int64)
-        jitters: Any = np.zeros((count, JITTER_BUCKETS), np.int64)
-        jitter_sums: Any = np.zeros(count, np.int64)
-        missed: Any = np.zeros(count, np.int64)
-        discarded: Any = np.zeros((count, len(DISCARDS)), np.int64)
-        sent: Any = np.zeros(count, np.int64)
-        received: Any = np.zeros(count, np.int64)
+        sums: dict[str, Any] = {
+            name: np.zeros((count, *shape), np.int64) for name, shape in {**_OF_CONSUMERS, "sent": ()}.items()
+        }
         for station in stations:
-            closed, index = station.device.closed, station.index
-            sent[index] = closed.sent
-            received[index] = closed.received
-            intervals[index] = closed.intervals
-            interval_sums[index] = closed.interval_sum_ns
-            jitters[index] = closed.jitters
-            jitter_sums[index] = closed.jitter_sum_ns
-            missed[index] = closed.missed
-            discarded[index] = closed.discarded
+            for name, numbers in sums.items():
+                numbers[station.index] = getattr(station.device.closed, name)
         providers = columns.ppm[: int(engine.ppm_rows)]
         live = providers["active"] != 0
-        np.add.at(sent, providers["image"][live], providers["sent"][live])
+        np.add.at(sums["sent"], providers["image"][live], providers["sent"][live])
         consumers = columns.cpm[: int(engine.cpm_rows)]
         live = consumers["active"] != 0
-        drive = consumers["image"][live]
-        np.add.at(received, drive, consumers["received"][live])
-        np.add.at(intervals, drive, consumers["intervals"][live])
-        np.add.at(interval_sums, drive, consumers["interval_sum_ns"][live])
-        np.add.at(jitters, drive, consumers["jitters"][live])
-        np.add.at(jitter_sums, drive, consumers["jitter_sum_ns"][live])
-        np.add.at(missed, drive, consumers["missed"][live])
-        np.add.at(discarded, drive, consumers["discarded"][live])
+        for name in _OF_CONSUMERS:
+            np.add.at(sums[name], consumers["image"][live], consumers[name][live])
+        intervals = np.add.reduceat(sums["intervals"], _STARTS, axis=1)
         by_reason: Counts = {}
-        for station, cyclic in zip(stations, discarded.tolist(), strict=True):
+        for station, cyclic in zip(stations, sums["discarded"].tolist(), strict=True):
             name = station.configured_name
             for reason, dropped in station.device.discards().items():
                 by_reason[name, reason] = dropped
             for reason, dropped in zip(DISCARDS, cyclic, strict=True):
                 by_reason[name, reason] = by_reason.get((name, reason), 0) + dropped
         return [
-            (self._received, received.tolist()),
-            (self._sent, sent.tolist()),
+            (self._received, sums["received"].tolist()),
+            (self._sent, sums["sent"].tolist()),
             (self._discarded, self._labelled(self._discarded, by_reason)),
-            (self._interval, self._interval.values(np.add.reduceat(intervals, _STARTS, axis=1), interval_sums)),
-            (self._jitter, self._jitter.values(jitters, jitter_sums)),
-            (self._missed, missed.tolist()),
+            (self._interval, self._interval.values(intervals, sums["interval_sum_ns"])),
+            (self._jitter, self._jitter.values(sums["jitters"], sums["jitter_sum_ns"])),
+            (self._missed, sums["missed"].tolist()),
         ]

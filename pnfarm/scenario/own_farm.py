@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.scenario.definition.binding import Binding
-    from pnfarm.scenario.run import FarmRunner, Tell
+    from pnfarm.scenario.run import EachLook, Tell
 
 __all__ = ["Outcome", "run_started"]
 
@@ -46,7 +46,7 @@ async def run_started(
     config: FarmConfig,
     tell: Tell | None = None,
     capture: CaptureSettings | None = None,
-    passing: FarmRunner | None = None,
+    passing: EachLook | None = None,
     *,
     traced: bool = False,
     before: Callable[[], Awaitable[None]] | None = None,

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.farm.core import FarmCore
-    from pnfarm.scenario.run import FarmRunner, ScenarioRun
+    from pnfarm.scenario.run import EachLook, ScenarioRun
 
 __all__ = ["carry_out"]
 
@@ -26,7 +26,7 @@ async def carry_out(
     poke: Callable[[], None],
     now: Callable[[], int] = time.monotonic_ns,
     *,
-    passing: FarmRunner | None = None,
+    passing: EachLook | None = None,
 ) -> None:
     """Until the scenario has ended; cancelled from outside, it ends at once, with its faults cleared.
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pnfarm.scenario.measures import Reading
     from pnfarm.station.event_log import LogEntry
 
-__all__ = ["LOOK_NS", "FarmRunner", "ScenarioRun", "Tell"]
+__all__ = ["LOOK_NS", "EachLook", "ScenarioRun", "Tell"]
 
 #: Time between two looks at signals whose changes are no events.
 LOOK_NS = 1_000_000
@@ -42,7 +42,7 @@ LOOK_NS = 1_000_000
 MOST_MEASURED = 3
 
 #: Called with the run and the time while it waits; a text that it returns ends the run, and says why.
-FarmRunner = Callable[["ScenarioRun", int], str]
+EachLook = Callable[["ScenarioRun", int], str]
 
 
 class ScenarioRun(Flow):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.farm.virtual import VirtualWorld
     from pnfarm.links.capture.files import BlockSink
     from pnfarm.scenario.definition.binding import Binding
-    from pnfarm.scenario.run import FarmRunner, Tell
+    from pnfarm.scenario.run import EachLook, Tell
 
 __all__ = ["carry_on", "carry_out_virtually", "run_virtual"]
 
@@ -39,14 +39,14 @@ async def _line(config: FarmConfig, log: EventLog, frames: BlockSink | None) -> 
         await line.close()
 
 
-async def carry_out_virtually(run: ScenarioRun, world: VirtualWorld, passing: FarmRunner | None = None) -> None:
+async def carry_out_virtually(run: ScenarioRun, world: VirtualWorld, passing: EachLook | None = None) -> None:
     """Until the scenario has ended; other tasks of the event loop have their turn at least every STRETCH_NS."""
     while not run.finished:
         carry_on(run, world, STRETCH_NS, passing)
         await anyio.lowlevel.checkpoint()
 
 
-def carry_on(run: ScenarioRun, world: VirtualWorld, stretch_ns: int, passing: FarmRunner | None = None) -> None:
+def carry_on(run: ScenarioRun, world: VirtualWorld, stretch_ns: int, passing: EachLook | None = None) -> None:
     """Let the time to the scenario's next step pass, at most ``stretch_ns``."""
     due = min(run.advance(world.now), world.now + stretch_ns)
 
@@ -68,7 +68,7 @@ async def run_virtual(
     *,
     tell: Tell | None = None,
     frames: BlockSink | None = None,
-    passing: FarmRunner | None = None,
+    passing: EachLook | None = None,
     traced: bool = False,
 ) -> tuple[dict[str, Any], int]:
     """The record of the run, and the world's time at its start (ns), as a capture stamps frames.

@@ -17,11 +17,11 @@ from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.wait import NotInTime
 from pnfarm.station.event_log import EventLog
 from pnfarm.testing.drive import Drive
+from pnfarm.testing.face import BlockingFace
 from pnfarm.testing.fault import Fault
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Mapping
-    from types import TracebackType
 
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.farm.core import FarmCore
@@ -38,7 +38,7 @@ _IN_MEMORY = "(in memory)"
 RIGHT = {"kind": "constant", "speed_rpm": 60, "acknowledge_after": "200ms"}
 
 
-class Line:
+class Line(BlockingFace[Drive]):
     """Drives by name, or a farm file (:meth:`from_file`, :meth:`from_text`); use it in a ``with`` statement.
 
     ``options`` are keys of every drive (``telegram=111``, ``load={"inertia": 1e-4}``).  ``cycle`` is the controller's;
@@ -161,9 +161,6 @@ class Line:
             raise ConfigError(f"the line has no drive {name!r}; it has {', '.join(self._drives)}")
         return self._drives[name]
 
-    def __getitem__(self, name: str) -> Drive:
-        return self.drive(name)
-
     # -- faults
 
     def inject(self, kind: str, on: str | list[str] = "all", **options: Any) -> Fault:
@@ -232,14 +229,6 @@ class Line:
     def _drives_in_words(self) -> str:
         shown = "; ".join(map(repr, self.drives[:8]))
         return shown + (f" and {len(self.drives) - 8} more" if len(self.drives) > 8 else "")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         return f"<Line t = {self.now:.3f} s: {self._drives_in_words()}>"

@@ -9,29 +9,32 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.errors import ConfigError
 from pnfarm.farm.wait import NotInTime
 from pnfarm.library import Farm, RemoteFarm
 from pnfarm.library.arguments import duration_ns
+from pnfarm.library.reading import Reading
+from pnfarm.testing.face import BlockingFace
+from pnfarm.testing.fault import BlockingFault
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Mapping, Sequence
     from pathlib import Path
-    from types import TracebackType
 
     from pnfarm.drives.telegrams.signal_view import Word
     from pnfarm.farm.views.readings import FaultReading
-    from pnfarm.faults.effects.evidence import Evidence
     from pnfarm.library import Drive, FarmEvent, FaultHandle, Metrics, RemoteDrive, ScenarioResult
+    from pnfarm.library.fault import FaultView
 
 __all__ = ["Rig", "RigDrive", "RigFault"]
 
 _T = TypeVar("_T")
 
 
-class Rig:
+class Rig(BlockingFace["RigDrive"]):
     """``where``: a farm file, or the URL of a running farm's API.  Use it in a ``with`` statement.
 
     Raises the errors of :mod:`pnfarm.errors`.
@@ -74,15 +77,6 @@ class Rig:
             loop.run_until_complete(loop.shutdown_default_executor())
             loop.close()
 
-    def __enter__(self) -> Self:
-        self.open()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def call(self, work: Coroutine[Any, Any, _T]) -> _T:
         """Carry out a coroutine of :attr:`farm` in the rig's thread; Ctrl-C cancels it."""
         if self._loop is None:
@@ -110,9 +104,6 @@ class Rig:
     def drive(self, name: str) -> RigDrive:
         """A drive by its name.  Raises :class:`ConfigError`."""
         return RigDrive(self, self._farm.drive(name))
-
-    def __getitem__(self, name: str) -> RigDrive:
-        return self.drive(name)
 
     def run(self, seconds: float) -> None:
         """Let time pass."""
@@ -173,7 +164,7 @@ async def _begun(handle: FaultHandle) -> FaultHandle:
     return await handle
 
 
-class RigFault:
+class RigFault(BlockingFault):
     """An injection in force: a context manager that ends it, with its evidence."""
 
     def __init__(self, rig: Rig, handle: FaultHandle) -> None:
@@ -181,43 +172,15 @@ class RigFault:
         self._handle = handle
 
     @property
-    def id(self) -> str:
-        return self._handle.id
+    def _known(self) -> FaultView:
+        return self._handle.view
 
-    @property
-    def kind(self) -> str:
-        return self._handle.kind
-
-    @property
-    def drives(self) -> tuple[str, ...]:
-        """Names of the drives that it is on."""
-        return self._handle.drives
-
-    @property
-    def state(self) -> str:
-        """``waiting``, ``active`` or ``ended``."""
-        return self._rig.call(self._handle.refresh()).state
-
-    @property
-    def is_active(self) -> bool:
-        return self.state == "active"
-
-    @property
-    def evidence(self) -> Evidence:
-        """What happened so far: ``checks``, ``activations``, ``first_ns``, ``last_ns``, ``confirmed``."""
-        return self._rig.call(self._handle.refresh()).evidence
+    def _look(self) -> FaultView:
+        return self._rig.call(self._handle.refresh()).view
 
     def clear(self) -> None:
         """End it; does nothing if it has ended."""
         self._rig.call(self._handle.clear())
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, exc: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.clear()
 
     def __repr__(self) -> str:
         return repr(self._handle)
@@ -230,7 +193,9 @@ class RigDrive:
         self._rig = rig
         self._drive = drive
 
-    def _read(self, reading: Callable[[Drive | RemoteDrive], _T]) -> _T:
+    def read(self, reading: Callable[[Drive | RemoteDrive], _T]) -> _T:
+        """A reading of the drive as it is now."""
+
         async def read() -> _T:
             # in the rig's thread, where the farm changes
             return reading(await self._drive.refresh())
@@ -247,76 +212,23 @@ class RigDrive:
 
     def snapshot(self) -> Mapping[str, Any]:
         """Everything at once, as ``GET drives/{name}`` gives it."""
-        return self._read(lambda drive: drive.snapshot())
+        return self.read(lambda drive: drive.snapshot())
 
-    @property
-    def state(self) -> str:
-        """``S1`` to ``S5``, ``boot``, or ``off``."""
-        return self._read(lambda drive: drive.state)
-
-    @property
-    def connected(self) -> bool:
-        """Whether a controller exchanges data with it."""
-        return self._read(lambda drive: drive.connected)
-
-    @property
-    def faults(self) -> list[FaultReading]:
-        """The active ones, the first one first."""
-        return self._read(lambda drive: drive.faults)
-
-    @property
-    def fault(self) -> FaultReading | None:
-        """The active one; None without.  Equals its number (702, ``"32-1"``), code or name."""
-        return self._read(lambda drive: drive.active_fault)
-
-    @property
-    def last_fault(self) -> FaultReading | None:
-        """The active one, or the one that was acknowledged last."""
-        return self._read(lambda drive: drive.last_fault)
-
-    @property
-    def warning(self) -> FaultReading | None:
-        return self._read(lambda drive: drive.warning)
-
-    @property
-    def stw1(self) -> Word:
-        """The control word that the drive obeys, with its bits by name."""
-        return self._read(lambda drive: drive.stw1)
-
-    @property
-    def zsw1(self) -> Word:
-        """The status word, with its bits by name."""
-        return self._read(lambda drive: drive.zsw1)
-
-    @property
-    def setpoint(self) -> float:
-        """Speed set point, rpm."""
-        return self._read(lambda drive: drive.setpoint)
-
-    @property
-    def velocity(self) -> float:
-        """The motor's speed, rpm."""
-        return self._read(lambda drive: drive.velocity)
-
-    @property
-    def position(self) -> float:
-        """From the home position, revolutions."""
-        return self._read(lambda drive: drive.position)
-
-    @property
-    def current(self) -> float:
-        """The motor's current, A."""
-        return self._read(lambda drive: drive.current)
-
-    @property
-    def torque(self) -> float:
-        """The motor's torque, N m."""
-        return self._read(lambda drive: drive.torque)
-
-    @property
-    def following_error(self) -> float:
-        """Revolutions."""
-        return self._read(lambda drive: drive.following_error)
+    state: Reading[str] = Reading(attrgetter("state"))
+    connected: Reading[bool] = Reading(attrgetter("connected"))
+    faults: Reading[list[FaultReading]] = Reading(attrgetter("faults"))
+    #: Equals its number (702, ``"32-1"``), code or name.
+    fault: Reading[FaultReading | None] = Reading(attrgetter("active_fault"))
+    last_fault: Reading[FaultReading | None] = Reading(attrgetter("last_fault"))
+    warning: Reading[FaultReading | None] = Reading(attrgetter("warning"))
+    stw1: Reading[Word] = Reading(attrgetter("stw1"))
+    zsw1: Reading[Word] = Reading(attrgetter("zsw1"))
+    setpoint: Reading[float] = Reading(attrgetter("setpoint"))
+    velocity: Reading[float] = Reading(attrgetter("velocity"))
+    position: Reading[float] = Reading(attrgetter("position"))
+    current: Reading[float] = Reading(attrgetter("current"))
+    torque: Reading[float] = Reading(attrgetter("torque"))
+    following_error: Reading[float] = Reading(attrgetter("following_error"))
 
     def wait_for(self, condition: str, within: float | str) -> float:
         """Until a condition holds, as scenarios write it; what lasted only a moment counts.  How long it took, s."""

@@ -7,6 +7,7 @@ ends after its ``keep`` time, so that a client that is gone leaves nothing behin
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +30,7 @@ from pnfarm.vocabulary.globs import means
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from pnfarm.engine.columns import Columns
     from pnfarm.station.axis import Axis
@@ -340,10 +341,8 @@ class TraceManager:
         }
         for station in stations:
             wanted = [name for name in request.signals if name not in elsewhere or chooses_any(station, name)]
-            try:
+            with _error_of("signals"):
                 signals = choose_signals(station, wanted)
-            except ConfigError as exc:
-                raise TraceError([("signals", str(exc), "")]) from exc
             for signal in signals:
                 key = (station.index, signal.place)
                 if key not in numbers:
@@ -378,10 +377,8 @@ class TraceManager:
         places: list[tuple[Axis, Place]] = []
         levels: set[float] = set()
         for station in watched:
-            try:
+            with _error_of("trigger"):
                 (signal,) = choose_signals(station, [trigger.signal])
-            except ConfigError as exc:
-                raise TraceError([("trigger", str(exc), "")]) from exc
             levels.add(_level(trigger, signal, station))
             places.append((station, _bit_place(signal)))
         if len(levels) > 1:
@@ -395,10 +392,8 @@ class TraceManager:
             return None
         numbers: set[int] = set()
         for station in stations:
-            try:
+            with _error_of("trigger"):
                 numbers.add(station.model.fault(trigger.argument).number)
-            except ConfigError as exc:
-                raise TraceError([("trigger", str(exc), "")]) from exc
         if len(numbers) > 1:
             what = f"{shown(trigger.text)} is not the same fault on all drives"
             raise TraceError([("trigger", what, "drives of one model, or `on DRIVE`")])
@@ -514,6 +509,15 @@ class TraceManager:
                 row.fire_ns = max(entry.now_ns, int(row.started_ns))
 
 
+@contextmanager
+def _error_of(field: str) -> Iterator[None]:
+    """What a drive cannot is wrong with this field of the request."""
+    try:
+        yield
+    except ConfigError as exc:
+        raise TraceError([(field, str(exc), "")]) from exc
+
+
 def _matches(trigger: EventTrigger, number: int | None, what: Any) -> bool:
     if trigger.event not in EVENTS or not isinstance(what, EVENTS[trigger.event]):
         return False
@@ -545,10 +549,8 @@ def _level(trigger: SignalTrigger, signal: TraceSignal, station: Axis) -> float:
         number = read_number(trigger.level)
         if number is not None:
             return number
-        try:
+        with _error_of("trigger"):
             return float(station.model.fault(trigger.level).number)
-        except ConfigError as exc:
-            raise TraceError([("trigger", str(exc), "")]) from exc
     if (code := code_of(signal.form, trigger.level)) is not None:
         return float(code)
     value = read_number(trigger.level)

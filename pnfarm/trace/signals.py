@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.description.parts import fault_label
 from pnfarm.drives.telegrams.word_bits import STW1_BITS
@@ -105,56 +105,43 @@ def _image(key: str, *, scale: float = 1.0, source: int = SOURCE_IMAGE_INTEGER) 
     return place_of(IMAGE, key, source=source, scale=scale)
 
 
+def _of_axis(
+    name: str, unit: str, doc: str, field: str, form: str = "real", aliases: tuple[str, ...] = (), **place: Any
+) -> TraceSignal:
+    return TraceSignal(name, unit, doc, place_of(AXIS, field, **place), form, aliases=aliases)
+
+
 def _fault_signals() -> Iterator[TraceSignal]:
     for slot in range(FAULT_SLOTS):
         name, doc = (f"fault_{slot + 1}", f"active fault number {slot + 1}, 0 = none") if slot else (
             "fault",
             "oldest active fault, by the manual's number; 0 = none",
         )  # fmt: skip
-        yield TraceSignal(name, "", doc, place_of(AXIS, "faults.code", element=slot, mask=NUMBER_MASK), "fault")
+        yield _of_axis(name, "", doc, "faults.code", "fault", element=slot, mask=NUMBER_MASK)
 
 
 #: Signals of every drive.
 _ALWAYS: tuple[TraceSignal, ...] = (
-    TraceSignal(
-        "setpoint",
-        "rpm",
-        "velocity that the controller requests",
-        place_of(AXIS, "ramp.setpoint"),
-        aliases=("set_velocity",),
+    _of_axis("setpoint", "rpm", "velocity that the controller requests", "ramp.setpoint", aliases=("set_velocity",)),
+    _of_axis("command", "rpm", "velocity command behind the ramp", "ramp.command"),
+    _of_axis("velocity", "rpm", "actual velocity of the shaft", "motor.velocity", aliases=("actual_velocity",)),
+    _of_axis(
+        "position", "revolutions", "actual position, from the home position on", "motor.position", less="homing.origin"
     ),
-    TraceSignal("command", "rpm", "velocity command behind the ramp", place_of(AXIS, "ramp.command")),
-    TraceSignal(
-        "velocity",
-        "rpm",
-        "actual velocity of the shaft",
-        place_of(AXIS, "motor.velocity"),
-        aliases=("actual_velocity",),
-    ),
-    TraceSignal(
-        "position",
-        "revolutions",
-        "actual position, from the home position on",
-        place_of(AXIS, "motor.position", less="homing.origin"),
-    ),
-    TraceSignal(
+    _of_axis(
         "following_error",
         "revolutions",
         "commanded minus actual position, in position mode",
-        place_of(AXIS, "positioning.following_error"),
+        "positioning.following_error",
     ),
-    TraceSignal("current", "A", "torque-building current", place_of(AXIS, "motor.current")),
-    TraceSignal("torque", "N m", "torque of the motor", place_of(AXIS, "motor.torque")),
-    TraceSignal("bus_voltage", "V", "voltage of the DC bus", place_of(AXIS, "supply.voltage")),
-    TraceSignal("thermal_load", "", "thermal load of the motor, 1 = its limit", place_of(AXIS, "motor.thermal_load")),
-    TraceSignal(
-        "state", "", "state of the drive, S1 to S5 as 1 to 5, 0 while it boots", place_of(AXIS, "drive.state"), "state"
-    ),
-    TraceSignal("powered", "", "1 while the control supply is on", place_of(AXIS, "powered"), "bit"),
+    _of_axis("current", "A", "torque-building current", "motor.current"),
+    _of_axis("torque", "N m", "torque of the motor", "motor.torque"),
+    _of_axis("bus_voltage", "V", "voltage of the DC bus", "supply.voltage"),
+    _of_axis("thermal_load", "", "thermal load of the motor, 1 = its limit", "motor.thermal_load"),
+    _of_axis("state", "", "state of the drive, S1 to S5 as 1 to 5, 0 while it boots", "drive.state", "state"),
+    _of_axis("powered", "", "1 while the control supply is on", "powered", "bit"),
     *_fault_signals(),
-    TraceSignal(
-        "warning", "", "active warning, by the manual's number; 0 = none", place_of(AXIS, "warnings.code"), "fault"
-    ),
+    _of_axis("warning", "", "active warning, by the manual's number; 0 = none", "warnings.code", "fault"),
     TraceSignal("connected", "", "1 while a controller in RUN sends valid set points", _image("valid"), "bit"),
     TraceSignal("connection", "", "why there are no valid set points, or that there are", _image("lost"), "connection"),
     TraceSignal(

@@ -67,7 +67,7 @@ def test_a_file_without_a_kind_is_reported(tmp_path, monkeypatch):
     (package / "nothing.py").touch()
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "empty_kinds", raising=False)
-    with pytest.raises(InternalError, match=r"empty_kinds\.nothing declares no KINDS"):
+    with pytest.raises(InternalError, match=r"empty_kinds\.nothing declares no KIND"):
         kinds_in(importlib.import_module("empty_kinds"))
 
 
@@ -124,10 +124,7 @@ def test_a_drive_without_a_connection_cannot_count_its_cycles():
     drive = InjectedDrive("axis-07", lambda: ("axis-07",), (), parts, lambda: None)
 
     class Still(Effect):
-        needs = (SERVO,)
-
-        def begin(self, window, now):
-            pass
+        servo = SERVO
 
     kind = InjectionKind("still", "drive", "Nothing.", "nothing", Still, takes=frozenset({"cycles"}))
     gate = GatedLink(MemoryLink(MemorySwitch(), lambda: 0), lambda: 0)

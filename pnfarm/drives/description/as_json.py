@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.description.motor_kinds import PARTS
 from pnfarm.drives.parameters.effects import effect_of
 from pnfarm.drives.parameters.parameter import Form
 from pnfarm.drives.profiles.profidrive.part import PROFIDRIVE
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.parts import Point
     from pnfarm.drives.parameters.parameter import Parameter
     from pnfarm.drives.profiles.cip.part import CipInstance
-    from pnfarm.drives.telegrams.telegram import Module, Submodule, Telegram
+    from pnfarm.drives.telegrams.telegram import Module, Telegram
 
 __all__ = ["as_json"]
 
@@ -51,18 +52,13 @@ def _with_sources(described: Model, section: str, values: dict[str, Any]) -> dic
     return {**{key: _plain(value) for key, value in values.items()}, "sources": sources}
 
 
-def _submodule_json(submodule: Submodule) -> dict[str, Any]:
-    return {
-        "slot": submodule.slot,
-        "subslot": submodule.subslot,
-        "ident": submodule.ident,
-        "api": submodule.api,
-        "input_bytes": submodule.input_bytes,
-        "output_bytes": submodule.output_bytes,
-        "name": submodule.name,
-        "source": submodule.source,
-        "note": submodule.note,
-    }
+def _picked(found: Any, fields: str) -> dict[str, Any]:
+    """These fields of an object."""
+    return {field: _plain(getattr(found, field)) for field in fields.split()}
+
+
+def _facts_json(described: Model, sections: str) -> dict[str, Any]:
+    return {section: _fact_json(described, section) for section in sections.split()}
 
 
 def _module_json(module: Module) -> dict[str, Any]:
@@ -70,7 +66,10 @@ def _module_json(module: Module) -> dict[str, Any]:
         "module_ident": module.ident,
         "module_source": module.source,
         "module_note": module.note,
-        "submodules": [_submodule_json(submodule) for submodule in module.submodules],
+        "submodules": [
+            _picked(submodule, "slot subslot ident api input_bytes output_bytes name source note")
+            for submodule in module.submodules
+        ],
     }
 
 
@@ -85,34 +84,23 @@ def _parameter_json(described: Model, parameter: Parameter) -> dict[str, Any]:
         "number": described.numbering.name(parameter.pnu),
         "name": parameter.name,
         "type": parameter.type.name.lower() if parameter.form is Form.INTEGER else parameter.form.value,
-        "signed": parameter.signed,
-        "elements": parameter.elements,
+        **_picked(parameter, "signed elements"),
         "access": "r" * parameter.readable + "w" * parameter.writable,
         "min": parameter.minimum,
         "max": parameter.maximum,
-        "default": parameter.default,
-        "unit": parameter.unit,
-        "scale": parameter.scale,
-        "nonvolatile": parameter.nonvolatile,
+        **_picked(parameter, "default unit scale nonvolatile"),
         "backed_by": parameter.backing.name.lower(),
         "effect": effect_of(described, parameter).value,
-        "after_power_on": parameter.after_power_on,
-        "motor": parameter.motor,
-        "source": parameter.source,
-        "values_source": parameter.values_source,
-        "note": parameter.note,
+        **_picked(parameter, "after_power_on motor source values_source note"),
     }
 
 
 def _point_json(point: Point) -> dict[str, Any]:
     return {
-        "name": point.name,
-        "about": point.about,
+        **_picked(point, "name about"),
         "readings": list(point.readings),
         "descriptions": {name: reading.does for name, reading in point.readings.items()},
-        "default": point.default,
-        "reason": point.reason,
-        "source": point.source,
+        **_picked(point, "default reason source"),
     }
 
 
@@ -122,16 +110,13 @@ def _instance_json(instance: CipInstance) -> dict[str, Any]:
 
 def as_json(described: Model) -> dict[str, Any]:
     """See the module's head."""
+    of_bus = {
+        "instances": [_instance_json(one) for one in described.cip.instances.values()],
+        "attributes": [asdict(one) for one in described.cip.attributes.values()],
+        "bus_facts": _fact_json(described, described.bus) if described.bus_facts else {},
+    }
     return {
-        "name": described.name,
-        "aliases": list(described.aliases),
-        "title": described.title,
-        "maker": described.maker,
-        "bus": described.bus,
-        "profile": described.profile,
-        "manual": described.manual,
-        "edition": described.edition,
-        "firmware_version": described.firmware_version,
+        **_picked(described, "name aliases title maker bus profile manual edition firmware_version"),
         "identity": _with_sources(described, "identity", asdict(described.profidrive.identity))
         if described.profile == PROFIDRIVE
         else None,
@@ -139,104 +124,58 @@ def as_json(described: Model) -> dict[str, Any]:
         "default_telegram": described.profidrive.default_telegram,
         "telegrams": [
             {
-                "number": telegram.number,
-                "name": telegram.name,
-                "opmode": telegram.opmode,
+                **_picked(telegram, "number name opmode"),
                 "tasks": TASK_FORMS[telegram.tasks],
-                "pulses_enabled": telegram.pulses_enabled,
-                "free_mapping": telegram.free_mapping,
-                "parameter_words": telegram.parameter_words,
-                "falls_back": list(telegram.falls_back),
+                **_picked(telegram, "pulses_enabled free_mapping parameter_words falls_back"),
                 **_module_json(telegram.module),
                 "other_modules": _others_json(telegram),
                 "identifiers": telegram.identifiers.hex(" ") or None,
                 "output": [signal.name if signal else None for signal in telegram.output],
                 "input": [signal.name if signal else None for signal in telegram.input],
-                "source": telegram.source,
-                "note": telegram.note,
+                **_picked(telegram, "source note"),
             }
             for telegram in described.profidrive.telegrams.values()
         ],
         "signals": [
             {
-                "number": signal.number,
-                "name": signal.name,
-                "bits": signal.bits,
-                "signed": signal.signed,
+                **_picked(signal, "number name bits signed"),
                 "direction": "setpoint" if signal.setpoint else "actual",
                 "drive_signal": signal.drive_signal,
                 "readable": signal.readable or not signal.setpoint,
-                "stored": signal.stored,
-                "source": signal.source,
-                "note": signal.note,
+                **_picked(signal, "stored source note"),
             }
             for signal in described.profidrive.signals.values()
         ],
-        "bits": [
-            {
-                "word": bits.word,
-                "telegrams": list(bits.telegrams),
-                "names": list(bits.names),
-                "source": bits.source,
-                "note": bits.note,
-            }
-            for bits in described.profidrive.word_bits
-        ],
+        "bits": [_picked(bits, "word telegrams names source note") for bits in described.profidrive.word_bits],
         "parameters": [_parameter_json(described, parameter) for parameter in described.parameters.values()],
         "faults": [
             {
-                "number": fault.number,
-                "label": fault.label,
-                "name": fault.name,
+                **_picked(fault, "number label name"),
                 "kind": "warning" if fault.warning else "fault",
                 "reaction": "" if fault.warning else ("coast", "quick-stop")[fault.reaction],
-                "cause": fault.cause,
-                "word": fault.word,
-                "action": fault.action,
-                "source": fault.source,
-                "note": fault.note,
+                **_picked(fault, "cause word action source note"),
             }
             for fault in described.faults.values()
         ],
         "limits": _with_sources(described, "limits", asdict(described.limits)),
-        "motor": _fact_json(described, "motor"),
-        "firmware": _fact_json(described, "firmware"),
+        **_facts_json(described, "motor firmware"),
         "motors": {
-            kind: {
-                part: _fact_json(described, f"motors.{kind}.{part}")
-                for part in ("kind", "motor", "firmware", "defaults")
-            }
+            kind: {part: _fact_json(described, f"motors.{kind}.{part}") for part in PARTS}
             for kind in described.motor_kinds
         },
-        "communication_loss": _fact_json(described, "communication_loss"),
-        "sign_of_life": _fact_json(described, "sign_of_life"),
-        "following_error": _fact_json(described, "following_error"),
-        "motion_tasks": _fact_json(described, "motion_tasks"),
-        "position_units": _fact_json(described, "position_units"),
-        "factor_group": _fact_json(described, "factor_group"),
-        "control_limits": _fact_json(described, "control_limits"),
-        "parameter_texts": _fact_json(described, "parameter_texts"),
+        **_facts_json(
+            described,
+            "communication_loss sign_of_life following_error motion_tasks position_units factor_group control_limits "
+            "parameter_texts",
+        ),
         "consequences": [{**asdict(entry), "subindexes": list(entry.subindexes)} for entry in described.consequences],
-        "effects": _fact_json(described, "effects"),
-        "numbering": _fact_json(described, "numbering"),
-        "parameter_access": _fact_json(described, "parameter_access"),
-        "parameter_words": _fact_json(described, "parameter_words"),
-        "address_mode": _fact_json(described, "address_mode"),
-        "lamps": _fact_json(described, "lamps"),
-        "description_file": _fact_json(described, "description_file"),
-        "diagnosis": _fact_json(described, "diagnosis"),
-        "diagnosis_coding": _fact_json(described, "diagnosis_coding"),
+        **_facts_json(
+            described,
+            "effects numbering parameter_access parameter_words address_mode lamps description_file diagnosis "
+            "diagnosis_coding",
+        ),
         "behaviour": [_point_json(point) for point in described.behaviour],
         "realism": _fact_json(described, "realism"),
-        **(
-            {"instances": [_instance_json(one) for one in described.cip.instances.values()]}
-            if described.cip.instances
-            else {}
-        ),
-        **(
-            {"attributes": [asdict(one) for one in described.cip.attributes.values()]}
-            if described.cip.attributes
-            else {}
-        ),
-        **({"bus_facts": _fact_json(described, described.bus)} if described.bus_facts else {}),
+        # of some buses only
+        **{key: value for key, value in of_bus.items() if value},
     }

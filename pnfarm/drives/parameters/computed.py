@@ -6,14 +6,14 @@ those of ``computed:<name>`` in a model's ``parameters.csv``; a trailing number 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from math import inf, isfinite
+from types import FunctionType
 from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.drives.parameters.factor_group import float_bits
 from pnfarm.drives.parameters.measured import deviation
-from pnfarm.drives.parameters.parameter import Parameter
-from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_counter, fault_numbers
+from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults, fault_numbers
+from pnfarm.drives.profiles.profidrive.fault_buffer import fault_counter as situations
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import (
     FAULT_SITUATIONS,
@@ -28,9 +28,12 @@ from pnfarm.table.image import LOST_EXPIRED, LOST_NEVER, LOST_STOP
 from pnfarm.table.signals import DRIVE_INPUTS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from pnfarm.drives.axis_handle import AxisHandle
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.parameters.network import Network
+    from pnfarm.drives.parameters.parameter import Parameter
 
 __all__ = ["COMPUTED", "CONSTANT_COMPUTED"]
 
@@ -85,19 +88,19 @@ def _fill(values: Sequence[int], parameter: Parameter) -> Sequence[int]:
     return list(values) + [0] * (parameter.elements - len(values))
 
 
-def _setpoint_mapping(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def setpoint_mapping(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     return _fill(drive.mapped_numbers(setpoint=True), parameter)
 
 
-def _actual_mapping(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def actual_mapping(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     return _fill(drive.mapped_numbers(setpoint=False), parameter)
 
 
-def _telegram(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def telegram(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     return [drive.telegram_number]
 
 
-def _signal_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def signal_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 923: at a signal's number the PNU that reads it; every signal with a PNU has its own number."""
     parameters = drive.model.parameters
     return [
@@ -106,37 +109,37 @@ def _signal_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     ]
 
 
-def _fault_counter(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
-    return [fault_counter(drive.handle.axis)]
+def fault_counter(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    return [situations(drive.handle.axis)]
 
 
-def _kept_situations(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def kept_situations(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """PNU 952 of a drive with a non-volatile fault buffer: the stored count plus the faults since power-on."""
     axis = drive.handle.axis
-    return [int(axis.faults.kept) + fault_counter(axis) & 0xFFFF]
+    return [int(axis.faults.kept) + situations(axis) & 0xFFFF]
 
 
-def _fault_buffer(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def fault_buffer(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 947; in two parts: error in the low word, location in the high one (Moog MSD manual 10.9, P-0949)."""
     return [parameter.clamp(number) for number in fault_numbers(drive.handle.axis)[: parameter.elements]]
 
 
-def _fault_changes(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def fault_changes(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     return [int(drive.handle.axis.faults.changes)]
 
 
-def _fault_codes(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def fault_codes(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """PNU 945: the fault buffer in the manual's codes."""
     faults = drive.model.faults
     return [faults[number].word if number in faults else 0 for number in fault_numbers(drive.handle.axis)]
 
 
-def _fault_scaling(_drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def fault_scaling(_drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """PNU 950: situations, and faults of one situation."""
     return [FAULT_SITUATIONS, FAULT_SLOTS]
 
 
-def _operation_mode(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def operation_mode(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """PNU 930 by the profile: 1 speed with ramp generator, 2 position, 3 speed without; 0 for torque, not defined."""
     axis = drive.handle.axis
     if int(axis.drive.settings.opmode) != VELOCITY_MODE:
@@ -144,7 +147,7 @@ def _operation_mode(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     return [1 if int(axis.ramp.settings.generator) == RAMP_GENERATED else 3]
 
 
-def _encoder_format(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def encoder_format(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 979 (profile 4.1, 6.3.4): header, then type, resolution, two shift factors and revolutions of encoder 1.
 
     The resolution is increments per revolution; for a linear encoder it is nm per increment, without revolutions.  A
@@ -168,21 +171,21 @@ def _firmware(model: Model) -> tuple[int, int, int]:
     return (major * 100 + minor, *model.profidrive.identity.firmware_date)
 
 
-def _unit_identification(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def unit_identification(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 964: manufacturer, drive unit type, version, year, day and month, drive objects, minor version."""
     identity = drive.model.profidrive.identity
     minor = identity.software_version[2]
     return [identity.vendor_id, identity.drive_unit_type, *_firmware(drive.model), 1, minor][: parameter.elements]
 
 
-def _object_identification(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def object_identification(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 975: as 964, then class, application classes and number of the drive object."""
     identity = drive.model.profidrive.identity
     known = [identity.vendor_id, identity.drive_unit_type, *_firmware(drive.model), *identity.object_class]
     return _fill(known, parameter)
 
 
-def _parameter_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def parameter_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 980 + index: defined parameters in ascending order; each list but the last ends with the next list's PNU."""
     size = parameter.elements - 1
     numbers = [pnu for pnu in drive.model.parameters if pnu not in LISTS]
@@ -192,28 +195,28 @@ def _parameter_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     return _fill(part, parameter)
 
 
-def _signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The numbers of all signals that a free mapping may name (Moog MSD manual, table 14.5, P-0923)."""
     return _fill(sorted(n for n, signal in drive.model.profidrive.signals.items() if not signal.shown_as), parameter)
 
 
-def _setpoint_signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def setpoint_signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     signals = drive.model.profidrive.signals.items()
     return _fill(sorted(n for n, signal in signals if signal.setpoint and not signal.shown_as), parameter)
 
 
-def _actual_signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def actual_signals(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     signals = drive.model.profidrive.signals.items()
     sent = (n for n, signal in signals if (not signal.setpoint or signal.readable) and not signal.shown_as)
     return _fill(sorted(sent), parameter)
 
 
-def _changed_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def changed_list(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 990: parameters that differ from the factory values, as many as fit."""
     return _fill(drive.changed_numbers()[: parameter.elements], parameter)
 
 
-def _fault_classes(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def fault_classes(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The newest faults by the profile's classes: indexes into the list of P-0951 (Moog MSD manual, table 10.22).
 
     A fault's class is its ChannelErrorType - 0x9000 + 1; a fault without a type belongs to "other".
@@ -225,18 +228,18 @@ def _fault_classes(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     ]
 
 
-def _fault(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def fault(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """One of the active faults, oldest first; 0 for none."""
     active = active_faults(drive.handle.axis)
     return [active[parameter.index] if parameter.index < len(active) else 0]
 
 
-def _warning(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def warning(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """One of the active warnings, the first of which the warning word shows; 0 for none."""
     return [int(drive.handle.axis.warnings.active[parameter.index])]
 
 
-def _bus_warnings(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def bus_warnings(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """P-0953: each stays until cyclic data begin again (Moog MSD manual 8.3.2 says so of the sign of life)."""
     axis, lost = drive.handle.axis, int(drive.handle.image.lost)
     # the drive's own watchdog may expire while the connection still exists, or after it ended
@@ -246,26 +249,26 @@ def _bus_warnings(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     return [word | (STOP_WARNING if lost == LOST_STOP else 0)]
 
 
-def _active(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def active(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     return [int(drive.handle.in_operation)]
 
 
-def _software_limits(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def software_limits(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """Bits 0 and 1 of DRIVE_INPUTS (AKD PROFINET manual 5.8.1)."""
     return [int(drive.handle.image.sent[DRIVE_INPUTS]) & 0x3]
 
 
-def _limit_switch(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def limit_switch(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """One of the two: 0 the negative, 1 the positive."""
     return [int(drive.handle.axis.machine.limit_switch) >> parameter.index & 1]
 
 
-def _controlled_stop(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def controlled_stop(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     axis = drive.handle.axis
     return [int(int(axis.drive.state) == 5 and int(axis.drive.stop) in {2, 3})]
 
 
-def _disable_sources(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def disable_sources(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """DRV.DISSOURCES (AKD parameter reference): what keeps the power stage off, or requests switching it off.
 
     Bit 0 software, 1 fault, 2 hardware, 3 no power supply, 4 still starting up, 5 an input for a controlled stop.
@@ -283,28 +286,28 @@ def _disable_sources(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     return [sum(1 << bit for bit, there in enumerate(reasons) if there)]
 
 
-def _hardware_enable(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def hardware_enable(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """DRV.HWENABLE (AKD parameter reference): 1 while the hardware enables the drive."""
     return [int(not int(drive.handle.axis.drive.lacks) & LACKS_ENABLE)]
 
 
-def _digital_input(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def digital_input(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The level of one input, the first is 0."""
     return [int(drive.handle.axis.machine.inputs) >> parameter.index & 1]
 
 
-def _digital_inputs(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def digital_inputs(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """The levels of all inputs, the first is bit 0."""
     return [int(drive.handle.axis.machine.inputs) & 0x7F]
 
 
-def _drive_status(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def drive_status(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """STATUS3: active, torque allowed, positive and negative limit switch, the same of software limits, from bit 0."""
-    (limits,) = _software_limits(drive, parameter)
+    (limits,) = software_limits(drive, parameter)
     switch = int(drive.handle.axis.machine.limit_switch)
     bits = (
         drive.handle.in_operation,
-        _torque_allowed(drive, parameter)[0],
+        torque_allowed(drive, parameter)[0],
         switch & 0x2,
         switch & 0x1,
         limits & 0x2,
@@ -313,12 +316,12 @@ def _drive_status(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     return [sum(1 << bit for bit, there in enumerate(bits) if there)]
 
 
-def _connected(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def connected(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """Whether a controller sends set points, or is in STOP."""
     return [int(drive.handle.controlled or int(drive.handle.image.lost) == LOST_STOP)]
 
 
-def _torque_allowed(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def torque_allowed(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """STO.STATE: bit 6 of DRIVE_INPUTS (AKD PROFINET manual 5.8.1)."""
     return [int(drive.handle.image.sent[DRIVE_INPUTS]) >> 6 & 1]
 
@@ -329,21 +332,21 @@ def _measured(drive: DriveView, field: str) -> float:
     return float(AXIS.read(axis, field)) + deviation(axis, field)
 
 
-def _mechanical_position(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def mechanical_position(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """FB1.MECHPOS (AKD parameter reference): the angle of the shaft, 2^32 per revolution."""
     return [int(_measured(drive, "motor.position") % 1.0 * 2**32) & 0xFFFFFFFF]
 
 
-def _shaft_position(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def shaft_position(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """The feedback's own position, which no homing moves."""
     return [drive.scaled(parameter, _measured(drive, "motor.position"))]
 
 
-def _velocity_error(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def velocity_error(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     return [drive.scaled(parameter, float(drive.handle.axis.ramp.command) - _measured(drive, "motor.velocity"))]
 
 
-def _position_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def position_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """The following error in position units, as a float32 (Moog MSD manual, table 10.14, P-0414)."""
     return [
         float_bits(
@@ -352,7 +355,7 @@ def _position_difference(drive: DriveView, _parameter: Parameter) -> Sequence[in
     ]
 
 
-def _speed_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def speed_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """The input of the speed controller, in speed units, as a float32 (table 10.13, P-0417)."""
     axis = drive.handle.axis
     return [
@@ -363,7 +366,7 @@ def _speed_difference(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     ]
 
 
-def _foldback_level(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def foldback_level(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """IL.FOLDFTHRESH (AKD parameter reference): the written value, limited to the peak current."""
     axis = drive.handle.axis
     return [
@@ -371,7 +374,7 @@ def _foldback_level(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     ]
 
 
-def _foldback_recovery(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def foldback_recovery(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """IL.MFOLDR: time without current until peak current is available for IL.MFOLDD again (`firmware.foldback`)."""
     axis = drive.handle.axis
     if not axis.motor.settings.continuous_current:
@@ -385,99 +388,51 @@ def _foldback_recovery(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     ]
 
 
-def _timeout(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def timeout(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     return [drive.watchdog_ns // 1_000_000]
 
 
-def _station_name(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def station_name(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """P-1289: a written name that takes effect at the next power-on, else the present station name."""
     waiting = drive.waiting_name
     name = drive.network.name.encode("ascii", "replace") if waiting is None else waiting
     return _fill(list(name[: parameter.elements]), parameter) if name else parameter.defaults
 
 
-def _name_of_station(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def name_of_station(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """PNU 61000 of PROFIdrive on PROFINET: the name in force."""
     return _fill(list(drive.network.name.encode("ascii", "replace")[: parameter.elements]), parameter)
 
 
-def _station_ip(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def station_ip(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     return [drive.network.ip]
 
 
-def _station_mask(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def station_mask(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     return [drive.network.mask]
 
 
-def _station_gateway(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def station_gateway(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     return [drive.network.gateway]
 
 
-def _station_macs(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+def station_macs(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """P-1292: the station's address, then those of its ports."""
     return _fill(b"".join(drive.network.macs)[: parameter.elements], parameter)
 
 
-def _line_rate(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+def line_rate(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """P-0963: the rate of a serial line, by its code."""
     return [drive.network.line_rate]
 
 
-_Function = Callable[["DriveView", Parameter], Sequence[int]]
+fault_situations = fault_counter
 
-
-#: ``computed:<name>`` -> function.
-COMPUTED: dict[str, _Function] = {
-    "setpoint-mapping": _setpoint_mapping,
-    "actual-mapping": _actual_mapping,
-    "telegram": _telegram,
-    "signal-list": _signal_list,
-    "fault-counter": _fault_counter,
-    "fault-buffer": _fault_buffer,
-    "fault-changes": _fault_changes,
-    "fault-situations": _fault_counter,
-    "kept-situations": _kept_situations,
-    "fault-codes": _fault_codes,
-    "fault-scaling": _fault_scaling,
-    "operation-mode": _operation_mode,
-    "encoder-format": _encoder_format,
-    "unit-identification": _unit_identification,
-    "object-identification": _object_identification,
-    "parameter-list": _parameter_list,
-    "fault": _fault,
-    "warning": _warning,
-    "bus-warnings": _bus_warnings,
-    "active": _active,
-    "controlled-stop": _controlled_stop,
-    "limit-switch": _limit_switch,
-    "software-limits": _software_limits,
-    "disable-sources": _disable_sources,
-    "hardware-enable": _hardware_enable,
-    "digital-input": _digital_input,
-    "digital-inputs": _digital_inputs,
-    "drive-status": _drive_status,
-    "connected": _connected,
-    "torque-allowed": _torque_allowed,
-    "mechanical-position": _mechanical_position,
-    "shaft-position": _shaft_position,
-    "velocity-error": _velocity_error,
-    "timeout": _timeout,
-    "position-difference": _position_difference,
-    "speed-difference": _speed_difference,
-    "foldback-level": _foldback_level,
-    "foldback-recovery": _foldback_recovery,
-    "signals": _signals,
-    "setpoint-signals": _setpoint_signals,
-    "actual-signals": _actual_signals,
-    "changed-list": _changed_list,
-    "fault-classes": _fault_classes,
-    "station-name": _station_name,
-    "name-of-station": _name_of_station,
-    "station-ip": _station_ip,
-    "line-rate": _line_rate,
-    "station-mask": _station_mask,
-    "station-gateway": _station_gateway,
-    "station-macs": _station_macs,
+#: ``computed:<name>`` -> function: those of this module whose names begin with a letter.
+COMPUTED: dict[str, Callable[[DriveView, Parameter], Sequence[int]]] = {
+    name.replace("_", "-"): function
+    for name, function in list(globals().items())
+    if isinstance(function, FunctionType) and function.__module__ == __name__ and not name.startswith("_")
 }
 
 #: Those that are constant for one drive: identification, lists, properties of the hardware.

@@ -10,19 +10,18 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from abc import ABC
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pnfarm.faults.effects.evidence import NOTHING, Evidence
+from pnfarm.faults.effects.parts import Part
 from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
     from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.faults.effects.parts import InjectedDrive, Part
+    from pnfarm.faults.effects.parts import InjectedDrive
 
-__all__ = ["POLL_NS", "Chance", "Effect", "Needs", "Tally", "Window", "seed_of"]
-
-Needs: TypeAlias = "tuple[Part[Any], ...]"
+__all__ = ["POLL_NS", "ChanceEffect", "Effect", "Tally", "Window", "seed_of"]
 
 #: Longest interval between two checks of an effect whose end is not known in advance.
 POLL_NS = 50_000_000
@@ -56,14 +55,86 @@ class Tally:
         self.seen = dataclasses.replace(self.seen, confirmed=False, contradicted=what)
 
 
-class Chance:
-    """``probability`` of each occurrence, up to ``count``."""
+class Window:
+    """Time window for acting on frames: nanoseconds, ``stop_ns`` 0 for no end, ``after`` healthy frames first."""
 
-    def __init__(self, spec: InjectionFields, drive: InjectedDrive, count: int | None) -> None:
-        self._probability = 1.0 if spec.probability is None else spec.probability
-        self._random = SplitMix64(seed_of(spec, drive.name))
-        self._count = count
+    def __init__(self, start_ns: int = 0, stop_ns: int = 0, after: int = 0) -> None:
+        self.start_ns = start_ns
+        self.stop_ns = stop_ns
+        self.after = after
+
+
+class Effect(ABC):  # noqa: B024 - what an effect overrides is its own choice
+    """Base of all effects; see the module's docstring.
+
+    Parts of the drive are attributes of the class: with ``wire = WIRE`` the effect needs a wire, and ``self.wire`` is
+    the drive's.  An effect overrides :meth:`put` and :meth:`take`, or :meth:`begin` and :meth:`end` where it needs the
+    time.
+    """
+
+    #: Parts that a drive must have: those of the class's bases, then its own.
+    needs: ClassVar[tuple[Part[Any], ...]] = ()
+    _parts: ClassVar[dict[str, Part[Any]]] = {}
+    #: Whether the effect itself lets ``after_cycles`` healthy frames pass, exact to the frame.
+    counts_frames = False
+    #: Whether it is over after an occurrence without any common field that ends it.
+    ends_by_itself = False
+
+    def __init_subclass__(cls) -> None:
+        cls._parts = cls._parts | {name: part for name, part in vars(cls).items() if isinstance(part, Part)}
+        cls.needs = tuple(dict.fromkeys(cls._parts.values()))
+
+    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
+        self.spec = spec
+        self.drive = drive
+        self.values = spec.values()
         self.tally = Tally()
+        self.finished = False
+        #: When it acts on frames; set before it begins.
+        self.window = Window()
+        self._due: int | None = None
+        self.prepare()
+
+    def prepare(self) -> None:  # noqa: B027 - most need nothing
+        """Read the parameters. Raises :class:`ConfigError` when this drive cannot do it."""
+
+    def put(self) -> None:  # noqa: B027 - see the class
+        """Do it. Raises :class:`ConfigError`, with nothing changed, when this drive cannot do it."""
+
+    def take(self) -> None:  # noqa: B027 - see the class
+        """Undo it."""
+
+    def begin(self, now: int) -> None:
+        """Begin; raises as :meth:`put`."""
+        del now
+        self.put()
+
+    def check(self, now: int) -> None:
+        """Something may have happened; sets ``finished`` once nothing more can."""
+        del now
+
+    def end(self, now: int) -> None:
+        """Undo it."""
+        del now
+        self.take()
+
+    def evidence(self) -> Evidence:
+        """The evidence so far, or at its end."""
+        return self.tally.seen
+
+    def next_deadline(self) -> int | None:
+        """When :meth:`check` is due."""
+        return self._due
+
+
+class ChanceEffect(Effect):
+    """Each occurrence with ``probability``, up to ``count``; one that ends by itself has one without count and for."""
+
+    def prepare(self) -> None:
+        spec = self.spec
+        self._probability = 1.0 if spec.probability is None else spec.probability
+        self._random = SplitMix64(seed_of(spec, self.drive.name))
+        self._count = 1 if self.ends_by_itself and not (spec.count or spec.for_ns) else spec.count
 
     @property
     def exhausted(self) -> bool:
@@ -74,48 +145,11 @@ class Chance:
         """Whether the occurrence at hand happens."""
         return not self.exhausted and self._random.uniform() < self._probability
 
-
-class Window:
-    """Time window for acting on frames: nanoseconds, ``stop_ns`` 0 for no end, ``after`` healthy frames first."""
-
-    def __init__(self, start_ns: int = 0, stop_ns: int = 0, after: int = 0) -> None:
-        self.start_ns = start_ns
-        self.stop_ns = stop_ns
-        self.after = after
-
-
-class Effect(ABC):
-    """Base of all effects; see the module's docstring."""
-
-    #: Parts that a drive must have.
-    needs: ClassVar[Needs] = ()
-    #: Whether the effect itself lets ``after_cycles`` healthy frames pass, exact to the frame.
-    counts_frames = False
-    #: Whether it is over after an occurrence without any common field that ends it.
-    ends_by_itself = False
-
-    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
-        self.spec = spec
-        self.drive = drive
-        self.values = spec.values()
-        self.finished = False
-
-    @abstractmethod
-    def begin(self, window: Window, now: int) -> None:
-        """Begin. Raises :class:`ConfigError`, with nothing changed, when this drive cannot do it."""
-
-    def check(self, now: int) -> None:
-        """Something may have happened; sets ``finished`` once nothing more can."""
-        del now
-
-    def end(self, now: int) -> None:
-        """Undo it."""
-        del now
-
-    def evidence(self) -> Evidence:
-        """The evidence so far, or at its end."""
-        return NOTHING
-
-    def next_deadline(self) -> int | None:
-        """When :meth:`check` is due."""
-        return None
+    def occurs(self, now: int) -> bool:
+        """As :meth:`happens`, counted; what happens is seen on the wire."""
+        if self.finished:
+            return False
+        happens = self.happens()
+        self.tally.note(now, happened=happens, confirmed=happens)
+        self.finished = self.exhausted
+        return happens

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pnfarm.faults.effects.connection import CONNECTION
@@ -16,14 +17,12 @@ from pnfarm.table.impairment import LOSS
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.faults.effects.effect import Needs
     from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.faults.effects.wire import Wire
     from pnfarm.faults.gate.gate import FrameClasses
     from pnfarm.wire.direction import Direction
 
-__all__ = ["Frames", "FramesEffect"]
+__all__ = ["ChosenFramesEffect", "Frames", "FramesEffect"]
 
 
 class Frames:
@@ -145,38 +144,42 @@ class Frames:
 class FramesEffect(Effect):
     """Frames are lost or changed from begin to end."""
 
-    needs: ClassVar[Needs] = (WIRE, CONNECTION)
+    wire = WIRE
+    connection = CONNECTION
     #: As for :class:`Frames`.
     cyclic: ClassVar[int | None] = LOSS
     acyclic: ClassVar[FrameClasses | None] = EVERY_FRAME
+    #: Further fields of the engine's row (:mod:`pnfarm.table.impairment`), each with the parameter that it has.
+    row: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
-    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
-        super().__init__(spec, drive)
-        check_word(self.values.get("frames", "all"), drive.name, drive.part(WIRE).classes)
+    def prepare(self) -> None:
+        check_word(self.values.get("frames", "all"), self.drive.name, self.wire.classes)
         self._cyclic, acyclic = self.acts_on()
         self._frames = Frames(
-            spec,
-            drive.name,
-            drive.part(WIRE),
-            spec.directions,
+            self.spec,
+            self.drive.name,
+            self.wire,
+            self.spec.directions,
             cyclic=self._cyclic,
             acyclic=acyclic,
             settings=self.settings,
             choice=self.choice(),
             rule=self.rule,
         )
-        self._connection = drive.part(CONNECTION)
         self.counts_frames = self._cyclic is not None
-        self._due: int | None = None
 
     def acts_on(self) -> tuple[int | None, FrameClasses | None]:
         """``cyclic`` and ``acyclic`` of this injection."""
         return self.cyclic, self.acyclic
 
-    def settings(self, direction: Direction) -> Mapping[str, float]:
-        """Further fields of the engine's row (:mod:`pnfarm.table.impairment`)."""
+    def settings(self, direction: Direction) -> dict[str, float]:
+        """Further fields of the engine's row for one direction."""
         del direction
-        return {}
+        return self.fields()
+
+    def fields(self) -> dict[str, float]:
+        """The same, if they are those of both directions."""
+        return {field: self.values[param] for field, param in self.row.items()}
 
     def choice(self) -> Choice | None:
         """How frames are chosen; None: each with the probability of the injection."""
@@ -186,8 +189,8 @@ class FramesEffect(Effect):
         """The rule of the gate for acyclic frames."""
         return GateRule(*args, **fields)
 
-    def begin(self, window: Window, now: int) -> None:
-        self._frames.begin(window)
+    def begin(self, now: int) -> None:
+        self._frames.begin(self.window)
         self.check(now)
 
     def check(self, now: int) -> None:
@@ -197,18 +200,21 @@ class FramesEffect(Effect):
         remaining = self._frames.remaining
         # ending earlier would let the last ones go on before their time
         self.finished = remaining <= 0 and not self._frames.waiting
-        connection = self._connection.now()
+        connection = self.connection.now()
         if not self.finished and connection is not None and self._cyclic is not None:
             self._due = now + max(1, remaining) * connection.cycle_ns
         elif not self.finished:
             self._due = now + POLL_NS
 
-    def end(self, now: int) -> None:
-        del now
+    def take(self) -> None:
         self._frames.end()
 
     def evidence(self) -> Evidence:
         return self._frames.evidence()
 
-    def next_deadline(self) -> int | None:
-        return self._due
+
+class ChosenFramesEffect(FramesEffect):
+    """None of them, unless a subclass says which."""
+
+    cyclic: ClassVar[int | None] = None
+    acyclic: ClassVar[FrameClasses | None] = None

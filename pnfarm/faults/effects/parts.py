@@ -8,7 +8,7 @@ something has one that undoes it, and both may be called by several injections a
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar, cast, overload
 
 from pnfarm.errors import InternalError
 
@@ -20,6 +20,13 @@ __all__ = ["DrivePart", "InjectedDrive", "Part"]
 P = TypeVar("P")
 
 
+class _OnDrive(Protocol):
+    """What acts on one drive."""
+
+    @property
+    def drive(self) -> InjectedDrive: ...
+
+
 class Part(Generic[P]):
     """The name of a part; ``title`` names it in messages about drives that lack it, such as ``alarms``."""
 
@@ -27,6 +34,15 @@ class Part(Generic[P]):
 
     def __init__(self, title: str) -> None:
         self.title = title
+
+    @overload
+    def __get__(self, effect: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, effect: _OnDrive, owner: type) -> P: ...
+
+    def __get__(self, effect: _OnDrive | None, owner: type) -> Self | P:
+        """As an attribute of an effect's class: the drive's part, of the class the name."""
+        return self if effect is None else effect.drive.part(self)
 
     def __repr__(self) -> str:
         return f"Part({self.title!r})"
@@ -83,10 +99,10 @@ class InjectedDrive:
         return cast("P | None", self._parts.get(part))
 
     def part(self, part: Part[P]) -> P:
-        """A part that the effect named in ``needs``."""
+        """A part that the effect needs."""
         found = self.find(part)
         if found is None:
-            raise InternalError(f"an effect uses {part.title} of {self.name} without naming them in `needs`")
+            raise InternalError(f"an effect uses {part.title} of {self.name} that it does not name")
         return found
 
     def refresh(self, now: int) -> None:

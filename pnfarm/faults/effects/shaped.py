@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pnfarm.faults.effects.effect import seed_of
 from pnfarm.faults.effects.frames import FramesEffect
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.gate.frame_words import NO_STREAM, classes_of
-from pnfarm.faults.gate.gate import GateRule
+from pnfarm.faults.gate.gate import FrameClasses, GateRule
+from pnfarm.faults.gate.shaping import Shape
 
 if TYPE_CHECKING:
-    from pnfarm.faults.gate.gate import FrameClasses
-    from pnfarm.faults.gate.shaping import Shape
+    from collections.abc import Mapping
 
 __all__ = ["MOST_NS", "ShapedEffect"]
 
@@ -22,9 +22,14 @@ MOST_NS = 10_000_000_000
 
 
 class ShapedEffect(FramesEffect):
-    """Those of the parameter ``frames``.  ``no_streams``: why it can do nothing to streams, empty if it can."""
+    """Those of the parameter ``frames``: cyclic ones by the engine, acyclic ones by the gate.
+
+    ``no_streams``: why it can do nothing to streams, empty if it can.  ``shaped`` are the fields of the acyclic frames'
+    shape, each with the parameter that it has.
+    """
 
     no_streams: ClassVar[str] = ""
+    shaped: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     def acts_on(self) -> tuple[int | None, FrameClasses | None]:
         word = self.values["frames"]
@@ -35,9 +40,9 @@ class ShapedEffect(FramesEffect):
             acyclic = NO_STREAM if word in {"all", "acyclic"} else acyclic
         return self.cyclic if cyclic else None, acyclic
 
-    @abstractmethod
     def shape(self, seed: int) -> Shape:
         """What becomes of an acyclic frame."""
+        return Shape(seed, **{field: self.values[param] for field, param in self.shaped.items()})
 
     def rule(self, *args: Any, **fields: Any) -> GateRule:
         # another sequence than that of the choice

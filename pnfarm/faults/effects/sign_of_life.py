@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
 from pnfarm.faults.effects.frames import FramesEffect
@@ -11,13 +11,10 @@ from pnfarm.table.channel import RUN
 from pnfarm.table.signals import PART_HIGH, STW2, WORD_NONE, ZSW2
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from typing import Any
 
     from pnfarm.engine.columns import Columns
-    from pnfarm.faults.effects.effect import Needs, Window
     from pnfarm.faults.effects.servo import ServoStation
-    from pnfarm.faults.gate.gate import FrameClasses
     from pnfarm.wire.direction import Direction
 
 __all__ = ["LIFE", "SignOfLife", "SignOfLifeEffect"]
@@ -63,12 +60,12 @@ LIFE: Part[SignOfLife] = Part("sign of life")
 class SignOfLifeEffect(FramesEffect):
     """Changes the count in each frame that is hit."""
 
-    needs: ClassVar[Needs] = (*FramesEffect.needs, LIFE)
-    acyclic: ClassVar[FrameClasses | None] = None
+    life = LIFE
+    acyclic = None
 
-    def begin(self, window: Window, now: int) -> None:
-        self.drive.part(LIFE).check(self.spec.directions)
-        super().begin(window, now)
+    def begin(self, now: int) -> None:
+        self.life.check(self.spec.directions)
+        super().begin(now)
 
-    def settings(self, direction: Direction) -> Mapping[str, float]:
+    def settings(self, direction: Direction) -> dict[str, float]:
         return {"slot": _SLOTS[direction], "amount": self.values.get("by", 0)}

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.kind import ParamSpec
+from pnfarm.faults.kind import Misfits, ParamSpec
 from pnfarm.table.impairment import BURST, GILBERT_ELLIOTT, INDEPENDENT, threshold
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
     from pnfarm.faults.effects.injection_fields import InjectionFields
     from pnfarm.station.splitmix import SplitMix64
@@ -117,7 +117,7 @@ def choice_of(spec: InjectionFields) -> Choice:
     return Choice(GILBERT_ELLIOTT, 1.0, 1, enter, leave, good, bad)
 
 
-def choice_misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
+def choice_misfits(spec: InjectionFields) -> Misfits:
     """Parameters that contradict each other."""
     given = spec.params
     model = given.get("model", "independent")
@@ -138,7 +138,7 @@ def choice_misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
     yield from _gilbert_misfits(spec)
 
 
-def _gilbert_misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
+def _gilbert_misfits(spec: InjectionFields) -> Misfits:
     given = spec.params
     changes = [name for name in ("good_to_bad", "bad_to_good") if name in given]
     if changes:

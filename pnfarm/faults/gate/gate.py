@@ -10,20 +10,33 @@ import heapq
 from collections import deque
 from collections.abc import Callable, Container
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from pnfarm.faults.effects.evidence import Evidence
 from pnfarm.faults.gate.choice import Choice, Chooser
+from pnfarm.links.wrapper import LinkWrapper
 from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pnfarm.faults.gate.shaping import Shape
-    from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
+    from pnfarm.links.base import Clock, Link, Receiver
     from pnfarm.wire.direction import Direction
 
-__all__ = ["EVERY_FRAME", "DelayRule", "FrameClass", "FrameClasses", "GateRule", "GatedLink", "LateRule", "Listener"]
+__all__ = [
+    "EVERY_FRAME",
+    "DelayRule",
+    "DueFrame",
+    "FrameClass",
+    "FrameClasses",
+    "GateRule",
+    "GatedLink",
+    "LateRule",
+    "Listener",
+]
+
+T = TypeVar("T")
 
 #: Classifies a frame; the classes are the bus's: ``rpc``, ``dcp`` ...
 FrameClass = Callable[[bytes], str]
@@ -77,7 +90,7 @@ class _Held:
 
 
 #: Time, and octets of a frame that goes on then.
-FarmRunner = tuple[int, bytes]
+DueFrame = tuple[int, bytes]
 
 
 class GateRule:
@@ -148,7 +161,7 @@ class GateRule:
 
     def left(
         self, direction: Direction, frame_class: str, frame: bytes, due: int, *, hit: bool, bare: bool = False
-    ) -> list[FarmRunner]:
+    ) -> list[DueFrame]:
         """What goes on instead of a frame that would at ``due``; ``bare``: octets without the headers of a frame."""
         if not hit:
             if self.shape is not None and direction in self._evidence and frame_class in self.classes:
@@ -171,7 +184,7 @@ class GateRule:
         return bool(self._count) and self.evidence().activations + self._spent() >= self._count
 
 
-class GatedLink:
+class GatedLink(LinkWrapper):
     """A link around ``inner``; ``clock`` stamps what is sent, received frames bring their time.
 
     What a port sends and a rule delays stays in order: nothing overtakes a frame that is held back.  The farm's
@@ -179,7 +192,7 @@ class GatedLink:
     """
 
     def __init__(self, inner: Link, clock: Clock) -> None:
-        self.inner = inner
+        super().__init__(inner)
         self._clock = clock
         self._receiver: Receiver | None = None
         self._rules: dict[int, list[GateRule]] = {}
@@ -240,11 +253,7 @@ class GatedLink:
         A frame to the drive goes on with the next :meth:`handle_timeout`, which is due now: its effects may end
         injections, and the caller is just ending one.
         """
-        remaining = [other for other in self._rules.get(port, ()) if other is not rule]
-        if remaining:
-            self._rules[port] = remaining
-        else:
-            self._rules.pop(port, None)
+        _remove(self._rules, port, rule)
         now = self._clock()
         for _, _, _, direction, frame, _ in self._take(lambda entry: entry[2] == port and entry[5] is rule):
             if direction == "in":
@@ -257,7 +266,7 @@ class GatedLink:
         # every rule sees every frame, so that its sequence does not depend on the other rules
         frame_class = self._class_of(port, frame)
         rules = [(rule, rule.loses(direction, frame_class, now)) for rule in self._rules.get(port, ())]
-        left: list[FarmRunner] = [(now, frame)]
+        left: list[DueFrame] = [(now, frame)]
         holder: GateRule | None = None
         for rule, hit in rules:
             latest = max((due for due, _ in left), default=now)
@@ -307,12 +316,7 @@ class GatedLink:
         self._listeners[port] = [*self._listeners.get(port, ()), listener]
 
     def unlisten(self, port: int, listener: Listener) -> None:
-        # bound methods are equal, and never the same object
-        remaining = [other for other in self._listeners.get(port, ()) if other != listener]
-        if remaining:
-            self._listeners[port] = remaining
-        else:
-            self._listeners.pop(port, None)
+        _remove(self._listeners, port, listener)
 
     def send_beside(self, port: int, frame: bytes) -> None:
         """Send a frame that is not the drive's: no rule acts on it."""
@@ -329,13 +333,10 @@ class GatedLink:
 
     def undelay(self, port: int, rule: DelayRule) -> None:
         """Remove a rule; after the last one, frames held back leave at once."""
-        remaining = [other for other in self._delays.get(port, ()) if other is not rule]
-        if remaining:
-            self._delays[port] = remaining
-            return
-        self._delays.pop(port, None)
-        for held in self._held.pop(port, ()):
-            self._release(port, held)
+        _remove(self._delays, port, rule)
+        if port not in self._delays:
+            for held in self._held.pop(port, ()):
+                self._release(port, held)
 
     def forget(self, port: int) -> None:
         """Drop what is held back: its sender has lost its supply."""
@@ -380,20 +381,6 @@ class GatedLink:
 
     # the link
 
-    @property
-    def kind(self) -> str:
-        return self.inner.kind
-
-    @property
-    def counters(self) -> LinkCounters:
-        return self.inner.counters
-
-    async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
-        return await self.inner.open(wanted)
-
-    async def close(self) -> None:
-        await self.inner.close()
-
     def send(self, port_index: int, frame: bytes) -> None:
         for listener in self._listeners.get(port_index, ()):
             listener("out", frame, self._clock())
@@ -417,8 +404,12 @@ class GatedLink:
         self._receiver = receiver
         self.inner.set_receiver(self._receive)
 
-    async def set_carrier(self, port_index: int, up: bool) -> None:
-        await self.inner.set_carrier(port_index, up)
 
-    async def set_mac(self, port_index: int, mac: bytes) -> None:
-        await self.inner.set_mac(port_index, mac)
+def _remove(of_ports: dict[int, list[T]], port: int, gone: T) -> None:
+    """Out of a port's list, which is another one afterwards; ports without entries have none."""
+    # bound methods are equal, and never the same object
+    remaining = [other for other in of_ports.get(port, ()) if other != gone]
+    if remaining:
+        of_ports[port] = remaining
+    else:
+        of_ports.pop(port, None)

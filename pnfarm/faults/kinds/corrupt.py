@@ -2,62 +2,45 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pnfarm.faults.effects.shaped import ShapedEffect
 from pnfarm.faults.gate.frame_words import FRAMES_PARAM
-from pnfarm.faults.gate.shaping import Shape
 from pnfarm.faults.kind import EVERY_DIRECTION, FRAMES, InjectionKind, ParamSpec
 from pnfarm.table.impairment import CORRUPT
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from pnfarm.wire.direction import Direction
-
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 
 class Corrupt(ShapedEffect):
-    """Cyclic frames by the engine, acyclic ones by the gate."""
+    """Everywhere, or behind the EtherType."""
 
-    cyclic: ClassVar[int | None] = CORRUPT
-
-    def settings(self, direction: Direction) -> Mapping[str, float]:
-        del direction
-        return {"amount": self.values["bits"], "whole": self.values["whole"], "mends": self.values["mend"]}
-
-    def shape(self, seed: int) -> Shape:
-        return Shape(seed, bits=self.values["bits"], whole=self.values["whole"])
+    cyclic = CORRUPT
+    row: ClassVar = {"amount": "bits", "whole": "whole", "mends": "mend"}
+    shaped: ClassVar = {"bits": "bits", "whole": "whole"}
 
 
-KINDS = (
-    InjectionKind(
-        "corrupt",
-        "frames",
-        "Bits of frames are inverted behind the frame check: the frame check sequence on the wire is right.",
-        "a frame that is changed",
-        Corrupt,
-        {
-            "frames": FRAMES_PARAM,
-            "bits": ParamSpec(
-                "whole number", "Bits that are inverted, spread over the frame.", default=1, low=1, high=64
-            ),
-            "whole": ParamSpec("yes or no", "Whether also in the addresses and the EtherType.", default=False),
-            "mend": ParamSpec(
-                "yes or no",
-                "Whether the checksums of IPv4 and UDP of a cyclic frame are made right again, so that its receiver "
-                "takes the wrong data; a frame without such checksums is not changed by it.",
-                default=False,
-            ),
-        },
-        directions=EVERY_DIRECTION,
-        takes=FRAMES,
-        wire="Inverted bits behind the EtherType, with `whole` in front of it as well.",
-        reports=(
-            "Depends on the bit: wrong data, a frame that is discarded, or one that is nobody's. IP and UDP "
-            "discard by their checksums."
+KIND = InjectionKind(
+    "corrupt",
+    "frames",
+    "Bits of frames are inverted behind the frame check: the frame check sequence on the wire is right.",
+    "a frame that is changed",
+    Corrupt,
+    {
+        "frames": FRAMES_PARAM,
+        "bits": ParamSpec("whole number", "Bits that are inverted, spread over the frame.", default=1, low=1, high=64),
+        "whole": ParamSpec("yes or no", "Whether also in the addresses and the EtherType.", default=False),
+        "mend": ParamSpec(
+            "yes or no",
+            "Whether the checksums of IPv4 and UDP of a cyclic frame are made right again, so that its receiver takes "
+            "the wrong data; a frame without such checksums is not changed by it.",
+            default=False,
         ),
-        place=50,
-    ),
+    },
+    directions=EVERY_DIRECTION,
+    takes=FRAMES,
+    wire="Inverted bits behind the EtherType, with `whole` in front of it as well.",
+    reports="Depends on the bit: wrong data, a frame that is discarded, or one that is nobody's. IP and UDP discard by "
+    "their checksums.",
+    place=50,
 )

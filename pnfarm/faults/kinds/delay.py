@@ -2,48 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import Any, ClassVar
 
 from pnfarm.faults.effects.shaped import MOST_NS, ShapedEffect
 from pnfarm.faults.gate.frame_words import FRAMES_PARAM
-from pnfarm.faults.gate.shaping import Shape
-from pnfarm.faults.kind import EVERY_DIRECTION, FRAMES, InjectionKind, ParamSpec
+from pnfarm.faults.kind import EVERY_DIRECTION, FRAMES, InjectionKind, Misfits, ParamSpec, by_values
 from pnfarm.table.impairment import DELAY
 from pnfarm.vocabulary.problem import Problem
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.wire.direction import Direction
-
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 
 class Delay(ShapedEffect):
-    """Cyclic frames by the engine, acyclic ones by the gate."""
+    """In order, or not."""
 
-    cyclic: ClassVar[int | None] = DELAY
-
-    def settings(self, direction: Direction) -> Mapping[str, float]:
-        del direction
-        return {
-            "delay_ns": self.values["delay"],
-            "jitter_ns": self.values["jitter"],
-            "overtakes": self.values["overtake"],
-        }
-
-    def shape(self, seed: int) -> Shape:
-        return Shape(
-            seed, delay_ns=self.values["delay"], jitter_ns=self.values["jitter"], overtakes=self.values["overtake"]
-        )
+    cyclic = DELAY
+    row: ClassVar = {"delay_ns": "delay", "jitter_ns": "jitter", "overtakes": "overtake"}
+    shaped: ClassVar = {"delay_ns": "delay", "jitter_ns": "jitter", "overtakes": "overtake"}
 
 
-def _check(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
-    try:
-        values = spec.values()
-    except Problem:
-        return
+@by_values
+def _check(values: dict[str, Any]) -> Misfits:
     for name in ("delay", "jitter"):
         if values[name] > MOST_NS:
             yield f"params.{name}", Problem("is too long", "a duration of at most 10s")
@@ -51,29 +30,24 @@ def _check(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
         yield "params.delay", Problem("is 0, as the jitter", "a duration above 0 for one of them")
 
 
-KINDS = (
-    InjectionKind(
-        "delay",
-        "frames",
-        "Frames arrive late, by a fixed time and a random one on top.  They keep their order unless "
-        "`overtake` says otherwise; when it ends, those that wait arrive at once.",
-        "a frame that is late",
-        Delay,
-        {
-            "frames": FRAMES_PARAM,
-            "delay": ParamSpec("duration", "Fixed delay, up to 10 s.", default="5ms"),
-            "jitter": ParamSpec("duration", "Random delay on top, up to 10 s.", default="0ms"),
-            "overtake": ParamSpec("yes or no", "Whether a later frame may overtake a delayed one.", default=False),
-        },
-        directions=EVERY_DIRECTION,
-        takes=FRAMES,
-        wire="Frames are later by `delay` to `delay` + `jitter`, each with the cycle counter and the data that it had.",
-        reports=(
-            "A constant delay: only the gap at its begin, which is IO device failure when it is longer than "
-            "the watchdog (S7-1500; CODESYS assumed). Jitter above the watchdog: the same. Overtaken cyclic "
-            "frames are discarded."
-        ),
-        misfits=_check,
-        place=20,
-    ),
+KIND = InjectionKind(
+    "delay",
+    "frames",
+    "Frames arrive late, by a fixed time and a random one on top.  They keep their order unless `overtake` says "
+    "otherwise; when it ends, those that wait arrive at once.",
+    "a frame that is late",
+    Delay,
+    {
+        "frames": FRAMES_PARAM,
+        "delay": ParamSpec("duration", "Fixed delay, up to 10 s.", default="5ms"),
+        "jitter": ParamSpec("duration", "Random delay on top, up to 10 s.", default="0ms"),
+        "overtake": ParamSpec("yes or no", "Whether a later frame may overtake a delayed one.", default=False),
+    },
+    directions=EVERY_DIRECTION,
+    takes=FRAMES,
+    wire="Frames are later by `delay` to `delay` + `jitter`, each with the cycle counter and the data that it had.",
+    reports="A constant delay: only the gap at its begin, which is IO device failure when it is longer than the "
+    "watchdog (S7-1500; CODESYS assumed). Jitter above the watchdog: the same. Overtaken cyclic frames are discarded.",
+    misfits=_check,
+    place=20,
 )

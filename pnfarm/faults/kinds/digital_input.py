@@ -5,30 +5,28 @@ from __future__ import annotations
 from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 
 class DigitalInput(StandingEffect):
     """The input is on until the injection ends."""
 
     def put(self) -> None:
-        self._servo.switch_input(int(self.values["input"]))
+        self.servo.switch_input(int(self.values["input"]))
 
     def take(self) -> None:
-        self._servo.release_input(int(self.values["input"]))
+        self.servo.release_input(int(self.values["input"]))
 
 
-KINDS = (
-    InjectionKind(
-        "digital-input",
-        "drive",
-        "A digital input of the drive is on: a switch, a touch probe.",
-        "switching it on",
-        DigitalInput,
-        {"input": ParamSpec("whole number", "Which one, from 0.", required=True, low=0, high=31)},
-        takes=HELD,
-        place=120,
-        wire="The input's bits in the drive's words and parameters, as far as its telegram has them.",
-        reports="Nothing by the bus.",
-    ),
+KIND = InjectionKind(
+    "digital-input",
+    "drive",
+    "A digital input of the drive is on: a switch, a touch probe.",
+    "switching it on",
+    DigitalInput,
+    {"input": ParamSpec("whole number", "Which one, from 0.", required=True, low=0, high=31)},
+    takes=HELD,
+    place=120,
+    wire="The input's bits in the drive's words and parameters, as far as its telegram has them.",
+    reports="Nothing by the bus.",
 )

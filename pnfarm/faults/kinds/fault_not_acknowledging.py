@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from pnfarm.faults.effects.confirmed import ConfirmedEffect
 from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.kind import InjectionKind
 
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.effect import Window
-    from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.faults.effects.parts import InjectedDrive
-
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 #: More requests than any farm gets.
 _FOREVER = 1 << 62
@@ -26,51 +19,38 @@ class NotAcknowledging(ConfirmedEffect):
     # an error of positioning is acknowledged as well, and is no fault
     must_show = False
 
-    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
-        super().__init__(spec, drive)
-        self._until: int | None = None
-        self._seen = 0
-
-    def begin(self, window: Window, now: int) -> None:
-        del window, now
-        self._seen, _ = self._servo.acknowledgements_refused
+    def put(self) -> None:
+        self._seen, _ = self.servo.acknowledgements_refused
         self._until = _FOREVER if self.spec.count is None else self._seen + self.spec.count
-        self._servo.refuse_acknowledging(self._until)
+        self.servo.refuse_acknowledging(self._until)
 
     def check(self, now: int) -> None:
-        refused, last_ns = self._servo.acknowledgements_refused
-        if self._until is not None:
-            refused = min(refused, self._until)
+        refused, last_ns = self.servo.acknowledgements_refused
+        refused = min(refused, self._until)
         for _ in range(self._seen, refused):
-            self._tally.note(last_ns)
+            self.tally.note(last_ns)
             self._look_since = last_ns
         self._seen = refused
         self._look(now)
         # with a connection the next frame tells whether the fault is still reported
-        self.finished = self._until is not None and refused >= self._until and self._due is None
+        self.finished = refused >= self._until and self._due is None
 
     def end(self, now: int) -> None:
         self.check(now)
         self._due = None
-        if self._until is not None:
-            self._servo.allow_acknowledging(self._until)
-            self._until = None
+        self.servo.allow_acknowledging(self._until)
 
 
-KINDS = (
-    InjectionKind(
-        "fault-not-acknowledging",
-        "drive",
-        "A fault stays although it is acknowledged: requests to acknowledge are ignored, whether they come by "
-        "STW1.7, by a parameter or by the hardware enable.  Switching the supply off and on still clears the fault.",
-        "a request that is ignored while there is something to acknowledge",
-        NotAcknowledging,
-        takes=frozenset({"count", "for", "cycles"}),
-        place=35,
-        wire="ZSW1.3 (fault present) stays set after an edge of STW1.7; PNU 945 and 947 keep the number.",
-        reports=(
-            "Nothing by the bus: the program acknowledges and sees ZSW1.3 as before. S7-1500: a technology object's "
-            "drive alarm comes again after MC_Reset (assumed). CODESYS: MC_Reset ends with an error (assumed)."
-        ),
-    ),
+KIND = InjectionKind(
+    "fault-not-acknowledging",
+    "drive",
+    "A fault stays although it is acknowledged: requests to acknowledge are ignored, whether they come by STW1.7, by a "
+    "parameter or by the hardware enable.  Switching the supply off and on still clears the fault.",
+    "a request that is ignored while there is something to acknowledge",
+    NotAcknowledging,
+    takes=frozenset({"count", "for", "cycles"}),
+    place=35,
+    wire="ZSW1.3 (fault present) stays set after an edge of STW1.7; PNU 945 and 947 keep the number.",
+    reports="Nothing by the bus: the program acknowledges and sees ZSW1.3 as before. S7-1500: a technology object's "
+    "drive alarm comes again after MC_Reset (assumed). CODESYS: MC_Reset ends with an error (assumed).",
 )

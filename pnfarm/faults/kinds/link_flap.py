@@ -5,24 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects.cable import CableEffect
-from pnfarm.faults.kind import InjectionKind, ParamSpec
+from pnfarm.faults.kind import InjectionKind, Misfits, ParamSpec
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.faults.effects.parts import InjectedDrive
 
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 
 class LinkFlap(CableEffect):
     """Out for ``down`` of each ``period``."""
 
-    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
-        super().__init__(spec, drive)
+    def prepare(self) -> None:
         self._period: int = self.values["period"]
         self._down: int = self.values["down"] or self._period // 2
 
@@ -36,13 +32,13 @@ class LinkFlap(CableEffect):
             return
         if self._is_out:
             self._plug()
-            self.finished = self.spec.count is not None and self._tally.seen.activations >= self.spec.count
+            self.finished = self.spec.count is not None and self.tally.seen.activations >= self.spec.count
             self._due = None if self.finished else now + self._period - self._down
         else:
             self._pull(now)
 
 
-def _misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
+def _misfits(spec: InjectionFields) -> Misfits:
     """Down for less than the period, and neither of them zero."""
     if {"period", "down"}.isdisjoint(spec.params):
         return
@@ -54,32 +50,24 @@ def _misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
     if period < 2:
         yield "params.period", Problem(f"is {shown(spec.params['period'])}", "a duration above zero")
     elif down is not None and not 0 < down < period:
-        yield (
-            "params.down",
-            Problem(f"is {shown(spec.params['down'])}", "a duration above zero and shorter than the period"),
-        )
+        what = f"is {shown(spec.params['down'])}"
+        yield "params.down", Problem(what, "a duration above zero and shorter than the period")
 
 
-KINDS = (
-    InjectionKind(
-        "link-flap",
-        "link",
-        "The cable is pulled and plugged repeatedly.",
-        "pulling the cable",
-        LinkFlap,
-        {
-            "period": ParamSpec("duration", "From one pull to the next.", default="1s"),
-            "down": ParamSpec(
-                "duration", "How long the cable is out each time; left out, half the period.", default=None
-            ),
-        },
-        takes=frozenset({"count", "for"}),
-        misfits=_misfits,
-        place=40,
-        wire="No carrier again and again.",
-        reports=(
-            "After each watchdog, IO device failure (S7-1500: OB86; CODESYS: the device is shown as not running "
-            "(assumed)). Then the connection is set up again."
-        ),
-    ),
+KIND = InjectionKind(
+    "link-flap",
+    "link",
+    "The cable is pulled and plugged repeatedly.",
+    "pulling the cable",
+    LinkFlap,
+    {
+        "period": ParamSpec("duration", "From one pull to the next.", default="1s"),
+        "down": ParamSpec("duration", "How long the cable is out each time; left out, half the period.", default=None),
+    },
+    takes=frozenset({"count", "for"}),
+    misfits=_misfits,
+    place=40,
+    wire="No carrier again and again.",
+    reports="After each watchdog, IO device failure (S7-1500: OB86; CODESYS: the device is shown as not running "
+    "(assumed)). Then the connection is set up again.",
 )

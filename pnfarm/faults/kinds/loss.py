@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects.frames import FramesEffect
-from pnfarm.faults.gate.choice import CHOICE_PARAMS, choice_misfits, choice_of
+from pnfarm.faults.gate.choice import CHOICE_PARAMS, Choice, choice_misfits, choice_of
 from pnfarm.faults.gate.frame_words import FRAMES_PARAM, classes_of
 from pnfarm.faults.kind import EVERY_DIRECTION, FRAMES, InjectionKind
 
 if TYPE_CHECKING:
-    from pnfarm.faults.gate.choice import Choice
     from pnfarm.faults.gate.gate import FrameClasses
 
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 
 class Loss(FramesEffect):
@@ -27,23 +26,18 @@ class Loss(FramesEffect):
         return choice_of(self.spec)
 
 
-KINDS = (
-    InjectionKind(
-        "loss",
-        "frames",
-        "Frames are lost at random: independently, in bursts, or by a Gilbert-Elliott model.",
-        "a frame that is lost; `count` holds for each direction",
-        Loss,
-        {"frames": FRAMES_PARAM, **CHOICE_PARAMS},
-        directions=EVERY_DIRECTION,
-        takes=FRAMES,
-        wire="Frames are missing; those that come are as ever, with the cycle counters of their own cycles.",
-        reports=(
-            "Cyclic frames: nothing below the watchdog, then IO device failure (S7-1500; CODESYS assumed). "
-            "Acyclic ones "
-            "are repeated."
-        ),
-        misfits=choice_misfits,
-        place=10,
-    ),
+KIND = InjectionKind(
+    "loss",
+    "frames",
+    "Frames are lost at random: independently, in bursts, or by a Gilbert-Elliott model.",
+    "a frame that is lost; `count` holds for each direction",
+    Loss,
+    {"frames": FRAMES_PARAM, **CHOICE_PARAMS},
+    directions=EVERY_DIRECTION,
+    takes=FRAMES,
+    wire="Frames are missing; those that come are as ever, with the cycle counters of their own cycles.",
+    reports="Cyclic frames: nothing below the watchdog, then IO device failure (S7-1500; CODESYS assumed). Acyclic "
+    "ones are repeated.",
+    misfits=choice_misfits,
+    place=10,
 )

@@ -6,7 +6,7 @@ from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 
 class NotReady(StandingEffect):
@@ -15,31 +15,29 @@ class NotReady(StandingEffect):
     status = Status.INHIBITED
 
     def put(self) -> None:
-        self._servo.take_away(str(self.values["missing"]))
+        self.servo.take_away(str(self.values["missing"]))
 
     def take(self) -> None:
-        self._servo.give_back(str(self.values["missing"]))
+        self.servo.give_back(str(self.values["missing"]))
 
 
-KINDS = (
-    InjectionKind(
-        "not-ready",
-        "drive",
-        "Something that the drive needs is taken away, without a fault: it coasts, and cannot be switched on "
-        "before this ends.",
-        "taking it away",
-        NotReady,
-        {
-            "missing": ParamSpec(
-                "word",
-                "The hardware enable (ENPO of a Moog MSD, DRV.HWENABLE of an AKD), or the power supply of the DC link.",
-                default="enable",
-                words={"enable": 0, "supply": 1},
-            )
-        },
-        takes=HELD,
-        place=110,
-        wire="ZSW1.6 (switching on inhibited) is set, ZSW1.0 to 1.2 fall.",
-        reports="Nothing by the bus: the PLC program sees it in ZSW1.",
-    ),
+KIND = InjectionKind(
+    "not-ready",
+    "drive",
+    "Something that the drive needs is taken away, without a fault: it coasts, and cannot be switched on before this "
+    "ends.",
+    "taking it away",
+    NotReady,
+    {
+        "missing": ParamSpec(
+            "word",
+            "The hardware enable (ENPO of a Moog MSD, DRV.HWENABLE of an AKD), or the power supply of the DC link.",
+            default="enable",
+            words={"enable": 0, "supply": 1},
+        )
+    },
+    takes=HELD,
+    place=110,
+    wire="ZSW1.6 (switching on inhibited) is set, ZSW1.0 to 1.2 fall.",
+    reports="Nothing by the bus: the PLC program sees it in ZSW1.",
 )

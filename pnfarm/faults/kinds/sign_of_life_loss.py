@@ -5,19 +5,17 @@ from __future__ import annotations
 from pnfarm.faults.kind import FRAMES, InjectionKind
 from pnfarm.faults.kinds.sign_of_life_freeze import REPORTS, WIRE, Freeze
 
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
-KINDS = (
-    InjectionKind(
-        "sign-of-life-loss",
-        "liveness",
-        "The sign of life stands: sign-of-life-freeze.",
-        "a cyclic frame whose count stands",
-        Freeze,
-        directions=("out", "in", "both"),
-        takes=FRAMES,
-        wire=WIRE,
-        reports=REPORTS,
-        place=30,
-    ),
+KIND = InjectionKind(
+    "sign-of-life-loss",
+    "liveness",
+    "The sign of life stands: sign-of-life-freeze.",
+    "a cyclic frame whose count stands",
+    Freeze,
+    directions=("out", "in", "both"),
+    takes=FRAMES,
+    wire=WIRE,
+    reports=REPORTS,
+    place=30,
 )

@@ -2,58 +2,35 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from pnfarm.faults.effects.effect import Effect, Tally, Window
+from pnfarm.faults.effects.effect import Effect
 from pnfarm.faults.effects.sockets import SOCKETS
 from pnfarm.faults.kind import HELD, InjectionKind
 
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.evidence import Evidence
-    from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.faults.effects.parts import InjectedDrive
-
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 
 class TcpRefuse(Effect):
     """From begin to end, also over a reboot."""
 
-    needs = (SOCKETS,)
+    sockets = SOCKETS
 
-    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
-        super().__init__(spec, drive)
-        self._sockets = drive.part(SOCKETS)
-        self._tally = Tally()
-        self._refusing = False
-
-    def begin(self, window: Window, now: int) -> None:
-        del window
-        self._refusing = True
-        self._sockets.refuse()
+    def begin(self, now: int) -> None:
+        self.sockets.refuse()
         # the listener is closed; who is refused, the drive never learns
-        self._tally.note(now, confirmed=True)
+        self.tally.note(now, confirmed=True)
 
-    def end(self, now: int) -> None:
-        del now
-        if self._refusing:
-            self._refusing = False
-            self._sockets.accept()
-
-    def evidence(self) -> Evidence:
-        return self._tally.seen
+    def take(self) -> None:
+        self.sockets.accept()
 
 
-KINDS = (
-    InjectionKind(
-        "tcp-refuse",
-        "connection",
-        "The drive does not listen any more: new TCP connections are refused; those that stand go on.",
-        "closing the listener",
-        TcpRefuse,
-        takes=HELD,
-        place=94,
-        wire="Each SYN is answered by RST.",
-        reports="A running connection stays. Without a session none can be made: the device stays failed.",
-    ),
+KIND = InjectionKind(
+    "tcp-refuse",
+    "connection",
+    "The drive does not listen any more: new TCP connections are refused; those that stand go on.",
+    "closing the listener",
+    TcpRefuse,
+    takes=HELD,
+    place=94,
+    wire="Each SYN is answered by RST.",
+    reports="A running connection stays. Without a session none can be made: the device stays failed.",
 )

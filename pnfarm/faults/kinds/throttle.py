@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.shaped import MOST_NS, ShapedEffect
 from pnfarm.faults.gate.frame_words import FRAMES_PARAM
 from pnfarm.faults.gate.gate import GateRule
-from pnfarm.faults.gate.shaping import LINE_OCTETS, Shape
+from pnfarm.faults.gate.shaping import LINE_OCTETS
 from pnfarm.faults.gate.socket_gate import STREAM
-from pnfarm.faults.kind import EVERY_DIRECTION, HELD, InjectionKind, ParamSpec
+from pnfarm.faults.kind import EVERY_DIRECTION, HELD, InjectionKind, Misfits, ParamSpec, by_values
 from pnfarm.table.impairment import THROTTLE
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.faults.gate.gate import FarmRunner
+    from pnfarm.faults.gate.gate import DueFrame
     from pnfarm.wire.direction import Direction
 
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 #: Nanoseconds that an octet takes at 1 kbit/s.
 OCTET_NS = 8_000_000.0
@@ -45,7 +42,7 @@ class SlowLine(GateRule):
 
     def left(
         self, direction: Direction, frame_class: str, frame: bytes, due: int, *, hit: bool, bare: bool = False
-    ) -> list[FarmRunner]:
+    ) -> list[DueFrame]:
         del hit
         if not self.acts(direction, frame_class, self._now):
             return [(due, frame)]
@@ -59,51 +56,42 @@ class SlowLine(GateRule):
 
 
 class Throttle(ShapedEffect):
-    """Cyclic frames by the engine, acyclic ones by the gate."""
+    """A line for cyclic frames, and one for acyclic ones."""
 
-    cyclic: ClassVar[int | None] = THROTTLE
+    cyclic = THROTTLE
 
-    def settings(self, direction: Direction) -> Mapping[str, float]:
-        del direction
+    def fields(self) -> dict[str, float]:
         return {"octet_ns": OCTET_NS / self.values["rate"], "delay_ns": self.values["queue"]}
-
-    def shape(self, seed: int) -> Shape:
-        return Shape(seed)
 
     def rule(self, *args: Any, **fields: Any) -> GateRule:
         rate = OCTET_NS / self.values["rate"]
         return SlowLine(*args, octet_ns=rate, queue_ns=self.values["queue"], **fields)
 
 
-def _check(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
-    try:
-        queue = spec.values()["queue"]
-    except Problem:
-        return
-    if queue > MOST_NS:
+@by_values
+def _check(values: dict[str, Any]) -> Misfits:
+    if values["queue"] > MOST_NS:
         yield "params.queue", Problem("is too long", "a duration of at most 10s")
 
 
-KINDS = (
-    InjectionKind(
-        "throttle",
-        "frames",
-        "The line is slow: frames wait for those before them, and are lost when they would wait too long.  Cyclic and "
-        "acyclic frames have such a line each.",
-        "a frame that had to wait, or was lost",
-        Throttle,
-        {
-            "frames": FRAMES_PARAM,
-            "rate": ParamSpec(
-                "number", "Of frames with preamble, check and gap.", default=100.0, unit="kbit/s", low=1.0, high=1e6
-            ),
-            "queue": ParamSpec("duration", "Longest wait, up to 10 s.", default="100ms"),
-        },
-        directions=EVERY_DIRECTION,
-        takes=HELD,
-        wire="Frames are no closer than the rate permits; when they are more than that, some are missing.",
-        reports="A drive whose frames need more than the rate: IO device failure (S7-1500; CODESYS assumed).",
-        misfits=_check,
-        place=60,
-    ),
+KIND = InjectionKind(
+    "throttle",
+    "frames",
+    "The line is slow: frames wait for those before them, and are lost when they would wait too long.  Cyclic and "
+    "acyclic frames have such a line each.",
+    "a frame that had to wait, or was lost",
+    Throttle,
+    {
+        "frames": FRAMES_PARAM,
+        "rate": ParamSpec(
+            "number", "Of frames with preamble, check and gap.", default=100.0, unit="kbit/s", low=1.0, high=1e6
+        ),
+        "queue": ParamSpec("duration", "Longest wait, up to 10 s.", default="100ms"),
+    },
+    directions=EVERY_DIRECTION,
+    takes=HELD,
+    wire="Frames are no closer than the rate permits; when they are more than that, some are missing.",
+    reports="A drive whose frames need more than the rate: IO device failure (S7-1500; CODESYS assumed).",
+    misfits=_check,
+    place=60,
 )

@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import EnvironmentError_, InternalError
 from pnfarm.links.base import ETHERNET
+from pnfarm.links.wrapper import LinkWrapper
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from pnfarm.links.base import Clock, Link, LinkCounters, Port, PortSpec, Receiver
+    from pnfarm.links.base import Clock, Link, Port, PortSpec, Receiver
     from pnfarm.links.capture.files import BlockSink
     from pnfarm.wire.direction import Direction
 
@@ -148,7 +149,7 @@ class PcapngWriter:
         self._file.close()
 
 
-class PcapLink:
+class PcapLink(LinkWrapper):
     """Wraps ``inner`` and records to ``path``, or to ``sink``.
 
     ``clock`` is the farm's; ``epoch_ns`` is the date of its zero (default: such that the clock's now is the present
@@ -165,7 +166,7 @@ class PcapLink:
         comment: str = "",
         sink: BlockSink | None = None,
     ) -> None:
-        self.inner = inner
+        super().__init__(inner)
         self._clock = clock
         self._epoch_ns = time.time_ns() - clock() if epoch_ns is None else epoch_ns
         self._writer: PcapngWriter | None = PcapngWriter(path, comment, sink=sink)
@@ -195,14 +196,6 @@ class PcapLink:
 
     # -- the link
 
-    @property
-    def kind(self) -> str:
-        return self.inner.kind
-
-    @property
-    def counters(self) -> LinkCounters:
-        return self.inner.counters
-
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         ports = await self.inner.open(wanted)
         if self._writer is not None:
@@ -229,9 +222,3 @@ class PcapLink:
 
     def set_receiver(self, receiver: Receiver) -> None:
         self._receiver = receiver
-
-    async def set_carrier(self, port_index: int, up: bool) -> None:
-        await self.inner.set_carrier(port_index, up)
-
-    async def set_mac(self, port_index: int, mac: bytes) -> None:
-        await self.inner.set_mac(port_index, mac)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,9 @@ from pnfarm.vocabulary.regular_file import read_regular
 from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+
+    from pnfarm.scenario.definition.steps import StepKind
 
 __all__ = ["KEYS", "MAX_RUNS", "MAX_STEPS", "Scenario", "load_scenario", "parse_scenario", "walk"]
 
@@ -126,10 +128,7 @@ def parse_scenario(text: str | bytes, path: Path | None = None, variables: Mappi
     try:
         document = parse_yaml(text)
     except YamlError as error:
-        found = error.problem
-        raise FarmFileError(
-            [FileIssue(name, found.line, found.column, found.field, found.what, found.allowed)]
-        ) from error
+        raise FarmFileError([FileIssue(name, *astuple(error.problem))]) from error
     return _Reader(document, name, path, variables or {}).read()
 
 
@@ -143,10 +142,7 @@ class _Reader:
         self._name = name
         self._path = path
         self._given = given
-        self._issues: dict[FileIssue, None] = {
-            FileIssue(name, found.line, found.column, found.field, found.what, found.allowed): None
-            for found in document.problems
-        }
+        self._issues: dict[FileIssue, None] = {FileIssue(name, *astuple(found)): None for found in document.problems}
         self._count = 0
         #: Where in a `find` the steps that are read are; empty outside.
         self._part = ""
@@ -170,9 +166,7 @@ class _Reader:
         if not isinstance(values, dict):
             self.report((), f"is {shown(values)}", "a mapping such as `scenario: f702-recovery` ...")
             return None
-        for key in values:
-            if key not in KEYS:
-                self.report((key,), f"is not a key here{did_you_mean(key, KEYS)}", ", ".join(KEYS))
+        self._check_keys(values, (), KEYS)
         name = values.get("scenario")
         if not isinstance(name, str) or not _NAME.fullmatch(name):
             what = "is missing" if name is None else f"is {shown(name)}"
@@ -244,6 +238,16 @@ class _Reader:
             return {}
         return value
 
+    def _check_keys(self, content: Iterable[str], at: Location, keys: Collection[str], allowed: str = "") -> None:
+        for key in content:
+            if key not in keys:
+                self.report((*at, key), f"is not a key here{did_you_mean(key, keys)}", allowed or ", ".join(keys))
+
+    def _check_required(self, content: Mapping[str, Any], at: Location, kind: StepKind) -> None:
+        for key in kind.required:
+            if key not in content:
+                self.report((*at, key), "is missing", kind.keys[key].doc)
+
     def _check_identifier(self, location: Location, name: str) -> None:
         if not _IDENTIFIER.fullmatch(name):
             self.report(location, f"{shown(name)} is not a name of a variable", "letters, digits and _")
@@ -302,15 +306,12 @@ class _Reader:
         if not isinstance(content, dict):
             self.report(at, f"is {shown(content)}", f"a mapping such as `{known.example}`")
             return None
+        self._check_keys(content, at, known.keys)
         read: dict[str, Any] = {}
         for key, value in content.items():
-            if key not in known.keys:
-                self.report((*at, key), f"is not a key here{did_you_mean(key, known.keys)}", ", ".join(known.keys))
-            elif (found := self._value((*at, key), known.keys[key].read, value)) is not None:
+            if key in known.keys and (found := self._value((*at, key), known.keys[key].read, value)) is not None:
                 read[key] = found
-        for key in known.required:
-            if key not in content:
-                self.report((*at, key), "is missing", known.keys[key].doc)
+        self._check_required(content, at, known)
         if known.one_of and (given := sum(key in content for key in known.one_of)) != 1:
             what = "has none of these" if not given else "has more than one of these"
             self.report(at, what, " or ".join(known.one_of))
@@ -356,12 +357,8 @@ class _Reader:
         if not isinstance(content, dict):
             self.report(at, f"is {shown(content)}", f"a mapping such as `{FIND.example}`")
             return []
-        for key in content:
-            if key not in FIND.keys:
-                self.report((*at, key), f"is not a key here{did_you_mean(key, FIND.keys)}", ", ".join(FIND.keys))
-        for key in FIND.required:
-            if key not in content:
-                self.report((*at, key), "is missing", FIND.keys[key].doc)
+        self._check_keys(content, at, FIND.keys)
+        self._check_required(content, at, FIND)
         own = {key: content[key] for key in ("by", "measure", "is", "name") if content.get(key) is not None}
         filled = self._filled(own, at, known)
         read = {key: self._value((*at, key), FIND.keys[key].read, value) for key, value in filled.items()}
@@ -396,9 +393,7 @@ class _Reader:
         if not isinstance(content, dict):
             self.report(at, f"is {shown(content)}", allowed)
             return []
-        for key in content:
-            if key not in {"for", "times", "steps"}:
-                self.report((*at, key), f"is not a key here{did_you_mean(key, ('for', 'times', 'steps'))}", allowed)
+        self._check_keys(content, at, ("for", "times", "steps"), allowed)
         rounds = self._rounds(content, at, known)
         found: list[Step] = []
         for values in rounds:

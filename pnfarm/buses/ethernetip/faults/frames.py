@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
-from pnfarm.faults.effects.frames import FramesEffect
+from pnfarm.faults.effects.frames import ChosenFramesEffect
 from pnfarm.faults.effects.parts import Part
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effects.effect import Needs
     from pnfarm.faults.effects.wire import Wire
-    from pnfarm.faults.gate.gate import FrameClasses
 
 __all__ = ["CIP_FRAMES", "CipFramesEffect"]
 
@@ -18,9 +16,7 @@ __all__ = ["CIP_FRAMES", "CipFramesEffect"]
 CIP_FRAMES: Part[Wire] = Part("packets of EtherNet/IP")
 
 
-class CipFramesEffect(FramesEffect):
+class CipFramesEffect(ChosenFramesEffect):
     """Every cyclic packet is changed, or messages are."""
 
-    needs: ClassVar[Needs] = (*FramesEffect.needs, CIP_FRAMES)
-    cyclic: ClassVar[int | None] = None
-    acyclic: ClassVar[FrameClasses | None] = None
+    frames = CIP_FRAMES

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
-from pnfarm.faults.effects.frames import FramesEffect
+from pnfarm.faults.effects.frames import ChosenFramesEffect
 from pnfarm.faults.effects.parts import Part
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effects.effect import Needs
     from pnfarm.faults.effects.wire import Wire
-    from pnfarm.faults.gate.gate import FrameClasses
 
 __all__ = ["PROFINET_FRAMES", "ProfinetFramesEffect"]
 
@@ -18,9 +16,7 @@ __all__ = ["PROFINET_FRAMES", "ProfinetFramesEffect"]
 PROFINET_FRAMES: Part[Wire] = Part("frames of PROFINET")
 
 
-class ProfinetFramesEffect(FramesEffect):
+class ProfinetFramesEffect(ChosenFramesEffect):
     """Frames of one of these classes are lost, or the status of every cyclic frame is changed."""
 
-    needs: ClassVar[Needs] = (*FramesEffect.needs, PROFINET_FRAMES)
-    cyclic: ClassVar[int | None] = None
-    acyclic: ClassVar[FrameClasses | None] = None
+    frames = PROFINET_FRAMES

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import hashlib
 from abc import abstractmethod
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
-from pnfarm.faults.effects.effect import Effect, Tally
+from pnfarm.faults.effects.effect import Effect
 from pnfarm.faults.effects.parts import DrivePart, Part
 from pnfarm.faults.effects.wire import WIRE
 from pnfarm.faults.errors import InjectionError
@@ -25,10 +25,6 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
-    from pnfarm.faults.effects.effect import Needs, Window
-    from pnfarm.faults.effects.evidence import Evidence
-    from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.protocols.profinet.dcp.rules import DcpIdentity
     from pnfarm.wire.direction import Direction
     from pnfarm.wire.ethernet import EthernetFrame
@@ -77,20 +73,16 @@ NEIGHBOUR: Part[Neighbour] = Part("IP address and station name of PROFINET")
 class SecondStation(Effect):
     """Base of both: it hears, speaks, and is counted."""
 
-    needs: ClassVar[Needs] = (WIRE, NEIGHBOUR)
+    wire = WIRE
+    original = NEIGHBOUR
 
-    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
-        super().__init__(spec, drive)
-        self._wire = drive.part(WIRE)
-        self._original = drive.part(NEIGHBOUR)
-        self._tally = Tally()
-        self._stands = False
+    def prepare(self) -> None:
         #: Frames for the drive itself, handed over when the drive is not in the middle of a step.
         self._for_drive: list[bytes] = []
-        digest = hashlib.sha256(b"second station" + self._original.mac).digest()
+        digest = hashlib.sha256(b"second station" + self.original.mac).digest()
         self.mac: bytes = self.values["mac"] or b"\x02" + digest[:5]
-        if self.mac == self._original.mac:
-            what = f"{format_mac(self.mac)} is the address of {drive.name} itself"
+        if self.mac == self.original.mac:
+            what = f"{format_mac(self.mac)} is the address of {self.drive.name} itself"
             raise InjectionError([("params.mac", what, "that of another station")])
 
     @abstractmethod
@@ -105,10 +97,8 @@ class SecondStation(Effect):
     def _machine_deadline(self) -> int | None:
         """When the machine is to be asked again."""
 
-    def begin(self, window: Window, now: int) -> None:
-        del window
-        self._stands = True
-        self._wire.listen(self._hear)
+    def begin(self, now: int) -> None:
+        self.wire.listen(self._hear)
         self._speak(now)
 
     def _hear(self, direction: Direction, frame: bytes, now: int) -> None:
@@ -125,29 +115,21 @@ class SecondStation(Effect):
     def _speak(self, now: int) -> None:
         for frame in self._to_send(now):
             to = frame[:6]
-            if to != self._original.mac:
-                self._wire.send_beside(frame)
-            if to[0] & 1 or to == self._original.mac:
+            if to != self.original.mac:
+                self.wire.send_beside(frame)
+            if to[0] & 1 or to == self.original.mac:
                 self._for_drive.append(frame)
-            self._tally.note(now, confirmed=not self._wire.carrier_off)
+            self.tally.note(now, confirmed=not self.wire.carrier_off)
 
     def check(self, now: int) -> None:
-        if not self._stands:
-            return
         self._speak(now)
         frames, self._for_drive = self._for_drive, []
         for frame in frames:
-            self._wire.deliver(frame, now)
+            self.wire.deliver(frame, now)
 
-    def end(self, now: int) -> None:
-        del now
-        if self._stands:
-            self._stands = False
-            self._wire.unlisten(self._hear)
-            self._for_drive.clear()
-
-    def evidence(self) -> Evidence:
-        return self._tally.seen
+    def take(self) -> None:
+        self.wire.unlisten(self._hear)
+        self._for_drive.clear()
 
     def next_deadline(self) -> int | None:
         if self._for_drive:
@@ -159,20 +141,22 @@ class SecondStation(Effect):
 class SecondHost(SecondStation):
     """Has the drive's IP address: announces it every so often, answers ARP and ping, defends it."""
 
-    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
-        super().__init__(spec, drive)
-        address = self._original.address
+    def prepare(self) -> None:
+        super().prepare()
+        address = self.original.address
         if address is None:
-            raise InjectionError([("kind", f"{drive.name} has no IP address that a second station could have", "")])
+            why = f"{self.drive.name} has no IP address that a second station could have"
+            raise InjectionError([("kind", why, "")])
         self._address = address
         self._host = IpHost(self.mac)
-        self._every: int = self.values["every"]
-        self._announce_ns = 0
 
-    def begin(self, window: Window, now: int) -> None:
+    def begin(self, now: int) -> None:
+        self._announce(now)
+        super().begin(now)
+
+    def _announce(self, now: int) -> None:
         self._host.set_address(self._address)
-        self._announce_ns = now + self._every
-        super().begin(window, now)
+        self._announce_ns: int = now + self.values["every"]
 
     def _take(self, frame: EthernetFrame, now: int) -> None:
         if frame.ethertype != ETHERTYPE_PROFINET:
@@ -183,9 +167,8 @@ class SecondHost(SecondStation):
         return self._host.to_send(now)
 
     def check(self, now: int) -> None:
-        if self._stands and now >= self._announce_ns:
-            self._host.set_address(self._address)
-            self._announce_ns = now + self._every
+        if now >= self._announce_ns:
+            self._announce(now)
         super().check(now)
 
     def _machine_deadline(self) -> int | None:
@@ -196,11 +179,12 @@ class SecondHost(SecondStation):
 class SecondName(SecondStation):
     """Has the drive's station name, of the same type, without an address: answers DCP Identify."""
 
-    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
-        super().__init__(spec, drive)
-        if not self._original.name:
-            raise InjectionError([("kind", f"{drive.name} has no station name that a second station could have", "")])
-        self._device = DcpDevice(self.mac, self._original.identity, name=self._original.name)
+    def prepare(self) -> None:
+        super().prepare()
+        if not self.original.name:
+            why = f"{self.drive.name} has no station name that a second station could have"
+            raise InjectionError([("kind", why, "")])
+        self._device = DcpDevice(self.mac, self.original.identity, name=self.original.name)
 
     def _take(self, frame: EthernetFrame, now: int) -> None:
         # what is not DCP is not for it

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from pnfarm.buses.ethernetip.faults.frames import CipFramesEffect
-from pnfarm.faults.kind import FRAMES, InjectionKind, ParamSpec
+from pnfarm.faults.kind import FRAMES, InjectionKind, Misfits, ParamSpec
 from pnfarm.table.impairment import BOTH_COUNTS, COUNTER_FREEZE, COUNTER_JUMP, SEQUENCE_COUNT, SEQUENCE_NUMBER
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
     from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.wire.direction import Direction
 
 __all__ = ["KINDS"]
 
@@ -32,24 +29,22 @@ def _which(default: str) -> ParamSpec:
 class SequenceFreeze(CipFramesEffect):
     """At the value of the first packet that was hit."""
 
-    cyclic: ClassVar[int | None] = COUNTER_FREEZE
+    cyclic = COUNTER_FREEZE
 
-    def settings(self, direction: Direction) -> Mapping[str, float]:
-        del direction
+    def fields(self) -> dict[str, float]:
         return {"whole": _WHICH[self.values["which"]]}
 
 
 class SequenceJump(CipFramesEffect):
     """By a constant number."""
 
-    cyclic: ClassVar[int | None] = COUNTER_JUMP
+    cyclic = COUNTER_JUMP
 
-    def settings(self, direction: Direction) -> Mapping[str, float]:
-        del direction
+    def fields(self) -> dict[str, float]:
         return {"amount": self.values["by"], "whole": _WHICH[self.values["which"]]}
 
 
-def _check(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
+def _check(spec: InjectionFields) -> Misfits:
     if spec.params.get("by") in (0, "0"):
         yield "params.by", Problem("is 0, which changes nothing", "a whole number other than 0")
 
@@ -68,11 +63,9 @@ KINDS = (
         takes=FRAMES,
         place=62,
         wire="Packets in their interval with new data, and the number or count of the first one that is hit.",
-        reports=(
-            "Number: as when nothing comes, so that the connection times out (Logix: module fault 16#0203, "
-            "CODESYS: the adapter goes to its error state (assumed)). Count: nothing by the bus; the program's input "
-            "data stand (assumed)."
-        ),
+        reports="Number: as when nothing comes, so that the connection times out (Logix: module fault 16#0203, "
+        "CODESYS: the adapter goes to its error state (assumed)). Count: nothing by the bus; the program's input data "
+        "stand (assumed).",
     ),
     InjectionKind(
         "sequence-jump",
@@ -90,11 +83,9 @@ KINDS = (
         takes=FRAMES,
         place=72,
         wire="The number differs from the true one by `by`, modulo 2^32; the count, modulo 2^16.",
-        reports=(
-            "Forward: nothing, and at its end packets are dropped until the number has caught up. Back: the same at "
-            "its begin. When that takes longer than the timeout, the connection is lost (Logix: module fault 16#0203, "
-            "CODESYS: the adapter goes to its error state (assumed))."
-        ),
+        reports="Forward: nothing, and at its end packets are dropped until the number has caught up. Back: the same "
+        "at its begin. When that takes longer than the timeout, the connection is lost (Logix: module fault 16#0203, "
+        "CODESYS: the adapter goes to its error state (assumed)).",
         misfits=_check,
     ),
 )

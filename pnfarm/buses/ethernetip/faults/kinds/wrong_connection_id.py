@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
-
 from pnfarm.buses.ethernetip.faults.frames import CipFramesEffect
 from pnfarm.faults.kind import FRAMES, InjectionKind, ParamSpec
 from pnfarm.table.impairment import FRAME_ID
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from pnfarm.wire.direction import Direction
-
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 _IDS = 1 << 32
 
@@ -21,10 +14,9 @@ _IDS = 1 << 32
 class WrongConnectionId(CipFramesEffect):
     """One given, or the agreed one plus one."""
 
-    cyclic: ClassVar[int | None] = FRAME_ID
+    cyclic = FRAME_ID
 
-    def settings(self, direction: Direction) -> Mapping[str, float]:
-        del direction
+    def fields(self) -> dict[str, float]:
         wrong = self.values["connection_id"]
         if wrong is None:
             return {"amount": 1, "whole": 0}
@@ -32,25 +24,21 @@ class WrongConnectionId(CipFramesEffect):
         return {"amount": wrong - _IDS if wrong >= _IDS // 2 else wrong, "whole": 1}
 
 
-KINDS = (
-    InjectionKind(
-        "wrong-connection-id",
-        "cyclic",
-        "Cyclic packets carry another connection id than agreed; originators do not find their connection.",
-        "a cyclic packet that is changed",
-        WrongConnectionId,
-        {
-            "connection_id": ParamSpec(
-                "whole number", "The wrong one; left out, the agreed one plus one.", default=None, low=0, high=_IDS - 1
-            )
-        },
-        directions=("out",),
-        takes=FRAMES,
-        place=82,
-        wire="Connection id `connection_id` in the sequenced address item, or the agreed one plus one.",
-        reports=(
-            "The packets are nobody's: the connection times out (Logix: module fault 16#0203; CODESYS: the adapter "
-            "goes to its error state (assumed))."
-        ),
-    ),
+KIND = InjectionKind(
+    "wrong-connection-id",
+    "cyclic",
+    "Cyclic packets carry another connection id than agreed; originators do not find their connection.",
+    "a cyclic packet that is changed",
+    WrongConnectionId,
+    {
+        "connection_id": ParamSpec(
+            "whole number", "The wrong one; left out, the agreed one plus one.", default=None, low=0, high=_IDS - 1
+        )
+    },
+    directions=("out",),
+    takes=FRAMES,
+    place=82,
+    wire="Connection id `connection_id` in the sequenced address item, or the agreed one plus one.",
+    reports="The packets are nobody's: the connection times out (Logix: module fault 16#0203; CODESYS: the adapter "
+    "goes to its error state (assumed)).",
 )

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from pnfarm.buses.profibus.faults.slave_effect import SlaveEffect
 from pnfarm.faults.kind import HELD, InjectionKind
 
-if TYPE_CHECKING:
-    from typing import Any
-
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 
 class BaudChange(SlaveEffect):
@@ -18,23 +13,18 @@ class BaudChange(SlaveEffect):
 
     what = "deaf"
 
-    def value(self) -> Any:
-        return True
-
     def seen(self) -> int:
         return 0 if self.slave.exchanging else 1
 
 
-KINDS = (
-    InjectionKind(
-        "baud-change",
-        "link",
-        "The slave has another baud rate than the line: it hears nothing but garbage, and seeks the rate again.",
-        "the change",
-        BaudChange,
-        takes=HELD,
-        place=60,
-        wire="No answer of the slave; at the end it finds the rate, and is parametrised anew.",
-        reports="S7-300/400: station failure (OB86); CODESYS: the slave is not running (assumed).",
-    ),
+KIND = InjectionKind(
+    "baud-change",
+    "link",
+    "The slave has another baud rate than the line: it hears nothing but garbage, and seeks the rate again.",
+    "the change",
+    BaudChange,
+    takes=HELD,
+    place=60,
+    wire="No answer of the slave; at the end it finds the rate, and is parametrised anew.",
+    reports="S7-300/400: station failure (OB86); CODESYS: the slave is not running (assumed).",
 )

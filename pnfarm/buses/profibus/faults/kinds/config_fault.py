@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from pnfarm.buses.profibus.faults.slave_effect import SlaveEffect
 from pnfarm.faults.kind import HELD, InjectionKind
 
-if TYPE_CHECKING:
-    from typing import Any
-
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 
 class ConfigFault(SlaveEffect):
@@ -18,23 +13,18 @@ class ConfigFault(SlaveEffect):
 
     what = "configuration"
 
-    def value(self) -> Any:
-        return True
-
     def seen(self) -> int:
         return self.slave.refusals
 
 
-KINDS = (
-    InjectionKind(
-        "config-fault",
-        "connection",
-        "The slave leaves its data exchange and refuses every configuration, as one with other modules.",
-        "a configuration that is refused",
-        ConfigFault,
-        takes=HELD,
-        place=75,
-        wire="Chk_Cfg is acknowledged; the diagnosis behind it has Cfg_Fault.",
-        reports="S7: configuration error of the slave, station failure (OB86); CODESYS the same (assumed).",
-    ),
+KIND = InjectionKind(
+    "config-fault",
+    "connection",
+    "The slave leaves its data exchange and refuses every configuration, as one with other modules.",
+    "a configuration that is refused",
+    ConfigFault,
+    takes=HELD,
+    place=75,
+    wire="Chk_Cfg is acknowledged; the diagnosis behind it has Cfg_Fault.",
+    reports="S7: configuration error of the slave, station failure (OB86); CODESYS the same (assumed).",
 )

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from pnfarm.buses.profibus.faults.slave_effect import SlaveEffect
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-
-if TYPE_CHECKING:
-    from typing import Any
 
 __all__ = ["KINDS"]
 
@@ -23,20 +20,11 @@ class DiagnosisRequest(SlaveEffect):
         number: int = self.values["code"]
         return bytes((3,)) + number.to_bytes(2, "big")
 
-    def seen(self) -> int:
-        return self.slave.diagnoses_read
-
 
 class StaticDiagnosis(SlaveEffect):
     """Confirmed by a diagnosis that is read."""
 
     what = "static"
-
-    def value(self) -> Any:
-        return True
-
-    def seen(self) -> int:
-        return self.slave.diagnoses_read
 
 
 KINDS = (

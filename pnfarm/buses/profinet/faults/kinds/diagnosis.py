@@ -16,13 +16,10 @@ from pnfarm.protocols.profinet.wire.records.diagnosis import WHOLE_SUBMODULE, Ma
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effects.effect import Window
-    from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey
     from pnfarm.protocols.profinet.cm.device.events import AlarmConfirmed
 
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 #: In rising order of severity; "advice" takes a qualified coding.
 _SEVERITIES = {"advice": 0, "maintenance-required": 1, "maintenance-demanded": 2, "fault": 3}
@@ -43,24 +40,16 @@ _QUALIFIERS = {
 class Diagnosis(ReportedEffect):
     """Confirmed by any alarm on the submodule except a disappearance."""
 
-    needs = (*ReportedEffect.needs, DIAGNOSES)
+    diagnoses = DIAGNOSES
 
-    def __init__(self, spec: InjectionFields, drive: InjectedDrive) -> None:
-        super().__init__(spec, drive)
-        self._diagnoses = drive.part(DIAGNOSES)
-        self._entry = _entry(self.values, self._modules.place(self.values["slot"], self.values["subslot"]))
-        self._item = self._entry.item()
+    def prepare(self) -> None:
+        self._entry = _entry(self.values, self.modules.place(self.values["slot"], self.values["subslot"]))
 
-    def begin(self, window: Window, now: int) -> None:
-        del window
-        self._watch()
-        try:
-            self._diagnoses.diagnose(self._entry, now)
-        except BaseException:
-            self._deaf()
-            raise
-        self._tally.note(now)
-        self.check(now)
+    def _change(self, now: int) -> None:
+        self.diagnoses.diagnose(self._entry, now)
+
+    def _restore(self, now: int) -> None:
+        self.diagnoses.remove_diagnosis(self._entry, now)
 
     def _is_about(self, event: AlarmConfirmed) -> bool:
         told = event.alarm_type != AlarmType.DIAGNOSIS_DISAPPEARS
@@ -68,11 +57,7 @@ class Diagnosis(ReportedEffect):
 
     def _is_in_diff(self) -> bool:
         _, slot, subslot = self._entry.place
-        return self._modules.in_diff_at_connect(slot, subslot, self._standing, diagnosis=True)
-
-    def end(self, now: int) -> None:
-        super().end(now)
-        self._diagnoses.remove_diagnosis(self._entry, now)
+        return self.modules.in_diff_at_connect(slot, subslot, self._standing, diagnosis=True)
 
 
 def _entry(values: dict[str, Any], place: ExpectedKey) -> DiagnosisEntry:
@@ -105,49 +90,45 @@ def _entry(values: dict[str, Any], place: ExpectedKey) -> DiagnosisEntry:
         ) from exc
 
 
-KINDS = (
-    InjectionKind(
-        "diagnosis",
-        "alarms",
-        "A diagnosis of a submodule appears, and disappears when this ends: alarms, the ModuleDiffBlock, the diagnosis "
-        "records, and for a fault the problem indicator of the data status.  It waits for its submodule, and comes "
-        "back with it.  " + NEVER_BY_ITSELF,
-        "the diagnosis",
-        Diagnosis,
-        {
-            "error": ParamSpec(
-                "whole number", "ChannelErrorType.", default="error", words=ERROR_TYPES, low=1, high=0xFFFF
-            ),
-            "ext": ParamSpec(
-                "whole number", "ExtChannelErrorType, where the coding has one.", default=0, words=EXT_TYPES, **WORD
-            ),
-            "add-value": ParamSpec(
-                "whole number", "ExtChannelAddValue, where the coding has one.", default=0, low=0, high=0xFFFF_FFFF
-            ),
-            "channel": ParamSpec(
-                "whole number",
-                "ChannelNumber.",
-                default="submodule",
-                words={"submodule": WHOLE_SUBMODULE},
-                low=0,
-                high=WHOLE_SUBMODULE,
-            ),
-            "slot": SLOT,
-            "subslot": SUBSLOT,
-            "severity": ParamSpec("word", "Severity; advice only in the qualified coding.", "fault", words=_SEVERITIES),
-            "coding": ParamSpec("word", "Coding of the diagnosis.", "channel", words=_CODINGS),
-            "usi": ParamSpec(
-                "whole number",
-                "UserStructureIdentifier of the manufacturer's coding.",
-                default=1,
-                low=0,
-                high=Usi.MANUFACTURER_LAST,
-            ),
-            "data": ParamSpec("octets", "Data of the manufacturer's coding.", default="", high=128),
-        },
-        takes=HELD,
-        place=30,
-        wire="A diagnosis alarm, ZSW1 as before; ProblemIndicator in the data status.",
-        reports="S7-1500: OB82 and an entry in the diagnosis buffer. CODESYS: the diagnosis of the device (assumed).",
-    ),
+KIND = InjectionKind(
+    "diagnosis",
+    "alarms",
+    "A diagnosis of a submodule appears, and disappears when this ends: alarms, the ModuleDiffBlock, the diagnosis "
+    "records, and for a fault the problem indicator of the data status.  It waits for its submodule, and comes back "
+    "with it.  " + NEVER_BY_ITSELF,
+    "the diagnosis",
+    Diagnosis,
+    {
+        "error": ParamSpec("whole number", "ChannelErrorType.", default="error", words=ERROR_TYPES, low=1, high=0xFFFF),
+        "ext": ParamSpec(
+            "whole number", "ExtChannelErrorType, where the coding has one.", default=0, words=EXT_TYPES, **WORD
+        ),
+        "add-value": ParamSpec(
+            "whole number", "ExtChannelAddValue, where the coding has one.", default=0, low=0, high=0xFFFF_FFFF
+        ),
+        "channel": ParamSpec(
+            "whole number",
+            "ChannelNumber.",
+            default="submodule",
+            words={"submodule": WHOLE_SUBMODULE},
+            low=0,
+            high=WHOLE_SUBMODULE,
+        ),
+        "slot": SLOT,
+        "subslot": SUBSLOT,
+        "severity": ParamSpec("word", "Severity; advice only in the qualified coding.", "fault", words=_SEVERITIES),
+        "coding": ParamSpec("word", "Coding of the diagnosis.", "channel", words=_CODINGS),
+        "usi": ParamSpec(
+            "whole number",
+            "UserStructureIdentifier of the manufacturer's coding.",
+            default=1,
+            low=0,
+            high=Usi.MANUFACTURER_LAST,
+        ),
+        "data": ParamSpec("octets", "Data of the manufacturer's coding.", default="", high=128),
+    },
+    takes=HELD,
+    place=30,
+    wire="A diagnosis alarm, ZSW1 as before; ProblemIndicator in the data status.",
+    reports="S7-1500: OB82 and an entry in the diagnosis buffer. CODESYS: the diagnosis of the device (assumed).",
 )

@@ -5,22 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.faults.second_station import MAC, SecondHost
-from pnfarm.faults.kind import InjectionKind, ParamSpec
+from pnfarm.faults.kind import InjectionKind, Misfits, ParamSpec
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from pnfarm.faults.effects.injection_fields import InjectionFields
 
-__all__ = ["KINDS"]
+__all__ = ["KIND"]
 
 #: Shortest time between two announcements, ns.
 _SHORTEST_NS = 10_000_000
 
 
-def _misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
+def _misfits(spec: InjectionFields) -> Misfits:
     if "every" not in spec.params:
         return
     try:
@@ -32,27 +30,21 @@ def _misfits(spec: InjectionFields) -> Iterable[tuple[str, Problem]]:
         yield "params.every", Problem(f"is {shown(spec.params['every'])}", "a duration of 10ms or more")
 
 
-KINDS = (
-    InjectionKind(
-        "duplicate-ip",
-        "link",
-        "A second station at the drive's port has the drive's IP address: it announces it by ARP, answers ARP and "
-        "ping, and defends it as RFC 5227 says.  RPC to its MAC address is not answered; a connection that stands "
-        "goes on, because cyclic frames need no IP address.",
-        "a frame of the second station",
-        SecondHost,
-        {"mac": MAC, "every": ParamSpec("duration", "From one announcement to the next.", default="10s")},
-        takes=frozenset({"for"}),
-        misfits=_misfits,
-        place=60,
-        wire=(
-            "ARP from two MAC addresses for one IP address: announcements of the second station, two answers to each "
-            "request, and the drive's own announcement in defence."
-        ),
-        reports=(
-            "A connection that stands goes on. Whoever learns the second MAC address by ARP reaches no drive: records "
-            "and new connections time out as long as it is in the ARP table (assumed). The drive's answer to DCP Get "
-            "says that its address is in conflict."
-        ),
-    ),
+KIND = InjectionKind(
+    "duplicate-ip",
+    "link",
+    "A second station at the drive's port has the drive's IP address: it announces it by ARP, answers ARP and ping, "
+    "and defends it as RFC 5227 says.  RPC to its MAC address is not answered; a connection that stands goes on, "
+    "because cyclic frames need no IP address.",
+    "a frame of the second station",
+    SecondHost,
+    {"mac": MAC, "every": ParamSpec("duration", "From one announcement to the next.", default="10s")},
+    takes=frozenset({"for"}),
+    misfits=_misfits,
+    place=60,
+    wire="ARP from two MAC addresses for one IP address: announcements of the second station, two answers to each "
+    "request, and the drive's own announcement in defence.",
+    reports="A connection that stands goes on. Whoever learns the second MAC address by ARP reaches no drive: records "
+    "and new connections time out as long as it is in the ARP table (assumed). The drive's answer to DCP Get says that "
+    "its address is in conflict.",
 )
