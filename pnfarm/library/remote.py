@@ -371,10 +371,7 @@ class _RemoteFault:
 
     @property
     def evidence(self) -> Evidence:
-        seen = self._found["evidence"]
-        contradicted = seen["reason"] if seen["confirmation"] == "contradicted" else ""
-        first, last = (None if s is None else round(s * 1e9) for s in (seen["first_seconds"], seen["last_seconds"]))
-        return Evidence(seen["checks"], seen["activations"], first, last, seen["confirmed"], contradicted)
+        return Evidence.from_dict(self._found["evidence"])
 
     async def refresh(self) -> None:
         self._found = await self._farm.ask(self._farm.client.get, "faults", self.id)
