@@ -7,7 +7,7 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING
 
 from pnfarm.api.access.guard import SAFE_METHODS, WHO
-from pnfarm.station.event import Event
+from pnfarm.station.event import Event, event
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -44,62 +44,51 @@ class _Change(Event):
     peer: str
 
 
-@dataclass(frozen=True, slots=True)
+@event("fault requested", "warning")
 class FaultRequested(_Change):
     """A client injected a fault."""
 
-    TEXT = "fault requested"
-    LEVEL = "warning"
     id: str
     kind: str
     drives: str
 
 
-@dataclass(frozen=True, slots=True)
+@event("fault cleared by a client")
 class FaultCleared(_Change):
     """A client cleared a fault, or reset them all."""
 
-    TEXT = "fault cleared by a client"
     id: str
     kind: str
     drives: str
 
 
-@dataclass(frozen=True, slots=True)
+@event("parameter written by a client")
 class ParameterWritten(_Change):
     """A client wrote a parameter."""
 
-    TEXT = "parameter written by a client"
     parameter: str
     value: int
 
 
-@dataclass(frozen=True, slots=True)
+@event("power cycle requested")
 class PowerCycleRequested(_Change):
     """A client switched the drive off and on."""
 
-    TEXT = "power cycle requested"
 
-
-@dataclass(frozen=True, slots=True)
+@event("power off requested")
 class PowerOffRequested(_Change):
     """A client switched the drive off."""
 
-    TEXT = "power off requested"
 
-
-@dataclass(frozen=True, slots=True)
+@event("power on requested")
 class PowerOnRequested(_Change):
     """A client switched the drive on."""
 
-    TEXT = "power on requested"
 
-
-@dataclass(frozen=True, slots=True)
+@event("changed by a client")
 class Changed(_Change):
     """A client changed something that has no event of its own: a scenario, a trace, a module."""
 
-    TEXT = "changed by a client"
     method: str
     path: str
 

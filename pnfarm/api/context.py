@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import anyio
 
 from pnfarm.api.messages import Messages
-from pnfarm.errors import ConfigError
 from pnfarm.farm.views.snapshot import drive_snapshot
-from pnfarm.web.errors import NotFoundError
+from pnfarm.web.errors import named_by_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -19,50 +18,22 @@ if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
     from pnfarm.metrics import FarmCollector
     from pnfarm.station.axis import Axis
+    from pnfarm.station.event import Event
     from pnfarm.station.station import Station
 
-__all__ = ["ApiContext"]
+__all__ = ["ApiContext", "Context"]
 
 
-@dataclass(slots=True)
-class ApiContext:
-    """``now`` reads the farm's clock; ``poke`` makes the runtime handle a handler's change at once."""
+@dataclass(slots=True, kw_only=True)
+class Context:
+    """Of a farm's API, or of a hub."""
 
-    core: FarmCore
-    collector: FarmCollector
-    now: Callable[[], int]
-    poke: Callable[[], None]
-    #: Another one in each run of the farm.
+    #: Another one in each run.
     instance: str = field(default_factory=lambda: secrets.token_hex(4))
     closing: bool = False
     streams: set[Callable[[], None]] = field(default_factory=set)
     #: Called when the API stops.
     on_close: list[Callable[[], None]] = field(default_factory=list)
-    rendering: anyio.Lock = field(default_factory=anyio.Lock)
-    messages: Messages = field(default_factory=Messages)
-
-    def axis(self, name: str) -> Axis:
-        """Raises :class:`NotFoundError`."""
-        try:
-            return self.core.axis(name)
-        except ConfigError as exc:
-            raise NotFoundError(str(exc)) from exc
-
-    def station(self, name: str) -> Station:
-        """The station of an axis, or by its own name; raises :class:`NotFoundError`."""
-        try:
-            return self.core.station(name)
-        except ConfigError as exc:
-            raise NotFoundError(str(exc)) from exc
-
-    def view(self, station: Axis) -> dict[str, Any]:
-        """One drive as it is now."""
-        return drive_snapshot(self.core, station, self.now())
-
-    def changed(self, station: Station) -> None:
-        """Call after a change to this station: handles its events and sends its frames."""
-        self.core.settle(station, self.now())
-        self.poke()
 
     def close(self) -> None:
         """End every open stream, and what else runs for clients."""
@@ -71,3 +42,48 @@ class ApiContext:
             end()
         for wake in list(self.streams):
             wake()
+
+
+@dataclass(slots=True, kw_only=True)
+class ApiContext(Context):
+    """``now`` reads the farm's clock; ``poke`` makes the runtime handle a handler's change at once."""
+
+    core: FarmCore
+    collector: FarmCollector
+    now: Callable[[], int]
+    poke: Callable[[], None]
+    messages: Messages = field(default_factory=Messages)
+    rendering: anyio.Lock = field(default_factory=anyio.Lock)
+
+    @property
+    def kind(self) -> str:
+        return "farm"
+
+    def axis(self, name: str) -> Axis:
+        """Raises :class:`NotFoundError`."""
+        with named_by_path():
+            return self.core.axis(name)
+
+    def station(self, name: str) -> Station:
+        """By its own name or by an axis's; raises :class:`NotFoundError`."""
+        with named_by_path():
+            return self.core.station(name)
+
+    def view(self, axis: Axis) -> dict[str, Any]:
+        """One drive as it is now."""
+        return drive_snapshot(self.core, axis, self.now())
+
+    def record(self, event: Event, drive: str = "") -> None:
+        """An entry of the farm's log."""
+        self.core.log.record(self.now(), drive, event)
+
+    def note(self, *events: Event) -> None:
+        """A client changed something: log these, then make the runtime handle it."""
+        for event in events:
+            self.record(event)
+        self.poke()
+
+    def changed(self, station: Station) -> None:
+        """Call after a change to this station: handles its events and sends its frames."""
+        self.core.settle(station, self.now())
+        self.poke()

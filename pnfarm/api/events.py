@@ -1,4 +1,4 @@
-"""The farm's event log as server-sent events (WHATWG HTML, 9.2): one message for each entry, its sequence number as id.
+"""An event log as server-sent events (WHATWG HTML, 9.2): one message for each entry, its sequence number as id.
 
 A stream reads the log by number, so a client that is slow, or that returns with ``Last-Event-ID``, gets what the log
 still holds; a message of type ``gap`` gives the number of entries lost.
@@ -7,17 +7,18 @@ still holds; a message of type ``gap`` gives the number of entries lost.
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import anyio
 import anyio.lowlevel
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+    from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 
-    from pnfarm.api.context import ApiContext
+    from pnfarm.api.context import ApiContext, Context
+    from pnfarm.station.event_log import LogEntry
 
-__all__ = ["event_stream", "start_of"]
+__all__ = ["Log", "Reader", "event_stream", "gap", "log_stream", "start_of"]
 
 #: Interval of the comments that keep an idle stream open through proxies.
 ALIVE_SECONDS = 15.0
@@ -27,27 +28,51 @@ PIECE = 64
 RETRY_MILLISECONDS = 2000
 
 
-def start_of(context: ApiContext, last_event_id: str | None) -> int:
+class Log(Protocol):
+    """A farm's log, or a hub's."""
+
+    @property
+    def newest(self) -> int: ...
+
+    def entries(self, *, after: int = 0, most: int | None = None) -> Sequence[Any]: ...
+
+    def subscribe(self, subscriber: Callable[[Any], None], /) -> Callable[[], None]: ...
+
+
+class Reader(Protocol):
+    """What one client gets: it has seen the log up to the sequence number ``after``."""
+
+    after: int
+
+    def first(self) -> str:
+        """What comes before all entries."""
+
+    def text(self, entries: Sequence[Any], lost: int) -> str:
+        """The messages of these entries, before which so many are lost."""
+
+
+def gap(lost: int) -> str:
+    return f"event: gap\ndata: {json.dumps({'lost': lost})}\n\n"
+
+
+def start_of(log: Log, last_event_id: str | None) -> int:
     """The sequence number after which a stream begins: the client's, or now.
 
-    A number beyond the end of the log is from an earlier run of the farm: then all entries are sent.
+    A number beyond the end of the log is from an earlier run: then all entries are sent.
     """
-    newest = context.core.log.newest
+    newest = log.newest
     if last_event_id is None or not (last_event_id.isascii() and last_event_id.isdigit()):
         return newest
     wanted = int(last_event_id[:20])
     return wanted if wanted <= newest else 0
 
 
-async def event_stream(
-    context: ApiContext, after: int, drive: str | None, *, follow: bool = True
-) -> AsyncIterator[str]:
-    """Messages for every entry above ``after``, of one drive or of all, until the stream is closed.
+async def log_stream(context: Context, log: Log, reader: Reader, *, follow: bool = True) -> AsyncIterator[str]:
+    """Messages for every entry above ``reader.after`` until the stream is closed.
 
     Without ``follow`` the stream ends with the newest entry.
     """
     wake = anyio.Event()
-    log = context.core.log
     newest = log.newest
 
     def wake_up() -> None:
@@ -57,17 +82,13 @@ async def event_stream(
     context.streams.add(wake_up)
     try:
         yield f"retry: {RETRY_MILLISECONDS}\n\n"
-        if drive is not None:
-            # a drive's own ring still has entries that the farm's ring has overwritten
-            oldest = next((entry.sequence for entry in log.entries(after=after, most=1)), 0)
-            kept = [entry for entry in log.entries(drive, after=after) if entry.sequence < oldest]
-            if kept:
-                yield "".join(context.messages.of(entry) for entry in kept)
+        if first := reader.first():
+            yield first
         while not context.closing:
             wake = anyio.Event()
             # the log may grow while the client reads a piece; entries it is too slow for become a gap
-            entries = log.entries(after=after, most=PIECE)
-            if not follow and (not entries or after >= newest):
+            entries = log.entries(after=reader.after, most=PIECE)
+            if not follow and (not entries or reader.after >= newest):
                 return
             if not entries:
                 with anyio.move_on_after(ALIVE_SECONDS) as waiting:
@@ -75,16 +96,42 @@ async def event_stream(
                 if waiting.cancelled_caught:
                     yield ": alive\n\n"
                 continue
-            lost = entries[0].sequence - after - 1
-            if lost > 0:
-                yield f"event: gap\ndata: {json.dumps({'lost': lost})}\n\n"
-            after = entries[-1].sequence
-            text = "".join(context.messages.of(entry) for entry in entries if drive is None or entry.drive == drive)
+            text = reader.text(entries, entries[0].sequence - reader.after - 1)
+            reader.after = entries[-1].sequence
             if text:
                 yield text
             else:
-                # nothing of this drive in this piece: let other tasks run
+                # nothing for this client in this piece: let other tasks run
                 await anyio.lowlevel.checkpoint()
     finally:
         unsubscribe()
         context.streams.discard(wake_up)
+
+
+class _FarmReader:
+    """Of a farm's log: entries of one drive or of all."""
+
+    def __init__(self, context: ApiContext, after: int, drive: str | None) -> None:
+        self.after = after
+        self._context = context
+        self._drive = drive
+
+    def first(self) -> str:
+        if self._drive is None:
+            return ""
+        # a drive's own ring still has entries that the farm's ring has overwritten
+        log = self._context.core.log
+        oldest = next((entry.sequence for entry in log.entries(after=self.after, most=1)), 0)
+        return self._messages(entry for entry in log.entries(self._drive, after=self.after) if entry.sequence < oldest)
+
+    def text(self, entries: Sequence[LogEntry], lost: int) -> str:
+        shown = (entry for entry in entries if self._drive is None or entry.drive == self._drive)
+        return (gap(lost) if lost > 0 else "") + self._messages(shown)
+
+    def _messages(self, entries: Iterable[LogEntry]) -> str:
+        return "".join(self._context.messages.of(entry) for entry in entries)
+
+
+def event_stream(context: ApiContext, after: int, drive: str | None, *, follow: bool = True) -> AsyncIterator[str]:
+    """A farm's log above ``after``, of one drive or of all."""
+    return log_stream(context, context.core.log, _FarmReader(context, after, drive), follow=follow)

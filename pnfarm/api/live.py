@@ -17,7 +17,8 @@ larger ones, and costs no more memory than its connection.
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
 
 import anyio
 
@@ -27,12 +28,13 @@ from pnfarm.links.base import interface_below
 from pnfarm.trace.live import LiveSignals, LiveViewer
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Iterator, Mapping
+    from collections.abc import AsyncGenerator, AsyncIterator, Iterable, Iterator, Mapping
 
-    from pnfarm.api.context import ApiContext
+    from pnfarm.api.context import ApiContext, Context
+    from pnfarm.api.events import Log
     from pnfarm.station.axis import Axis
 
-__all__ = ["LiveViews"]
+__all__ = ["LiveViews", "Page", "message", "page_stream"]
 
 INTERVAL_SECONDS = 0.1
 #: The chosen drive's whole state is sent with each so many messages.
@@ -46,18 +48,52 @@ PIECE = 65_536
 RETRY_MILLISECONDS = 1000
 
 
-def _message(event: str, data: bytes) -> bytes:
-    return b"event: %b\ndata: %b\n\n" % (event.encode(), data)
+def message(event: str, data: object) -> bytes:
+    """``data``: JSON octets, or what becomes JSON."""
+    text = data if isinstance(data, bytes) else json.dumps(data, separators=(",", ":"), default=str).encode()
+    return b"event: %b\ndata: %b\n\n" % (event.encode(), text)
 
 
-def _json(data: object) -> bytes:
-    return json.dumps(data, separators=(",", ":"), default=str).encode()
+class Page(Protocol):
+    """What one page is shown, as messages."""
+
+    def overview(self) -> Iterable[bytes]:
+        """The farm, if it is another one than before, and what changed."""
+
+    def drive(self) -> Iterable[bytes]:
+        """The chosen drive."""
 
 
-def _parts(message: bytes) -> Iterator[bytes]:
-    """A message as pieces of a bounded size: of a long one, a client that does not read holds two at most."""
-    for begin in range(0, len(message), PIECE):
-        yield message[begin : begin + PIECE]
+async def page_stream(context: Context, log: Log, page: Page, *, follow: bool = True) -> AsyncGenerator[bytes]:
+    """Messages until the client goes or the API stops; without ``follow`` one of each event."""
+    wake = anyio.Event()
+
+    def stop() -> None:
+        wake.set()
+
+    context.streams.add(stop)
+    try:
+        yield b"retry: %d\n" % RETRY_MILLISECONDS
+        after = log.newest
+        while not context.closing:
+            pieces = [*page.overview()]
+            lost = max(0, log.newest - after - MOST_BEHIND)
+            if entries := log.entries(after=after + lost, most=MOST_ENTRIES):
+                found: dict[str, Any] = {"entries": [entry.as_dict() for entry in entries]}
+                if lost := entries[0].sequence - after - 1:
+                    found["lost"] = lost
+                after = entries[-1].sequence
+                pieces.append(message("log", found))
+            whole = b"".join([*pieces, *page.drive()])
+            # of a long message, a client that does not read holds two pieces at most
+            for begin in range(0, len(whole), PIECE):
+                yield whole[begin : begin + PIECE]
+            if not follow:
+                return
+            with anyio.move_on_after(INTERVAL_SECONDS):
+                await wake.wait()
+    finally:
+        context.streams.discard(stop)
 
 
 class LiveViews:
@@ -75,72 +111,50 @@ class LiveViews:
             self._overview.close()
             self._overview = None
 
-    async def stream(
-        self, scope: Mapping[str, Any], station: Axis | None, *, follow: bool = True
-    ) -> AsyncIterator[bytes]:
-        """Messages until the client goes or the API stops; ``station`` is the chosen drive.
-
-        Without ``follow`` it ends after the first message of each event.
-        """
+    def stream(self, scope: Mapping[str, Any], station: Axis | None, *, follow: bool = True) -> AsyncIterator[bytes]:
+        """See :func:`page_stream`; ``station`` is the chosen drive."""
         context = self._context
         if self._overview is None:
             self._overview = Overview(context.core, context.now)
-        overview = self._overview
         viewer = None if station is None else LiveViewer(self._signals, station)
-        wake = anyio.Event()
+        page = _FarmPage(context, self._overview, scope.get(WHO) != "read_token", station, viewer)
+        return page_stream(context, context.core.log, page, follow=follow)
 
-        def stop() -> None:
-            wake.set()
 
-        context.streams.add(stop)
-        try:
-            hello = b"retry: %d\n%b" % (RETRY_MILLISECONDS, _message("farm", _json(self._farm(scope))))
-            for part in _parts(hello):
-                yield part
-            version, after, number = 0, context.core.log.newest, 0
-            while not context.closing:
-                text = overview.since(version)
-                version = overview.version
-                pieces = [_message("overview", text)]
-                entries, after = self._entries(after)
-                if entries is not None:
-                    pieces.append(_message("log", _json(entries)))
-                if station is not None and viewer is not None:
-                    if number % DRIVE_EVERY == 0:
-                        pieces.append(_message("drive", _json(context.view(station))))
-                    pieces.append(_message("signals", _json(viewer.fresh(context.now()))))
-                number += 1
-                for part in _parts(b"".join(pieces)):
-                    yield part
-                if not follow:
-                    return
-                with anyio.move_on_after(INTERVAL_SECONDS):
-                    await wake.wait()
-        finally:
-            context.streams.discard(stop)
+@dataclass(slots=True)
+class _FarmPage:
+    context: ApiContext
+    seen: Overview
+    #: Whether this client may change something.
+    writes: bool
+    station: Axis | None
+    viewer: LiveViewer | None
+    version: int = 0
+    number: int = 0
 
-    def _entries(self, after: int) -> tuple[dict[str, Any] | None, int]:
-        """The next entries of the log after this one, and the last one's number."""
-        log = self._context.core.log
-        lost = max(0, log.newest - after - MOST_BEHIND)
-        entries = log.entries(after=after + lost, most=MOST_ENTRIES)
-        if not entries:
-            return None, after
-        lost = entries[0].sequence - after - 1
-        found: dict[str, Any] = {"entries": [entry.as_dict() for entry in entries]}
-        if lost:
-            found["lost"] = lost
-        return found, entries[-1].sequence
+    def overview(self) -> Iterator[bytes]:
+        if not self.number:
+            yield message("farm", self._farm())
+        text = self.seen.since(self.version)
+        self.version = self.seen.version
+        yield message("overview", text)
 
-    def _farm(self, scope: Mapping[str, Any]) -> dict[str, Any]:
-        core = self._context.core
+    def drive(self) -> Iterator[bytes]:
+        if self.station is not None and self.viewer is not None:
+            if self.number % DRIVE_EVERY == 0:
+                yield message("drive", self.context.view(self.station))
+            yield message("signals", self.viewer.fresh(self.context.now()))
+        self.number += 1
+
+    def _farm(self) -> dict[str, Any]:
+        core = self.context.core
         models = {station.model.name: station.model for station in core.axes}
         return {
             "farm": core.name,
             "link": core.link.kind,
             "parent": interface_below(core.link),
             "drives": len(core.axes),
-            "writes": scope.get(WHO) != "read_token",
+            "writes": self.writes,
             "lines": {name: {"way": line.way, "where": line.where} for name, line in core.lines.items()},
             "faults": {
                 name: {number: [fault.label, fault.name] for number, fault in model.faults.items()}

@@ -106,7 +106,7 @@ class Injection:
             "spec": self.spec.as_dict(),
             "added_seconds": self.added_ns / 1e9,
             "expires_seconds": self.expires_ns / 1e9 if self.expires_ns else None,
-            "evidence": _evidence_dict(self.evidence()),
+            "evidence": self.evidence().as_dict(),
             "drives": {
                 name: {
                     "state": run.state.value,
@@ -116,7 +116,7 @@ class Injection:
                     "held_seconds": _seconds(run.held_ns),
                     "started_seconds": _seconds(run.started_ns),
                     "ended_seconds": _seconds(run.ended_ns),
-                    "evidence": _evidence_dict(run.evidence()),
+                    "evidence": run.evidence().as_dict(),
                 }
                 for name, run in self.runs.items()
             },
@@ -125,15 +125,3 @@ class Injection:
 
 def _seconds(ns: int | None) -> float | None:
     return None if ns is None else ns / 1e9
-
-
-def _evidence_dict(seen: Evidence) -> dict[str, Any]:
-    return {
-        "checks": seen.checks,
-        "activations": seen.activations,
-        "first_seconds": _seconds(seen.first_ns),
-        "last_seconds": _seconds(seen.last_ns),
-        "confirmed": seen.confirmed,
-        "confirmation": seen.confirmation.value,
-        "reason": seen.reason,
-    }

@@ -1,20 +1,23 @@
 """The hub itself: asks the shards, all at once and each for a bounded time, and keeps what it knows of them.
 
-Its tasks are in :mod:`pnfarm.hub.tasks`, its paths in the modules ``routes_*``.
+Its tasks are in :mod:`pnfarm.hub.tasks`, its answers in :mod:`pnfarm.hub.hosts`.
 """
 
 from __future__ import annotations
 
 import asyncio
 import re
-import secrets
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import anyio
 import structlog
+from starlette.responses import Response
 
+from pnfarm.api.context import Context
+from pnfarm.errors import ConfigError
 from pnfarm.hub.client import REQUEST_SECONDS, Answer, ShardClient
 from pnfarm.hub.log import MergedLog
 from pnfarm.hub.shards import AwayError, Shard, Shards
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
 
     from pnfarm.station.event import Event
 
-__all__ = ["Hub", "read"]
+__all__ = ["Answers", "Hub", "RefusedError", "passed_on", "read"]
 
 #: A shard's clock is asked with this patience.
 PROBE_SECONDS = 1.0
@@ -41,6 +44,8 @@ UNDO_SECONDS = 3.0
 FIRST_PROBES = 4
 
 _INSTANCE = re.compile(r"[0-9a-f]{8}")
+
+_T = TypeVar("_T")
 
 logger = structlog.get_logger("pnfarm.hub")
 
@@ -59,7 +64,28 @@ def read(shard: Shard, answer: Answer, *keys: str) -> dict[str, Any]:
     return found
 
 
-class Hub:
+def passed_on(answer: Answer) -> Response:
+    """A shard's answer as it is."""
+    return Response(answer.body, answer.status, media_type=answer.media_type or "application/octet-stream")
+
+
+class RefusedError(ConfigError):
+    """A shard refused; its answer is passed on as it is."""
+
+    def __init__(self, answer: Answer) -> None:
+        super().__init__(f"refused with status {answer.status}")
+        self.answer = answer
+
+
+@dataclass(frozen=True, slots=True)
+class Answers(Generic[_T]):
+    """What shards answered, and why others did not."""
+
+    good: dict[Shard, _T]
+    away: dict[Shard, AwayError]
+
+
+class Hub(Context):
     """``now`` is the hub's clock, ns.  For tests: what a shard is reached by, and how long an answer may take."""
 
     def __init__(
@@ -72,20 +98,16 @@ class Hub:
         transport: Callable[[str], httpx.AsyncBaseTransport] | None = None,
         request_seconds: float = REQUEST_SECONDS,
     ) -> None:
+        super().__init__()
         self.now = now
         self.wall = wall
         self.sleep = sleep
         self.shards = Shards()
         self.log = MergedLog()
-        #: Another one in each run; the origin of the hub's own entries.
-        self.instance = secrets.token_hex(4)
         #: Fault -> as it was asked for.
         self.specs: dict[str, dict[str, Any]] = {}
         #: Scenarios that end, with what they changed.
         self.undoing: set[asyncio.Task[None]] = set()
-        self.closing = False
-        self.streams: set[Callable[[], None]] = set()
-        self.on_close: list[Callable[[], None]] = []
         #: What is wrong with names that are asked for, by name.
         self.discovery: dict[str, str] = {}
         self._token = token
@@ -106,14 +128,6 @@ class Hub:
         found = self._clients.pop(shard.url, None)
         if found is not None:
             await found.close()
-
-    def close(self) -> None:
-        """End every open stream, and what else runs for clients; as the context of a farm's API."""
-        self.closing = True
-        for end in self.on_close:
-            end()
-        for wake in list(self.streams):
-            wake()
 
     async def aclose(self) -> None:
         """Close every connection."""
@@ -138,6 +152,15 @@ class Hub:
         head = {"time": self.wall(), "farm_seconds": now / 1e9, "drive": "", "event": event.text}
         self.log.take(self.instance, self._own, now, {**event.details(), **head})
 
+    @property
+    def kind(self) -> str:
+        return "hub"
+
+    def note(self, *events: Event) -> None:
+        """A client changed something."""
+        for event in events:
+            self.record(event)
+
     # -- asking
 
     async def ask(
@@ -160,42 +183,49 @@ class Hub:
             shard.errors[exc.slug] += 1
             raise
 
-    async def ask_all(
-        self,
-        shards: Iterable[Shard],
-        method: str,
-        path: str,
-        *keys: str,
-        bodies: Mapping[Shard, Mapping[str, Any]] | None = None,
-        queries: Mapping[Shard, Mapping[str, Any]] | None = None,
-    ) -> dict[Shard, dict[str, Any] | AwayError]:
-        """All of them at once: an object with these ``keys`` of each, or why there is none."""
-        found: dict[Shard, dict[str, Any] | AwayError] = {}
+    async def asked(self, shard: Shard, method: str, path: str, *keys: str, **options: Any) -> dict[str, Any]:
+        """An object with these ``keys``, as of :meth:`ask`; raises :class:`RefusedError` for a refusal."""
+        answer = await self.ask(shard, method, path, **options)
+        if not answer.good:
+            raise RefusedError(answer)
+        return read(shard, answer, *keys)
+
+    async def each(self, shards: Iterable[Shard], work: Callable[[Shard], Awaitable[_T]]) -> Answers[_T]:
+        """``work`` with all of them at once, which may raise :class:`AwayError`; in their order."""
+        good: dict[Shard, _T] = {}
+        away: dict[Shard, AwayError] = {}
 
         async def one(shard: Shard) -> None:
             try:
-                body = None if bodies is None else bodies[shard]
-                query = None if queries is None else queries[shard]
-                answer = await self.ask(shard, method, path, body=body, query=query)
-                found[shard] = read(shard, answer, *keys)
+                good[shard] = await work(shard)
             except AwayError as exc:
-                found[shard] = exc
+                away[shard] = exc
 
         wanted = list(shards)
         async with anyio.create_task_group() as tasks:
             for shard in wanted:
                 tasks.start_soon(one, shard)
-        return {shard: found[shard] for shard in wanted}
+        return Answers(
+            {one: good[one] for one in wanted if one in good}, {one: away[one] for one in wanted if one in away}
+        )
 
-    def partial(self, answers: Mapping[Shard, dict[str, Any] | AwayError]) -> dict[str, Any]:
+    async def ask_all(self, method: str, path: str, *keys: str) -> Answers[dict[str, Any]]:
+        """An object with these ``keys`` of every shard that can be asked."""
+
+        async def one(shard: Shard) -> dict[str, Any]:
+            return read(shard, await self.ask(shard, method, path), *keys)
+
+        return await self.each(self.shards.reachable, one)
+
+    def partial(self, answers: Answers[Any]) -> dict[str, Any]:
         """The members of an answer that say whose part is missing; raises AwayError where nobody's is there."""
+        self.check_any()
         missing = [shard.told() for shard in self.shards.unreachable]
         missing += [
             {"shard": shard.label, "reason": str(answer), "since": self.wall()}
-            for shard, answer in answers.items()
-            if isinstance(answer, AwayError) and shard.asked
+            for shard, answer in answers.away.items()
+            if shard.asked
         ]
-        self.check_any()
         return {"partial": bool(missing), "unreachable": missing}
 
     def check_any(self) -> None:

@@ -7,14 +7,15 @@ it follows that drive's own stream, for this page.
 from __future__ import annotations
 
 import asyncio
-import json
 from collections import deque
+from contextlib import aclosing
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import anyio
 
 from pnfarm.api.access.guard import WHO
-from pnfarm.api.live import INTERVAL_SECONDS, MOST_BEHIND, MOST_ENTRIES, RETRY_MILLISECONDS
+from pnfarm.api.live import message, page_stream
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.errors import ConfigError
 from pnfarm.hub.overview import HubOverview
@@ -22,7 +23,7 @@ from pnfarm.hub.shards import AwayError
 from pnfarm.web.bodies import PREFIX
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Mapping
+    from collections.abc import AsyncIterator, Iterator, Mapping
 
     from pnfarm.hub.hub import Hub
     from pnfarm.hub.shards import Shard
@@ -34,11 +35,6 @@ MOST_RELAYED = 32
 #: Between two looks whether a page is open, and after a shard's stream broke.
 LOOK_SECONDS = 0.1
 AGAIN_SECONDS = 1.0
-
-
-def _message(event: str, data: object) -> str:
-    text = data if isinstance(data, str) else json.dumps(data, separators=(",", ":"), default=str)
-    return f"event: {event}\ndata: {text}\n\n"
 
 
 class HubLive:
@@ -67,84 +63,54 @@ class HubLive:
             await anyio.sleep(LOOK_SECONDS)
 
     async def _follow(self, shard: Shard) -> None:
+        try:
+            if not await self._take(shard):
+                await anyio.sleep(AGAIN_SECONDS)
+        finally:
+            self._followed.discard(shard)
+
+    async def _take(self, shard: Shard, query: Mapping[str, str] | None = None) -> bool:
+        """The messages of a shard's stream; False if it broke."""
         instance = shard.instance
         try:
-            async for event, data in self._hub.client(shard).stream(f"{PREFIX}/live"):
+            async for event, data in self._hub.client(shard).stream(f"{PREFIX}/live", query=query):
                 if shard.instance != instance or not shard.asked:
-                    return
+                    break
                 if event == "overview":
                     self._overview.take(shard, data)
         except AwayError as exc:
             shard.errors[exc.slug] += 1
-            await anyio.sleep(AGAIN_SECONDS)
-        finally:
-            self._followed.discard(shard)
+            return False
+        return True
 
     async def _look_once(self) -> None:
         """One message of each shard that is not followed."""
-
-        async def one(shard: Shard) -> None:
-            try:
-                async for event, data in self._hub.client(shard).stream(f"{PREFIX}/live", query={"follow": "false"}):
-                    if event == "overview":
-                        self._overview.take(shard, data)
-            except AwayError as exc:
-                shard.errors[exc.slug] += 1
-
+        shards = [shard for shard in self._hub.shards.reachable if shard not in self._followed]
         with anyio.move_on_after(2.0):
-            async with anyio.create_task_group() as tasks:
-                for shard in self._hub.shards.reachable:
-                    if shard not in self._followed:
-                        tasks.start_soon(one, shard)
+            await self._hub.each(shards, lambda shard: self._take(shard, {"follow": "false"}))
 
-    async def stream(self, scope: Mapping[str, Any], drive: str | None, *, follow: bool = True) -> AsyncIterator[str]:
-        """Messages until the client goes or the hub stops; ``drive`` is the chosen one."""
-        hub, overview = self._hub, self._overview
-        wake = anyio.Event()
-
-        def stop() -> None:
-            wake.set()
-
-        relayed: deque[str] = deque(maxlen=MOST_RELAYED)
+    async def stream(self, scope: Mapping[str, Any], drive: str | None, *, follow: bool = True) -> AsyncIterator[bytes]:
+        """See :func:`pnfarm.api.live.page_stream`; ``drive`` is the chosen one."""
+        relayed: deque[bytes] = deque(maxlen=MOST_RELAYED)
         relay: asyncio.Task[None] | None = None
-        hub.streams.add(stop)
         self.viewers += 1
         try:
             await self._look_once()
-            overview.refresh()
             if drive is not None and follow:
                 # of this page alone; it ends with its stream
                 relay = asyncio.get_running_loop().create_task(self._relay(drive, relayed))
             elif drive is not None:
                 await self._relay(drive, relayed, follow=False)
-            layout, version, after = -1, 0, hub.log.newest
-            yield f"retry: {RETRY_MILLISECONDS}\n"
-            while not hub.closing:
-                overview.refresh()
-                pieces = []
-                if overview.layout != layout:
-                    # drives have come or gone: the page begins anew
-                    layout, version = overview.layout, 0
-                    pieces.append(_message("farm", self._farm(scope)))
-                pieces.append(_message("overview", overview.since(version)))
-                version = overview.version
-                entries, after = self._entries(after)
-                if entries is not None:
-                    pieces.append(_message("log", entries))
-                while relayed:
-                    pieces.append(relayed.popleft())
-                yield "".join(pieces)
-                if not follow:
-                    return
-                with anyio.move_on_after(INTERVAL_SECONDS):
-                    await wake.wait()
+            page = _HubPage(self._hub, self._overview, scope.get(WHO) != "read_token", relayed)
+            async with aclosing(page_stream(self._hub, self._hub.log, page, follow=follow)) as parts:
+                async for part in parts:
+                    yield part
         finally:
             self.viewers -= 1
-            hub.streams.discard(stop)
             if relay is not None:
                 relay.cancel()
 
-    async def _relay(self, drive: str, relayed: deque[str], *, follow: bool = True) -> None:
+    async def _relay(self, drive: str, relayed: deque[bytes], *, follow: bool = True) -> None:
         """The messages of one drive, from the shard that has it, also after it was away."""
         hub = self._hub
         while True:
@@ -153,33 +119,49 @@ class HubLive:
                 query = {"drive": drive} | ({} if follow else {"follow": "false"})
                 async for event, data in hub.client(shard).stream(f"{PREFIX}/live", query=query):
                     if event in {"drive", "signals"}:
-                        relayed.append(_message(event, data))
+                        relayed.append(message(event, data))
             except (AwayError, ConfigError) as exc:
                 if not follow:
                     return
-                relayed.append(f": {str(exc).encode('ascii', 'replace').decode()}\n\n")
+                relayed.append(b": %b\n\n" % str(exc).encode("ascii", "replace"))
             if not follow:
                 return
             await anyio.sleep(AGAIN_SECONDS)
 
-    def _entries(self, after: int) -> tuple[dict[str, Any] | None, int]:
-        log = self._hub.log
-        lost = max(0, log.newest - after - MOST_BEHIND)
-        entries = log.entries(after=after + lost, most=MOST_ENTRIES)
-        if not entries:
-            return None, after
-        lost = entries[0].sequence - after - 1
-        found: dict[str, Any] = {"entries": [entry.as_dict() for entry in entries]}
-        return found | ({"lost": lost} if lost else {}), entries[-1].sequence
 
-    def _farm(self, scope: Mapping[str, Any]) -> dict[str, Any]:
-        shards = self._hub.shards
+@dataclass(slots=True)
+class _HubPage:
+    hub: Hub
+    seen: HubOverview
+    #: Whether this client may change something.
+    writes: bool
+    #: Messages of the chosen drive.
+    relayed: deque[bytes]
+    layout: int = -1
+    version: int = 0
+
+    def overview(self) -> Iterator[bytes]:
+        self.seen.refresh()
+        if self.seen.layout != self.layout:
+            # drives have come or gone: the page begins anew
+            self.layout, self.version = self.seen.layout, 0
+            yield message("farm", self._farm())
+        text = self.seen.since(self.version)
+        self.version = self.seen.version
+        yield message("overview", text)
+
+    def drive(self) -> Iterator[bytes]:
+        while self.relayed:
+            yield self.relayed.popleft()
+
+    def _farm(self) -> dict[str, Any]:
+        shards = self.hub.shards
         models = {str(view["model"]) for shard in shards for view in shard.drives.values()}
         return {
             "farm": shards.farm,
             "link": "+".join(dict.fromkeys(str(shard.view.get("link", "")) for shard in shards)),
             "drives": len(shards.names),
-            "writes": scope.get(WHO) != "read_token",
+            "writes": self.writes,
             "lines": {
                 f"{line['name']} {shard.label}": {"way": line["way"], "where": line["where"]}
                 for shard in shards

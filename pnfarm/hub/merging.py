@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "at_hub",
-    "evidence_of",
     "joined_engine",
     "joined_fault",
     "joined_health",
@@ -64,25 +63,6 @@ def unreachable_drive(last: Mapping[str, Any], shard: Shard) -> dict[str, Any]:
     }
 
 
-def evidence_of(seen: Mapping[str, Any]) -> Evidence:
-    """From an answer."""
-    first, last = (None if s is None else round(s * 1e9) for s in (seen["first_seconds"], seen["last_seconds"]))
-    contradicted = seen["reason"] if seen["confirmation"] == "contradicted" else ""
-    return Evidence(seen["checks"], seen["activations"], first, last, seen["confirmed"], contradicted)
-
-
-def _shown(seen: Evidence) -> dict[str, Any]:
-    return {
-        "checks": seen.checks,
-        "activations": seen.activations,
-        "first_seconds": None if seen.first_ns is None else seen.first_ns / 1e9,
-        "last_seconds": None if seen.last_ns is None else seen.last_ns / 1e9,
-        "confirmed": seen.confirmed,
-        "confirmation": seen.confirmation.value,
-        "reason": seen.reason,
-    }
-
-
 def at_hub(fault: Mapping[str, Any], to_hub: Callable[[float], float]) -> dict[str, Any]:
     """A shard's fault with its times by the hub's clock."""
 
@@ -114,7 +94,7 @@ def joined_fault(
     runs = {name: run for part, _ in of_one for name, run in part["drives"].items()}
     names = sorted(runs, key=lambda name: (order.get(name, len(order)), name))
     away = [name for part, asked in of_one if not asked for name in part["drives"] if runs[name]["state"] != "ended"]
-    seen = [evidence_of(runs[name]["evidence"]) for name in names]
+    seen = [Evidence.from_dict(runs[name]["evidence"]) for name in names]
     total = dataclasses.replace(sum(seen, NOTHING), confirmed=all(one.confirmed for one in seen))
     states = {runs[name]["state"] for name in names}
     expires = [part["expires_seconds"] for part, _ in of_one if part["expires_seconds"] is not None]
@@ -125,7 +105,7 @@ def joined_fault(
         "spec": dict(spec) if spec is not None else {**first["spec"], "on": names},
         "added_seconds": min(part["added_seconds"] for part, _ in of_one),
         "expires_seconds": min(expires, default=None),
-        "evidence": _shown(total),
+        "evidence": total.as_dict(),
         "drives": {name: runs[name] for name in names},
         "unreachable": away,
     }

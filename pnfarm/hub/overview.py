@@ -45,7 +45,7 @@ class HubOverview:
         #: Drives by their place at their shard, and whether it was there at the last look.
         self._names: dict[Shard, tuple[str, ...]] = {}
         self._asked: dict[Shard, bool] = {}
-        self._texts: dict[int, str] = {}
+        self._texts: dict[int, bytes] = {}
 
     def refresh(self) -> None:
         """Follow what is known of the shards: a new list of drives, shards that came or went."""
@@ -123,11 +123,13 @@ class HubOverview:
         self.version = version
         self._texts.clear()
 
-    def since(self, version: int) -> str:
+    def since(self, version: int) -> bytes:
         """What changed after ``version``, as :meth:`pnfarm.farm.views.overview.Overview.since` tells it."""
         found = self._texts.get(version)
         if found is None:
-            found = self._texts[version] = json.dumps(self._since(version), separators=(",", ":"), allow_nan=False)
+            found = self._texts[version] = json.dumps(
+                self._since(version), separators=(",", ":"), allow_nan=False
+            ).encode()
         return found
 
     def _since(self, version: int) -> dict[str, Any]:

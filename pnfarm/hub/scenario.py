@@ -1,9 +1,9 @@
 """A scenario over the drives of several shards, carried out by the hub.
 
 The course of the steps is the farm's own (:class:`pnfarm.scenario.flow.Flow`); what a step does goes to the shards:
-a fault as :class:`~pnfarm.hub.faults.HubFaults` injects it, each wait and each expectation as a scenario of one step on
-each shard that has drives of it.  So conditions are watched where the drives are, each millisecond, what lasted only a
-moment counts, and a shard that was itself late says so.
+a fault as :class:`~pnfarm.hub.hosts.faults.HubFaults` injects it, each wait and each expectation as a scenario of one
+step on each shard that has drives of it.  So conditions are watched where the drives are, each millisecond, what lasted
+only a moment counts, and a shard that was itself late says so.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ import anyio.to_thread
 from prometheus_client.parser import text_string_to_metric_families
 
 from pnfarm.errors import ConfigError, PnfarmError
+from pnfarm.hub.hosts.drives import HubDrives
 from pnfarm.hub.hub import read
-from pnfarm.hub.routes.drives import drives_view
 from pnfarm.hub.shards import AwayError
 from pnfarm.scenario.definition.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.scenario.flow import EndedError, Flow, Life
@@ -34,7 +34,7 @@ from pnfarm.vocabulary.durations import format_duration
 if TYPE_CHECKING:
     from collections.abc import Coroutine, Generator, Mapping, Sequence
 
-    from pnfarm.hub.faults import HubFaults
+    from pnfarm.hub.hosts.faults import HubFaults
     from pnfarm.hub.hub import Hub
     from pnfarm.hub.log import HubEntry
     from pnfarm.hub.shards import Shard
@@ -167,13 +167,13 @@ class HubRun(Flow):
     def _act(self, step: Step) -> Life:
         match step.kind:
             case "fault":
-                fault = yield from self._await(self._faults.inject(step.values["spec"]))
+                fault, whole = yield from self._await(self._faults.inject(step.values["spec"]))
                 injected = _Injected(fault)
                 self._own[injected.id] = injected
                 if step.part == "trial":
                     self._by_step[id(step)] = injected.id
                 self.record.fault_began(cast("Any", injected), self._now)
-                if fault["partial"]:
+                if not whole:
                     first = fault["not_hit"][0]
                     raise AwayError(
                         f"{len(fault['not_hit'])} drives were not hit, such as {first['drive']}: {first['why']}"
@@ -225,7 +225,7 @@ class HubRun(Flow):
             )
 
     def _load(self, step: Step) -> Life:
-        view = yield from self._await(drives_view(self._hub))
+        view = yield from self._await(HubDrives(self._hub).listed())
         powered = {drive["name"]: bool(drive["powered"]) for drive in view["drives"]}
         chosen = self.binding.chosen(step, "on")
         wanted = step.get("drives")
@@ -261,28 +261,20 @@ class HubRun(Flow):
         return (yield from self._await(self._all_parts(texts, length)))
 
     async def _all_parts(self, steps: Mapping[Shard, Mapping[str, Any]], length_ns: int) -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = []
-
-        async def one(shard: Shard, step: Mapping[str, Any]) -> None:
-            try:
-                found.append(await self._part(shard, step, length_ns))
-            except AwayError as exc:
-                drives = next(iter(step.values())).get("drive", [])
-                found.append({"verdict": "lost", "cases": [], "lost": str(exc), "drives": drives, "lateness": None})
-
-        async with anyio.create_task_group() as tasks:
-            for shard, step in steps.items():
-                tasks.start_soon(one, shard, step)
+        answers = await self._hub.each(steps, lambda shard: self._part(shard, steps[shard], length_ns))
+        found = list(answers.good.values())
+        for shard, why in answers.away.items():
+            drives = next(iter(steps[shard].values())).get("drive", [])
+            found.append({"verdict": "lost", "cases": [], "lost": str(why), "drives": drives, "lateness": None})
         return found
 
     async def _part(self, shard: Shard, step: Mapping[str, Any], length_ns: int) -> dict[str, Any]:
         """One step on one shard, until it is over.  Raises :class:`AwayError`."""
         hub = self._hub
         # JSON is YAML
-        body = {"text": json.dumps({"scenario": "part", "steps": [step]}), "part": True}
-        if (budget := self.binding.scenario.budget_ns) is not None:
-            text = json.dumps({"scenario": "part", "budget": format_duration(budget), "steps": [step]})
-            body["text"] = text
+        budget = self.binding.scenario.budget_ns
+        limit = {} if budget is None else {"budget": format_duration(budget)}
+        body = {"text": json.dumps({"scenario": "part", **limit, "steps": [step]}), "part": True}
         begun = read(shard, await hub.ask(shard, "POST", "scenarios", body=body), "id")
         path = f"scenarios/{begun['id']}"
         start = answered = hub.now()

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.errors import EnvironmentError_
+from pnfarm.drives.catalogue import model as model_by_name
+from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.hub.clocks import ClockOffset
 from pnfarm.hub.states import TRANSITIONS, ShardEvent, ShardState
 from pnfarm.vocabulary.quoting import did_you_mean, shown
@@ -191,6 +192,24 @@ class Shards:
         return self._order
 
     @property
+    def views(self) -> dict[str, dict[str, Any]]:
+        """Every drive as it was seen last, of several shards that claim it at the first of them."""
+        found: dict[str, dict[str, Any]] = {}
+        for shard in self._all.values():
+            for name, view in shard.drives.items():
+                found.setdefault(name, view)
+        return {name: found[name] for name in self._order}
+
+    @property
+    def known_as(self) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
+        """Of every drive its names and its model's, by which globs mean it."""
+        return {name: (_names(view), _models(str(view["model"]))) for name, view in self.views.items()}
+
+    def own_name(self, name: str) -> str:
+        """A drive's name in its farm file.  Raises as :meth:`known`."""
+        return name if name in self.known(name).drives else self._renamed(name)
+
+    @property
     def farm(self) -> str:
         """The farm's name; of several farms all names."""
         return " + ".join(dict.fromkeys(str(one.about["farm"]) for one in self._all.values() if one.about)) or "hub"
@@ -242,3 +261,17 @@ class Shards:
                 if view.get("station_name") == name:
                     return own
         return name
+
+
+def _names(view: Mapping[str, Any]) -> tuple[str, ...]:
+    own, station = str(view["name"]), view.get("station_name")
+    return (own, str(station)) if station and station != own else (own,)
+
+
+def _models(name: str) -> tuple[str, ...]:
+    try:
+        found = model_by_name(name)
+    except ConfigError:
+        # of a shard with a newer version
+        return (name,)
+    return (found.name, *found.aliases)

@@ -299,10 +299,8 @@ class _RemoteFault(Bound):
 
     @property
     def view(self) -> FaultView:
-        found, seen = self._found, self._found["evidence"]
-        contradicted = seen["reason"] if seen["confirmation"] == "contradicted" else ""
-        first, last = (None if s is None else round(s * 1e9) for s in (seen["first_seconds"], seen["last_seconds"]))
-        evidence = Evidence(seen["checks"], seen["activations"], first, last, seen["confirmed"], contradicted)
+        found = self._found
+        evidence = Evidence.from_dict(found["evidence"])
         return FaultView(found["id"], found["kind"], tuple(found["drives"]), found["state"], evidence)
 
     async def refresh(self) -> None:

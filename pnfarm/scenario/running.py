@@ -1,10 +1,11 @@
-"""The scenarios of a running farm: a bounded number at work, the last ones kept with their records."""
+"""The scenarios of a running farm, or of a hub: a bounded number at work, the last ones kept with their records."""
 
 from __future__ import annotations
 
 import asyncio
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.errors import ConfigError
@@ -16,13 +17,15 @@ from pnfarm.scenario.run import ScenarioRun
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Coroutine, Mapping
 
+    from pnfarm.drives.description.model import Model
     from pnfarm.farm.core import FarmCore
     from pnfarm.metrics import FarmCollector
+    from pnfarm.scenario.definition.binding import Binding
     from pnfarm.scenario.flow import Flow
 
-__all__ = ["RunningScenario", "RunningScenarios"]
+__all__ = ["KeptScenarios", "RunningScenario", "RunningScenarios"]
 
 #: Scenarios at work at once, and those kept altogether.
 MOST_AT_WORK = 4
@@ -67,37 +70,41 @@ class RunningScenario:
         return {"id": self.id, **self.run.record.summary()}
 
 
-class RunningScenarios:
-    """``now`` is the farm's clock, ``poke`` makes its runtime send what a step put in force."""
+class KeptScenarios(ABC):
+    """What is carried out, by a farm or by a hub: ``now`` is its clock."""
 
-    def __init__(
-        self, core: FarmCore, collector: FarmCollector, now: Callable[[], int], poke: Callable[[], None]
-    ) -> None:
-        self._core = core
-        self._collector = collector
+    #: Who carries them out, and whose keys cannot be set any more.
+    WHO: ClassVar[str]
+    RUNNING: ClassVar[str]
+
+    def __init__(self, now: Callable[[], int]) -> None:
         self._now = now
-        self._poke = poke
         self._kept: dict[str, RunningScenario] = {}
         self._numbers = 0
 
+    @abstractmethod
+    def _drives(self) -> Mapping[str, Model]:
+        """The models of all drives by name."""
+
+    @abstractmethod
+    def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
+        """A run, and what carries it out."""
+
     def start(self, text: str, variables: Mapping[str, Any] | None = None, *, part: bool = False) -> RunningScenario:
-        """Check a scenario against the farm and begin it.  Raises :class:`ConfigError`.
+        """Check a scenario against the drives and begin it.  Raises :class:`ConfigError`.
 
         ``part``: of one that a hub carries out on several farms: it makes no traces, and is not listed.
         """
         scenario = parse_scenario(text, variables=variables)
         if scenario.overrides:
-            raise ConfigError("with: sets keys of a farm file, and this farm runs already; leave it out")
-        drives = {station.configured_name: station.model for station in self._core.axes}
-        binding = bind_scenario(scenario, drives, fault_kinds())
+            raise ConfigError(f"with: sets keys of a farm file, and {self.RUNNING} already; leave it out")
+        binding = bind_scenario(scenario, self._drives(), fault_kinds())
         at_work = [found.id for found in self._kept.values() if not found.run.finished and found.part is part]
         if len(at_work) >= (MOST_PARTS_AT_WORK if part else MOST_AT_WORK):
             raise ConfigError(f"{len(at_work)} scenarios are at work ({', '.join(at_work)}); end one of them first")
-        now = self._now()
-        lateness = FarmLateness(self._core, scenario.budget_ns, now)
-        run = ScenarioRun(binding, self._core, self._collector, now, lateness=lateness, traced=not part)
+        run, work = self._begin(binding, part=part)
         self._numbers += 1
-        task = asyncio.get_running_loop().create_task(carry_out(run, self._core, self._poke, self._now))
+        task = asyncio.get_running_loop().create_task(work)
         found = RunningScenario(f"{'part' if part else 'scenario'}-{self._numbers}", run, task, part)
         self._kept[found.id] = found
         alike = [old for old in self._kept.values() if old.part is part]
@@ -121,12 +128,44 @@ class RunningScenarios:
         """End one; its faults are cleared.  Raises :class:`ConfigError` for an unknown id."""
         found = self.get(wanted)
         found.run.cancel(self._now())
+        return found
+
+    def close(self) -> None:
+        """End all of them: who carries them out stops."""
+        for found in self._kept.values():
+            found.run.cancel(self._now(), f"the {self.WHO} stopped", broken=True)
+
+
+class RunningScenarios(KeptScenarios):
+    """Those of a farm; ``poke`` makes its runtime send what a step put in force."""
+
+    WHO = "farm"
+    RUNNING = "this farm runs"
+
+    def __init__(
+        self, core: FarmCore, collector: FarmCollector, now: Callable[[], int], poke: Callable[[], None]
+    ) -> None:
+        super().__init__(now)
+        self._core = core
+        self._collector = collector
+        self._poke = poke
+
+    def _drives(self) -> Mapping[str, Model]:
+        return {station.configured_name: station.model for station in self._core.axes}
+
+    def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
+        now = self._now()
+        lateness = FarmLateness(self._core, binding.scenario.budget_ns, now)
+        run = ScenarioRun(binding, self._core, self._collector, now, lateness=lateness, traced=not part)
+        return run, carry_out(run, self._core, self._poke, self._now)
+
+    def cancel(self, wanted: str) -> RunningScenario:
+        found = super().cancel(wanted)
         found.task.cancel()
         self._poke()
         return found
 
     def close(self) -> None:
-        """End all of them: the farm stops."""
+        super().close()
         for found in self._kept.values():
-            found.run.cancel(self._now(), "the farm stopped", broken=True)
             found.task.cancel()

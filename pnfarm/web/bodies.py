@@ -15,7 +15,7 @@ from pnfarm.web.errors import ClientGoneError, RequestError, TooLargeError
 if TYPE_CHECKING:
     from starlette.requests import Request
 
-__all__ = ["PREFIX", "Json", "Schema", "body_of", "checked", "read_object"]
+__all__ = ["PREFIX", "Json", "Schema", "body_of", "checked", "read_object", "read_octets"]
 
 #: Prefix of every path of this version of the API.
 PREFIX = "/api/v1"
@@ -39,14 +39,12 @@ class Json(JSONResponse):
         return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
 
 
-def body_of(schema: type[Schema]) -> dict[str, Any]:
-    """How OpenAPI describes a body that a handler takes by :func:`checked`."""
-    return {
-        "requestBody": {
-            "required": True,
-            "content": {"application/json": {"schema": schema.model_json_schema()}},
-        }
-    }
+def body_of(schema: type[Schema] | dict[str, Any], **examples: Any) -> dict[str, Any]:
+    """How OpenAPI describes a body that a handler reads itself: its type or JSON Schema, and examples by name."""
+    content: dict[str, Any] = {"schema": schema if isinstance(schema, dict) else schema.model_json_schema()}
+    if examples:
+        content["examples"] = {name: {"value": value} for name, value in examples.items()}
+    return {"requestBody": {"required": True, "content": {"application/json": content}}}
 
 
 def checked(body: dict[str, Any], schema: type[_S], *, allowed: str = "", hint: str) -> _S:
@@ -65,6 +63,19 @@ def checked(body: dict[str, Any], schema: type[_S], *, allowed: str = "", hint: 
         raise RequestError(f"{sentence}; {hint}", errors) from exc
 
 
+async def read_octets(request: Request, most: int) -> bytes:
+    """The request's body; raises :class:`TooLargeError` or :class:`ClientGoneError`."""
+    body = bytearray()
+    try:
+        async for chunk in request.stream():
+            body += chunk
+            if len(body) > most:
+                raise TooLargeError(f"the body has more than {most} octets; no request needs more")
+    except ClientDisconnect as exc:
+        raise ClientGoneError("the client hung up before its request was complete") from exc
+    return bytes(body)
+
+
 async def read_object(request: Request) -> dict[str, Any]:
     """The request's body, a JSON object; raises :class:`RequestError` or :class:`TooLargeError`."""
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
@@ -73,14 +84,7 @@ async def read_object(request: Request) -> dict[str, Any]:
             f"the body is {kind or 'of no stated type'}; send Content-Type: application/json",
             status=HTTPStatus.UNSUPPORTED_MEDIA_TYPE,
         )
-    body = bytearray()
-    try:
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > MAX_BODY:
-                raise TooLargeError(f"the body has more than {MAX_BODY} octets; no request needs more")
-    except ClientDisconnect as exc:
-        raise ClientGoneError("the client hung up before its request was complete") from exc
+    body = await read_octets(request, MAX_BODY)
     try:
         value = json.loads(body)
     except RecursionError as exc:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from http import HTTPStatus
+from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
 
-__all__ = ["ClientGoneError", "NotFoundError", "RequestError", "TooLargeError"]
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+__all__ = ["ClientGoneError", "NotFoundError", "RequestError", "TooLargeError", "named_by_path"]
 
 
 class RequestError(ConfigError):
@@ -25,6 +30,15 @@ class RequestError(ConfigError):
 
 class NotFoundError(ConfigError):
     """The path names something that does not exist."""
+
+
+@contextmanager
+def named_by_path() -> Iterator[None]:
+    """What is unknown in this block is what the path names: a :class:`ConfigError` becomes a :class:`NotFoundError`."""
+    try:
+        yield
+    except ConfigError as exc:
+        raise NotFoundError(str(exc)) from exc
 
 
 class TooLargeError(ConfigError):

@@ -10,7 +10,8 @@ from events import Something
 from prometheus_client.parser import text_string_to_metric_families
 
 from pnfarm import __version__
-from pnfarm.api.schemas import Problem, Ready, Version
+from pnfarm.api.paths.farm import Ready, Version
+from pnfarm.api.schemas.problem import Problem
 
 TOKEN = "a-long-secret"  # a test's, nobody's
 

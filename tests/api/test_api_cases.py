@@ -12,7 +12,7 @@ import pytest
 from api_world import ApiWorld, assert_problem
 from json_schema import wrongs
 
-from pnfarm.api.app import LIVE_STREAM
+from pnfarm.api.paths.streams import LIVE_STREAM
 
 #: Of every operation of the description; there are some twenty.
 CASES = 60

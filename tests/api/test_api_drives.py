@@ -9,7 +9,9 @@ from api_world import ApiWorld, assert_problem
 from events import Something
 
 from pnfarm.api.events import event_stream
-from pnfarm.api.schemas import Drive, FarmView, ParameterValue
+from pnfarm.api.paths.drives import ParameterValue
+from pnfarm.api.schemas.drive import Drive
+from pnfarm.api.schemas.farm import FarmView
 from pnfarm.drives.parameters.parameter import ParameterErrorNumber
 
 

@@ -14,7 +14,7 @@ from toybus.device import ToyConnected, ToyLost
 from toybus.frames import ETHERTYPE, Order, emit_order, frame, parse_report
 
 from pnfarm.api import make_app
-from pnfarm.api.schemas import Drive
+from pnfarm.api.schemas.drive import Drive
 from pnfarm.buses import registry
 from pnfarm.captures.reading import CapturedFrame
 from pnfarm.cli.main import main

@@ -11,8 +11,10 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING
 from urllib.parse import parse_qs
 
-from starlette.requests import ClientDisconnect
 from starlette.responses import HTMLResponse
+
+from pnfarm.web.bodies import read_octets
+from pnfarm.web.errors import ClientGoneError, TooLargeError
 
 if TYPE_CHECKING:
     from starlette.requests import Request
@@ -57,15 +59,8 @@ def login_page(*, wrong: bool = False) -> HTMLResponse:
 
 async def typed_token(request: Request) -> str:
     """The token in the submitted form; empty if the body is not such a form."""
-    body = bytearray()
     try:
-        async for chunk in request.stream():
-            body += chunk
-            if len(body) > MAX_FORM:
-                return ""
-    except ClientDisconnect:
-        return ""
-    try:
+        body = await read_octets(request, MAX_FORM)
         return parse_qs(body.decode("ascii")).get("token", [""])[0].strip()
-    except ValueError:
+    except (TooLargeError, ClientGoneError, ValueError):
         return ""

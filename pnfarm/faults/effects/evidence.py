@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 __all__ = ["NOTHING", "Confirmation", "Evidence"]
 
@@ -59,6 +63,25 @@ class Evidence:
             self.confirmed or other.confirmed,
             self.contradicted or other.contradicted,
         )
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "checks": self.checks,
+            "activations": self.activations,
+            "first_seconds": None if self.first_ns is None else self.first_ns / 1e9,
+            "last_seconds": None if self.last_ns is None else self.last_ns / 1e9,
+            "confirmed": self.confirmed,
+            "confirmation": self.confirmation.value,
+            "reason": self.reason,
+        }
+
+    @classmethod
+    def from_dict(cls, seen: Mapping[str, Any]) -> Evidence:
+        """What :meth:`as_dict` made."""
+        first, last = (None if s is None else round(s * 1e9) for s in (seen["first_seconds"], seen["last_seconds"]))
+        contradicted = seen["reason"] if seen["confirmation"] == Confirmation.CONTRADICTED else ""
+        return cls(seen["checks"], seen["activations"], first, last, seen["confirmed"], contradicted)
 
 
 NOTHING = Evidence()

@@ -10,7 +10,7 @@ import random
 import pytest
 from serial_farm import config, master, states, until
 
-from pnfarm.api.schemas import LineView
+from pnfarm.api.schemas.farm import LineView
 from pnfarm.buses import registry
 from pnfarm.captures.reading import FrameReader
 from pnfarm.cli.main import main

@@ -1,4 +1,4 @@
-"""Types of what the hub answers beyond a farm's answers: for its OpenAPI description."""
+"""How OpenAPI describes what the hub answers beyond a farm's answers, and what it does otherwise."""
 
 from __future__ import annotations
 
@@ -6,23 +6,15 @@ from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from pnfarm.api.answers import Fault, Faults, Traces, TraceView
-from pnfarm.api.schemas import Drive, FarmView, Findings, Health, Reactions, Reset, Targets
+from pnfarm.api.paths.farm import Findings, Health, Reactions, Ready
+from pnfarm.api.paths.faults import Fault, Faults, Reset, Targets
+from pnfarm.api.paths.traces import Traces
+from pnfarm.api.schemas.drive import Drive
+from pnfarm.api.schemas.farm import FarmView
 from pnfarm.web.bodies import Schema
+from pnfarm.web.paths import Described
 
-__all__ = [
-    "Gone",
-    "HubFarmView",
-    "HubFault",
-    "HubFaults",
-    "HubFindings",
-    "HubHealth",
-    "HubReach",
-    "HubReactions",
-    "HubReady",
-    "HubReset",
-    "HubTraces",
-]
+__all__ = ["DESCRIBED"]
 
 
 class Gone(Schema):
@@ -86,10 +78,10 @@ class HubFindings(Findings, _Partial):
 
 
 class HubTraces(Traces, _Partial):
-    traces: list[TraceView]
+    pass
 
 
-class ShardView(Schema):
+class HubShard(Schema):
     """A shard as the hub knows it."""
 
     shard: str
@@ -111,13 +103,49 @@ class ShardView(Schema):
 
 class HubHealth(Health, _Partial):
     worst: str = Field(description="The shard whose engine was latest; empty without one.")
-    shards: list[ShardView]
+    shards: list[HubShard]
     conflicts: dict[str, list[str]] = Field(description="Drives that several shards claim -> these.")
     discovery: dict[str, str] = Field(description="NAME:PORT -> what is wrong with it; empty: nothing.")
 
 
-class HubReady(Schema):
-    ready: bool
-    cycles: int
-    last_tick_seconds_ago: float
+class HubReady(Ready):
     shards: int
+
+
+def _whole_or_not(model: type[Schema], why: str, status: int = 200) -> dict[int, Any]:
+    return {status: model, 207: {"model": model, "description": why}}
+
+
+_NOT_ALL = _whole_or_not(HubFault, "Not on all shards: see `unreachable`.")
+#: By handler; what is not here is as of a farm.
+DESCRIBED = {
+    "get_drives": Described("All farms as one: every drive, also of shards that do not answer", {200: HubFarmView}),
+    "get_faults": Described("Pending and active faults on all shards, with their evidence", {200: HubFaults}),
+    "post_fault": Described(
+        "Inject a fault into drives of any shards at one moment; with dry_run only list the drives",
+        {
+            **_whole_or_not(HubFault, "Some shards did not answer: `hit` and `not_hit` have the drives.", 201),
+            200: HubReach,
+        },
+    ),
+    "get_fault": Described("", {200: HubFault}),
+    "renew_fault": Described("", _NOT_ALL),
+    "delete_fault": Described("End a fault on all shards and return its final evidence", _NOT_ALL),
+    "reset": Described(
+        "End every injected fault on every shard",
+        _whole_or_not(HubReset, "Shards did not answer: their faults may be in force."),
+    ),
+    "get_traces": Described("Every trace of every shard and how far it is, without samples", {200: HubTraces}),
+    "post_trace": Described("Start a trace, of drives of one shard"),
+    "version": Described("Version of the hub"),
+    "clock": Described("The hub's clock, which its seconds are of, and this machine's"),
+    "readyz": Described("Whether every shard answers and is ready, and no drive is claimed twice", {200: HubReady}),
+    "get_health": Described(
+        "How each shard and all together do: whether it answers, its clock's offset, its own lateness",
+        {200: HubHealth},
+    ),
+    "get_doctor": Described("What `pnfarm doctor` finds on the machine of each shard", {200: HubFindings}),
+    "get_reactions": Described("", {200: HubReactions}),
+    "events": Described("The event logs of all shards as one; Last-Event-ID resumes, also after a restart of the hub"),
+    "metrics": Described("The hub's own metrics; Prometheus scrapes the shards for those of drives"),
+}

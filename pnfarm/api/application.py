@@ -1,0 +1,128 @@
+"""An application of the API: the paths of every subject, the web page, the errors, and the access checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+from fastapi import FastAPI
+
+from pnfarm.api.access.guard import Guard
+from pnfarm.api.access.throttle import Throttle
+from pnfarm.api.changes import Changes
+from pnfarm.api.page import add_page
+from pnfarm.api.paths.drives import add_drives
+from pnfarm.api.paths.farm import add_farm
+from pnfarm.api.paths.faults import add_faults
+from pnfarm.api.paths.host import Host
+from pnfarm.api.paths.scenarios import add_scenarios
+from pnfarm.api.paths.streams import add_streams
+from pnfarm.api.paths.traces import add_traces
+from pnfarm.api.problems import install_handlers
+from pnfarm.api.schemas.problem import PROBLEMS, Problem, problems_of
+from pnfarm.version import __version__
+from pnfarm.web.paths import Paths
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from pnfarm.api.paths.drives import DrivesHost
+    from pnfarm.api.paths.farm import FarmHost
+    from pnfarm.api.paths.faults import FaultsHost
+    from pnfarm.api.paths.streams import StreamsHost
+    from pnfarm.api.paths.traces import TracesHost
+    from pnfarm.scenario.running import KeptScenarios
+    from pnfarm.station.event import Event
+    from pnfarm.web.paths import Described
+
+__all__ = ["ApiHost", "Hosts", "make_api"]
+
+
+class ApiHost(Host, Protocol):
+    """What an application needs besides; ``on_close`` is called when it stops."""
+
+    on_close: list[Callable[[], None]]
+
+    def record(self, event: Event) -> object:
+        """An entry of the log."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hosts:
+    """Who answers the paths of each subject."""
+
+    drives: DrivesHost
+    #: Adds what is below one drive.
+    add_drive: Callable[[FastAPI], None]
+    faults: FaultsHost
+    scenarios: KeptScenarios
+    traces: TracesHost
+    farm: FarmHost
+    streams: StreamsHost
+    #: What is described otherwise than of a farm, by handler.
+    described: Mapping[str, Described] = field(default_factory=dict)
+
+
+def make_api(
+    host: ApiHost, hosts: Hosts, *, title: str, description: str, token: str | None, read_token: str | None
+) -> FastAPI:
+    """The application; its ``state.context`` is ``host``.
+
+    With ``token`` every client must show it, or ``read_token``, with which it may change nothing; without, only
+    requests for loopback are answered.
+    """
+    app = FastAPI(
+        title=title,
+        version=__version__,
+        description=description,
+        docs_url=None,
+        redoc_url=None,
+        openapi_url="/openapi.json",
+        responses=PROBLEMS,
+    )
+    app.state.context = host
+    host.on_close.append(hosts.scenarios.close)
+    install_handlers(app)
+
+    def path(tag: str) -> Paths:
+        return Paths(app, tag, hosts.described)
+
+    add_drives(path("drives"), hosts.drives)
+    hosts.add_drive(app)
+    add_faults(path("faults"), host, hosts.faults)
+    add_scenarios(path("scenarios"), hosts.scenarios, host.now)
+    add_traces(path("traces"), hosts.traces)
+    add_farm(path("farm"), hosts.farm)
+    add_streams(path("farm"), hosts.streams)
+    add_page(app)
+    _describe_problems(app)
+    app.add_middleware(Changes, record=host.record)
+    app.add_middleware(Guard, token=token, read_token=read_token)
+    # outermost: a request above the limits is refused before its token is checked
+    app.add_middleware(Throttle)
+    return app
+
+
+def _describe_problems(app: FastAPI) -> None:
+    """Add the schema that every operation's errors refer to, and drop FastAPI's own for validation."""
+    generate = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        described = app.openapi_schema
+        if described is None:
+            described = generate()
+            schemas = described.setdefault("components", {}).setdefault("schemas", {})
+            problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+            schemas.update(problem.pop("$defs", {}))
+            schemas["Problem"] = problem
+            for place, path in described["paths"].items():
+                for method, operation in path.items():
+                    # FastAPI's own 422 is of another form
+                    operation["responses"].pop("422", None)
+                    operation["responses"].update(problems_of(method, place, operation))
+            schemas.pop("HTTPValidationError", None)
+            schemas.pop("ValidationError", None)
+            app.openapi_schema = described
+        return described
+
+    app.openapi = openapi  # type: ignore[method-assign]  # the documented way to extend the description

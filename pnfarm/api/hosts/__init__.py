@@ -1,0 +1,1 @@
+"""A farm's answers to the paths of each subject."""

@@ -1,0 +1,69 @@
+"""Paths that stay open: the event log and the page's view, as server-sent events."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
+
+from fastapi import Header, Query, Request
+from starlette.responses import Response, StreamingResponse
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Mapping
+
+    from pnfarm.web.paths import Paths
+
+__all__ = ["LIVE_STREAM", "StreamsHost", "add_streams"]
+
+#: OpenAPI has no words for the parts of a stream.
+EVENT_STREAM = {
+    "type": "string",
+    "description": "Each message: `id` is the entry's sequence number, `data` a LogEntry of the components as JSON. A "
+    "message of type `gap` has in `data` how many entries were `lost`.",
+}
+LIVE_STREAM = {
+    "type": "string",
+    "description": "Messages of types farm, overview, log, drive and signals, each with one JSON object; see the "
+    "documentation of the web page.",
+}
+
+
+class StreamsHost(Protocol):
+    """Who has the streams.  Raises :class:`~pnfarm.web.errors.NotFoundError` for an unknown drive."""
+
+    def events(self, begin: str | None, drive: str | None, *, follow: bool) -> AsyncIterator[str]:
+        """Entries behind the one with the id ``begin``; None: from now on."""
+
+    def live(self, scope: Mapping[str, Any], drive: str | None, *, follow: bool) -> AsyncIterator[bytes]:
+        """The page's messages; ``scope`` is the request's, ``drive`` the one in detail."""
+
+
+def add_streams(path: Paths, streams: StreamsHost) -> None:
+    """Declare them."""
+
+    def opened(stream: AsyncIterator[str] | AsyncIterator[bytes]) -> Response:
+        return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
+
+    def described(stream: dict[str, str]) -> dict[int, Any]:
+        return {200: {"content": {"text/event-stream": {"schema": stream}}}}
+
+    @path("GET events", described(EVENT_STREAM), response_class=StreamingResponse)
+    async def events(
+        last_event_id: Annotated[str | None, Header(description="Sequence number of the last entry received.")] = None,
+        drive: Annotated[str | None, Query(description="Only entries of this drive.")] = None,
+        after: Annotated[
+            int | None, Query(ge=0, description="Begin after this sequence number; 0: with the oldest entry kept.")
+        ] = None,
+        follow: Annotated[bool, Query(description="Keep sending new entries; false: end after the newest.")] = True,
+    ) -> Response:
+        """The event log as server-sent events; Last-Event-ID resumes a stream."""
+        begin = last_event_id if last_event_id is not None or after is None else str(after)
+        return opened(streams.events(begin, drive, follow=follow))
+
+    @path("GET live", described(LIVE_STREAM), response_class=StreamingResponse)
+    async def live(
+        request: Request,
+        drive: Annotated[str | None, Query(description="The drive in detail.")] = None,
+        follow: Annotated[bool, Query(description="Keep sending; false: end after the first of each.")] = True,
+    ) -> Response:
+        """What the farm's page shows, as server-sent events: all drives, and one in detail."""
+        return opened(streams.live(request.scope, drive, follow=follow))

@@ -1,0 +1,117 @@
+"""All shards as one farm: clock, readiness, health, doctor, reactions; the hub's own metrics."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
+
+from pnfarm.api.paths.farm import clock_of
+from pnfarm.hub.merging import joined_health
+from pnfarm.hub.metrics import HubCollector
+from pnfarm.hub.shards import AwayError
+from pnfarm.hub.states import ShardState
+
+if TYPE_CHECKING:
+    from pnfarm.hub.hub import Hub
+    from pnfarm.hub.shards import Shard
+
+__all__ = ["HubItself"]
+
+_HEALTH = (
+    "engine", "lateness", "lateness_mean_seconds", "last_seconds", "engine_late_seconds", "loop_late_seconds",
+    "stolen_seconds",
+)  # fmt: skip
+
+
+class HubItself:
+    """As :class:`~pnfarm.api.paths.farm.FarmHost`."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._registry = CollectorRegistry()
+        self._registry.register(HubCollector(hub))
+
+    def clock(self) -> dict[str, Any]:
+        hub = self._hub
+        return clock_of(hub, hub.shards.farm, hub.wall(), hub.log.newest, len(hub.shards.names))
+
+    async def ready(self) -> dict[str, Any]:
+        hub = self._hub
+        hub.check_any()
+        if away := hub.shards.unreachable:
+            more = f" (and {len(away) - 1} more)" if len(away) > 1 else ""
+            raise AwayError(f"{len(hub.shards) - len(away)} of {len(hub.shards)} shards answer: {away[0].away()}{more}")
+        if conflicts := hub.shards.conflicts():
+            name, found = next(iter(conflicts.items()))
+            labels = " and ".join(shard.label for shard in found)
+            raise AwayError(f"{len(conflicts)} drives are claimed by several shards, such as {name} by {labels}")
+        answers = await hub.ask_all("GET", "readyz", "cycles", "last_tick_seconds_ago")
+        for why in answers.away.values():
+            raise why
+        ready = answers.good.values()
+        return {
+            "ready": True,
+            "cycles": sum(answer["cycles"] for answer in ready),
+            "last_tick_seconds_ago": max(answer["last_tick_seconds_ago"] for answer in ready),
+            "shards": len(ready),
+        }
+
+    async def health(self) -> dict[str, Any]:
+        hub = self._hub
+        good = (await hub.ask_all("GET", "health", *_HEALTH)).good
+        worst = max(good, key=lambda shard: float(good[shard]["engine_late_seconds"]), default=None)
+        missing = [shard.told() for shard in hub.shards if shard not in good]
+        return {
+            **joined_health(list(good.values())),
+            "worst": "" if worst is None else worst.label,
+            "shards": [_shown(hub, shard, good.get(shard)) for shard in hub.shards],
+            "conflicts": {name: [shard.label for shard in found] for name, found in hub.shards.conflicts().items()},
+            "discovery": dict(hub.discovery),
+            "partial": bool(missing) or not len(hub.shards),
+            "unreachable": missing,
+        }
+
+    async def doctor(self) -> dict[str, Any]:
+        answers = await self._hub.ask_all("GET", "doctor", "findings")
+        partial = self._hub.partial(answers)
+        found = [
+            {**one, "name": f"{shard.label}: {one['name']}"}
+            for shard, answer in answers.good.items()
+            for one in answer["findings"]
+        ]
+        found += [
+            {"name": f"{one['shard']}: answers", "ok": False, "detail": one["reason"], "remedy": "look at its machine"}
+            for one in partial["unreachable"]
+        ]
+        return {"findings": found, **partial}
+
+    async def reactions(self) -> dict[str, Any]:
+        answers = await self._hub.ask_all("GET", "reactions", "reactions")
+        partial = self._hub.partial(answers)
+        found = [one for answer in answers.good.values() for one in answer["reactions"]]
+        return {"reactions": sorted(found, key=lambda one: one["seconds_ago"]), **partial}
+
+    async def metrics(self) -> tuple[bytes, str]:
+        return generate_latest(self._registry), CONTENT_TYPE_LATEST
+
+
+def _shown(hub: Hub, shard: Shard, health: dict[str, Any] | None) -> dict[str, Any]:
+    known = shard.clock.known
+    return {
+        "shard": shard.label,
+        "state": shard.state.value,
+        "reason": "" if shard.state is ShardState.UP else shard.reason,
+        "since": shard.since_wall or None,
+        "farm": str(shard.about.get("farm", "")),
+        "pnfarm": str(shard.about.get("pnfarm", "")),
+        "instance": shard.instance,
+        "drives": len(shard.drives),
+        "in_dns": shard.left_ns is None,
+        "offset_seconds": shard.clock.offset_ns / 1e9 if known else None,
+        "offset_uncertainty_seconds": shard.clock.uncertainty_ns(hub.now()) / 1e9 if known else None,
+        "round_trip_seconds": shard.clock.round_trip_ns / 1e9,
+        "errors": dict(shard.errors),
+        "notes": list(shard.notes),
+        "health": health,
+    }

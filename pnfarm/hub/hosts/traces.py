@@ -1,0 +1,99 @@
+"""Traces at the hub: each is on the drives of one shard, because the samples of one trace have one engine's time."""
+
+from __future__ import annotations
+
+import secrets
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from pnfarm.api.paths.traces import KEEP_NS
+from pnfarm.faults.plan import matching
+from pnfarm.hub.hub import passed_on
+from pnfarm.hub.shards import AwayError, no_steps
+from pnfarm.trace import TraceRequest
+from pnfarm.web.errors import NotFoundError, RequestError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from starlette.responses import Response
+
+    from pnfarm.api.paths.traces import Form
+    from pnfarm.hub.hub import Hub
+    from pnfarm.hub.shards import Shard
+
+__all__ = ["HubTraces"]
+
+#: A whole recording may take longer than other answers.
+RECORDING_SECONDS = 8.0
+
+
+def _path(trace_id: str) -> str:
+    return f"traces/{quote(trace_id, safe='')}"
+
+
+class HubTraces:
+    """As :class:`~pnfarm.api.paths.traces.TracesHost`."""
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+
+    def _chosen(self, wanted: TraceRequest) -> tuple[Shard, list[str]]:
+        """The one shard, and its drives."""
+        hub = self._hub
+        hub.check_any()
+        names = matching(wanted.on, hub.shards.known_as)
+        shards = {hub.shards.owner(name): None for name in names}
+        if len(shards) > 1:
+            what = f"means drives of {len(shards)} shards ({', '.join(shard.label for shard in shards)})"
+            allowed = "drives of one shard: the samples of a trace have the time of one engine; start a trace for each"
+            raise RequestError(
+                f"trace.on: {what}; allowed: {allowed}", [{"field": "on", "what": what, "allowed": allowed}]
+            )
+        return next(iter(shards)), names
+
+    async def _holder(self, trace_id: str) -> Shard:
+        """The shard that has a trace."""
+        hub = self._hub
+        hub.check_any()
+        no_steps(trace_id)
+        missing = [str(shard.away()) for shard in hub.shards.unreachable]
+        answers = await hub.each(
+            hub.shards.reachable, lambda shard: hub.ask(shard, "GET", _path(trace_id), query={"format": "status"})
+        )
+        missing += map(str, answers.away.values())
+        found = [shard for shard, answer in answers.good.items() if answer.good]
+        if len(found) > 1:
+            sentence = f"{' and '.join(shard.label for shard in found)} have a trace {trace_id!r}: ask one of them"
+            raise RequestError(sentence, status=HTTPStatus.CONFLICT)
+        if not found:
+            if missing:
+                raise AwayError(f"no shard that answers has a trace {trace_id!r}; not known is the rest: {missing[0]}")
+            raise NotFoundError(f"there is no trace {trace_id!r}")
+        return found[0]
+
+    async def kept(self) -> dict[str, Any]:
+        answers = await self._hub.ask_all("GET", "traces", "traces")
+        found = [one for answer in answers.good.values() for one in answer["traces"]]
+        return {"traces": found, **self._hub.partial(answers)}
+
+    async def start(self, fields: Mapping[str, Any]) -> dict[str, Any]:
+        shard, names = self._chosen(TraceRequest.parse(fields, keep_ns=KEEP_NS))
+        # a name of its own: those that shards make up are the same on each
+        named = {**fields, "on": names, "as": fields.get("as") or f"trace-{secrets.token_hex(4)}"}
+        return await self._hub.asked(shard, "POST", "traces", "id", body=named)
+
+    async def signals(self, name: str) -> dict[str, Any]:
+        return await self._hub.asked(self._hub.shards.owner(name), "GET", f"traces/signals/{quote(name, safe='')}")
+
+    async def read(self, trace_id: str, form: Form) -> Response:
+        shard = await self._holder(trace_id)
+        query = {"format": form}
+        return passed_on(await self._hub.ask(shard, "GET", _path(trace_id), query=query, seconds=RECORDING_SECONDS))
+
+    async def fire(self, trace_id: str) -> dict[str, Any]:
+        return await self._hub.asked(await self._holder(trace_id), "POST", f"{_path(trace_id)}/trigger")
+
+    async def delete(self, trace_id: str) -> dict[str, Any]:
+        return await self._hub.asked(await self._holder(trace_id), "DELETE", _path(trace_id))
