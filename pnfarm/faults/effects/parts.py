@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar, cast, o
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
 __all__ = ["DrivePart", "InjectedDrive", "Part"]
 
@@ -87,6 +87,24 @@ class InjectedDrive:
         self._parts = parts
         self._machines = machines
         self._known = machines()
+        #: The node that an axis belongs to, and the names of a node's axes, where there are several.
+        self.node: InjectedDrive | None = None
+        self.axes: list[str] = []
+
+    def with_axis(self, name: str, parts: Mapping[Part[Any], DrivePart]) -> InjectedDrive:
+        """An axis of this node: it has ``parts`` of its own, and finds the others here."""
+        axis = InjectedDrive(name, lambda: (name,), self.models, parts, self._machines, self.bus)
+        axis.node = self
+        self.axes.append(name)
+        return axis
+
+    def hit_by(self, needs: Iterable[Part[Any]]) -> list[str]:
+        """Names of those whom an effect with these needs hits if it is aimed here: the node once, or its axes."""
+        node = self.node or self
+        missing = [part for part in needs if part not in node._parts]  # noqa: SLF001 - of the same class
+        if not missing:
+            return [node.name]
+        return self.axes or [self.name]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -96,7 +114,10 @@ class InjectedDrive:
     def find(self, part: Part[P]) -> P | None:
         """None where the drive's bus has no such part."""
         # a mapping from keys to values of the key's own type cannot be written as a type
-        return cast("P | None", self._parts.get(part))
+        found = self._parts.get(part)
+        if found is None and self.node is not None:
+            return self.node.find(part)
+        return cast("P | None", found)
 
     def part(self, part: Part[P]) -> P:
         """A part that the effect needs."""
@@ -107,6 +128,8 @@ class InjectedDrive:
 
     def refresh(self, now: int) -> None:
         """The drive may have booted since: apply everything that is in force to its machines."""
+        if self.node is not None:
+            self.node.refresh(now)
         parts = dict.fromkeys(self._parts.values())
         if self._known is not (machines := self._machines()):
             self._known = machines
