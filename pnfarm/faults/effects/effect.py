@@ -19,7 +19,7 @@ from pnfarm.station.splitmix import SplitMix64
 
 if TYPE_CHECKING:
     from pnfarm.faults.effects.injection_fields import InjectionFields
-    from pnfarm.faults.effects.parts import InjectedDrive
+    from pnfarm.faults.effects.parts import InForce, InjectedDrive
 
 __all__ = ["POLL_NS", "ChanceEffect", "Effect", "Tally", "Window", "seed_of"]
 
@@ -68,8 +68,8 @@ class Effect(ABC):  # noqa: B024 - what an effect overrides is its own choice
     """Base of all effects; see the module's docstring.
 
     Parts of the drive are attributes of the class: with ``wire = WIRE`` the effect needs a wire, and ``self.wire`` is
-    the drive's.  An effect overrides :meth:`put` and :meth:`take`, or :meth:`begin` and :meth:`end` where it needs the
-    time.
+    the drive's.  An effect overrides :meth:`held`; or :meth:`put` and :meth:`take`; or :meth:`begin` and :meth:`end`
+    where it needs the time.
     """
 
     #: Parts that a drive must have: those of the class's bases, then its own.
@@ -98,11 +98,19 @@ class Effect(ABC):  # noqa: B024 - what an effect overrides is its own choice
     def prepare(self) -> None:  # noqa: B027 - most need nothing
         """Read the parameters. Raises :class:`ConfigError` when this drive cannot do it."""
 
-    def put(self) -> None:  # noqa: B027 - see the class
-        """Do it. Raises :class:`ConfigError`, with nothing changed, when this drive cannot do it."""
+    def held(self) -> tuple[InForce[Any], Any] | None:
+        """What is in force from begin to end, behind the list of the drive that it is in."""
+        return None
 
-    def take(self) -> None:  # noqa: B027 - see the class
+    def put(self) -> None:
+        """Do it. Raises :class:`ConfigError`, with nothing changed, when this drive cannot do it."""
+        if (held := self.held()) is not None:
+            held[0].put(held[1])
+
+    def take(self) -> None:
         """Undo it."""
+        if (held := self.held()) is not None:
+            held[0].take(held[1])
 
     def begin(self, now: int) -> None:
         """Begin; raises as :meth:`put`."""

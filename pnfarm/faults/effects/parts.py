@@ -15,7 +15,7 @@ from pnfarm.errors import InternalError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-__all__ = ["DrivePart", "InjectedDrive", "Part"]
+__all__ = ["DrivePart", "InForce", "InjectedDrive", "Part"]
 
 P = TypeVar("P")
 
@@ -62,6 +62,26 @@ class DrivePart:
     def in_force(self) -> list[Any]:
         """What injections have applied here and not undone."""
         return []
+
+
+class InForce(list[P]):
+    """What injections have applied of one kind, the latest last, the same several times if several want it.
+
+    ``changed()`` applies it to the drive.
+    """
+
+    def __init__(self, changed: Callable[[], None]) -> None:
+        super().__init__()
+        self._changed = changed
+
+    def put(self, what: P) -> None:
+        self.append(what)
+        self._changed()
+
+    def take(self, what: P) -> None:
+        """Undo one :meth:`put` of the same."""
+        self.remove(what)
+        self._changed()
 
 
 class InjectedDrive:

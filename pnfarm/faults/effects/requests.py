@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.effects.parts import DrivePart, Part
+from pnfarm.faults.effects.parts import DrivePart, InForce, Part
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -16,7 +16,29 @@ __all__ = ["CONNECT_REQUESTS", "PARAMETER_ACCESS", "ConnectRequests", "Parameter
 
 
 class ConnectRequests(DrivePart, ABC):
-    """Requests for cyclic connections."""
+    """Requests for cyclic connections.
+
+    Each hook is asked about every readable one, at its time; what it returns refuses the request, None does not.
+    """
+
+    def __init__(self) -> None:
+        self.hooks: InForce[Callable[[int], Any]] = InForce(self.apply)
+        self._now = 0
+
+    def refresh(self, now: int) -> None:
+        self._now = now
+
+    def in_force(self) -> list[Any]:
+        return list(self.hooks)
+
+    @abstractmethod
+    def apply(self) -> None:
+        """Apply the hooks to the drive's present machines."""
+
+    def asked(self) -> Any:
+        """What refuses the present request; None for none."""
+        # one that refuses may be the last that its injection refuses
+        return next((refusal for hook in list(self.hooks) if (refusal := hook(self._now)) is not None), None)
 
     @abstractmethod
     def refusal(self, values: Mapping[str, Any]) -> Any:
@@ -25,17 +47,23 @@ class ConnectRequests(DrivePart, ABC):
         Raises :class:`~pnfarm.faults.errors.InjectionError` for what cannot be said.
         """
 
-    @abstractmethod
-    def hook_connect(self, hook: Callable[[int], Any]) -> None:
-        """Ask ``hook(now)`` about every readable request; what it returns refuses it, None does not."""
-
-    @abstractmethod
-    def unhook_connect(self, hook: Callable[[int], Any]) -> None:
-        """Remove it."""
-
 
 class ParameterAccess(DrivePart, ABC):
-    """Requests for the drive's parameters and objects, beside its cyclic data."""
+    """Requests for the drive's parameters and objects, beside its cyclic data.
+
+    ``errors`` refuse requests; the latest counts.
+    """
+
+    def __init__(self) -> None:
+        self.errors: InForce[Any] = InForce(self.apply)
+
+    def rebooted(self, now: int) -> None:
+        del now
+        self.apply()
+
+    @abstractmethod
+    def apply(self) -> None:
+        """Apply what is in force to the drive's present machines."""
 
     @abstractmethod
     def error(self, values: Mapping[str, Any], given: Callable[[], None]) -> Any:
@@ -43,14 +71,6 @@ class ParameterAccess(DrivePart, ABC):
 
         Raises :class:`~pnfarm.faults.errors.InjectionError` for what cannot be said.
         """
-
-    @abstractmethod
-    def refuse_records(self, error: Any) -> None:
-        """Refuse requests with this error.  The latest counts."""
-
-    @abstractmethod
-    def allow_records(self, error: Any) -> None:
-        """Remove it."""
 
     @abstractmethod
     def delay_answers(self, rule: LateRule) -> None:

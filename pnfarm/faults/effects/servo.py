@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults
 from pnfarm.errors import ConfigError
-from pnfarm.faults.effects.parts import DrivePart, Part
+from pnfarm.faults.effects.parts import DrivePart, InForce, Part
 from pnfarm.faults.errors import InjectionError
 from pnfarm.table.axis_codes import (
     CMD_CLEAR_WARNING,
@@ -98,30 +98,27 @@ class Servo(DrivePart):
         self._held: Counter[int] = Counter()
         self._warnings: list[Fault] = []
         self._commands: deque[tuple[int, int]] = deque()
-        self._limits: Counter[str] = Counter()
-        self._lacks: Counter[str] = Counter()
-        self._inputs: Counter[int] = Counter()
-        self._refusals: list[int] = []
-        self._slow_ramps: list[float] = []
-        #: Torque, inertia and friction of each load that is put on the shaft.
-        self._loads: list[tuple[float, float, float]] = []
+        #: Limits of its travel on which the axis is, ``positive`` or ``negative``.
+        self.limits: InForce[str] = InForce(self._put_limits)
+        #: What is taken away: ``enable`` or ``supply``.
+        self.lacks: InForce[str] = InForce(self._put_lacks)
+        #: Numbers of digital inputs that are on.
+        self.inputs: InForce[int] = InForce(self._put_inputs)
+        #: Until so many requests to acknowledge have been ignored since the farm started, more are.
+        self.refusals: InForce[int] = InForce(self._put_refusals)
+        #: How many times as long every ramp takes; factors multiply.
+        self.slow_ramps: InForce[float] = InForce(self._put_ramps)
+        #: Torque, inertia and friction of each load that is put on the shaft, N m, kg m^2, N m; loads add up.
+        self.loads: InForce[tuple[float, float, float]] = InForce(self._put_loads)
 
     def refresh(self, now: int) -> None:
         del now
         self._flush()
 
     def in_force(self) -> list[Any]:
-        counted: list[Counter[Any]] = [self._held, self._limits, self._lacks, self._inputs]
-        off = ["power off"] * self._off
-        return [
-            *off,
-            *(key for counter in counted for key in +counter),
-            *self._warnings,
-            *self._loads,
-            *self._commands,
-            *self._refusals,
-            *self._slow_ramps,
-        ]
+        applied = (self.limits, self.lacks, self.inputs, self.loads, self.refusals, self.slow_ramps)
+        held = [*+self._held, *self._warnings, *self._commands]
+        return [*["power off"] * self._off, *held, *(one for some in applied for one in some)]
 
     # the control supply
 
@@ -201,18 +198,8 @@ class Servo(DrivePart):
         """How many requests to acknowledge it has ignored since the farm started, and when the last one."""
         return int(self._station.handle.axis.faults.refused), self._station.refused_ns
 
-    def refuse_acknowledging(self, until: int) -> None:
-        """Ignore requests to acknowledge until so many have been ignored since the farm started."""
-        self._refusals.append(until)
-        self._put_refusals()
-
-    def allow_acknowledging(self, until: int) -> None:
-        """Undo one :meth:`refuse_acknowledging` of the same number."""
-        self._refusals.remove(until)
-        self._put_refusals()
-
     def _put_refusals(self) -> None:
-        self._station.handle.axis.faults.settings.refuse_until = max(self._refusals, default=0)
+        self._station.handle.axis.faults.settings.refuse_until = max(self.refusals, default=0)
 
     def warn(self, fault: Fault) -> None:
         """Show a warning in front of the others; raises :class:`ConfigError` when there is no room for it."""
@@ -250,66 +237,24 @@ class Servo(DrivePart):
 
     # the mechanics around it
 
-    def reach_limit(self, side: str) -> None:
-        """The axis is on this limit of its travel, until each caller has called :meth:`leave_limit`."""
-        self._limits[side] += 1
-        self._put_limits()
-
-    def leave_limit(self, side: str) -> None:
-        """Undo one :meth:`reach_limit`."""
-        self._limits[side] -= 1
-        self._put_limits()
-
     def _put_limits(self) -> None:
         """The switches are outside of the drive: its supply does not change them."""
-        reached = sum(bit for side, bit in _LIMIT_BITS.items() if self._limits[side])
+        reached = sum(bit for side, bit in _LIMIT_BITS.items() if side in self.limits)
         self._station.handle.axis.machine.settings.fault_limits = reached
 
-    def take_away(self, what: str) -> None:
-        """Take ``enable`` or ``supply`` away from the drive, until each caller has called :meth:`give_back`."""
-        self._lacks[what] += 1
-        self._put_lacks()
-
-    def give_back(self, what: str) -> None:
-        """Undo one :meth:`take_away`."""
-        self._lacks[what] -= 1
-        self._put_lacks()
-
     def _put_lacks(self) -> None:
-        missing = sum(bit for what, bit in _LACKS.items() if self._lacks[what])
+        missing = sum(bit for what, bit in _LACKS.items() if what in self.lacks)
         self._station.handle.axis.drive.settings.interlocks = missing
 
-    def switch_input(self, number: int) -> None:
-        """Switch a digital input of the drive on, until each caller has called :meth:`release_input`."""
-        self._inputs[number] += 1
-        self._put_inputs()
-
-    def release_input(self, number: int) -> None:
-        """Undo one :meth:`switch_input`."""
-        self._inputs[number] -= 1
-        self._put_inputs()
-
     def _put_inputs(self) -> None:
-        self._station.handle.axis.machine.settings.fault_inputs = sum(
-            1 << number for number, count in self._inputs.items() if count
-        )
-
-    def put_load(self, torque: float, inertia: float, friction: float) -> None:
-        """Put more load on the shaft, N m, kg m^2, N m; loads add up."""
-        self._loads.append((torque, inertia, friction))
-        self._put_loads()
-
-    def take_load(self, torque: float, inertia: float, friction: float) -> None:
-        """Undo one :meth:`put_load` of the same numbers; after the last one nothing is left."""
-        self._loads.remove((torque, inertia, friction))
-        self._put_loads()
+        self._station.handle.axis.machine.settings.fault_inputs = sum(1 << number for number in set(self.inputs))
 
     def _put_loads(self) -> None:
         """Summed again each time: a running sum of floats would keep rounding errors."""
         settings = self._station.handle.axis.load.settings
-        settings.added_torque = math.fsum(torque for torque, _, _ in self._loads)
-        settings.added_inertia = math.fsum(inertia for _, inertia, _ in self._loads)
-        settings.added_friction = math.fsum(friction for _, _, friction in self._loads)
+        settings.added_torque = math.fsum(torque for torque, _, _ in self.loads)
+        settings.added_inertia = math.fsum(inertia for _, inertia, _ in self.loads)
+        settings.added_friction = math.fsum(friction for _, _, friction in self.loads)
 
     # the ramps
 
@@ -318,19 +263,9 @@ class Servo(DrivePart):
         """Whether the drive has no ramp generator: its controller makes the ramps."""
         return int(self._station.handle.axis.ramp.settings.generator) == RAMP_ABSENT
 
-    def slow_ramps(self, factor: float) -> None:
-        """Let every ramp take ``factor`` times as long; factors of several callers multiply."""
-        self._slow_ramps.append(factor)
-        self._put_ramps()
-
-    def hasten_ramps(self, factor: float) -> None:
-        """Undo one :meth:`slow_ramps` of the same factor; after the last one ramps are as asked."""
-        self._slow_ramps.remove(factor)
-        self._put_ramps()
-
     def _put_ramps(self) -> None:
         axis = self._station.handle.axis
-        slowness = math.prod(self._slow_ramps) - 1.0
+        slowness = math.prod(self.slow_ramps) - 1.0
         axis.ramp.settings.slowness = slowness
         axis.profile.settings.slowness = slowness
 

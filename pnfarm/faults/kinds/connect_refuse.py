@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.effect import ChanceEffect
 from pnfarm.faults.effects.requests import CONNECT_REQUESTS
 from pnfarm.faults.kind import EACH, InjectionKind
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -20,14 +23,11 @@ class ConnectRefuse(ChanceEffect):
         super().prepare()
         self._refusal = self.requests.refusal(self.values)
 
-    def put(self) -> None:
-        self.requests.hook_connect(self._asked)
-
     def _asked(self, now: int) -> Any:
         return self._refusal if self.occurs(now) else None
 
-    def take(self) -> None:
-        self.requests.unhook_connect(self._asked)
+    def held(self) -> tuple[InForce[Any], Any]:
+        return self.requests.hooks, self._asked
 
 
 KIND = InjectionKind(

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -11,11 +16,8 @@ __all__ = ["KIND"]
 class DigitalInput(StandingEffect):
     """The input is on until the injection ends."""
 
-    def put(self) -> None:
-        self.servo.switch_input(int(self.values["input"]))
-
-    def take(self) -> None:
-        self.servo.release_input(int(self.values["input"]))
+    def held(self) -> tuple[InForce[Any], Any]:
+        return self.servo.inputs, int(self.values["input"])
 
 
 KIND = InjectionKind(

@@ -22,7 +22,7 @@ class NotAcknowledging(ConfirmedEffect):
     def put(self) -> None:
         self._seen, _ = self.servo.acknowledgements_refused
         self._until = _FOREVER if self.spec.count is None else self._seen + self.spec.count
-        self.servo.refuse_acknowledging(self._until)
+        self.servo.refusals.put(self._until)
 
     def check(self, now: int) -> None:
         refused, last_ns = self.servo.acknowledgements_refused
@@ -38,7 +38,7 @@ class NotAcknowledging(ConfirmedEffect):
     def end(self, now: int) -> None:
         self.check(now)
         self._due = None
-        self.servo.allow_acknowledging(self._until)
+        self.servo.refusals.take(self._until)
 
 
 KIND = InjectionKind(

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -17,11 +22,8 @@ class LimitSwitch(StandingEffect):
         warns = self.servo.warns_of_limit(self._side) and self.connection.reports(Status.WARNING)
         self.status = Status.WARNING if warns else None
 
-    def put(self) -> None:
-        self.servo.reach_limit(self._side)
-
-    def take(self) -> None:
-        self.servo.leave_limit(self._side)
+    def held(self) -> tuple[InForce[Any], Any]:
+        return self.servo.limits, self._side
 
 
 KIND = InjectionKind(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND", "AddedLoad"]
 
@@ -15,14 +18,8 @@ _ANY_LOAD: dict[str, Any] = {"low": -1e6, "high": 1e6}
 class AddedLoad(StandingEffect):
     """Torque, inertia and friction in addition to the present ones."""
 
-    def prepare(self) -> None:
-        self._load = [float(self.values[name]) for name in ("torque", "inertia", "friction")]
-
-    def put(self) -> None:
-        self.servo.put_load(*self._load)
-
-    def take(self) -> None:
-        self.servo.take_load(*self._load)
+    def held(self) -> tuple[InForce[Any], Any]:
+        return self.servo.loads, tuple(float(self.values[name]) for name in ("torque", "inertia", "friction"))
 
 
 KIND = InjectionKind(

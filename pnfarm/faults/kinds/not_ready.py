@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -14,11 +19,8 @@ class NotReady(StandingEffect):
 
     status = Status.INHIBITED
 
-    def put(self) -> None:
-        self.servo.take_away(str(self.values["missing"]))
-
-    def take(self) -> None:
-        self.servo.give_back(str(self.values["missing"]))
+    def held(self) -> tuple[InForce[Any], Any]:
+        return self.servo.lacks, str(self.values["missing"])
 
 
 KIND = InjectionKind(

@@ -21,7 +21,7 @@ class Refusal(Effect):
 
     def put(self) -> None:
         self._in_force = True
-        self.records.refuse_records(self._error)
+        self.records.errors.put(self._error)
 
     def _refused(self) -> None:
         self._given += 1
@@ -31,7 +31,7 @@ class Refusal(Effect):
     def take(self) -> None:
         if self._in_force:
             self._in_force = False
-            self.records.allow_records(self._error)
+            self.records.errors.take(self._error)
 
     def check(self, now: int) -> None:
         for _ in range(self._given):

@@ -20,16 +20,16 @@ class Hiccup(Effect):
         if self._due is not None and now < self._due:
             return
         if self._lacks:
-            self.servo.give_back("enable")
+            self.servo.lacks.take("enable")
         else:
-            self.servo.take_away("enable")
+            self.servo.lacks.put("enable")
             self.tally.note(now)
         self._lacks = not self._lacks
         self._due = now + self.values["pause"]
 
     def take(self) -> None:
         if self._lacks:
-            self.servo.give_back("enable")
+            self.servo.lacks.take("enable")
 
 
 KIND = InjectionKind(

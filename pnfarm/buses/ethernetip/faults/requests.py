@@ -35,15 +35,8 @@ class ForwardOpens(ConnectRequests):
     """Forward_Open for cyclic data; what is in force survives a boot, as the device's own part does."""
 
     def __init__(self, device: EthernetIpDevice) -> None:
+        super().__init__()
         self._device = device
-        self._hooks: list[Callable[[int], Any]] = []
-        self._now = 0
-
-    def refresh(self, now: int) -> None:
-        self._now = now
-
-    def in_force(self) -> list[Any]:
-        return list(self._hooks)
 
     def refusal(self, values: Mapping[str, Any]) -> Refusal:
         status, extended = values["status"], values["extended"]
@@ -53,23 +46,14 @@ class ForwardOpens(ConnectRequests):
             words = (extended,)
         return Refusal(*words, status=status)
 
-    def hook_connect(self, hook: Callable[[int], Any]) -> None:
-        self._hooks.append(hook)
-        self._device.connections.refuse = self._asked
+    def apply(self) -> None:
+        self._device.connections.refuse = self._refusal if self.hooks else nobody
 
-    def unhook_connect(self, hook: Callable[[int], Any]) -> None:
-        self._hooks.remove(hook)
-        if not self._hooks:
-            self._device.connections.refuse = nobody
-
-    def _asked(self, request: ForwardOpen) -> Refusal | None:
+    def _refusal(self, request: ForwardOpen) -> Refusal | None:
         if request.transport.transport != _CYCLIC:
             return None
-        for hook in list(self._hooks):
-            refusal = hook(self._now)
-            if refusal is not None:
-                return Refusal(*refusal.extended, status=refusal.status)
-        return None
+        refusal = self.asked()
+        return None if refusal is None else Refusal(*refusal.extended, status=refusal.status)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,18 +80,14 @@ class ExplicitAccess(ParameterAccess):
     """Requests to the drive's objects, unconnected or of class 3, also within a Multiple_Service_Packet."""
 
     def __init__(self, device: EthernetIpDevice, wire: Wire, settle: Callable[[int], None]) -> None:
+        super().__init__()
         self._device = device
         self._wire = wire
         self._settle = settle
-        self._errors: list[_Error] = []
         self._late: list[tuple[LateRule, DelayRule]] = []
 
-    def rebooted(self, now: int) -> None:
-        del now
-        self._put()
-
     def in_force(self) -> list[Any]:
-        return [*self._errors, *self._late]
+        return [*self.errors, *self._late]
 
     def error(self, values: Mapping[str, Any], given: Callable[[], None]) -> _Error:
         if values["class"] is None and values["instance"] is None and values["attribute"] is not None:
@@ -117,23 +97,16 @@ class ExplicitAccess(ParameterAccess):
         answer = Answer(values["status"], b"", extended)
         return _Error(values["class"], values["instance"], values["attribute"], answer, given)
 
-    def refuse_records(self, error: _Error) -> None:
-        self._errors.append(error)
-        self._put()
-
-    def allow_records(self, error: _Error) -> None:
-        self._errors = [other for other in self._errors if other is not error]
-        self._put()
-
-    def _put(self) -> None:
-        self._device.adapter.router.refuse = self._refused if self._errors else None
+    def apply(self) -> None:
+        self._device.adapter.router.refuse = self._refused if self.errors else None
 
     def _refused(self, path: ObjectPath, service: int) -> Answer | None:
         del service
-        for error in reversed(self._errors):
+        for error in reversed(self.errors):
             if error.matches(path):
                 error.given()
-                return error.answer
+                answer: Answer = error.answer
+                return answer
         return None
 
     def delay_answers(self, rule: LateRule) -> None:

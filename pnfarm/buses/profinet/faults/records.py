@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.effects.parts import Part
+from pnfarm.faults.effects.parts import InForce, Part
 from pnfarm.faults.effects.requests import ParameterAccess
 from pnfarm.protocols.profinet.errors import PnioStatus, RecordError
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
@@ -38,15 +38,15 @@ class Records(ParameterAccess):
     """Applies what is in force to the drive's present handler and RPC server (:class:`~.rpc_events.LateAnswers`)."""
 
     def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
+        super().__init__()
         self._station = station
         self._settle = settle
-        self._errors: list[RecordError] = []
-        self._hooks: list[Callable[[int], bool]] = []
+        #: Asked at each read of a pending parameter response whether it is held back.
+        self.holds: InForce[Callable[[int], bool]] = InForce(self.apply)
         self._late: list[LateRule] = []
         self._kept: dict[CallKey, list[LateRule]] = {}
 
     def rebooted(self, now: int) -> None:
-        del now
         # what was held back never leaves
         kept, self._kept = self._kept, {}
         for rules in kept.values():
@@ -54,46 +54,23 @@ class Records(ParameterAccess):
                 rule.left(sent=False)
         if self._late:
             self._station.rpc.late = self
-        self._put()
+        super().rebooted(now)
 
     def in_force(self) -> list[Any]:
-        return [*self._errors, *self._hooks, *self._late]
-
-    # refusals
+        return [*self.errors, *self.holds, *self._late]
 
     def error(self, values: Mapping[str, Any], given: Callable[[], None]) -> RecordError:
         return _CountedError(values["code"], values["code2"], given=given)
 
-    def refuse_records(self, error: RecordError) -> None:
-        """Refuse the drive's own records with ``error``; its ``status`` is read at each refusal. The latest counts."""
-        self._errors.append(error)
-        self._put()
-
-    def allow_records(self, error: RecordError) -> None:
-        """Remove it."""
-        self._errors = [other for other in self._errors if other is not error]
-        self._put()
-
-    # parameter responses
-
-    def hold_responses(self, hook: Callable[[int], bool]) -> None:
-        """Ask ``hook`` at each read of a pending parameter response whether it is held back."""
-        self._hooks.append(hook)
-        self._put()
-
-    def release_responses(self, hook: Callable[[int], bool]) -> None:
-        """Remove it."""
-        self._hooks.remove(hook)
-        self._put()
-
-    def _put(self) -> None:
+    def apply(self) -> None:
         records = self._station.kind.records
-        records.error = self._errors[-1] if self._errors else None
-        records.withhold = self._holding if self._hooks else None
+        # its status is read at each refusal
+        records.error = self.errors[-1] if self.errors else None
+        records.withhold = self._holding if self.holds else None
 
     def _holding(self, now: int) -> bool:
         # every hook is called, so that its sequence does not depend on the others
-        return any([hook(now) for hook in self._hooks])  # noqa: C419 - see above
+        return any([hook(now) for hook in self.holds])  # noqa: C419 - see above
 
     # answers to Read and Write
 

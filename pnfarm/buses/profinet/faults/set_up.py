@@ -31,51 +31,37 @@ class SetUp(ConnectRequests):
     """Rules on each AR with cyclic data, from its Connect request on."""
 
     def __init__(self, station: ProfinetDevice, settle: Callable[[int], None]) -> None:
+        super().__init__()
         self._station = station
         self._settle = settle
-        self._now = 0
-        self._connect_hooks: list[Callable[[int], PnioStatus | None]] = []
         self._ready_rules: list[ReadyRule] = []
 
     def refresh(self, now: int) -> None:
-        self._now = now
-        if self._connect_hooks or self._ready_rules:
-            self._station.cm.refuse_connect = self._connecting
+        super().refresh(now)
+        if self.hooks or self._ready_rules:
+            self.apply()
+
+    def apply(self) -> None:
+        self._station.cm.refuse_connect = self._connecting if self.hooks or self._ready_rules else None
 
     def in_force(self) -> list[Any]:
-        return [*self._connect_hooks, *self._ready_rules]
+        return [*self.hooks, *self._ready_rules]
 
     def refusal(self, values: Mapping[str, Any]) -> PnioStatus:
         return pnio_error(ErrorCode.CONNECT, values["code1"], values["code2"])
 
-    def hook_connect(self, hook: Callable[[int], PnioStatus | None]) -> None:
-        """Ask ``hook`` about every readable Connect for cyclic data; its status refuses it."""
-        self._connect_hooks.append(hook)
-        self._station.cm.refuse_connect = self._connecting
-
-    def unhook_connect(self, hook: Callable[[int], PnioStatus | None]) -> None:
-        """Remove it."""
-        self._connect_hooks.remove(hook)
-        self._unhook_if_idle()
-
-    def _unhook_if_idle(self) -> None:
-        if not self._connect_hooks and not self._ready_rules:
-            self._station.cm.refuse_connect = None
-
     def _connecting(self, request: ArBlockReq) -> PnioStatus | None:
         if request.properties & ArProperties.DEVICE_ACCESS:
             return None
-        for hook in self._connect_hooks:
-            status = hook(self._now)
-            if status is not None:
-                return status
-        self._decide_ready()
-        return None
+        status: PnioStatus | None = self.asked()
+        if status is None:
+            self._decide_ready()
+        return status
 
     def hold_ready(self, rule: ReadyRule) -> None:
         """Ask ``rule`` about each connection, also the one that is being set up."""
         self._ready_rules.append(rule)
-        self._station.cm.refuse_connect = self._connecting
+        self.apply()
         if any(not ar.established for ar in self._station.ars.values()):
             self._decide_ready()
 
@@ -92,7 +78,7 @@ class SetUp(ConnectRequests):
     def unhold_ready(self, rule: ReadyRule, now: int) -> None:
         """Remove it: connections that no other rule holds back get their ApplicationReady."""
         self._ready_rules.remove(rule)
-        self._unhook_if_idle()
+        self.apply()
         if self._ready_rules:
             self._decide_ready()
             return

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from pnfarm.buses.profinet.faults.records import RECORDS
 from pnfarm.faults.effects.effect import ChanceEffect
 from pnfarm.faults.kind import EACH, InjectionKind
+
+if TYPE_CHECKING:
+    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -14,11 +19,8 @@ class ParameterBusy(ChanceEffect):
 
     records = RECORDS
 
-    def put(self) -> None:
-        self.records.hold_responses(self.occurs)
-
-    def take(self) -> None:
-        self.records.release_responses(self.occurs)
+    def held(self) -> tuple[InForce[Any], Any]:
+        return self.records.holds, self.occurs
 
 
 KIND = InjectionKind(
