@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects.effect import Effect, Tally, Window
 from pnfarm.faults.kind import InjectionKind
-from toybus.faults import MOUTH
+from toybus.faults.drive import MOUTH
 
 if TYPE_CHECKING:
     from pnfarm.faults.effects.evidence import Evidence
