@@ -6,7 +6,7 @@ import inspect
 import re
 from typing import Any
 
-from pnfarm.buses.bus import Bus, RouteHost, Segment, SocketBus
+from pnfarm.buses.bus import Bus, RouteHost, Segment
 from pnfarm.buses.controller import Controller, ControllerPlan
 from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.buses.search import SearchBus
@@ -19,9 +19,8 @@ INTERFACES: dict[type, str] = {
     Bus: "The bus gives one, and it stands in `pnfarm/buses/registry.py`.",
     FarmFilePart: "The bus has one (`Bus.farm_file`).",
     Device: "The bus makes one for each drive.",
-    SocketBus: "A bus offers this besides if its stations have streams or datagrams of addresses of their own.",
     SearchBus: "A bus offers this besides if its devices can be found on a wire: `pnfarm scan` asks it.",
-    SocketDevice: "A device on such a bus offers this besides; events and actions are in `pnfarm/wire/endpoint.py`.",
+    SocketDevice: "A device with sockets offers this besides; events and actions are in `pnfarm/wire/endpoint.py`.",
     SocketCarrier: "The link has one (`ControllerHost.sockets` for a controller); the farm uses it for devices.",
     Segment: "The bus makes one for the drives of a farm.",
     ControllerPlan: "The bus makes one of the farm file's `controller:`.",

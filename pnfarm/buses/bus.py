@@ -6,7 +6,9 @@ another.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from pnfarm.links.base import ETHERNET, PortSpec
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
     from ipaddress import IPv4Address
     from pathlib import Path
+    from types import ModuleType
 
     from fastapi import FastAPI
 
@@ -47,12 +50,8 @@ __all__ = [
     "LineSplitter",
     "RouteHost",
     "Segment",
-    "SocketBus",
-    "SpeakingBus",
-    "kinds_here",
     "line_of",
     "port_spec",
-    "uses_sockets",
 ]  # fmt: skip
 
 
@@ -129,95 +128,27 @@ class RouteHost(Protocol):
         ...
 
 
-class Bus(Protocol):
+class Bus(ABC):
     """One fieldbus; :mod:`pnfarm.buses.registry` has them all.
 
-    The module of a bus has almost no imports at the top, because ``pnfarm --help`` imports it.  Its methods import what
-    they return.
+    What a bus offers is in its own folder, in modules that have the same names on each bus.  It is imported when it is
+    asked for, because ``pnfarm --help`` imports every bus.  A bus has here what is different on it.
     """
 
     @property
+    @abstractmethod
     def name(self) -> str:
         """Name by which a model names its bus: ``profinet``."""
-        ...
 
     @property
+    @abstractmethod
     def title(self) -> str:
         """Name for people: ``PROFINET``."""
-        ...
 
     @property
+    @abstractmethod
     def link_kinds(self) -> frozenset[str]:
         """Kinds of links that can carry it, by the farm file's words."""
-        ...
-
-    @property
-    def farm_file(self) -> FarmFilePart[Any, Any]:
-        """Its part of the farm file; groups, drives and controllers there are the bus's own."""
-        ...
-
-    @property
-    def connection_states(self) -> Sequence[str]:
-        """The words of :attr:`pnfarm.station.device.ConnectionView.state`, in the order of their numbers from 1."""
-        ...
-
-    @property
-    def usual_losses(self) -> Sequence[str]:
-        """Slugs of the reasons for which drives usually lose their connection."""
-        ...
-
-    def channel_rows(self, model: Model) -> int:
-        """Rows of each channel table that one drive of this model may need at once."""
-        ...
-
-    def device(self, station: Station, services: DeviceServices) -> Device:
-        """The device of one drive; the station builds it when it powers on."""
-        ...
-
-    def segment(self, devices: Sequence[Any]) -> Segment:
-        """The shared state of the farm's devices on this bus; ``devices`` are the bus's own."""
-        ...
-
-    def plan(self, section: Any, drives: Sequence[Any], models: Sequence[Model], folder: Path | None) -> ControllerPlan:
-        """What the farm file's controller is to do with the drives of this bus; section and drives are the bus's own.
-
-        Files that the section names are relative to ``folder``.  Raises :class:`ConfigError`.
-        """
-        ...
-
-    def controller(self, plan: Any, host: ControllerHost) -> Controller:
-        """The controller that carries out a plan of this bus."""
-        ...
-
-    def fault_kinds(self) -> Iterable[InjectionKind]:
-        """The kinds of injections that only drives on this bus can have."""
-        ...
-
-    def commands(self) -> Iterable[Command]:
-        """The bus's own commands.  Has to be fast: it runs at each start of the program."""
-        ...
-
-    def add_routes(self, app: FastAPI, host: RouteHost) -> None:
-        """Add the bus's own routes and types to the API."""
-        ...
-
-    @property
-    def frame_families(self) -> Sequence[str]:
-        """Words for the families of this bus's frames in a capture; ``cyclic`` is every bus's word for cyclic data."""
-        ...
-
-    def decoder(self, capture: Capture) -> FrameDecoder:
-        """The decoder of the bus's frames of one capture."""
-        ...
-
-    def injected_drive(self, device: Any, host: InjectionHost) -> InjectedDrive:
-        """A drive of this bus as injections see it; ``device`` is the bus's own."""
-        ...
-
-
-@runtime_checkable
-class SocketBus(Protocol):
-    """What a bus says besides if its stations have sockets; one without this has none."""
 
     @property
     def uses_sockets(self) -> bool:
@@ -226,7 +157,103 @@ class SocketBus(Protocol):
         On a link with interfaces, the kernel then answers for the addresses of drives and controller: no IPv4 comes
         to :meth:`~pnfarm.station.device.Device.receive`, and ARP comes to be heard, not to be answered.
         """
-        ...
+        return False
+
+    @property
+    def folder(self) -> str:
+        """The package with its modules: that of its own class."""
+        return type(self).__module__.rpartition(".")[0]
+
+    @property
+    def prefix(self) -> str:
+        """How the names of its classes begin: as that of its own class, ``Profinet``."""
+        return type(self).__name__
+
+    def _room(self, name: str) -> ModuleType:
+        """A module of its folder."""
+        return import_module(f"{self.folder}.{name}")
+
+    def _own(self, room: str, name: str) -> Any:
+        """What a module of its folder has under a name."""
+        return getattr(self._room(room), name)
+
+    @property
+    def farm_file(self) -> FarmFilePart[Any, Any]:
+        """Its part of the farm file; groups, drives and controllers there are the bus's own."""
+        part: FarmFilePart[Any, Any] = self._own("config.part", f"{self.name.upper()}_PART")
+        return part
+
+    @property
+    def connection_states(self) -> Sequence[str]:
+        """The words of :attr:`pnfarm.station.device.ConnectionView.state`, in the order of their numbers from 1."""
+        states: Sequence[str] = self._own("device.view", "CONNECTION_STATES")
+        return states
+
+    @property
+    def usual_losses(self) -> Sequence[str]:
+        """Slugs of the reasons for which drives usually lose their connection."""
+        slugs: Sequence[str] = self._own("device.view", "USUAL_LOSSES")
+        return slugs
+
+    @abstractmethod
+    def channel_rows(self, model: Model) -> int:
+        """Rows of each channel table that one drive of this model may need at once."""
+
+    def device(self, station: Station, services: DeviceServices) -> Device:
+        """The device of one drive; the station builds it when it powers on."""
+        device: Device = self._own("device.device", f"{self.prefix}Device")(station, services)
+        return device
+
+    def segment(self, devices: Sequence[Any]) -> Segment:
+        """The shared state of the farm's devices on this bus; ``devices`` are the bus's own."""
+        segment: Segment = self._own("device.segment", f"{self.prefix}Segment")(devices)
+        return segment
+
+    def plan(self, section: Any, drives: Sequence[Any], models: Sequence[Model], folder: Path | None) -> ControllerPlan:
+        """What the farm file's controller is to do with the drives of this bus; section and drives are the bus's own.
+
+        Files that the section names are relative to ``folder``.  Raises :class:`ConfigError`.
+        """
+        plan: ControllerPlan = self._own("controller.plan", "plan_controller")(section, drives, models, folder)
+        return plan
+
+    def controller(self, plan: Any, host: ControllerHost) -> Controller:
+        """The controller that carries out a plan of this bus."""
+        controller: Controller = self._own("controller.core", f"{self.prefix}Core")(plan, host)
+        return controller
+
+    def fault_kinds(self) -> Iterable[InjectionKind]:
+        """The kinds of injections that only drives on this bus can have."""
+        from pnfarm.faults.catalogue import kinds_in
+
+        return kinds_in(self._room("faults.kinds"))
+
+    def kinds_here(self) -> Mapping[str, KindOnBus]:
+        """What it says about kinds that are not its own, by their names: parameters of its own, texts, refusals."""
+        kinds: Mapping[str, KindOnBus] = self._own("faults.on_bus", f"ON_{self.name.upper()}")
+        return kinds
+
+    def commands(self) -> Iterable[Command]:
+        """The bus's own commands.  Has to be fast: it runs at each start of the program."""
+        return ()
+
+    def add_routes(self, app: FastAPI, host: RouteHost) -> None:  # noqa: B027 - most buses have none
+        """Add the bus's own routes and types to the API."""
+
+    @property
+    @abstractmethod
+    def frame_families(self) -> Sequence[str]:
+        """Words for the families of this bus's frames in a capture; ``cyclic`` is every bus's word for cyclic data."""
+
+    def decoder(self, capture: Capture) -> FrameDecoder:
+        """The decoder of the bus's frames of one capture."""
+        decoder: FrameDecoder = self._own("decode.decoder", f"{self.prefix}Decoder")(capture)
+        return decoder
+
+    def injected_drives(self, device: Any, host: InjectionHost) -> Sequence[InjectedDrive]:
+        """A station of this bus as injections see it, behind it its axes if there are several."""
+        drives: Sequence[InjectedDrive] = self._own("faults.drive", "injected_drives")(device, host)
+        return drives
 
 
 class LineSplitter(Protocol):
@@ -319,20 +346,6 @@ class LineSegment(Protocol):
         ...
 
 
-@runtime_checkable
-class SpeakingBus(Protocol):
-    """What a bus says besides about kinds of injections that are not its own; one without this says nothing."""
-
-    def kinds_here(self) -> Mapping[str, KindOnBus]:
-        """By the kind's name: parameters of its own, texts, or why its drives refuse the kind."""
-        ...
-
-
-def kinds_here(bus: Bus) -> Mapping[str, KindOnBus]:
-    """What a bus says about kinds of injections."""
-    return bus.kinds_here() if isinstance(bus, SpeakingBus) else {}
-
-
 def line_of(bus: Bus) -> str:
     """The name of the serial line that the stations of a bus share, empty for a network."""
     return bus.name if isinstance(bus, LineBus) and bus.uses_line else ""
@@ -341,10 +354,5 @@ def line_of(bus: Bus) -> str:
 def port_spec(bus: Bus, station: str, mac: bytes) -> PortSpec:
     """The port that a station on this bus wants, drive or controller."""
     if not (line := line_of(bus)):
-        return PortSpec(station, mac, kernel=uses_sockets(bus))
+        return PortSpec(station, mac, kernel=bus.uses_sockets)
     return PortSpec(station, b"", line=line, link_type=bus.link_type if isinstance(bus, LineBus) else ETHERNET)
-
-
-def uses_sockets(bus: Bus) -> bool:
-    """Whether the drives of a bus have sockets."""
-    return isinstance(bus, SocketBus) and bus.uses_sockets

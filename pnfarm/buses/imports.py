@@ -5,14 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
+from pnfarm.buses.bus import Bus
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from pnfarm.buses.caex import CaexElement
-    from pnfarm.captures.decoder import FrameDecoder
 
-__all__ = ["FoundDrive", "FoundStation", "ImportingBus", "ProjectBus"]
+__all__ = ["FoundDrive", "FoundStation", "ImportingBus", "ProjectBus", "drives_first"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +42,11 @@ class FoundStation:
     line: str = ""
 
 
+def drives_first(found: Iterable[FoundDrive | FoundStation]) -> Iterator[FoundDrive | FoundStation]:
+    """In the same order otherwise."""
+    return iter(sorted(found, key=lambda one: isinstance(one, FoundStation)))
+
+
 @runtime_checkable
 class ProjectBus(Protocol):
     """What a bus says besides if it finds its stations in engineering projects."""
@@ -54,14 +60,16 @@ class ProjectBus(Protocol):
         ...
 
 
-@runtime_checkable
-class ImportingBus(Protocol):
-    """What a bus says besides if it finds its stations in captures."""
+class ImportingBus(Bus):
+    """A bus that finds its stations in captures."""
 
-    def observe(self, decoder: FrameDecoder) -> None:
+    def observe(self, decoder: Any) -> None:
         """Note the plant in the frames that this decoder of the bus's gets from now on."""
-        ...
+        decoder.observed = self._own("decode.observed", "Observed")()
 
-    def found(self, decoder: FrameDecoder) -> Iterable[FoundDrive | FoundStation]:
+    def found(self, decoder: Any) -> Iterable[FoundDrive | FoundStation]:
         """What was noted, devices first."""
-        ...
+        if decoder.observed is None:
+            return ()
+        found: Iterable[FoundDrive | FoundStation] = self._own("found", "found")(decoder)
+        return found

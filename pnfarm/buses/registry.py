@@ -10,7 +10,6 @@ from functools import cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.bus import kinds_here
 from pnfarm.buses.ethernetip.bus import ETHERNETIP
 from pnfarm.buses.line_parameters import LineParameterBus
 from pnfarm.buses.profibus.bus import PROFIBUS
@@ -22,10 +21,21 @@ from pnfarm.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pnfarm.buses.bus import Bus
+    from pnfarm.buses.bus import Bus, Segment
+    from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
+    from pnfarm.buses.ethernetip.device.segment import EthernetIpSegment
+    from pnfarm.buses.profibus.device.device import ProfibusDevice
+    from pnfarm.buses.profibus.device.segment import ProfibusSegment
+    from pnfarm.buses.profinet.device.device import ProfinetDevice
+    from pnfarm.buses.profinet.device.segment import ProfinetSegment
     from pnfarm.captures.decoder import Decoder
     from pnfarm.faults.catalogue import Catalogue
+    from pnfarm.station.device import Device
     from pnfarm.terminal.command import Command
+
+    # what a bus finds by its name is of the types that it promises
+    _DEVICES: tuple[type[Device], ...] = (EthernetIpDevice, ProfibusDevice, ProfinetDevice)
+    _SEGMENTS: tuple[type[Segment], ...] = (EthernetIpSegment, ProfibusSegment, ProfinetSegment)
 
 __all__ = [
     "BUSES", "bus", "commands", "decoder", "fault_kinds", "frame_filters", "line_parameter_bus", "registered",
@@ -69,7 +79,7 @@ def fault_kinds() -> Catalogue:
     from pnfarm.faults.catalogue import Catalogue, neutral
 
     kinds = [*neutral(), *(kind for one in BUSES.values() for kind in one.fault_kinds())]
-    return Catalogue(kinds, {one.name: kinds_here(one) for one in BUSES.values()})
+    return Catalogue(kinds, {one.name: one.kinds_here() for one in BUSES.values()})
 
 
 def commands() -> list[Command]:

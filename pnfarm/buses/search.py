@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence  # noqa: TC003 - fields of a dataclass
 from dataclasses import dataclass, field
 from ipaddress import IPv4Address  # noqa: TC003 - the same
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
+
+from pnfarm.buses.bus import Bus
 
 __all__ = ["Question", "SearchAnswer", "SearchBus"]
 
@@ -40,10 +42,10 @@ class SearchAnswer:
     searched: bool = True
 
 
-@runtime_checkable
-class SearchBus(Protocol):
-    """What a bus has besides if its devices can be found on a wire; one without this cannot be searched."""
+class SearchBus(Bus):
+    """A bus whose devices can be found on a wire; another one cannot be searched."""
 
     async def search(self, question: Question) -> SearchAnswer:
         """Ask who is there.  Raises :class:`~pnfarm.errors.EnvironmentError_` where this machine cannot."""
-        ...
+        answer: SearchAnswer = await self._own("commands.scan", "search")(question)
+        return answer

@@ -17,7 +17,7 @@ from pnfarm.errors import ConfigError
 if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
 
-__all__ = ["MODELS_VARIABLE", "SHIPPED_FOLDER", "Entry", "model", "models"]
+__all__ = ["MODELS_VARIABLE", "SHIPPED_FOLDER", "Entry", "model", "models", "models_on"]
 
 #: The models that come with the program, a folder for each product.
 SHIPPED_FOLDER = Path(__file__).resolve().parent / "models"
@@ -99,3 +99,8 @@ def model(name: str) -> Model:
     close = difflib.get_close_matches(name, known, 1)
     hint = f"; did you mean {close[0]}?" if close else ""
     raise ConfigError(f"there is no drive model {name!r}, there are {', '.join(entries)}{hint}")
+
+
+def models_on(bus: str) -> list[Model]:
+    """Every model on a bus, in the order of :func:`models`."""
+    return [_loaded(entry.folder) for entry in models().values() if entry.bus == bus]

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.gate.gate import GatedLink
     from pnfarm.faults.gate.socket_gate import SocketGate
     from pnfarm.links.base import Clock
+    from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.station import Station
 
@@ -35,6 +36,7 @@ __all__ = ["add_impairments", "make_manager"]
 
 def make_manager(
     stations: Sequence[Station],
+    axes: Sequence[Axis],
     columns: Columns,
     impairments: ImpairmentTable,
     gate: GatedLink,
@@ -60,8 +62,9 @@ def make_manager(
     drives: dict[str, InjectedDrive] = {}
     for station in stations:
         host = InjectionHost(columns, impairments, gate, carriers, addresses, partial(settle, station), sockets)
-        drives[station.configured_name] = bus(station.model.bus).injected_drive(station.device, host)
-    return InjectionManager(fault_kinds(), drives, (gate, sockets, addresses), Conditions(stations, columns))
+        for drive in bus(station.bus).injected_drives(station.device, host):
+            drives[drive.name] = drive
+    return InjectionManager(fault_kinds(), drives, (gate, sockets, addresses), Conditions(axes, columns))
 
 
 def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], now: int, *, part: bool = False) -> None:

@@ -105,7 +105,7 @@ class InjectionManager:
         do it, when its name is taken, or when there are :data:`MOST_INJECTIONS`.
         """
         spec = seeded(spec)
-        names, _ = chosen(spec, self._drives)
+        names, _ = chosen(spec, self._drives, lambda name: self._drives[name].hit_by(spec.kind.effect.needs))
         for name in names:
             check_parts(self._drives[name], spec)
             self._check_condition(name, spec)
@@ -181,8 +181,10 @@ class InjectionManager:
         return tuple(self.catalogue)
 
     def of_drive(self, name: str) -> list[Injection]:
-        """Injections that wait or are in force on one drive."""
-        return [injection for injection, _ in self._by_drive.get(name, {}).values()]
+        """Injections that wait or are in force on one drive, with those of an axis's node."""
+        drive = self._drives.get(name)
+        names = [name] if drive is None or drive.node is None else [name, drive.node.name]
+        return [injection for one in names for injection, _ in self._by_drive.get(one, {}).values()]
 
     def drive(self, name: str) -> InjectedDrive:
         """One drive of the farm, by its name in the farm file."""

@@ -17,7 +17,7 @@ from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.plan import matching
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from pnfarm.faults.effects.parts import InjectedDrive
     from pnfarm.faults.kind import KindOnBus
@@ -57,12 +57,17 @@ class Targets:
         }
 
 
-def chosen(spec: InjectionSpec, drives: Mapping[str, Named]) -> tuple[list[str], list[str]]:
+def chosen(
+    spec: InjectionSpec, drives: Mapping[str, Named], hit: Callable[[str], Iterable[str]] = lambda name: (name,)
+) -> tuple[list[str], list[str]]:
     """(the drives that the injection hits, those that its globs match besides), both in the farm's order.
+
+    ``hit``: whom a name means: of a station with several axes the node or its axes.
 
     Raises :class:`InjectionError` for a glob that matches none.
     """
     names = matching(spec.on, {name: (drive.names, drive.models) for name, drive in drives.items()})
+    names = list(dict.fromkeys(one for name in names for one in hit(name)))
     wanted = len(names)
     if spec.share is not None:
         # at least one: a share of few drives is not nobody
@@ -86,7 +91,7 @@ def targets_of(
 
     ``check`` raises :class:`InjectionError` for a further reason why a drive, by its name, cannot.
     """
-    names, left_out = chosen(spec, drives)
+    names, left_out = chosen(spec, drives, lambda name: drives[name].hit_by(spec.kind.effect.needs))
     able: list[str] = []
     cannot: dict[str, str] = {}
     for name in names:

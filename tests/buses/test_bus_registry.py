@@ -22,6 +22,9 @@ class Bare:
     def fault_kinds(self):
         return ()
 
+    def kinds_here(self):
+        return {}
+
     def commands(self):
         return self.listed
 

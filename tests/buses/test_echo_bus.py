@@ -10,7 +10,6 @@ from echobus.bus import ECHOBUS, make_model
 from echobus.device import ECHO, SESSIONS
 
 from pnfarm.buses import registry
-from pnfarm.buses.bus import uses_sockets
 from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.catalogue import MODELS_VARIABLE
 from pnfarm.farm.file.reading import parse_farm
@@ -91,8 +90,8 @@ def echobus(monkeypatch, tmp_path):
 
 
 def test_a_bus_says_whether_it_has_sockets(echobus):
-    assert uses_sockets(ECHOBUS)
-    assert not uses_sockets(registry.bus("profinet"))
+    assert ECHOBUS.uses_sockets
+    assert not registry.bus("profinet").uses_sockets
 
 
 def test_streams_carry_octets_in_order_both_ways_until_one_side_ends_them(echobus):

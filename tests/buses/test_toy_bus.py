@@ -10,7 +10,7 @@ import httpx
 import pytest
 import toybus
 from toybus.bus import TOYBUS
-from toybus.device import ToyConnected, ToyLost
+from toybus.device.device import ToyConnected, ToyLost
 from toybus.frames import ETHERTYPE, Order, emit_order, frame, parse_report
 
 from pnfarm.api import make_app

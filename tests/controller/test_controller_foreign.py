@@ -10,7 +10,9 @@ import pytest
 from gsdml_versions import VERSIONS, file_name, gsdml_of
 from virtual_line import VirtualLine
 
-from pnfarm.buses.profinet.controller.core import ControllerCore
+from pnfarm.buses.controller import ControllerHost
+from pnfarm.buses.profinet.controller.core import ProfinetCore
+from pnfarm.buses.profinet.controller.device_plan import ProfinetPlan
 from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.cli.farm_file import summary
@@ -52,9 +54,8 @@ class Line:
         self.log = EventLog(quiet=True)
         link = self.world.link()
         (port,) = asyncio.run(link.open([PortSpec("plc", bytes.fromhex("0200000000fe"))]))
-        self.plc = ControllerCore(
-            "plc", planned, link, port, ip=IPv4Interface("10.77.1.250/23"), log=self.log, seed=b"x"
-        )
+        plan = ProfinetPlan("plc", IPv4Interface("10.77.1.250/23"), planned)
+        self.plc = ProfinetCore(plan, ControllerHost(link, port, self.log, b"x"))
         self.world.join(self.plc, [port])
         self.plc.start(self.world.now)
 

@@ -9,7 +9,9 @@ from ipaddress import IPv4Interface
 import pytest
 from virtual_line import VirtualLine
 
-from pnfarm.buses.profinet.controller.core import ControllerCore
+from pnfarm.buses.controller import ControllerHost
+from pnfarm.buses.profinet.controller.core import ProfinetCore
+from pnfarm.buses.profinet.controller.device_plan import ProfinetPlan
 from pnfarm.buses.profinet.controller.identification import UNDER_WAY
 from pnfarm.buses.profinet.controller.identity import read_im
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
@@ -82,14 +84,13 @@ def test_parameters_are_written_again_while_the_axis_runs() -> None:
         line.plc.reparametrise("axis-99", line.world.now)
 
 
-def supervisor_of(line: VirtualLine, name: str = "supervisor") -> ControllerCore:
+def supervisor_of(line: VirtualLine, name: str = "supervisor") -> ProfinetCore:
     """A second controller in the same world that takes over what the first one allows."""
     link = line.world.link()
     (port,) = asyncio.run(link.open([PortSpec(name, bytes.fromhex("0200000000bb"))]))
     plans = [replace(s.plan, ar_type=ArType.IOSAR, assign_ip=False) for s in line.plc.sessions]
-    core = ControllerCore(
-        name, plans, link, port, ip=IPv4Interface("10.77.1.251/23"), log=EventLog(quiet=True), seed=b"supervisor"
-    )
+    plan = ProfinetPlan(name, IPv4Interface("10.77.1.251/23"), plans)
+    core = ProfinetCore(plan, ControllerHost(link, port, EventLog(quiet=True), b"supervisor"))
     line.world.join(core, [port])
     core.start(line.world.now)
     return core

@@ -10,7 +10,6 @@ from fault_line import FaultLine
 from kinds_of import fits
 from storm import MODELS, empty_line
 
-from pnfarm.buses.bus import kinds_here
 from pnfarm.buses.registry import BUSES, bus, fault_kinds
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.faults import kinds as neutral_kinds
@@ -175,7 +174,7 @@ def test_every_kind_says_what_a_capture_shows_and_what_controllers_report(kind):
 
 @pytest.mark.parametrize("name", BUSES)
 def test_a_bus_speaks_of_kinds_that_there_are(name):
-    assert set(kinds_here(bus(name))) <= set(fault_kinds())
+    assert set(bus(name).kinds_here()) <= set(fault_kinds())
 
 
 def test_a_parameter_of_two_buses_is_a_program_error():

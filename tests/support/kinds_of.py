@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.bus import uses_sockets
 from pnfarm.buses.registry import BUSES, bus, fault_kinds
 from pnfarm.faults.effects.sockets import SOCKETS
 
@@ -18,7 +17,7 @@ def fits(kind: InjectionKind, name: str) -> bool:
     """Whether drives on this bus can have this kind: the bus does not refuse it, and it is not another bus's own."""
     if name in kind.on and kind.on[name].refused:
         return False
-    if SOCKETS in kind.effect.needs and not uses_sockets(bus(name)):
+    if SOCKETS in kind.effect.needs and not bus(name).uses_sockets:
         return False
     return not any(kind.name == own.name for other in BUSES if other != name for own in bus(other).fault_kinds())
 

@@ -6,7 +6,9 @@ import asyncio
 from dataclasses import replace
 from ipaddress import IPv4Interface
 
-from pnfarm.buses.profinet.controller.core import ControllerCore
+from pnfarm.buses.controller import ControllerHost
+from pnfarm.buses.profinet.controller.core import ProfinetCore
+from pnfarm.buses.profinet.controller.device_plan import ProfinetPlan
 from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.farm.core import FarmCore
@@ -23,7 +25,7 @@ class SharedLine:
     def __init__(self, text: str, wants) -> None:
         self.log = EventLog(quiet=True)
         self.world = VirtualWorld()
-        self.controllers: list[ControllerCore] = []
+        self.controllers: list[ProfinetCore] = []
         asyncio.run(self._create(parse_farm(text), wants))
 
     async def _create(self, config, wants):
@@ -52,10 +54,9 @@ class SharedLine:
                 replace(plan, submodules=tuple(s for s in plan.submodules if wanted(s.slot)), reconnect_after_ns=None)
                 for plan in plan_devices(section, drives, [model_of(drive) for drive in drives])
             ]
-            controller = ControllerCore(
-                f"plc-{number}", plans, own, port, ip=IPv4Interface((section.ip.ip + number, 23)),
-                log=EventLog(quiet=True), seed=bytes([number]), lldp=False,
-            )  # fmt: skip
+            plan = ProfinetPlan(f"plc-{number}", IPv4Interface((section.ip.ip + number, 23)), plans)
+            host = ControllerHost(own, port, EventLog(quiet=True), bytes([number]), lldp=False)
+            controller = ProfinetCore(plan, host)
             self.world.join(controller, [port])
             controller.start(self.world.now)
             self.controllers.append(controller)

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext
     from pnfarm.api.paths.drives import Power
     from pnfarm.drives.parameters.parameter import Parameter
-    from pnfarm.station.event import Event
     from pnfarm.station.axis import Axis
+    from pnfarm.station.event import Event
 
 __all__ = ["FarmDrives"]
 

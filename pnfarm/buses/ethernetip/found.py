@@ -8,16 +8,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.decoding.identity import models_by
 from pnfarm.buses.ethernetip.decode.channels import octets_behind
+from pnfarm.buses.ethernetip.decode.identity import numbers_of
 from pnfarm.buses.ethernetip.device.product import Product
-from pnfarm.buses.imports import FoundDrive, FoundStation
-from pnfarm.drives.catalogue import model, models
+from pnfarm.buses.imports import FoundDrive, FoundStation, drives_first
+from pnfarm.drives.catalogue import models_on
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pnfarm.buses.ethernetip.decode.decoder import EthernetIpDecoder
     from pnfarm.buses.ethernetip.decode.observed import Observed, SeenAdapter, SeenOpening
     from pnfarm.drives.description.model import Model
 
@@ -27,22 +30,16 @@ __all__ = ["found"]
 PREFIX = 24
 
 
-def found(observed: Observed) -> Iterator[FoundDrive | FoundStation]:
+def found(decoder: EthernetIpDecoder) -> Iterator[FoundDrive | FoundStation]:
     """Drives first, then other adapters; originators are named by their adapters."""
+    observed: Observed = decoder.observed
     openings: dict[Any, SeenOpening] = {}
     for (_, device), opening in observed.openings.items():
         # an owner's says more than a listener's, and one that was accepted more than one that was refused
         known = openings.get(device)
         if known is None or _weight(opening) >= _weight(known):
             openings[device] = opening
-    others: list[FoundStation] = []
-    for seen in observed.adapters.values():
-        one = _station(seen, openings.get(seen.ip))
-        if isinstance(one, FoundDrive):
-            yield one
-        else:
-            others.append(one)
-    yield from others
+    return drives_first(_station(seen, openings.get(seen.ip)) for seen in observed.adapters.values())
 
 
 def _weight(opening: SeenOpening) -> tuple[bool, int]:
@@ -83,21 +80,19 @@ def _station(seen: SeenAdapter, opening: SeenOpening | None) -> FoundDrive | Fou
 
 
 def _model(seen: SeenAdapter, opening: SeenOpening | None) -> tuple[Model, list[str]] | None:
-    known = [model(entry.name) for entry in models().values() if entry.bus == "ethernetip"]
-    products = [(one, Product.of(one)) for one in known]
     asked = (seen.vendor, seen.device_type, seen.product_code)
-    for one, product in products:
-        if (product.vendor_id, product.device_type, product.product_code) == asked:
-            return one, []
-    for one, product in products:
-        if product.vendor_id == seen.vendor and (opening is None or _fits(one, product, opening)):
+    same = models_by("ethernetip", numbers_of).get(asked)
+    if same is not None:
+        return same, []
+    for one in models_on("ethernetip"):
+        if Product.of(one).vendor_id == seen.vendor and (opening is None or _fits(one, opening)):
             return one, [f"chosen by its vendor: product code {seen.product_code} is none of a model"]
     return None
 
 
-def _fits(one: Model, product: Product, opening: SeenOpening) -> bool:
+def _fits(one: Model, opening: SeenOpening) -> bool:
     back, _, _ = octets_behind(opening.request.t_to_o.size, one, from_device=True)
-    return back == product.input_size
+    return back == Product.of(one).input_size
 
 
 def _facts(seen: SeenAdapter, opening: SeenOpening | None) -> Iterator[str]:

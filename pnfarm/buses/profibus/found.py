@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.imports import FoundDrive, FoundStation
+from pnfarm.buses.imports import FoundDrive, FoundStation, drives_first
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
 from pnfarm.buses.profibus.decode.names import (
     configuration_text,
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pnfarm.buses.profibus.decode.decoder import ProfibusDecoder
-    from pnfarm.buses.profibus.decode.observed import Observed, SeenSlave
+    from pnfarm.buses.profibus.decode.observed import SeenSlave
     from pnfarm.drives.description.model import Model
 
 __all__ = ["LINE", "found"]
@@ -32,16 +32,10 @@ LINE = "profibus"
 _US = 1_000
 
 
-def found(observed: Observed, decoder: ProfibusDecoder) -> Iterator[FoundDrive | FoundStation]:
+def found(decoder: ProfibusDecoder) -> Iterator[FoundDrive | FoundStation]:
     """Drives first, then other slaves."""
-    others: list[FoundStation] = []
-    for seen in observed.slaves:
-        one = _station(seen, decoder.polled_ns(seen.address))
-        if isinstance(one, FoundDrive):
-            yield one
-        else:
-            others.append(one)
-    yield from others
+    slaves = [] if decoder.observed is None else decoder.observed.slaves
+    return drives_first(_station(seen, decoder.polled_ns(seen.address)) for seen in slaves)
 
 
 def _station(seen: SeenSlave, cycle_ns: int) -> FoundDrive | FoundStation:

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.imports import FoundDrive, FoundStation
-from pnfarm.drives.catalogue import model, models
+from pnfarm.buses.imports import FoundDrive, FoundStation, drives_first
+from pnfarm.buses.profinet.decode.identity import numbers_of
+from pnfarm.drives.catalogue import models_on
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from pnfarm.buses.profinet.decode.decoder import ProfinetDecoder
     from pnfarm.buses.profinet.decode.observed import Observed, SeenConnection, SeenStation
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.telegrams.telegram import Telegram
@@ -26,31 +28,26 @@ _INPUT, _OUTPUT = 1, 2
 _MS = 1e6
 
 
-def found(observed: Observed) -> Iterator[FoundDrive | FoundStation]:
+def found(decoder: ProfinetDecoder) -> Iterator[FoundDrive | FoundStation]:
     """Devices that were connected, then other stations; controllers are named by their devices."""
+    observed: Observed = decoder.observed
     connected: dict[bytes, SeenConnection] = {}
     for connection in observed.connections.values():
         # one that a device accepted says more than one that it refused
         if connection.device not in connected or connection.accepted:
             connected[connection.device] = connection
     controllers = {connection.controller for connection in connected.values()}
-    others: list[FoundStation] = []
-    for mac, connection in connected.items():
-        seen = observed.station(mac)
-        drive = _drive(seen, connection)
-        if isinstance(drive, FoundDrive):
-            yield drive
-        else:
-            others.append(drive)
-    for mac, seen in observed.stations.items():
-        if mac in connected or mac in controllers or (seen.vendor is None and seen.ip is None):
-            continue
-        drive = _drive(seen, None)
-        if isinstance(drive, FoundDrive):
-            yield drive
-        else:
-            others.append(drive)
-    yield from others
+    others = [
+        seen
+        for mac, seen in observed.stations.items()
+        if mac not in connected and mac not in controllers and (seen.vendor is not None or seen.ip is not None)
+    ]
+    return drives_first(
+        [
+            *(_drive(observed.station(mac), connection) for mac, connection in connected.items()),
+            *(_drive(seen, None) for seen in others),
+        ]
+    )
 
 
 def _drive(seen: SeenStation, connection: SeenConnection | None) -> FoundDrive | FoundStation:
@@ -87,12 +84,8 @@ def _drive(seen: SeenStation, connection: SeenConnection | None) -> FoundDrive |
 
 
 def _model(seen: SeenStation, connection: SeenConnection | None) -> tuple[Model, list[str]] | None:
-    known = [model(entry.name) for entry in models().values() if entry.bus == "profinet"]
-    same = [
-        one
-        for one in known
-        if (one.profidrive.identity.vendor_id, one.profidrive.identity.device_id) == (seen.vendor, seen.device)
-    ]
+    known = models_on("profinet")
+    same = [one for one in known if numbers_of(one) == (seen.vendor, seen.device)]
     if same:
         names = ", ".join(one.name for one in same[1:])
         return same[0], [f"{names} has the same vendor and device number"] if names else []

@@ -10,10 +10,11 @@ import re
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.imports import FoundDrive, FoundStation
+from pnfarm.buses.imports import FoundDrive, FoundStation, drives_first
+from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.profinet.maker_identity import identity_of, numbers_in
-from pnfarm.drives.catalogue import model, models
+from pnfarm.drives.catalogue import model, models, models_on
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -34,16 +35,14 @@ def of_project(root: CaexElement, folders: Sequence[Path], base: Path) -> Iterat
 
     GSDML files are looked for in ``folders``; a farm file that names one is in ``base``.
     """
-    others: list[FoundStation] = []
     files = _files(folders)
-    for device in _devices(root):
-        head = next((one for one in device.walk() if _part(one) == "DAP"), None)
-        found = None if head is None else _drive(device, head, files, base)
-        if isinstance(found, FoundDrive):
-            yield found
-        else:
-            others.append(found or FoundStation(_name(device), tuple(_facts(device))))
-    yield from others
+    return drives_first(_station(device, files, base) for device in _devices(root))
+
+
+def _station(device: CaexElement, files: dict[str, Path], base: Path) -> FoundDrive | FoundStation:
+    head = next((one for one in device.walk() if _part(one) == "DAP"), None)
+    found = None if head is None else _drive(device, head, files, base)
+    return found or FoundStation(_name(device), tuple(_facts(device)))
 
 
 def _files(folders: Sequence[Path]) -> dict[str, Path]:
@@ -176,10 +175,6 @@ def _telegram_by_name(device: CaexElement, drive_model: Model, notes: list[str])
     return None
 
 
-def _known() -> list[Model]:
-    return [model(entry.name) for entry in models().values() if entry.bus == "profinet"]
-
-
 def _by_file(file: Path, notes: list[str]) -> Model | None:
     """By vendor and device number, else by the vendor."""
     try:
@@ -187,12 +182,11 @@ def _by_file(file: Path, notes: list[str]) -> Model | None:
     except ConfigError as exc:
         notes.append(str(exc))
         return _by_name(file.name, notes)
-    ids = document.vendor_id, document.device_id
-    known = [(one, one.profidrive.identity) for one in _known()]
-    same = [one for one, own in known if (own.vendor_id, own.device_id) == ids]
+    known, ids = models_on("profinet"), (document.vendor_id, document.device_id)
+    same = [one for one in known if numbers_of(one) == ids]
     if same:
         return same[0]
-    of_vendor = [one for one, own in known if own.vendor_id == ids[0]]
+    of_vendor = [one for one in known if numbers_of(one)[0] == ids[0]]
     if of_vendor:
         notes.append(f"chosen by its vendor: device number 0x{ids[1]:04X} is none of a model")
     return of_vendor[0] if of_vendor else None

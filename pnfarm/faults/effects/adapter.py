@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.faults.effects.addresses import Addresses
-    from pnfarm.faults.effects.servo import Servo
+    from pnfarm.faults.effects.supply import Supply
 
 __all__ = ["ADAPTER", "Adapter"]
 
@@ -19,20 +19,20 @@ class Adapter(DrivePart):
     """``put(mac)`` gives an unpowered drive another address; it boots with it."""
 
     def __init__(
-        self, drive: str, port: int, mac: bytes, addresses: Addresses, servo: Servo, put: Callable[[bytes], None]
+        self, drive: str, port: int, mac: bytes, addresses: Addresses, supply: Supply, put: Callable[[bytes], None]
     ) -> None:
         self._port = port
         self._addresses = addresses
-        self._servo = servo
+        self._supply = supply
         self._put = put
-        addresses.add(port, drive, mac, servo.power_off, self._boot)
+        addresses.add(port, drive, mac, supply.power_off, self._boot)
 
     def _boot(self, mac: bytes, now: int) -> None:
         # a power cycle from elsewhere may have switched it on in the meantime
-        self._servo.power_off(now)
+        self._supply.power_off(now)
         self._put(mac)
-        self._servo.power_on(now)
-        self._servo.power_on(now)
+        self._supply.power_on(now)
+        self._supply.power_on(now)
 
     def in_force(self) -> list[Any]:
         return self._addresses.in_force(self._port)

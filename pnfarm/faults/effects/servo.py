@@ -1,4 +1,4 @@
-"""A drive's servo, as injections see it: its supply, its faults, and the mechanics around it.
+"""An axis's servo, as injections see it: its faults, and the mechanics around it.
 
 What is outside of the drive (limit switches, inputs, enable, load) does not change with its control supply.
 """
@@ -28,20 +28,21 @@ from pnfarm.table.axis_codes import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from pnfarm.drives.axis_handle import AxisHandle
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.description.parts import Fault
+    from pnfarm.faults.effects.supply import Supply
 
-__all__ = ["SERVO", "Servo", "ServoStation"]
+__all__ = ["SERVO", "Servo", "ServoAxis"]
 
 #: Bits of the axis's ``fault_limits`` and ``interlocks``.
 _LIMIT_BITS = {"negative": 0x1, "positive": 0x2}
 _LACKS = {"enable": LACKS_ENABLE, "supply": LACKS_SUPPLY}
 
 
-class ServoStation(Protocol):
+class ServoAxis(Protocol):
     """Host of a servo, whatever its bus."""
 
     @property
@@ -70,31 +71,20 @@ class ServoStation(Protocol):
         """How often each fault began a fault situation."""
         ...
 
-    def power_off(self, now: int) -> None: ...
-
-    def power_on(self, now: int) -> None: ...
-
 
 class Servo(DrivePart):
     """Calls are counted, so that several injections may request the same.
 
-    ``settle(now)`` lets the station finish what a change of its supply began; ``goes_off()`` and ``came_on(now)``
-    notify the other parts.
+    A drive without supply takes no commands: they wait for the ``supply``.
     """
 
     def __init__(
         self,
-        station: ServoStation,
-        *,
-        settle: Callable[[int], None],
-        goes_off: Callable[[], None],
-        came_on: Callable[[int], None],
+        station: ServoAxis,
+        supply: Supply,
     ) -> None:
         self._station = station
-        self._settle = settle
-        self._goes_off = goes_off
-        self._came_on = came_on
-        self._off = 0
+        supply.returned.append(self._supply_returned)
         self._held: Counter[int] = Counter()
         self._warnings: list[Fault] = []
         self._commands: deque[tuple[int, int]] = deque()
@@ -118,32 +108,17 @@ class Servo(DrivePart):
     def in_force(self) -> list[Any]:
         applied = (self.limits, self.lacks, self.inputs, self.loads, self.refusals, self.slow_ramps)
         held = [*+self._held, *self._warnings, *self._commands]
-        return [*["power off"] * self._off, *held, *(one for some in applied for one in some)]
-
-    # the control supply
+        return [*held, *(one for some in applied for one in some)]
 
     @property
     def powered(self) -> bool:
         """Whether the control supply is on."""
         return self._station.powered
 
-    def power_off(self, now: int) -> None:
-        """Off until every caller that switched off has switched on."""
-        self._off += 1
-        if self._station.powered:
-            self._goes_off()
-            self._station.power_off(now)
-            self._settle(now)
-
-    def power_on(self, now: int) -> None:
-        """Undo one :meth:`power_off`."""
-        self._off -= 1
-        if self._off == 0 and not self._station.powered:
-            self._station.power_on(now)
-            for fault in self._warnings:
-                self._command(CMD_RAISE_WARNING, fault.number)
-            self._came_on(now)
-            self._settle(now)
+    def _supply_returned(self, now: int) -> None:
+        del now
+        for fault in self._warnings:
+            self._command(CMD_RAISE_WARNING, fault.number)
 
     # faults and warnings
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from pnfarm.engine.columns import Columns
-    from pnfarm.faults.effects.servo import ServoStation
+    from pnfarm.faults.effects.servo import ServoAxis
     from pnfarm.wire.direction import Direction
 
 __all__ = ["LIFE", "SignOfLife", "SignOfLifeEffect"]
@@ -26,8 +26,9 @@ _NAMES = {"out": "ZSW2", "in": "STW2"}
 class SignOfLife(DrivePart):
     """``index`` is the drive's row of the process images."""
 
-    def __init__(self, station: ServoStation, index: int, columns: Columns) -> None:
+    def __init__(self, station: ServoAxis, index: int, columns: Columns, number: int = 0) -> None:
         self._station = station
+        self._number = number
         self._index = index
         self._columns = columns
 

@@ -13,9 +13,9 @@ from pnfarm.faults.effects.servo import SERVO, Servo
 from pnfarm.faults.effects.supply import SUPPLY, Supply
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
 
-    from pnfarm.faults.effects.servo import ServoAxis
+    from pnfarm.station.axis import Axis
 
 __all__ = ["injected_station"]
 
@@ -32,7 +32,7 @@ class InjectedStation(Protocol):
     @property
     def bus(self) -> str: ...
     @property
-    def axes(self) -> Sequence[ServoAxis]: ...
+    def axes(self) -> tuple[Axis, ...]: ...
 
 
 def injected_station(
@@ -42,7 +42,7 @@ def injected_station(
     machines: Callable[[], object],
     *,
     bus_name: Callable[[], str] | None = None,
-    of_axis: Callable[[ServoAxis], Parts] = lambda _: {},
+    of_axis: Callable[[Axis], Parts] = lambda _: {},
 ) -> list[InjectedDrive]:
     """The node, then its axes where it has several; arguments as of :class:`InjectedDrive`.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pnfarm.faults.effects.connection import CONNECTION
 from pnfarm.faults.effects.effect import Effect
-from pnfarm.faults.effects.servo import SERVO
+from pnfarm.faults.effects.supply import SUPPLY
 from pnfarm.faults.kind import InjectionKind, ParamSpec
 
 __all__ = ["KIND"]
@@ -13,15 +13,15 @@ __all__ = ["KIND"]
 class PowerCycle(Effect):
     """Off at once; further times when the drive is connected again."""
 
-    servo = SERVO
+    supply = SUPPLY
     connection = CONNECTION
     ends_by_itself = True
     _off = False
 
     def begin(self, now: int) -> None:
-        self.servo.power_off(now)
+        self.supply.power_off(now)
         self._off = True
-        self.tally.note(now, confirmed=not self.servo.powered)
+        self.tally.note(now, confirmed=not self.supply.powered)
         self._due = now + self.values["off"]
 
     def check(self, now: int) -> None:
@@ -38,7 +38,7 @@ class PowerCycle(Effect):
         if self._off:
             self._off = False
             self._due = None
-            self.servo.power_on(now)
+            self.supply.power_on(now)
 
 
 KIND = InjectionKind(

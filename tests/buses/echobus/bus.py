@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import toybus
 from toybus.bus import ToyBus
-from toybus.device import ToyDevice, ToySegment
 from toybus.farm_file import ToyPart
 
 if TYPE_CHECKING:
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices
     from pnfarm.faults.kind import InjectionKind
+    from pnfarm.station.device import Device
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 
@@ -28,13 +28,10 @@ class EchoBus(ToyBus):
     uses_sockets = True
     frame_families = ("echo",)
 
-    def device(self, station: Station, services: DeviceServices) -> ToyDevice:
+    def device(self, station: Station, services: DeviceServices) -> Device:
         from echobus.device import EchoDevice
 
-        return EchoDevice(station)
-
-    def segment(self, devices: object) -> ToySegment:
-        return ToySegment()
+        return EchoDevice(station, services)
 
     def fault_kinds(self) -> Iterable[InjectionKind]:
         return ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
-from toybus.device import ToyDevice
+from toybus.device.device import ToyDevice
 
 from pnfarm.wire.endpoint import (
     Datagram,

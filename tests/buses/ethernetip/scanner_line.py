@@ -7,7 +7,7 @@ from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.controller import ControllerHost
-from pnfarm.buses.ethernetip.controller.core import ScannerCore
+from pnfarm.buses.ethernetip.controller.core import EthernetIpCore
 from pnfarm.buses.ethernetip.controller.plan import plan_controller
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.farm import model_of
@@ -69,19 +69,19 @@ class ScannerLine:
         number: int = 0,
         start: bool = True,
         folder: Path | None = None,
-    ) -> ScannerCore:
+    ) -> EthernetIpCore:
         """One more scanner in this world."""
         link = self.world.link()
         (port,) = asyncio.run(link.open([PortSpec(f"plc-{number}", bytes.fromhex("02000000fe") + bytes([number]))]))
         plan = plan_controller(section, self.drives, [model_of(drive) for drive in self.drives], folder)
         host = ControllerHost(link, port, log or EventLog(quiet=True), seed=bytes([number]))
-        core = ScannerCore(plan, host)
+        core = EthernetIpCore(plan, host)
         self.world.join(core, [port])
         if start:
             core.start(self.world.now)
         return core
 
-    def second(self, *, ip: str = "10.77.1.251/23", **changes: Any) -> ScannerCore:
+    def second(self, *, ip: str = "10.77.1.251/23", **changes: Any) -> EthernetIpCore:
         """A scanner beside the first, with other keys."""
         section = parse_farm(self.text).controller.model_copy(update={"ip": IPv4Interface(ip)} | changes)
         return self.scanner(section, number=1)

@@ -11,7 +11,7 @@ from pnfarm.protocols.enip.wire.message import parse_request
 from pnfarm.wire.endpoint import StreamData, StreamEnd
 
 if TYPE_CHECKING:
-    from pnfarm.buses.ethernetip.controller.core import ScannerCore
+    from pnfarm.buses.ethernetip.controller.core import EthernetIpCore
     from pnfarm.wire.endpoint import Peer, SocketAction
 
 __all__ = ["WireTap"]
@@ -20,7 +20,7 @@ __all__ = ["WireTap"]
 class WireTap:
     """Wraps the sockets of a scanner before it starts; ``said`` has what it did, ``octets`` what it sent."""
 
-    def __init__(self, core: ScannerCore) -> None:
+    def __init__(self, core: EthernetIpCore) -> None:
         self.said: list[str] = []
         self.octets: list[bytes] = []
         self._sockets = core.link.sockets

@@ -16,7 +16,7 @@ from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.table.signals import NIST_A, NSOLL_A, STW1, ZSW1
 from pnfarm.wire.ethernet import parse_ethernet
 from toybus.bus import ToyBus
-from toybus.device import REFERENCE, REST, RUN, SILENCE_NS
+from toybus.device.device import REFERENCE, REST, RUN, SILENCE_NS
 from toybus.farm_file import ToyPart
 from toybus.frames import ETHERTYPE, Order, Report, emit_order, frame, parse_report
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pnfarm.buses.controllers.channels import ChannelRows
 from pnfarm.engine.channels.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
-from pnfarm.engine.channels.schedule import ChannelTable
 from pnfarm.protocols.enip.wire.encapsulation import IO_PORT
 from pnfarm.table.channel import STATUS_GOOD, STATUS_RUN
 from pnfarm.table.signals import ASSEMBLY, ASSEMBLY_WORDS, PART_HIGH, PART_LOW, word_code
@@ -41,13 +41,11 @@ def _words(octets: int) -> list[tuple[int, int]]:
     ]
 
 
-class SessionChannels:
+class SessionChannels(ChannelRows):
     """``port`` and ``address`` are the scanner's; groups are joined by its ``sockets``."""
 
     def __init__(self, columns: Columns, port: Port, address: IPv4Address, sockets: SocketCarrier) -> None:
-        self._columns = columns
-        self._table = ChannelTable(columns)
-        self._port = port
+        super().__init__(columns, port)
         self._address = address
         self._sockets = sockets
         #: Whether the scanner is in run mode; else what it sends is idle.
@@ -102,15 +100,8 @@ class SessionChannels:
         )
 
     def close(self, session: DeviceSession) -> None:
-        """A row starts at zero for its next connection; the device's totals do not."""
-        if session.provider is not None:
-            self._table.close_provider(session.provider)
-            session.measures.frames_sent += int(self._columns.ppm[session.provider].sent)
-            session.provider = None
-        if session.consumer is not None:
-            self._table.close_consumer(session.consumer)
-            session.measures.frames_received += int(self._columns.cpm[session.consumer].received)
-            session.consumer = None
+        """Both directions end, and the group is left."""
+        self.close_rows(session)
         if session.group is not None:
             self._sockets.leave(self._port.index, session.group)
             session.group = None

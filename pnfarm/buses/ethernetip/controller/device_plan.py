@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from pnfarm.buses.controllers.device_plan import IpPlan, PlannedDevice
 from pnfarm.protocols.enip.wire.forward_open import ConnectionType, NetworkParameters, TransportClass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from ipaddress import IPv4Interface
 
-    from pnfarm.buses.axis_program import AxisProgram
-    from pnfarm.drives.description.model import Model
-    from pnfarm.drives.telegrams.signal_view import AxisSignals
     from pnfarm.protocols.enip.wire.epath import ElectronicKey
 
 __all__ = ["ConnectionPlan", "DevicePlan", "EthernetIpPlan", "ProgramSteps"]
@@ -89,30 +87,19 @@ class ProgramSteps:
     clear_number: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class DevicePlan:
-    """One device as the scanner expects it."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DevicePlan(PlannedDevice):
+    """One device as the scanner expects it; an assembly is no telegram, so that a user's program has no signals."""
 
-    name: str
-    model: str
     ip: IPv4Interface
     connection: ConnectionPlan
     rpi_ns: int
     timeout_multiplier: int
-    steps: ProgramSteps
-    program: AxisProgram
-    reconnect_after_ns: int | None
+    steps: ProgramSteps = ProgramSteps()
     request_timeout_ns: int
     explicit: Literal["unconnected", "connected"]
     #: Identity as the file or the model has it; numbers of 0 are not compared.
     key: ElectronicKey
-    #: The model, whose parameters can be named; None for a device by its EDS file.
-    described: Model | None = None
-    #: Octets that such a device is sent.
-    outputs: bytes = b""
-    #: Telegrams are PROFIdrive's: a user's program has no signals here.
-    signals: AxisSignals | None = None
-    life: bool = False
 
     @property
     def cycle_ns(self) -> int:
@@ -120,14 +107,7 @@ class DevicePlan:
 
 
 @dataclass(frozen=True, slots=True)
-class EthernetIpPlan:
+class EthernetIpPlan(IpPlan):
     """One scanner and its devices."""
 
-    name: str
-    ip: IPv4Interface
-    devices: tuple[DevicePlan, ...]
-
-    @property
-    def udp_ports(self) -> tuple[IPv4Interface, Sequence[int]]:
-        """Its sockets hold the ports that they need."""
-        return self.ip, ()
+    devices: Sequence[DevicePlan]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pnfarm.buses import session_events
-from pnfarm.buses.session_events import ConnectionBroken, PhaseChanged, Released
+from pnfarm.buses.controllers import events as session_events
+from pnfarm.buses.controllers.events import ConnectionBroken, PhaseChanged, Released
 from pnfarm.station.event import Event, event, shown
 
 __all__ = [

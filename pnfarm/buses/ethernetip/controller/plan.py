@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from ipaddress import IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.axis_program import IDLE, axis_program
+from pnfarm.buses.controllers.axis_program import axis_program
+from pnfarm.buses.controllers.plan import describing, own_address, reconnect_after_ns
 from pnfarm.buses.ethernetip.config.controller import USUAL_RPI_NS
 from pnfarm.buses.ethernetip.controller.device_plan import ConnectionPlan, DevicePlan, EthernetIpPlan, ProgramSteps
 from pnfarm.buses.ethernetip.controller.eds_connection import connection_of, device_of
@@ -15,7 +15,7 @@ from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.parameters.given_values import raw_number
 from pnfarm.drives.parameters.store import ParameterStore
-from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.protocols.enip.eds import LONGEST, parse_eds
 from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, emit_epath, logical_path
@@ -110,7 +110,7 @@ def _plan_drive(section: EthernetIpController, drive: EthernetIpDriveConfig, mod
         timeout_multiplier=section.timeout_multiplier,
         steps=steps,
         program=program,
-        reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+        reconnect_after_ns=reconnect_after_ns(section),
         request_timeout_ns=section.request_timeout_ns,
         explicit=section.explicit,
         key=_identity(product),
@@ -121,13 +121,11 @@ def _plan_drive(section: EthernetIpController, drive: EthernetIpDriveConfig, mod
 def _plan_foreign(section: EthernetIpController, device: EdsDevice, folder: Path) -> DevicePlan:
     """A device by its EDS file."""
     path = folder / device.eds
-    try:
-        eds = parse_eds(_read(path))
+    with describing(device.name, path, slugs=True):
+        eds = parse_eds(read_regular(path, LONGEST + 1))
         key, product = device_of(eds)
         found = connection_of(eds, device.connection)
         connection = _foreign_connection(section, device, found, key)
-    except (ConfigError, DecodeError) as exc:
-        raise ConfigError(f"device {device.name}, {path}: {exc}") from exc
     usual = section.rpi_ns if section.rpi_ns is not None else USUAL_RPI_NS
     return DevicePlan(
         name=device.name,
@@ -136,9 +134,7 @@ def _plan_foreign(section: EthernetIpController, device: EdsDevice, folder: Path
         connection=connection,
         rpi_ns=device.rpi_ns if device.rpi_ns is not None else usual,
         timeout_multiplier=section.timeout_multiplier,
-        steps=ProgramSteps(),
-        program=IDLE,
-        reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+        reconnect_after_ns=reconnect_after_ns(section),
         request_timeout_ns=section.request_timeout_ns,
         explicit=section.explicit,
         key=key,
@@ -177,13 +173,6 @@ def _foreign_connection(
     )
 
 
-def _read(path: Path) -> bytes:
-    try:
-        return read_regular(path, LONGEST + 1)
-    except OSError as exc:
-        raise ConfigError(f"cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
-
-
 def plan_devices(
     section: EthernetIpController,
     drives: Sequence[EthernetIpDriveConfig],
@@ -203,17 +192,5 @@ def plan_controller(
 ) -> EthernetIpPlan:
     """The scanner and what it expects; arguments and errors as those of :func:`plan_devices`."""
     devices = plan_devices(section, drives, models, folder)
-    return EthernetIpPlan(section.name, _own_address(section, devices), tuple(devices))
-
-
-def _own_address(section: EthernetIpController, devices: Sequence[DevicePlan]) -> IPv4Interface:
-    """The scanner's address; a free one next to the devices' where the file gives none."""
-    if section.ip is not None:
-        return section.ip
-    if not devices:
-        raise ConfigError("neither the controller nor a drive has an ip; give `controller: {ip: 10.77.0.1/24}`")
-    network, taken = devices[0].ip.network, {device.ip.ip for device in devices}
-    for address in network.hosts():
-        if address not in taken:
-            return IPv4Interface((address, network.prefixlen))
-    raise ConfigError(f"{network} has no address left for the controller; give it one outside of the drives'")
+    address = own_address(section.ip, (device.ip for device in devices))
+    return EthernetIpPlan(section.name, address, tuple(devices))

@@ -23,6 +23,8 @@ from dataclasses import dataclass, field
 from enum import Enum, StrEnum, auto
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.controllers import session
+
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
@@ -100,39 +102,20 @@ TRANSITIONS: dict[tuple[SessionState, Sign], tuple[SessionState, str]] = {
 
 
 @dataclass(slots=True)
-class Measures:
-    """What the scanner measured of one device; times in nanoseconds."""
+class Measures(session.Measures):
+    """TCP connections that ended beside cyclic data."""
 
-    connects: int = 0
-    losses: int = 0
-    refusals: int = 0
-    search_ns: int = 0
-    #: From the first attempt to the answered Forward_Open, last time.
-    connect_ns: int | None = None
-    #: From the loss to the answered Forward_Open, last time.
-    reconnect_ns: int | None = None
-    lost_ns: int | None = None
-    last_reason: str = ""
-    expirations: int = 0
-    #: TCP connections that ended beside cyclic data.
     sessions_lost: int = 0
-    #: Cyclic packets of the connections that were closed; those of the present one count in its channels.
-    frames_sent: int = 0
-    frames_received: int = 0
 
 
-@dataclass(slots=True)
-class DeviceSession:
-    """See the module's docstring.  ``index`` is the row of program and image."""
+@dataclass(slots=True, eq=False)
+class DeviceSession(session.Session):
+    """See the module's docstring.  The machine is there from the TCP connection's opening to its end."""
 
-    index: int
     plan: DevicePlan
-    queue: RequestQueue
+    queue: RequestQueue = field(kw_only=True)
     state: SessionState = SessionState.WAIT
-    due_ns: int | None = 0
-    mac: bytes = b""
     stream: int | None = None
-    #: The session's machine, from the TCP connection's opening to its end.
     machine: Originator | None = None
     #: Numbers of the requests under way, of the machine's.
     asked_identity: int | None = None
@@ -140,8 +123,6 @@ class DeviceSession:
     #: The connection that was asked for last; it may still be open in the device while ``left`` says so.
     opened: ForwardOpen | None = None
     left: ForwardOpen | None = None
-    provider: int | None = None
-    consumer: int | None = None
     #: The group to which the device sends, None for its own address.
     group: IPv4Address | None = None
     #: Refusals in a row.

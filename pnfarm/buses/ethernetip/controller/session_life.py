@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from typing import TYPE_CHECKING, Final
 
+from pnfarm.buses.controllers.session_life import RETRY_NS, Life
 from pnfarm.buses.ethernetip.controller import events
 from pnfarm.buses.ethernetip.controller.identity import READ_IDENTITY, differences, parse_identification
 from pnfarm.buses.ethernetip.controller.requests import explicit_connection
@@ -34,15 +35,12 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Port
     from pnfarm.links.sockets import SocketCarrier
     from pnfarm.protocols.enip.originator_events import OriginatorNote
-    from pnfarm.station.event import Event
     from pnfarm.station.event_log import EventLog
 
 __all__ = ["SessionLife"]
 
 #: Vendor id of the scanner; with its serial number it tells its connections from those of others.  No vendor has it.
 VENDOR_ID: Final = 0xFFFF
-#: Without `reconnect`, a device that was never connected is tried again after this time.
-RETRY_NS: Final = 1_000_000_000
 #: A TCP connection on one wire needs no longer; a device that is not there yet is asked again by a new one.
 STREAM_NS: Final = 500_000_000
 #: A pause doubles with each refusal in a row, so many times.
@@ -56,35 +54,23 @@ LEAST_INTERVAL_US, MOST_INTERVAL_US = 100, 100_000_000
 _OLD: Final = {ConnectionStatus.OWNERSHIP_CONFLICT, ConnectionStatus.DUPLICATE_FORWARD_OPEN}
 
 
-class SessionLife:
-    """``touched`` holds the sessions that were acted on; the scanner carries what their machines send."""
+class SessionLife(Life[DeviceSession]):
+    """See :class:`pnfarm.buses.controllers.session_life.Life`."""
+
+    transitions = TRANSITIONS
 
     def __init__(
         self, port: Port, *, sockets: SocketCarrier, channels: SessionChannels, log: EventLog, seed: bytes
     ) -> None:
+        super().__init__(log)
         self._port = port
         self._sockets = sockets
         self._channels = channels
-        self._log = log
         self.serial_number = int.from_bytes(port.mac[2:], "big")
         start = zlib.crc32(seed + port.mac)
         self._connection_serial = start & 0xFFFF
         self._next_id = (start >> 16) << 16
-        self.touched: dict[int, DeviceSession] = {}
         self.by_stream: dict[int, DeviceSession] = {}
-
-    def touch(self, session: DeviceSession) -> None:
-        self.touched[session.index] = session
-
-    def sign(self, session: DeviceSession, sign: Sign, now: int) -> None:
-        """The only writer of a session's state."""
-        row = TRANSITIONS.get((session.state, sign))
-        if row is None:
-            return
-        session.state, action = row
-        if action:
-            getattr(self, f"_do_{action}")(session, now)
-        self.touch(session)
 
     # -- actions -----------------------------------------------------------------------------------------------------
 
@@ -123,29 +109,19 @@ class SessionLife:
         if not measures.connects:
             # why it took a while is of no interest any more
             measures.last_reason = ""
-        measures.connects += 1
         session.told = ""
-        measures.connect_ns = now - measures.search_ns
+        took = measures.established(now)
         measures.search_ns = 0
-        if measures.lost_ns is not None:
-            measures.reconnect_ns = now - measures.lost_ns
-            measures.lost_ns = None
         session.failures = 0
         session.left = None
         group = "" if session.group is None else str(session.group)
         kind = session.plan.connection.kind
-        self._note(session, events.Connected(measures.connect_ns, session.mac, kind, group), now)
+        self.note(session, events.Connected(took, session.mac, kind, group), now)
 
     def _do_pause(self, session: DeviceSession, now: int) -> None:
         self._channels.close(session)
         self._end_stream(session, now, "the connection is given up")
-        after = session.plan.reconnect_after_ns
-        if after is None and session.measures.connects:
-            session.state = SessionState.STOPPED
-            session.due_ns = None
-            return
-        pause = RETRY_NS if after is None else after
-        session.due_ns = now + (pause << min(max(session.failures - 1, 0), DOUBLINGS))
+        self.pause(session, now, doublings=min(max(session.failures - 1, 0), DOUBLINGS))
 
     def _do_reopen(self, session: DeviceSession, now: int) -> None:
         """Beside cyclic data: the pause before the next TCP connection."""
@@ -162,7 +138,7 @@ class SessionLife:
             self._open_stream(session, now)
 
     def _do_resumed(self, session: DeviceSession, now: int) -> None:
-        self._note(session, events.SessionResumed(), now)
+        self.note(session, events.SessionResumed(), now)
 
     def _do_idle(self, session: DeviceSession, now: int) -> None:
         self._channels.set_mode(session, run=False)
@@ -238,9 +214,6 @@ class SessionLife:
                 session.stream = None
         return bool(outputs)
 
-    def _note(self, session: DeviceSession, event: Event, now: int) -> None:
-        self._log.record(now, session.plan.name, event)
-
     # -- streams and time --------------------------------------------------------------------------------------------
 
     def stream_closed(self, session: DeviceSession, now: int) -> None:
@@ -259,7 +232,7 @@ class SessionLife:
         if session.state is SessionState.STREAM:
             self._unreached(session, f"no TCP connection to {session.plan.ip.ip}", now)
         elif session.state is SessionState.CLOSE:
-            self._note(session, events.ConnectionBroken("no answer to Forward_Close"), now)
+            self.note(session, events.ConnectionBroken("no answer to Forward_Close"), now)
         self.sign(session, Sign.TIME, now)
 
     def expired(self, session: DeviceSession, now: int) -> None:
@@ -276,7 +249,7 @@ class SessionLife:
         measures.last_reason = reason
         measures.losses += 1
         measures.lost_ns = now
-        self._note(session, events.ConnectionBroken(reason), now)
+        self.note(session, events.ConnectionBroken(reason), now)
 
     def _unreached(self, session: DeviceSession, reason: str, now: int) -> None:
         """A device that is not there yet, or not any more: told once, and sought again and again."""
@@ -284,7 +257,7 @@ class SessionLife:
             session.measures.last_reason = reason
         if session.told != reason:
             session.told = reason
-            self._note(session, events.ConnectFailed(reason), now)
+            self.note(session, events.ConnectFailed(reason), now)
 
     def _failed(self, session: DeviceSession, reason: str, status: tuple[int, ...], now: int) -> None:
         measures = session.measures
@@ -293,7 +266,7 @@ class SessionLife:
         # the reason of a loss is more useful than that the device does not answer yet
         if measures.lost_ns is None or status:
             measures.last_reason = reason
-        self._note(session, events.ConnectFailed(reason, status), now)
+        self.note(session, events.ConnectFailed(reason, status), now)
 
     def _refused(self, session: DeviceSession, reason: str, status: tuple[int, ...], now: int) -> None:
         self._failed(session, reason, status, now)
@@ -304,7 +277,7 @@ class SessionLife:
         session.asked_identity = None
         session.queue.forget(reason)
         if session.state is SessionState.DATA:
-            self._note(session, events.SessionLost(reason), now)
+            self.note(session, events.SessionLost(reason), now)
         elif session.state is SessionState.STREAM:
             self._unreached(session, reason, now)
         elif session.state in {SessionState.SESSION, SessionState.IDENTITY, SessionState.OPEN}:
@@ -349,10 +322,10 @@ class SessionLife:
                 self._not_made(session, note, now)
             case ConnectionEnded(triad=triad) if session.left is not None and session.left.triad == triad:
                 session.left = None
-                self._note(session, events.OldConnectionClosed(), now)
+                self.note(session, events.OldConnectionClosed(), now)
                 self.sign(session, Sign.AGAIN, now)
             case ConnectionEnded(number=number) if number == session.asked_close:
-                self._note(session, events.Released(), now)
+                self.note(session, events.Released(), now)
                 self.sign(session, Sign.CLOSED, now)
             case RequestAnswered(number=number) | RequestFailed(number=number) if number == session.asked_close:
                 self.sign(session, Sign.CLOSED, now)
@@ -376,10 +349,10 @@ class SessionLife:
             except DecodeError as exc:
                 problem = str(exc)
         if problem:
-            self._note(session, events.IdentityUnread(problem), now)
+            self.note(session, events.IdentityUnread(problem), now)
         elif session.identification is not None:
             for what, found, planned in differences(session.identification, session.plan.key):
-                self._note(session, events.IdentityDiffers(what, found, planned), now)
+                self.note(session, events.IdentityDiffers(what, found, planned), now)
         self.sign(session, Sign.IDENTIFIED, now)
 
     def _made(self, session: DeviceSession, note: ConnectionMade, now: int) -> None:

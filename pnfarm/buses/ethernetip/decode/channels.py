@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from pnfarm.buses.decoding.channel import SummedChannel
 from pnfarm.buses.ethernetip.decode.assemblies import STATIC
 from pnfarm.buses.ethernetip.device.product import Product
 
 if TYPE_CHECKING:
+    from pnfarm.captures.conversations import CyclicChannel
     from pnfarm.drives.description.model import Model
 
 __all__ = ["Channel", "Template", "octets_behind"]
@@ -50,58 +52,22 @@ def octets_behind(size: int, model: Model | None, *, from_device: bool) -> tuple
     return octets, header, octets == (product.input_size if from_device else product.output_size)
 
 
-class Channel:
-    """One direction of a connection; times in nanoseconds.  ``source`` and ``destination`` are MAC addresses."""
+@dataclass(slots=True, eq=False)
+class Channel(SummedChannel):
+    """One direction of a connection."""
 
-    __slots__ = (
-        "begun", "connection_id", "count", "data", "destination", "frames", "gap_ns", "gaps", "header",
-        "interval_count", "jumps", "last_ns", "longest_ns", "missing", "sequence", "shortest_ns", "source", "stands",
-        "template", "told", "total_ns", "watchdogs",
-    )  # fmt: skip
-
-    def __init__(self, connection_id: int, template: Template | None) -> None:
-        self.connection_id = connection_id
-        self.template = template
-        self.source = self.destination = b""
-        self.begun = False
-        self.last_ns = 0
-        self.sequence = 0
-        self.count = 0
-        self.header: int | None = None
-        self.data = b""
-        #: Whether the sequence count stands still.
-        self.stands = False
-        self.frames = 0
-        self.interval_count = 0
-        self.total_ns = 0
-        self.shortest_ns = 0
-        self.longest_ns = 0
-        self.gaps = 0
-        self.gap_ns = 0
-        self.missing = 0
-        self.jumps = 0
-        self.watchdogs = 0
-        #: Lines that were written, by kind.
-        self.told: dict[str, int] = {}
+    connection_id: int
+    template: Template | None
+    sequence: int = 0
+    count: int = 0
+    header: int | None = None
+    #: Whether the sequence count stands still.
+    stands: bool = False
 
     @property
     def cycle_ns(self) -> int:
         return self.template.rpi_ns if self.template is not None else 0
 
-    def figures(self) -> dict[str, Any]:
-        """For the summary; plain JSON values."""
-        count = self.interval_count
-        return {
-            "frame_id": f"0x{self.connection_id:08X}",
-            "telegram": None,
-            "frames": self.frames,
-            "cycle_seconds": self.cycle_ns / 1e9 if self.cycle_ns else None,
-            "interval_min_seconds": self.shortest_ns / 1e9 if count else None,
-            "interval_mean_seconds": self.total_ns / count / 1e9 if count else None,
-            "interval_max_seconds": self.longest_ns / 1e9 if count else None,
-            "gaps": self.gaps,
-            "longest_gap_seconds": self.gap_ns / 1e9 if self.gaps else None,
-            "frames_missing": self.missing,
-            "counter_jumps": self.jumps,
-            "watchdog_gaps": self.watchdogs,
-        }
+    def summary(self) -> CyclicChannel:
+        """For the summary of the capture."""
+        return self.figures(f"0x{self.connection_id:08X}", None, self.cycle_ns)

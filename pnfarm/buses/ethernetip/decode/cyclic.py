@@ -7,7 +7,7 @@ longer than a given number of intervals, missing datagrams, and a sequence count
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from pnfarm.buses.ethernetip.decode.assemblies import changes, values
 from pnfarm.buses.ethernetip.decode.channels import Channel
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["cyclic"]
 
-#: Lines of one kind for one channel; further ones are only counted.
-MOST_LINES: Final = 50
 _HALF_SEQUENCE, _SEQUENCE = 1 << 31, (1 << 32) - 1
 _HALF_COUNT, _COUNT = 1 << 15, (1 << 16) - 1
 
@@ -46,16 +44,16 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
         r = Reader(data)
         header, data = r.u32le(), r.rest()
     if template is not None and len(data) != template.octets:
-        yield from _limited(channel, "wrong length", f"{len(data)} octets, {template.octets} expected")
+        yield from channel.limited("wrong length", f"{len(data)} octets, {template.octets} expected")
         return
     before = channel.data
     if channel.begun:
         yield from _time(channel, packet.time_ns, pdu, shared)
         if header is not None and channel.header is not None and (header ^ channel.header) & 1:
-            yield from _limited(channel, "run/idle", _mode(header), before=channel.header, after=header)
+            yield from channel.limited("run/idle", _mode(header), before=channel.header, after=header)
         if template is not None and template.is_static and data != before:
             for what, text, details in changes(before, data, template.model, from_device=template.from_device):
-                yield from _limited(channel, what, text, **details)
+                yield from channel.limited(what, text, **details)
     channel.frames += 1
     first, channel.begun = not channel.begun, True
     channel.source, channel.destination = packet.source, packet.destination
@@ -110,24 +108,9 @@ def _values(channel: Channel) -> str:
     return values(channel.data, from_device=template.from_device)
 
 
-def _limited(channel: Channel, what: str, text: str, **details: object) -> Iterator[Description]:
-    told = channel.told.get(what, 0) + 1
-    channel.told[what] = told
-    if told < MOST_LINES:
-        yield Description(what, text, details)
-    elif told == MOST_LINES:
-        yield Description(what, f"{text}; further ones on this channel are not shown", details)
-
-
 def _time(channel: Channel, now: int, pdu: Class1Pdu, shared: Shared) -> Iterator[Description]:
     """Interval, number of the datagram, sequence count."""
-    passed = now - channel.last_ns
-    if passed >= 0:
-        if not channel.interval_count or passed < channel.shortest_ns:
-            channel.shortest_ns = passed
-        channel.longest_ns = max(channel.longest_ns, passed)
-        channel.total_ns += passed
-        channel.interval_count += 1
+    passed = channel.passed(now)
     missing = 0
     ahead = (pdu.sequence - channel.sequence) & _SEQUENCE
     if ahead != 1:
@@ -137,22 +120,16 @@ def _time(channel: Channel, now: int, pdu: Class1Pdu, shared: Shared) -> Iterato
         else:
             channel.jumps += 1
             text = f"{channel.sequence} -> {pdu.sequence}, {(channel.sequence + 1) & _SEQUENCE} expected"
-            yield from _limited(channel, "datagram number", text, before=channel.sequence, after=pdu.sequence)
+            yield from channel.limited("datagram number", text, before=channel.sequence, after=pdu.sequence)
     yield from _count(channel, pdu)
-    late = channel.cycle_ns and passed > shared.gap_cycles * channel.cycle_ns
-    if late:
-        channel.gaps += 1
-        channel.gap_ns = max(channel.gap_ns, passed)
-        cycles = f"{passed / channel.cycle_ns:.1f} intervals of {channel.cycle_ns / 1e6:g} ms"
-        text = f"{passed / 1e6:.3f} ms without a frame ({cycles})"
+    if channel.template is not None and channel.cycle_ns and passed > shared.gap_cycles * channel.cycle_ns:
+        text = f"a frame ({passed / channel.cycle_ns:.1f} intervals of {channel.cycle_ns / 1e6:g} ms)"
         if missing:
             text += f", {missing} frames missing by their numbers"
-        if channel.template is not None and passed > channel.template.timeout_ns:
-            channel.watchdogs += 1
-            text += f"; longer than the timeout of {channel.template.timeout_ns / 1e6:g} ms"
-        yield from _limited(channel, "gap", text, seconds=passed / 1e9, missing=missing)
+        text = channel.gap(passed, text, channel.template.timeout_ns, "timeout")
+        yield from channel.limited("gap", text, seconds=passed / 1e9, missing=missing)
     elif missing:
-        yield from _limited(channel, "missing", f"{missing} frames by their numbers", missing=missing)
+        yield from channel.limited("missing", f"{missing} frames by their numbers", missing=missing)
 
 
 def _count(channel: Channel, pdu: Class1Pdu) -> Iterator[Description]:
@@ -165,10 +142,10 @@ def _count(channel: Channel, pdu: Class1Pdu) -> Iterator[Description]:
             channel.stands = True
             channel.jumps += 1
             text = f"stays at {pdu.count}: data that are the same to the receiver"
-            yield from _limited(channel, "sequence count", text, count=pdu.count)
+            yield from channel.limited("sequence count", text, count=pdu.count)
         return
     channel.stands = False
     if step >= _HALF_COUNT:
         channel.jumps += 1
         text = f"{channel.count} -> {pdu.count} (-{_COUNT + 1 - step})"
-        yield from _limited(channel, "sequence count", text, before=channel.count, after=pdu.count)
+        yield from channel.limited("sequence count", text, before=channel.count, after=pdu.count)

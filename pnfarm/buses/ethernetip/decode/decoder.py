@@ -8,11 +8,11 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
+from pnfarm.buses.decoding.decoder import FamilyDecoder
 from pnfarm.buses.ethernetip.decode.channels import Template
 from pnfarm.buses.ethernetip.decode.cyclic import cyclic
 from pnfarm.buses.ethernetip.decode.enip import encapsulated
 from pnfarm.buses.ethernetip.decode.shared import Shared
-from pnfarm.captures.conversations import CyclicChannel
 from pnfarm.protocols.enip.wire.encapsulation import ENIP_PORT, IO_PORT, Command
 from pnfarm.wire.ethernet import ETHERTYPE_IPV4
 from pnfarm.wire.ipv4 import PROTOCOL_UDP
@@ -59,22 +59,16 @@ def family_of(ethertype: int, payload: bytes) -> str | None:
     return "cip" if payload[at : at + 2] in _CARRIERS else "enip"
 
 
-class EthernetIpDecoder:
-    """A :class:`~pnfarm.captures.decoder.FrameDecoder`."""
+class EthernetIpDecoder(FamilyDecoder[Shared]):
+    """See :class:`~pnfarm.captures.decoder.FrameDecoder`."""
+
+    families = FAMILIES
 
     def __init__(self, capture: Capture) -> None:
-        self.shared = Shared(capture)
+        super().__init__(Shared(capture))
 
     def family_of(self, packet: Packet) -> str | None:
         return family_of(packet.ethertype, packet.payload)
-
-    def describe(self, family: str, packet: Packet) -> Iterator[Description]:
-        return FAMILIES[family](packet, self.shared)
-
-    def cyclic_channels(self) -> Iterator[CyclicChannel]:
-        for channel in self.shared.channels.values():
-            if channel.frames:
-                yield CyclicChannel(channel.source, channel.destination, channel.figures())
 
     def expect(self, controller: str, mac: bytes, drives: Sequence[PlannedDrive]) -> None:  # noqa: ARG002 - the protocol's shape
         """``plan`` of each drive is a :class:`~pnfarm.buses.ethernetip.controller.device_plan.DevicePlan`."""

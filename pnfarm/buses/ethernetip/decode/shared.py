@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
+from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
 
+from pnfarm.buses.decoding.decoder import SharedState
+from pnfarm.buses.ethernetip.decode.channels import Channel, Template
+from pnfarm.buses.ethernetip.decode.observed import Observed
 from pnfarm.buses.ethernetip.decode.streams import End, Streams
 from pnfarm.captures.stations import Bounded
 from pnfarm.protocols.enip.status import Service
 
 if TYPE_CHECKING:
-    from ipaddress import IPv4Address
-
-    from pnfarm.buses.ethernetip.decode.channels import Channel, Template
-    from pnfarm.buses.ethernetip.decode.observed import Observed
     from pnfarm.captures.packet import Capture
     from pnfarm.protocols.enip.wire.forward_open import ForwardOpen, Triad
     from pnfarm.protocols.enip.wire.message import MessageRequest
@@ -84,24 +84,15 @@ class Opened:
 AskedKey = tuple[tuple[End, End], int, bytes]
 
 
-class Shared:
-    """``capture`` is shared by the buses; the rest is EtherNet/IP's."""
+class Shared(SharedState[tuple[IPv4Address, IPv4Address | None, int], Channel, Template, Observed]):
+    """Channels are by source, destination (None: a group) and connection id."""
 
     def __init__(self, capture: Capture) -> None:
-        self.capture = capture
-        self.stations = capture.stations
-        self.gap_cycles = capture.gap_cycles
-        self.every_frame = capture.every_frame
+        super().__init__(capture)
         self.streams = Streams()
         self.asked: Bounded[AskedKey, deque[Asked]] = Bounded(MOST_ASKED)
         #: Connections by their device and what names them.
         self.opened: Bounded[tuple[IPv4Address, Triad], Opened] = Bounded(MOST_OPENED)
-        #: Cyclic channels by source, destination (None: a group) and connection id.
-        self.channels: Bounded[tuple[IPv4Address, IPv4Address | None, int], Channel] = Bounded()
-        #: Layouts of a farm file, by the drive's MAC address and whether the drive sends.
-        self.templates: dict[tuple[bytes, bool], Template] = {}
-        #: Who is there and how it is connected, where somebody wants to know.
-        self.observed: Observed | None = None
 
     def ask(self, key: AskedKey, asked: Asked) -> None:
         waiting = self.asked.get(key)

@@ -55,9 +55,9 @@ if TYPE_CHECKING:
     from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
     from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.engine.channels.closed_channels import ClosedChannels
+    from pnfarm.station.axis import Axis
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
-    from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
     from pnfarm.wire.endpoint import SocketAction, SocketEvent
 

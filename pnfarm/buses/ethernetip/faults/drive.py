@@ -12,23 +12,24 @@ from pnfarm.buses.ethernetip.faults.messages import MESSAGES as MESSAGE_CLASSES
 from pnfarm.buses.ethernetip.faults.requests import ExplicitAccess, ForwardOpens
 from pnfarm.faults.effects.adapter import ADAPTER, Adapter
 from pnfarm.faults.effects.connection import CONNECTION
-from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
 from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
-from pnfarm.faults.effects.servo import SERVO, Servo
 from pnfarm.faults.effects.sockets import SOCKETS, Sockets
+from pnfarm.faults.effects.station_parts import injected_station
+from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
 
 if TYPE_CHECKING:
+    from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
     from pnfarm.buses.bus import InjectionHost
     from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
 
-__all__ = ["injected_drive"]
+__all__ = ["injected_drives"]
 
 #: Acyclic frames of such a drive do not pass the gate; what does is of this class.
 OTHER = "other"
 
 
-def injected_drive(device: EthernetIpDevice, host: InjectionHost) -> InjectedDrive:
+def injected_drives(device: EthernetIpDevice, host: InjectionHost) -> list[InjectedDrive]:
     """Parts outside of the device: rows of the engine's table, the gate, hooks of its machines."""
     station = device.station
     name, port = station.configured_name, station.port.index
@@ -37,9 +38,6 @@ def injected_drive(device: EthernetIpDevice, host: InjectionHost) -> InjectedDri
 
     def carrier_changed(up: bool) -> None:
         device.link.up = up
-
-    def came_on(now: int) -> None:
-        drive.refresh(now)
 
     wire = Wire(
         name,
@@ -53,11 +51,10 @@ def injected_drive(device: EthernetIpDevice, host: InjectionHost) -> InjectedDri
         messages=MESSAGE_CLASSES,
         sockets=host.sockets,
     )
-    servo = Servo(station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
+    supply = Supply(station, settle=host.settle, goes_off=wire.forget)
     parts: dict[Part[Any], DrivePart] = {
-        SERVO: servo,
         WIRE: wire,
-        ADAPTER: Adapter(name, port, station.port.mac, host.addresses, servo, device.change_mac),
+        ADAPTER: Adapter(name, port, station.port.mac, host.addresses, supply, device.change_mac),
         CONNECTION: AdapterConnection(device, host.columns, host.settle),
         CIP_FRAMES: wire,
         MESSAGES: wire,
@@ -67,6 +64,4 @@ def injected_drive(device: EthernetIpDevice, host: InjectionHost) -> InjectedDri
         PARAMETER_ACCESS: ExplicitAccess(device, wire, host.settle),
         IDENTITY: Identity(device),
     }
-    model = station.model
-    drive = InjectedDrive(name, lambda: (name,), (model.name, *model.aliases), parts, lambda: device.adapter, model.bus)
-    return drive
+    return injected_station(station, parts, supply, lambda: device.adapter)

@@ -6,57 +6,43 @@ images, and put the slaves' in.
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.axis_program import PHASES, configure
-from pnfarm.buses.parameter_words import parameter_answer, put_parameter_task
+from pnfarm.buses.controllers.core import DriveCore
+from pnfarm.buses.controllers.snapshot import axis_part, reaction_part
 from pnfarm.buses.profibus.controller import events as happened
 from pnfarm.buses.profibus.controller.asker import ParameterQuestion
 from pnfarm.buses.profibus.controller.line_question import StationParameter, addressed
 from pnfarm.buses.profibus.controller.parameters import ParameterJob
 from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.drives.parameters.parameter import ParameterError
-from pnfarm.engine.columns import Columns, allocate
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, Master
 from pnfarm.protocols.profibus.wire.dp import StationStatus
 from pnfarm.protocols.profibus.wire.telegram import parse_telegram
-from pnfarm.table import engine_row, program
-from pnfarm.table.image import LOST_EXPIRED, LOST_NEVER
-from pnfarm.table.signals import PKW_HEAD, WORD_NONE
+from pnfarm.table.image import LOST_EXPIRED
 
 if TYPE_CHECKING:
     from pnfarm.buses.controller import ControllerHost
     from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.controller.plan import DevicePlan, ProfibusPlan
-    from pnfarm.drives.profiles.profidrive.pkw import Pkw
-    from pnfarm.links.base import Link, Port
-    from pnfarm.protocols.profibus.master import MasterEvent, Station
+    from pnfarm.protocols.profibus.master import MasterEvent
     from pnfarm.protocols.profibus.record_request import RecordRequest
 
-__all__ = ["MasterCore"]
+__all__ = ["ProfibusCore"]
 
 
-class MasterCore:
+class ProfibusCore(DriveCore):
     """See the module's docstring."""
 
     def __init__(self, plan: ProfibusPlan, host: ControllerHost, *, tick_ns: int = 1_000_000) -> None:
-        self.name = plan.name
-        self.link: Link = host.link
-        self.port: Port = host.port
-        self.log = host.log
-        self.dropped: dict[str, int] = {}
+        super().__init__(plan, host, channels=8, tick_ns=tick_ns)
         self.plan = plan
         baud = host.port.baud or plan.settings.baud
         self.master = Master(replace(plan.settings, baud=baud), [device.slave for device in plan.devices])
-        count = len(plan.devices)
-        self.columns: Columns = allocate(images=count, programs=count, channels=8)
-        self.columns.engine[0].tick_ns = tick_ns
-        self.columns.image.lost[:] = LOST_NEVER
         self._images: list[CyclicImage] = []
-        self._places = {device.name: index for index, device in enumerate(plan.devices)}
         for index, device in enumerate(plan.devices):
             image = CyclicImage(self.columns.image[index])
             image.layout(device.input_words, device.output_words)
@@ -66,12 +52,9 @@ class MasterCore:
                 station.outputs = device.outputs
             else:
                 station.source = image.fill
-            configure(self.columns.program[index], device.program, asdict(device.steps) | {"life": device.life})
         self._jobs: list[tuple[str, ParameterJob | ParameterQuestion]] = []
         self._began_ns: dict[str, int] = {}
         self._reference = 0
-        self._tail = 0
-        self.link.set_receiver(self.receive)
 
     def start(self, now: int) -> None:
         """Begin to poll."""
@@ -86,7 +69,7 @@ class MasterCore:
         try:
             telegram = parse_telegram(frame)
         except DecodeError as exc:
-            self.dropped[exc.reason] = self.dropped.get(exc.reason, 0) + 1
+            self.dropped[exc.reason] += 1
             self.master.broken(1)
             return
         self.master.receive(telegram, now)
@@ -94,7 +77,7 @@ class MasterCore:
 
     def service(self, now: int) -> None:
         """See :class:`pnfarm.buses.controller.Controller`."""
-        self._drain()
+        self.drain(now)
         self._go_on(now)
 
     def next_deadline(self) -> int | None:
@@ -150,19 +133,6 @@ class MasterCore:
             case _:
                 pass
 
-    def _drain(self) -> None:
-        """Events of the engine: programs go on."""
-        head = int(self.columns.engine[0].event_head)
-        size = self.columns.events.shape[0]
-        self._tail = max(self._tail, head - size)
-        while self._tail < head:
-            event = self.columns.events[self._tail % size]
-            kind, row, when, value = int(event.kind), int(event.row), int(event.now_ns), int(event.value)
-            self._tail += 1
-            if kind == engine_row.PHASE_CHANGED:
-                name = self.plan.devices[row].name
-                self.log.record(when, name, happened.PhaseChanged(value >> 8, value & 0xFF))
-
     # -- what the owner does -----------------------------------------------------------------------------------------
 
     def release(self, now: int) -> None:
@@ -182,26 +152,13 @@ class MasterCore:
             for index, station in enumerate(self.master.stations)
         )
 
-    @property
-    def all_running(self) -> bool:
-        """Every enabled axis is in operation."""
-        return all(
-            int(self.columns.program[index].phase) == program.RUNNING or not device.program.enable
-            for index, device in enumerate(self.plan.devices)
-        )
-
     def image_of(self, place: int) -> CyclicImage:
         """The words of a slave, by its place in the plan."""
         return self._images[place]
 
     def inputs_of(self, name: str) -> bytes:
         """The inputs that came last; empty before, and where a slave is lost."""
-        return self._named(name)[1].inputs
-
-    def exchanging(self, name: str) -> bool:
-        """Whether a slave's data is valid; false for one that is not the master's."""
-        place = self._places.get(name)
-        return place is not None and bool(self.columns.image[place].valid)
+        return self.master.stations[self._place(name)].inputs
 
     def snapshot(self) -> list[dict[str, Any]]:
         """One dict for each slave, for the terminal and for JSON."""
@@ -210,23 +167,13 @@ class MasterCore:
     def _row(self, index: int, device: DevicePlan) -> dict[str, Any]:
         row, station = self.columns.program[index], self.master.stations[index]
         access = station.connection
+        address, state = str(device.slave.address), station.state.value
         return {
-            "name": device.name,
-            "model": device.model,
-            "mac": "",
-            "ip": str(device.slave.address),
-            "state": station.state.value,
-            "phase": PHASES[int(row.phase)],
-            "zsw1": int(row.zsw1),
-            "stw1": int(row.stw1),
-            "moves": int(row.moves),
-            "faults": int(row.faults),
+            **axis_part(device, row, mac="", ip=address, state=state),
             "connects": station.connects,
             "losses": station.losses,
             "retries": station.retries,
-            "reaction_seconds": _seconds(int(row.reaction_ns) or None),
-            "reaction_max_seconds": _seconds(int(row.reaction_max_ns) or None),
-            "recovery_seconds": _seconds(int(row.recovery_ns) or None),
+            **reaction_part(row),
             "cycle_seconds": max(self.master.cycle_ns, device.cycle_ns) / 1e9,
             "frames_sent": station.polls,
             "frames_received": station.answers,
@@ -251,8 +198,7 @@ class MasterCore:
         return self._begin_job(name, parameter, value, now)
 
     def _begin_job(self, name: str, parameter: str | int, value: int | None, now: int) -> ParameterJob:
-        device, _ = self._named(name)
-        described = device.described
+        described = self.plan.devices[self._place(name)].described
         if described is None:
             raise ConfigError(f"{name} is described by a GSD file, which has no parameters")
         try:
@@ -278,30 +224,3 @@ class MasterCore:
         self._jobs.append((device.name, work))
         self._go_on(now)
         return StationParameter(device.name, parameter, subindex, work)
-
-    def put_parameter_task(self, name: str, task: Pkw) -> None:
-        """See :class:`pnfarm.buses.controller.Controller`."""
-        put_parameter_task(self._channel_image(name), task)
-
-    def parameter_answer(self, name: str) -> Pkw:
-        """See :class:`pnfarm.buses.controller.Controller`."""
-        return parameter_answer(self._channel_image(name))
-
-    def _channel_image(self, name: str) -> Any:
-        device, _ = self._named(name)
-        if PKW_HEAD not in {code >> 2 for code in device.output_words if code != WORD_NONE}:
-            raise ConfigError(f"the telegram of drive {name!r} has no parameter channel (PKW)")
-        return self.columns.image[self._places[name]]
-
-    def _named(self, name: str) -> tuple[DevicePlan, Station]:
-        place = self._places.get(name)
-        if place is None:
-            self._unknown(name)
-        return self.plan.devices[place], self.master.stations[place]
-
-    def _unknown(self, name: str) -> NoReturn:
-        raise ConfigError(f"controller {self.name} has no drive {name!r}")
-
-
-def _seconds(value: int | None) -> float | None:
-    return None if value is None else value / 1e9

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pnfarm.buses import session_events
-from pnfarm.buses.session_events import ConnectFailed, ConnectionBroken, PhaseChanged, Released
+from pnfarm.buses.controllers import events as session_events
+from pnfarm.buses.controllers.events import ConnectFailed, ConnectionBroken, PhaseChanged, Released
 from pnfarm.station.event import Event, event
 
 __all__ = ["ConnectFailed", "Connected", "ConnectionBroken", "DiagnosisRead", "PhaseChanged", "Released"]
@@ -11,7 +11,7 @@ __all__ = ["ConnectFailed", "Connected", "ConnectionBroken", "DiagnosisRead", "P
 
 @event()
 class Connected(session_events.Connected):
-    """See :class:`pnfarm.buses.session_events.Connected`; ``address`` is the slave's."""
+    """See :class:`pnfarm.buses.controllers.events.Connected`; ``address`` is the slave's."""
 
     address: int
 

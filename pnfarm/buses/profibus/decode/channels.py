@@ -3,56 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from pnfarm.captures.conversations import CyclicChannel
+from pnfarm.buses.decoding.channel import SummedChannel, limited
 from pnfarm.captures.drive_words import SECOND_MASK, Words, bits_text, stw1_text, values_text, words_of, zsw1_text
 from pnfarm.captures.packet import Description
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pnfarm.captures.conversations import CyclicChannel
     from pnfarm.captures.packet import Capture
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.telegrams.telegram import Telegram
 
-__all__ = ["Channel", "Cyclic", "limited"]
-
-#: Lines of one kind about one station; further ones are only counted.
-MOST_LINES = 50
+__all__ = ["Channel", "Cyclic"]
 
 
-def limited(
-    told: dict[str, int], what: str, text: str, *, family: str = "", **details: object
-) -> Iterator[Description]:
-    """A line, unless there were many of its kind."""
-    number = told[what] = told.get(what, 0) + 1
-    if number < MOST_LINES:
-        yield Description(what, text, details, family=family)
-    elif number == MOST_LINES:
-        yield Description(what, f"{text}; further ones are not shown", details, family=family)
+@dataclass(slots=True, eq=False)
+class Channel(SummedChannel):
+    """One direction; ``cycle_ns`` is the mean time between two telegrams."""
 
-
-@dataclass(slots=True)
-class Channel:
-    """One direction; ``cycle_ns`` is the time between the first two telegrams."""
-
-    source: bytes
-    destination: bytes
     words: Words = ()
     telegram: int | None = None
-    data: bytes = b""
     octets: int = 0
-    frames: int = 0
-    last_ns: int = 0
-    count: int = 0
-    total_ns: int = 0
-    shortest_ns: int = 0
-    longest_ns: int = 0
-    gaps: int = 0
-    gap_ns: int = 0
-    missing: int = 0
-    watchdogs: int = 0
     #: Time of the slave's watchdog, where the capture has its Set_Prm.
     hold_ns: int = 0
 
@@ -64,45 +38,19 @@ class Channel:
 
     @property
     def cycle_ns(self) -> int:
-        """The mean time between two telegrams."""
-        return self.total_ns // self.count if self.count else 0
+        return self.total_ns // self.interval_count if self.interval_count else 0
 
-    def figures(self) -> dict[str, Any]:
-        """For the summary; plain JSON values."""
-        return {
-            "frame_id": f"{self.octets} octets",
-            "telegram": self.telegram,
-            "frames": self.frames,
-            "cycle_seconds": self.cycle_ns / 1e9 if self.count else None,
-            "interval_min_seconds": self.shortest_ns / 1e9 if self.count else None,
-            "interval_mean_seconds": self.cycle_ns / 1e9 if self.count else None,
-            "interval_max_seconds": self.longest_ns / 1e9 if self.count else None,
-            "gaps": self.gaps,
-            "longest_gap_seconds": self.gap_ns / 1e9 if self.gaps else None,
-            "frames_missing": self.missing,
-            "counter_jumps": 0,
-            "watchdog_gaps": self.watchdogs,
-        }
-
-    def passed(self, now: int) -> int:
-        """Count a telegram; the time since the last one, 0 for the first."""
-        interval = now - self.last_ns if self.frames else 0
-        if self.frames and interval >= 0:
-            self.shortest_ns = interval if not self.count else min(self.shortest_ns, interval)
-            self.longest_ns = max(self.longest_ns, interval)
-            self.total_ns += interval
-            self.count += 1
-        self.frames += 1
-        self.last_ns = now
-        return interval
+    def summary(self) -> CyclicChannel:
+        """For the summary of the capture."""
+        return self.figures(f"{self.octets} octets", self.telegram, self.cycle_ns)
 
 
 class Cyclic:
     """Outputs and inputs of one slave."""
 
     def __init__(self, master: bytes, slave: bytes, capture: Capture) -> None:
-        self.outputs = Channel(master, slave)
-        self.inputs = Channel(slave, master)
+        self.outputs = Channel(source=master, destination=slave)
+        self.inputs = Channel(source=slave, destination=master)
         self._capture = capture
         self._told: dict[str, int] = {}
         self._bits: dict[str, tuple[str, ...]] = {}
@@ -130,7 +78,7 @@ class Cyclic:
         """Those with telegrams."""
         for channel in (self.outputs, self.inputs):
             if channel.frames:
-                yield CyclicChannel(channel.source, channel.destination, channel.figures())
+                yield channel.summary()
 
     def sent(self, data: bytes, now: int) -> Iterator[Description]:
         """Outputs of the master."""
@@ -142,12 +90,14 @@ class Cyclic:
 
     def _take(self, channel: Channel, data: bytes, now: int) -> Iterator[Description]:
         mean = channel.cycle_ns
-        passed = channel.passed(now)
+        passed = channel.passed(now) if channel.frames else 0
+        channel.frames += 1
+        channel.last_ns = now
         before, channel.data, channel.octets = channel.data, data, len(data)
         if not before or len(before) != len(data):
             yield self._first(channel)
             return
-        if mean and channel.count > 2 and passed > self._capture.gap_cycles * mean:
+        if mean and channel.interval_count > 2 and passed > self._capture.gap_cycles * mean:
             yield from self._gap(channel, passed, mean)
         if before != data:
             yield from self._changes(channel, before, data)
@@ -163,12 +113,8 @@ class Cyclic:
         )
 
     def _gap(self, channel: Channel, passed: int, mean: int) -> Iterator[Description]:
-        channel.gaps += 1
-        channel.gap_ns = max(channel.gap_ns, passed)
-        text = f"{passed / 1e6:.3f} ms without a telegram ({passed / mean:.1f} times the mean, {mean / 1e6:.3g} ms)"
-        if channel.hold_ns and passed > channel.hold_ns:
-            channel.watchdogs += 1
-            text += f"; longer than the watchdog of {channel.hold_ns / 1e6:g} ms"
+        text = f"a telegram ({passed / mean:.1f} times the mean, {mean / 1e6:.3g} ms)"
+        text = channel.gap(passed, text, channel.hold_ns)
         yield from limited(self._told, "gap", text, seconds=passed / 1e9)
 
     def _changes(self, channel: Channel, before: bytes, after: bytes) -> Iterator[Description]:

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from pnfarm.buses.profibus.decode.channels import Cyclic, limited
+from pnfarm.buses.decoding.channel import limited
+from pnfarm.buses.profibus.decode.channels import Cyclic
 from pnfarm.buses.profibus.decode.names import (
     address_text,
     configuration_text,
@@ -20,6 +21,7 @@ from pnfarm.buses.profibus.decode.names import (
     parameters_text,
 )
 from pnfarm.buses.profibus.decode.records import Records
+from pnfarm.captures.decoder import LineDecoder
 from pnfarm.captures.packet import Description, Packet
 from pnfarm.captures.stations import Bounded
 from pnfarm.errors import DecodeError
@@ -109,8 +111,8 @@ class _Slave:
     last: dict[int, tuple[int, bytes]] = field(default_factory=dict)
 
 
-class ProfibusDecoder:
-    """A :class:`~pnfarm.captures.decoder.LineDecoder`."""
+class ProfibusDecoder(LineDecoder):
+    """See :class:`~pnfarm.captures.decoder.LineDecoder`."""
 
     link_type = LINK_TYPE
 

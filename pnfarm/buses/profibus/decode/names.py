@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import TYPE_CHECKING
 
-from pnfarm.drives.catalogue import model, models
+from pnfarm.buses.decoding.identity import models_by
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profibus.wire.dp import (
     NO_MASTER,
@@ -32,26 +31,20 @@ __all__ = [
 ]  # fmt: skip
 
 
-@cache
-def _known() -> dict[int, Model]:
-    """The first model of each ident number."""
-    found: dict[int, Model] = {}
-    for entry in models().values():
-        if entry.bus == "profibus":
-            found.setdefault(model(entry.name).profidrive.identity.device_id, model(entry.name))
-    return found
+def _ident(model: Model) -> int:
+    return model.profidrive.identity.device_id
 
 
 def model_by_ident(ident: int) -> Model | None:
     """The model with this ident number, as the catalogue has it."""
-    return _known().get(ident)
+    return models_by("profibus", _ident).get(ident)
 
 
 def models_with_identifiers(identifiers: bytes) -> list[tuple[str, int]]:
     """Models and numbers of their telegrams that Chk_Cfg chooses with these."""
     return [
         (one.name, telegram.number)
-        for one in _known().values()
+        for one in models_by("profibus", _ident).values()
         for telegram in one.profidrive.telegrams.values()
         if telegram.identifiers and telegram.identifiers == identifiers
     ]

@@ -49,10 +49,10 @@ if TYPE_CHECKING:
     from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.engine.channels.closed_channels import ClosedChannels
     from pnfarm.protocols.profibus.slave_user import SlaveEvent
+    from pnfarm.station.axis import Axis
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
     from pnfarm.station.lateness import Lateness
-    from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
 __all__ = ["ProfibusDevice"]

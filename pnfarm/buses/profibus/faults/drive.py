@@ -10,20 +10,21 @@ from pnfarm.buses.profibus.faults.slave import SLAVE, SlavePart
 from pnfarm.buses.profibus.faults.wire import ACYCLIC, CYCLIC, LineWire
 from pnfarm.errors import DecodeError
 from pnfarm.faults.effects.connection import CONNECTION
-from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
 from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
-from pnfarm.faults.effects.servo import SERVO, Servo
+from pnfarm.faults.effects.station_parts import injected_station
+from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import WIRE
 from pnfarm.protocols.profibus.wire.telegram import Telegram, parse_telegram
 
 if TYPE_CHECKING:
+    from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
     from pnfarm.buses.bus import InjectionHost
     from pnfarm.buses.profibus.device.device import ProfibusDevice
 
-__all__ = ["injected_drive"]
+__all__ = ["injected_drives"]
 
 
-def injected_drive(device: ProfibusDevice, host: InjectionHost) -> InjectedDrive:
+def injected_drives(device: ProfibusDevice, host: InjectionHost) -> list[InjectedDrive]:
     """Parts outside of the device: the gate, hooks of its slave."""
     station = device.station
     name, port = station.configured_name, station.port.index
@@ -44,22 +45,16 @@ def injected_drive(device: ProfibusDevice, host: InjectionHost) -> InjectedDrive
 
     host.gate.classify(port, telegram_class)
 
-    def came_on(now: int) -> None:
-        drive.refresh(now)
-
     wire = LineWire(
         name, station.index, port, host.impairments, host.gate, host.carriers, lambda _: None,
         classes=frozenset({CYCLIC, ACYCLIC}),
     )  # fmt: skip
-    servo = Servo(station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
+    supply = Supply(station, settle=host.settle, goes_off=wire.forget)
     parts: dict[Part[Any], DrivePart] = {
-        SERVO: servo,
         WIRE: wire,
         CONNECTION: SlaveConnection(device, host.settle),
         CONNECT_REQUESTS: SetParameters(device),
         PARAMETER_ACCESS: Records(device, host.settle),
         SLAVE: SlavePart(device, host.settle),
     }
-    model = station.model
-    drive = InjectedDrive(name, lambda: (name,), (model.name, *model.aliases), parts, lambda: device.slave, model.bus)
-    return drive
+    return injected_station(station, parts, supply, lambda: device.slave)

@@ -4,28 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.controllers.channels import ChannelRows
 from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
-from pnfarm.engine.channels.schedule import ChannelTable, ConsumerPlan, ProviderPlan
+from pnfarm.engine.channels.schedule import ConsumerPlan, ProviderPlan
 
 if TYPE_CHECKING:
     from collections.abc import Container
 
     from pnfarm.buses.profinet.controller.session import DeviceSession
-    from pnfarm.engine.columns import Columns
-    from pnfarm.links.base import Port
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.controller.events import Connected
 
 __all__ = ["SessionChannels"]
 
 
-class SessionChannels:
-    """``port`` is where the controller's frames go out and come in."""
-
-    def __init__(self, columns: Columns, port: Port) -> None:
-        self._columns = columns
-        self._table = ChannelTable(columns)
-        self._port = port
+class SessionChannels(ChannelRows):
+    """See :class:`pnfarm.buses.controllers.channels.ChannelRows`."""
 
     def open(self, session: DeviceSession, event: Connected) -> None:
         """A drive accepted the Connect: both channels start, the controller's data are still BAD."""
@@ -82,15 +76,8 @@ class SessionChannels:
         self._table.relayout_consumer(session.consumer, taken.words, taken.iops, feeds=feeds)
 
     def close(self, session: DeviceSession) -> None:
-        """A row starts at zero for its next connection; the drive's totals do not."""
-        if session.provider is not None:
-            self._table.close_provider(session.provider)
-            session.measures.frames_sent += int(self._columns.ppm[session.provider].sent)
-            session.provider = None
-        if session.consumer is not None:
-            self._table.close_consumer(session.consumer)
-            session.measures.frames_received += int(self._columns.cpm[session.consumer].received)
-            session.consumer = None
+        """Both channels end, and what they knew of the drive's submodules."""
+        self.close_rows(session)
         session.layouts = None
         session.unusable = {}
 

@@ -6,24 +6,21 @@ One interface, one address, one RPC client and server serve all drives; each dri
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.axis_program import configure
-from pnfarm.buses.parameter_words import parameter_answer, put_parameter_task
+from pnfarm.buses.controllers.core import SessionCore
+from pnfarm.buses.controllers.snapshot import session_row
 from pnfarm.buses.profinet.controller import events
 from pnfarm.buses.profinet.controller.channels import SessionChannels
 from pnfarm.buses.profinet.controller.device_plan import CALL_PORT
-from pnfarm.buses.profinet.controller.events import NameGivenTwice, PhaseChanged
+from pnfarm.buses.profinet.controller.events import NameGivenTwice
 from pnfarm.buses.profinet.controller.records import READ_LENGTH, RecordJob, RecordPlace
 from pnfarm.buses.profinet.controller.search import Duplicate, Outcome, Search
 from pnfarm.buses.profinet.controller.session import DeviceSession, SessionState, Sign
 from pnfarm.buses.profinet.controller.session_life import SessionLife
-from pnfarm.buses.profinet.controller.snapshot import snapshot_row
 from pnfarm.buses.profinet.uuids import uuid_source
-from pnfarm.engine.columns import Columns, allocate
-from pnfarm.errors import ConfigError, DecodeError
-from pnfarm.protocols.deadlines import Deadlines
+from pnfarm.errors import DecodeError
+from pnfarm.protocols.deadlines import earliest
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.cm.controller.response import addressed_ar
 from pnfarm.protocols.profinet.dcp.client import (
@@ -47,10 +44,6 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
     Opnum,
     object_uuid,
 )
-from pnfarm.table import engine_row, program
-from pnfarm.table.channel import W_START
-from pnfarm.table.image import LOST_NEVER
-from pnfarm.table.signals import PKW_HEAD, WORD_NONE
 from pnfarm.wire.ethernet import (
     ETHERTYPE_LLDP,
     ETHERTYPE_PROFINET,
@@ -60,55 +53,34 @@ from pnfarm.wire.ethernet import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-    from ipaddress import IPv4Interface
+    from collections.abc import Iterable
 
-    from pnfarm.buses.profinet.controller.device_plan import DevicePlan
-    from pnfarm.drives.profiles.profidrive.pkw import Pkw
-    from pnfarm.links.base import Link, Port
+    from pnfarm.buses.controller import ControllerHost
+    from pnfarm.buses.profinet.controller.device_plan import ProfinetPlan
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey
     from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
     from pnfarm.protocols.profinet.cm.controller.events import RecordRead, RecordWriteDone
-    from pnfarm.station.event_log import EventLog
 
-__all__ = ["ControllerCore"]
+__all__ = ["ProfinetCore"]
+
+#: The controller's own, which no vendor has.
+VENDOR_ID, DEVICE_ID = 0xFFFF, 0x0001
 
 
-class ControllerCore:
-    """See the module's docstring.  ``plans`` are the drives; ``port`` is the controller's."""
+class ProfinetCore(SessionCore[DeviceSession]):
+    """See the module's docstring."""
 
-    def __init__(
-        self,
-        name: str,
-        plans: Sequence[DevicePlan],
-        link: Link,
-        port: Port,
-        *,
-        ip: IPv4Interface,
-        log: EventLog,
-        seed: bytes,
-        vendor_id: int = 0xFFFF,
-        device_id: int = 0x0001,
-        tick_ns: int = 1_000_000,
-        lldp: bool = True,
-    ) -> None:
-        self.name = name
-        self.link = link
-        self.port = port
-        self.log = log
-        count = len(plans)
-        self.columns: Columns = allocate(images=count, programs=count, channels=count * 2 + 8)
-        self.columns.engine[0].tick_ns = tick_ns
-        self.columns.image.lost[:] = LOST_NEVER
+    life: SessionLife
+
+    def __init__(self, plan: ProfinetPlan, host: ControllerHost, *, tick_ns: int = 1_000_000) -> None:
+        super().__init__(plan, host, [DeviceSession(*one) for one in enumerate(plan.devices)], tick_ns=tick_ns)
+        name, port, ip, count = plan.name, self.port, plan.ip, len(plan.devices)
         self.channels = SessionChannels(self.columns, port)
-        self.sessions = [DeviceSession(index, plan) for index, plan in enumerate(plans)]
-        self._by_name = {session.plan.name: session for session in self.sessions}
-        self.dropped: dict[str, int] = {}
-        self._uuids = uuid_source(seed + port.mac)
-        self._object_uuid = object_uuid(1, device_id, vendor_id)
+        self._uuids = uuid_source(host.seed + port.mac)
+        self._object_uuid = object_uuid(1, DEVICE_ID, VENDOR_ID)
         self.dcp = DcpClient(port.mac)
         self.dcp_self = DcpDevice(
-            port.mac, DcpIdentity("pnfarm controller", vendor_id, device_id, role=2), name=name, address=ip
+            port.mac, DcpIdentity("pnfarm controller", VENDOR_ID, DEVICE_ID, role=2), name=name, address=ip
         )
         # other stations must not set the controller's name and address
         self.dcp_self.in_operation = True
@@ -117,7 +89,7 @@ class ControllerCore:
         self.ip.set_address(ip)
         #: The LLDP agent of the controller's port; None without LLDP.
         own = LocalSystem(port.mac, name, "pnfarm controller", ip.ip)
-        self.lldp = LldpPort(own, LocalPort(1, port.mac), maximum=max(16, 2 * count)) if lldp else None
+        self.lldp = LldpPort(own, LocalPort(1, port.mac), maximum=max(16, 2 * count)) if host.lldp else None
         self.rpc = RpcServer(
             RpcServerConfig(
                 interfaces=(Interface(UUID_PNIO_CONTROLLER, frozenset({Opnum.CONTROL})),),
@@ -134,24 +106,18 @@ class ControllerCore:
             columns=self.columns,
             channels=self.channels,
             search=self._search,
-            log=log,
+            log=self.log,
             uuids=self._uuids,
         )
-        self._deadlines = Deadlines()
-        self._tail = 0
-        for session in self.sessions:
-            steps = asdict(session.plan.steps) | {"life": session.plan.life}
-            configure(self.columns.program[session.index], session.plan.program, steps)
-        link.set_receiver(self.receive)
 
     def start(self, now: int) -> None:
         """Begin to search for the drives."""
         for session in self.sessions:
             session.due_ns = now
-            self._deadlines.set(session.index, session.due_ns)
+            self.arm(session)
             for remark in session.plan.remarks:
                 self.log.record(now, session.plan.name, events.FileRemarked(remark))
-        self._settle(now)
+        self.settle(now)
 
     # -- node --------------------------------------------------------------------------------------------------------
 
@@ -160,7 +126,7 @@ class ControllerCore:
         try:
             frame = parse_ethernet(data)
         except DecodeError as exc:
-            self._drop(exc.reason)
+            self.dropped[exc.reason] += 1
             return
         if frame.ethertype == ETHERTYPE_LLDP:
             if self.lldp is None or not self.lldp.receive(frame, now):
@@ -168,7 +134,7 @@ class ControllerCore:
         elif frame.ethertype != ETHERTYPE_PROFINET:
             self.ip.receive(frame, now)
         elif len(frame.payload) < 2:
-            self._drop("short")
+            self.dropped["short"] += 1
         elif DCP_HELLO <= int.from_bytes(frame.payload[:2], "big") <= DCP_IDENTIFY_RESPONSE:
             if frame.destination == self.port.mac:
                 self.dcp.receive(frame, now)
@@ -177,40 +143,26 @@ class ControllerCore:
         else:
             session = self.life.by_mac.get(frame.source)
             if session is None or session.machine is None:
-                self._drop("alarm-of-nobody")
+                self.dropped["alarm-of-nobody"] += 1
             else:
                 session.machine.receive_rta(frame.payload, frame.source, now)
                 self.life.touch(session)
-        self._settle(now)
+        self.settle(now)
 
-    def service(self, now: int) -> None:
-        self._drain(now)
-        for index in self._deadlines.take(now):
-            session = self.sessions[index]
-            self.life.touch(session)
-            if session.due_ns is not None and session.due_ns <= now:
-                session.due_ns = None
-                self.life.sign(session, Sign.TIME, now)
-            if session.machine is not None:
-                session.machine.handle_timeout(now)
+    def timed(self, now: int) -> None:
         for machine in self._machines:
             deadline = machine.next_deadline()
             if deadline is not None and deadline <= now:
                 machine.handle_timeout(now)
-        self._settle(now)
 
     def next_deadline(self) -> int | None:
-        deadlines = [machine.next_deadline() for machine in self._machines]
-        deadlines.append(self._deadlines.first())
-        return min((d for d in deadlines if d is not None), default=None)
+        own, sessions = earliest(*self._machines), super().next_deadline()
+        return sessions if own is None or (sessions is not None and sessions < own) else own
 
     @property
     def _machines(self) -> tuple[DcpClient | DcpDevice | IpHost | RpcServer | RpcClient | LldpPort, ...]:
         shared = (self.dcp, self.dcp_self, self.ip, self.rpc, self.client)
         return shared if self.lldp is None else (*shared, self.lldp)
-
-    def _drop(self, reason: str) -> None:
-        self.dropped[reason] = self.dropped.get(reason, 0) + 1
 
     # -- what the owner does -----------------------------------------------------------------------------------------
 
@@ -221,55 +173,30 @@ class ControllerCore:
             self.life.sign(session, Sign.RELEASE, now)
         if self.lldp is not None:
             self.lldp.shut_down(now)
-        self._settle(now)
-
-    @property
-    def all_stopped(self) -> bool:
-        return all(session.state is SessionState.STOPPED for session in self.sessions)
-
-    @property
-    def all_connected(self) -> bool:
-        """Every drive exchanges data both ways."""
-        return all(s.state is SessionState.DATA and self.columns.image[s.index].valid for s in self.sessions)
-
-    def exchanging(self, name: str) -> bool:
-        """Whether a drive's data is valid; false for a drive that is not the controller's."""
-        session = self._by_name.get(name)
-        return session is not None and bool(self.columns.image[session.index].valid)
-
-    @property
-    def all_running(self) -> bool:
-        """Every enabled axis is in operation."""
-        return all(
-            int(self.columns.program[s.index].phase) == program.RUNNING or not s.plan.program.enable
-            for s in self.sessions
-        )
+        self.settle(now)
 
     @property
     def records(self) -> list[tuple[int, RecordRead | RecordWriteDone]]:
         """Ends of record accesses that a machine was asked for directly: (session index, event); drain them."""
         return self.life.records
 
-    def session(self, name: str) -> DeviceSession | None:
-        return self._by_name.get(name)
-
     def touch(self, session: DeviceSession, now: int) -> None:
         """Something was asked of a session's machine (a record): carry it out."""
         self.life.touch(session)
-        self._settle(now)
+        self.settle(now)
 
     def read_record(
         self, name: str, place: RecordPlace, now: int, *, length: int = READ_LENGTH, implicit: bool = False
     ) -> RecordJob:
         """Read a record of a drive: API, slot, subslot, index.  Raises :class:`ConfigError` for an unknown drive."""
-        session = self._named(name)
+        session = self.named(name)
         job = self.life.jobs.read(session, place, now, length=length, implicit=implicit)
         self.touch(session, now)
         return job
 
     def write_record(self, name: str, place: RecordPlace, data: bytes, now: int) -> RecordJob:
         """Write a record of a drive.  Raises :class:`ConfigError` for an unknown drive."""
-        session = self._named(name)
+        session = self.named(name)
         job = self.life.jobs.write(session, place, data, now)
         self.touch(session, now)
         return job
@@ -279,41 +206,30 @@ class ControllerCore:
 
         False when it exchanges no data or is being parametrised.  Raises :class:`ConfigError` for an unknown drive.
         """
-        session = self._named(name)
+        session = self.named(name)
         begun = session.machine is not None and session.machine.reparametrise(submodules)
         self.touch(session, now)
         return begun
 
-    def put_parameter_task(self, name: str, task: Pkw) -> None:
-        """Keep a task set in the parameter channel (PKW) of a drive, if its telegram has one.
-
-        Raises :class:`ConfigError` for an unknown drive and for a telegram without such a channel.
-        """
-        put_parameter_task(self._channel_image(name), task)
-
-    def parameter_answer(self, name: str) -> Pkw:
-        """What a drive answers in its parameter channel; raises as :meth:`put_parameter_task` does."""
-        return parameter_answer(self._channel_image(name))
-
-    def _channel_image(self, name: str) -> Any:
-        session = self._named(name)
-        if PKW_HEAD not in {code >> 2 for code in session.plan.output_words if code != WORD_NONE}:
-            raise ConfigError(f"the telegram of drive {name!r} has no parameter channel (PKW)")
-        return self.columns.image[session.index]
-
-    def _named(self, name: str) -> DeviceSession:
-        session = self._by_name.get(name)
-        if session is None:
-            raise ConfigError(f"controller {self.name} has no drive {name!r}")
-        return session
-
     def snapshot(self) -> list[dict[str, Any]]:
         """One dict for each drive, for the terminal and for JSON."""
-        return [snapshot_row(session, self.columns) for session in self.sessions]
+        return [
+            session_row(
+                session,
+                self.columns,
+                ip=str(session.plan.ip.ip),
+                cycle_ns=session.plan.cycle_ns,
+                of_bus={
+                    "alarms_received": session.measures.alarms_received,
+                    "last_alarm": session.measures.last_alarm,
+                },
+            )
+            for session in self.sessions
+        ]
 
     # -- between the machines ----------------------------------------------------------------------------------------
 
-    def _settle(self, now: int) -> None:
+    def settle(self, now: int) -> None:
         """Carry events between the machines until nothing moves, then send."""
         moved = True
         while moved:
@@ -345,7 +261,7 @@ class ControllerCore:
             if isinstance(event, HelloReceived):
                 self._hello(event, now)
             elif isinstance(event, GetFinished):
-                self._drop("unasked-get")
+                self.dropped["unasked-get"] += 1
             for outcome in self._search.outcomes(event):
                 if isinstance(outcome, Duplicate):
                     name = outcome.session.plan.name
@@ -368,7 +284,7 @@ class ControllerCore:
 
     def _hello(self, event: HelloReceived, now: int) -> None:
         """A drive came up: no need to wait for the next search."""
-        session = self._by_name.get(event.info.name or "")
+        session = self.session(event.info.name or "")
         if session is not None and session.state is SessionState.WAIT:
             session.due_ns = None
             self.life.sign(session, Sign.TIME, now)
@@ -417,8 +333,7 @@ class ControllerCore:
             machine = session.machine
             if machine is not None:
                 moved = self._pump_machine(session, machine, now) or moved
-            deadlines = [d for d in (session.due_ns, machine.next_deadline() if machine else None) if d is not None]
-            self._deadlines.set(session.index, min(deadlines, default=None))
+            self.arm(session)
         return moved or bool(self.life.touched)
 
     def _pump_machine(self, session: DeviceSession, machine: CmController, now: int) -> bool:
@@ -446,34 +361,3 @@ class ControllerCore:
         for event in events:
             self.life.take(session, event, now)
         return bool(responses or calls or events)
-
-    # -- the engine's events -----------------------------------------------------------------------------------------
-
-    def _drain(self, now: int) -> None:
-        head = int(self.columns.engine[0].event_head)
-        size = self.columns.events.shape[0]
-        if head - self._tail > size:
-            self._tail = head - size
-            self._expired_unseen(now)
-        while self._tail < head:
-            # as a tuple, in the order of the layout: each attribute would take a microsecond
-            kind, row, when, value = self.columns.events[self._tail % size].item()
-            self._tail += 1
-            if kind == engine_row.EXPIRED:
-                self._expired(self.sessions[int(self.columns.cpm[row].image)], row, now)
-            elif kind == engine_row.PHASE_CHANGED:
-                session = self.sessions[row]
-                self.log.record(when, session.plan.name, PhaseChanged(value >> 8, value & 0xFF))
-
-    def _expired(self, session: DeviceSession, row: int, now: int) -> None:
-        """The data hold timer of a session's consumer ran out; a row that was reopened since has not expired."""
-        if session.consumer == row and session.machine is not None and self.columns.cpm[row].expirations:
-            session.measures.expirations += 1
-            session.machine.watchdog_expired(now)
-            self.life.touch(session)
-
-    def _expired_unseen(self, now: int) -> None:
-        """The ring of events overran: a connection whose end was lost with it must end nevertheless."""
-        for session in self.sessions:
-            if session.consumer is not None and self.columns.cpm[session.consumer].state == W_START:
-                self._expired(session, session.consumer, now)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
+from pnfarm.buses.controllers.device_plan import IpPlan, PlannedDevice
+from pnfarm.buses.controllers.signal_steps import SignalSteps
 from pnfarm.protocols.profinet.cm.controller.events import Timeouts
 from pnfarm.protocols.profinet.wire.cm.connect import ArType
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT
@@ -14,9 +16,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from ipaddress import IPv4Address, IPv4Interface
 
-    from pnfarm.buses.axis_program import AxisProgram
-    from pnfarm.buses.signal_steps import SignalSteps
-    from pnfarm.drives.telegrams.signal_view import AxisSignals
     from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 
@@ -27,29 +26,22 @@ __all__ = ["CALL_PORT", "DevicePlan", "ProfinetPlan"]
 CALL_PORT = 49_153
 
 
-@dataclass(frozen=True, slots=True)
-class DevicePlan:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DevicePlan(PlannedDevice):
     """One drive as the controller expects it."""
 
-    name: str
-    model: str
     ip: IPv4Interface
     gateway: IPv4Address | None
     assign_ip: bool
     vendor_id: int
     device_id: int
     submodules: tuple[PlannedSubmodule, ...]
-    output_words: tuple[int, ...]
-    input_words: tuple[int, ...]
-    steps: SignalSteps
-    life: bool
+    steps: SignalSteps = field(default_factory=SignalSteps)
     send_clock_factor: int
     reduction_ratio: int
     watchdog_factor: int
     startup: Literal["legacy", "advanced"]
     records: tuple[ParameterRecord, ...]
-    program: AxisProgram
-    reconnect_after_ns: int | None
     instance: int = 1
     multiple_write: bool = False
     #: Longest time from the end of parametrisation to ApplicationReady.
@@ -64,8 +56,6 @@ class DevicePlan:
     takeover_allowed: bool = False
     #: The device's own texts for its diagnoses.
     texts: DescribedDiagnosis | None = None
-    #: The signals of the drive's telegram, for a program of the user's.
-    signals: AxisSignals | None = None
     #: About the file that describes the device.
     remarks: tuple[str, ...] = ()
 
@@ -75,12 +65,10 @@ class DevicePlan:
 
 
 @dataclass(frozen=True, slots=True)
-class ProfinetPlan:
+class ProfinetPlan(IpPlan):
     """One controller and its devices."""
 
-    name: str
-    ip: IPv4Interface
-    devices: tuple[DevicePlan, ...]
+    devices: Sequence[DevicePlan]
 
     @property
     def udp_ports(self) -> tuple[IPv4Interface, Sequence[int]]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.buses import session_events
-from pnfarm.buses.session_events import ConnectFailed, ConnectionBroken, PhaseChanged, Released
+from pnfarm.buses.controllers import events as session_events
+from pnfarm.buses.controllers.events import ConnectFailed, ConnectionBroken, PhaseChanged, Released
 from pnfarm.station.event import Event, Level, event, shown, unshown
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ __all__ = [
 
 @event()
 class Connected(session_events.Connected):
-    """See :class:`pnfarm.buses.session_events.Connected`; ``mac`` is the drive's."""
+    """See :class:`pnfarm.buses.controllers.events.Connected`; ``mac`` is the drive's."""
 
     mac: bytes
 

@@ -6,18 +6,16 @@ from ipaddress import IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.axis_program import IDLE, axis_program
+from pnfarm.buses.controllers.plan import describing, own_address, profidrive_keys, reconnect_after_ns, telegram_of
+from pnfarm.buses.controllers.signal_steps import KnownSteps
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, ProfinetPlan
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.profinet.model_gsdml import describe_diagnosis
-from pnfarm.buses.signal_steps import KnownSteps, SignalSteps
-from pnfarm.drives.telegrams.signal_view import axis_signals
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
-from pnfarm.table.axis_codes import TASKS_NONE
 from pnfarm.vocabulary.globs import means
 
 if TYPE_CHECKING:
@@ -31,10 +29,6 @@ __all__ = ["plan_controller", "plan_devices"]
 
 
 def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:
-    if telegram not in model.profidrive.telegrams:
-        raise ConfigError(
-            f"{model.name} has no telegram {telegram}; it has {', '.join(map(str, model.profidrive.telegrams))}"
-        )
     return tuple(
         PlannedSubmodule(
             api=s.api,
@@ -45,7 +39,7 @@ def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:
             input_bytes=s.input_bytes,
             output_bytes=s.output_bytes,
         )
-        for module in (model.dap, model.profidrive.telegrams[telegram].module)
+        for module in (model.dap, telegram_of(model, telegram).module)
         for s in module.submodules
     )
 
@@ -89,7 +83,7 @@ def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Pa
     gsdml = load_gsdml(path)
     clock = clock_of(section, device.cycle_ns)
     wanted = device.startup or (section.startup if "startup" in section.model_fields_set else None)
-    try:
+    with describing(device.name, path):
         planned = from_gsdml(
             gsdml,
             dap=device.dap,
@@ -105,8 +99,6 @@ def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Pa
             factor, ratio = planned.clock(factor, ratio)
         planned.check_clock(factor, ratio)
         startup = planned.startup(wanted)
-    except ConfigError as exc:
-        raise ConfigError(f"device {device.name}, {path}: {exc}") from exc
     records = {(r.api, r.slot, r.subslot, r.index): r for r in (*planned.records, *_records(section, device.name))}
     return DevicePlan(
         name=device.name,
@@ -117,17 +109,12 @@ def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Pa
         vendor_id=planned.vendor_id,
         device_id=planned.device_id,
         submodules=planned.submodules,
-        output_words=(),
-        input_words=(),
-        steps=SignalSteps(),
-        life=False,
         send_clock_factor=factor,
         reduction_ratio=ratio,
         watchdog_factor=section.watchdog_factor,
         startup=startup,
         records=tuple(records.values()),
-        program=IDLE,
-        reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
+        reconnect_after_ns=reconnect_after_ns(section),
         read_identification=section.identification,
         takeover_allowed=section.takeover_allowed,
         texts=DescribedDiagnosis(gsdml.diagnoses, gsdml.unit_diagnoses),
@@ -165,33 +152,22 @@ def plan_devices(
         usual = section.telegram if "telegram" in section.model_fields_set else model.profidrive.default_telegram
         number = drive.telegram if drive.telegram is not None else usual
         clock = clock_of(section, drive.cycle_ns)
-        chosen = section.program
-        steps = known_steps.of(model, drive, number)
-        if chosen.kind == "positions" and steps.task_form == TASKS_NONE:
-            raise ConfigError(f"drive {drive.name}: telegram {number} of {model.name} has no signal of a position task")
         plans.append(
             DevicePlan(
-                name=drive.name,
-                model=model.name,
+                **profidrive_keys(section, drive, model, number, known_steps),
                 ip=ip,
                 gateway=drive.gateway,
                 assign_ip=section.assign_ip,
                 vendor_id=model.profidrive.identity.vendor_id,
                 device_id=model.profidrive.identity.device_id,
                 submodules=_submodules(model, number),
-                output_words=model.profidrive.telegrams[number].output_words,
-                input_words=model.profidrive.telegrams[number].input_words,
-                steps=steps,
                 texts=DescribedDiagnosis(*describe_diagnosis(model)),
-                signals=axis_signals(model.profidrive, number, steps.units()),
                 life=model.profidrive.sign_of_life is not None,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,
                 watchdog_factor=section.watchdog_factor,
                 startup=section.startup,
                 records=_records(section, drive.name, (model.name, *model.aliases)),
-                program=axis_program(chosen),
-                reconnect_after_ns=section.reconnect.after_ns if section.reconnect is not None else None,
                 read_identification=section.identification,
                 takeover_allowed=section.takeover_allowed,
                 application_ready_ns=section.application_ready_ns,
@@ -207,20 +183,5 @@ def plan_controller(
     section: ProfinetController, drives: Sequence[ProfinetDriveConfig], models: Sequence[Model], folder: Path | None
 ) -> ProfinetPlan:
     """The controller and what it expects; arguments and errors as those of :func:`plan_devices`."""
-    address = _own_address(section, drives)
+    address = own_address(section.ip, [*(drive.ip for drive in drives), *(device.ip for device in section.devices)])
     return ProfinetPlan(section.name, address, tuple(plan_devices(section, drives, models, folder)))
-
-
-def _own_address(section: ProfinetController, drives: Sequence[ProfinetDriveConfig]) -> IPv4Interface:
-    """The controller's address; one next to the drives' where the file gives none."""
-    if section.ip is not None:
-        return section.ip
-    wanted = [*(drive.ip for drive in drives), *(device.ip for device in section.devices)]
-    given = [ip for ip in wanted if ip is not None]
-    if not given:
-        raise ConfigError("neither the controller nor a drive has an ip; give `controller: {ip: 10.77.0.1/24}`")
-    first, taken = given[0], {ip.ip for ip in given}
-    for address in first.network.hosts():
-        if address not in taken:
-            return IPv4Interface((address, first.network.prefixlen))
-    raise ConfigError(f"{first.network} has no address left for the controller; give it one outside of the drives'")

@@ -19,6 +19,8 @@ from dataclasses import dataclass, field
 from enum import Enum, StrEnum, auto
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.controllers import session
+
 if TYPE_CHECKING:
     from uuid import UUID
 
@@ -81,46 +83,25 @@ TRANSITIONS: dict[tuple[SessionState, Sign], tuple[SessionState, str]] = {
 
 
 @dataclass(slots=True)
-class Measures:
-    """What the controller measured of one drive; times in nanoseconds."""
+class Measures(session.Measures):
+    """Alarms of the drive, in all its connections, and the text of the last one."""
 
-    connects: int = 0
-    losses: int = 0
-    refusals: int = 0
-    search_ns: int = 0
-    #: From the search to the established connection, last time.
-    connect_ns: int | None = None
-    #: From the loss to the established connection, last time.
-    reconnect_ns: int | None = None
-    lost_ns: int | None = None
-    last_reason: str = ""
-    expirations: int = 0
-    #: Alarms of the drive, in all its connections, and the text of the last one.
     alarms_received: int = 0
     last_alarm: str = ""
-    #: Cyclic frames of the connections that were closed; those of the present one count in its channels.
-    frames_sent: int = 0
-    frames_received: int = 0
 
 
-@dataclass(slots=True)
-class DeviceSession:
-    """See the module's docstring.  ``index`` is the row of program and image."""
+@dataclass(slots=True, eq=False)
+class DeviceSession(session.Session):
+    """See the module's docstring."""
 
-    index: int
     plan: DevicePlan
     state: SessionState = SessionState.WAIT
-    due_ns: int | None = 0
-    mac: bytes = b""
     machine: CmController | None = None
     ar_uuid: UUID | None = None
-    provider: int | None = None
-    consumer: int | None = None
     #: Layouts of the output and of the input frame, while the channels are open.
     layouts: tuple[IocrLayout, IocrLayout] | None = None
     #: Submodules that cannot be used at present, and why.
     unusable: dict[ExpectedKey, str] = field(default_factory=dict)
-    #: The drive's I&M data, read in this connection or an earlier one.
     identification: Identification | None = None
     calls: dict[int, int] = field(default_factory=dict)
     measures: Measures = field(default_factory=Measures)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.controllers.session_life import Life
 from pnfarm.buses.profinet.controller import events
 from pnfarm.buses.profinet.controller.identification import IdentificationReader
 from pnfarm.buses.profinet.controller.records import RecordJobs
@@ -31,6 +32,7 @@ from pnfarm.protocols.profinet.wire.alarms.texts import only_disappears
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from enum import StrEnum
     from uuid import UUID
 
     from pnfarm.buses.profinet.controller.channels import SessionChannels
@@ -52,11 +54,10 @@ FIRST_DATA_NS = 2_000_000_000
 STARTING = 128
 
 
-class SessionLife:
-    """``name``, ``mac`` and ``object_uuid`` are the controller's.
+class SessionLife(Life[DeviceSession]):
+    """``name``, ``mac`` and ``object_uuid`` are the controller's, which passes on the events of machines."""
 
-    ``touched`` holds the sessions that were acted on; the controller passes on the events of their machines.
-    """
+    transitions = TRANSITIONS
 
     def __init__(
         self,
@@ -70,16 +71,15 @@ class SessionLife:
         log: EventLog,
         uuids: Callable[[], UUID],
     ) -> None:
+        super().__init__(log)
         self._name = name
         self._mac = mac
         self._object_uuid = object_uuid
         self._columns = columns
         self._channels = channels
         self._search = search
-        self._log = log
         self._uuids = uuids
         self._session_key = 0
-        self.touched: dict[int, DeviceSession] = {}
         self.by_call: dict[int, DeviceSession] = {}
         self.by_ar: dict[Any, DeviceSession] = {}
         self.by_mac: dict[bytes, DeviceSession] = {}
@@ -89,25 +89,22 @@ class SessionLife:
         self._waiting: deque[DeviceSession] = deque()
         self.jobs = RecordJobs(self.touch)
         self.identification = IdentificationReader(self.jobs, log, lambda: self.connecting > 0)
-        #: See :attr:`ControllerCore.records`.
+        #: See :attr:`ProfinetCore.records`.
         self.records: list[tuple[int, RecordRead | RecordWriteDone]] = []
 
-    def touch(self, session: DeviceSession) -> None:
-        self.touched[session.index] = session
-
-    def sign(self, session: DeviceSession, sign: Sign, now: int) -> None:
-        """The only writer of a session's state."""
-        row = TRANSITIONS.get((session.state, sign))
-        if row is None:
-            return
-        before = session.state
-        session.state, action = row
+    def moved(self, session: DeviceSession, before: StrEnum) -> None:
         self.connecting += (session.state is SessionState.CONNECT) - (before is SessionState.CONNECT)
-        if action:
-            getattr(self, f"_do_{action}")(session, now)
-        self.touch(session)
-        if before is SessionState.CONNECT and session.state is not SessionState.CONNECT:
+        if session.state is not SessionState.CONNECT:
             self._starting.discard(session.index)
+
+    def timed(self, session: DeviceSession, now: int) -> None:
+        self.sign(session, Sign.TIME, now)
+
+    def expired(self, session: DeviceSession, now: int) -> None:
+        if session.machine is not None:
+            session.measures.expirations += 1
+            session.machine.watchdog_expired(now)
+            self.touch(session)
 
     def begin_waiting(self, now: int) -> None:
         """Begin start-ups that wait for their turn, once all signs of this moment are taken."""
@@ -171,16 +168,11 @@ class SessionLife:
         machine.connect(now)
 
     def _do_established(self, session: DeviceSession, now: int) -> None:
-        measures = session.measures
-        measures.connects += 1
-        measures.connect_ns = now - measures.search_ns
-        if measures.lost_ns is not None:
-            measures.reconnect_ns = now - measures.lost_ns
-            measures.lost_ns = None
+        took = session.measures.established(now)
         self._columns.image[session.index].good = 1
         session.due_ns = now + FIRST_DATA_NS
         self.identification.request(session)
-        self._log.record(now, session.plan.name, events.Connected(measures.connect_ns, session.mac))
+        self.note(session, events.Connected(took, session.mac), now)
 
     def _do_expect_data(self, session: DeviceSession, now: int) -> None:
         """The data hold timer runs from the first frame on: a drive that never sends one is found here."""
@@ -190,11 +182,7 @@ class SessionLife:
 
     def _do_pause(self, session: DeviceSession, now: int) -> None:
         self._channels.close(session)
-        after = session.plan.reconnect_after_ns
-        if after is None and session.measures.connects:
-            session.state = SessionState.STOPPED
-            return
-        session.due_ns = now + (1_000_000_000 if after is None else after)
+        self.pause(session, now)
 
     def _do_release(self, session: DeviceSession, now: int) -> None:
         if session.machine is None:
@@ -213,7 +201,7 @@ class SessionLife:
         if measures.lost_ns is None and measures.connects:
             measures.lost_ns = now
         event = events.ConnectionBroken(reason) if established else events.ConnectFailed(reason)
-        self._log.record(now, session.plan.name, event)
+        self.note(session, event, now)
         self.sign(session, Sign.LOST, now)
 
     def _forget_machine(self, session: DeviceSession, now: int) -> None:
@@ -239,18 +227,18 @@ class SessionLife:
                 self.touch(session)
             case ApplicationReadyReceived(module_diff=deviations):
                 for deviation in deviations:
-                    self._log.record(now, session.plan.name, events.ModuleDiffers(deviation.text))
+                    self.note(session, events.ModuleDiffers(deviation.text), now)
             case AlarmIndicated(alarm=alarm, text=text):
                 session.measures.alarms_received += 1
                 session.measures.last_alarm = text
                 received = events.AlarmReceived(text, high=alarm.high, gone=only_disappears(alarm))
-                self._log.record(now, session.plan.name, received)
+                self.note(session, received, now)
             case SubmodulesChanged(unusable=unusable):
                 session.unusable = dict(unusable)
                 self._channels.relayout(session, session.unusable)
-                self._log.record(now, session.plan.name, events.SubmodulesChanged(session.out_of_use))
+                self.note(session, events.SubmodulesChanged(session.out_of_use), now)
             case ParametersEnded(reason=reason):
-                self._log.record(now, session.plan.name, events.ParametersWritten(reason))
+                self.note(session, events.ParametersWritten(reason), now)
             case ArEstablished():
                 self.sign(session, Sign.ESTABLISHED, now)
             case ArFailed(phase=phase, status=status, reason=reason):
@@ -260,7 +248,7 @@ class SessionLife:
                 self._lost(session, reason, now, established=True)
             case ArReleased():
                 self._channels.close(session)
-                self._log.record(now, session.plan.name, events.Released())
+                self.note(session, events.Released(), now)
                 self.sign(session, Sign.RELEASED, now)
             case RecordRead() | RecordWriteDone():
                 if not self.jobs.take(session, event, now):

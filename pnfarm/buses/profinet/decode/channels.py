@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.decoding.channel import SummedChannel
 from pnfarm.captures.drive_words import words_of
 from pnfarm.protocols.profinet.wire.cm.iocr import IocrType
 from pnfarm.wire.rtc import SEND_CLOCK_NS
@@ -12,6 +13,7 @@ from pnfarm.wire.rtc import SEND_CLOCK_NS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from pnfarm.captures.conversations import CyclicChannel
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.telegrams.telegram import Telegram
     from pnfarm.protocols.profinet.cm.ar import IocrLayout
@@ -48,51 +50,33 @@ class Template:
         return next(((name, offset) for name, offset, _ in self.words if name in {"STW2", "ZSW2"}), None)
 
 
-class Channel:
+@dataclass(slots=True, eq=False)
+class Channel(SummedChannel):
     """One direction of a connection; times in nanoseconds."""
 
-    __slots__ = (
-        "begun", "counter", "cycle_ns", "data", "frame_id", "frames", "gap_ns", "gaps", "hold_ns", "interval_count",
-        "jumps", "last_ns", "longest_ns", "missing", "partner", "received", "sent_by_device", "shortest_ns", "status",
-        "step", "template", "told", "total_ns", "watchdogs",
-    )  # fmt: skip
+    frame_id: int
+    template: Template | None
+    cycle_ns: int = 0
+    hold_ns: int = 0
+    #: None while unknown: the Connect is not in the capture.
+    sent_by_device: bool | None = None
+    partner: Channel | None = None
+    counter: int = 0
+    status: int = 0
+    received: int = 0
+    step: int = 0
 
-    def __init__(self, frame_id: int, template: Template | None) -> None:
-        self.frame_id = frame_id
-        self.template = template
-        layout = template.layout if template is not None else None
-        self.cycle_ns = layout.cycle_ns if layout is not None else 0
-        self.hold_ns = layout.data_hold_ns if layout is not None else 0
-        self.step = self.cycle_ns // SEND_CLOCK_NS
-        #: None while unknown: the Connect is not in the capture.
-        self.sent_by_device: bool | None = layout.iocr_type == IocrType.INPUT if layout is not None else None
-        self.partner: Channel | None = None
-        self.begun = False
-        self.last_ns = 0
-        self.counter = 0
-        self.data = b""
-        self.status = 0
-        self.frames = 0
-        self.interval_count = 0
-        self.total_ns = 0
-        self.shortest_ns = 0
-        self.longest_ns = 0
-        self.gaps = 0
-        self.gap_ns = 0
-        self.missing = 0
-        self.jumps = 0
-        self.watchdogs = 0
-        self.received = 0
-        #: Lines that were written, by kind.
-        self.told: dict[str, int] = {}
+    def __post_init__(self) -> None:
+        if self.template is not None:
+            layout = self.template.layout
+            self.cycle_ns, self.hold_ns = layout.cycle_ns, layout.data_hold_ns
+            self.step = self.cycle_ns // SEND_CLOCK_NS
+            self.sent_by_device = layout.iocr_type == IocrType.INPUT
 
-    def inherit(self, before: Channel) -> None:
-        """Continue the sums of an earlier connection's channel with the same addresses and frame id."""
-        for name in (
-            "frames", "interval_count", "total_ns", "shortest_ns", "longest_ns", "gaps", "gap_ns", "missing", "jumps",
-            "watchdogs",
-        ):  # fmt: skip
-            setattr(self, name, getattr(before, name))
+    def summary(self) -> CyclicChannel:
+        """For the summary of the capture."""
+        telegram = self.template.telegram if self.template is not None else None
+        return self.figures(f"0x{self.frame_id:04X}", telegram, self.cycle_ns)
 
     def word(self, offset: int) -> int:
         """A word of the last frame."""

@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["cyclic", "status_text"]
 
-#: Lines of one kind for one channel; further ones are only counted.
-MOST_LINES = 50
 #: The cycle counter wraps in this time, so that it says nothing after a longer silence.
 COUNTER_ROUND_NS = 65_536 * SEND_CLOCK_NS
 
@@ -82,7 +80,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     template = channel.template
     size = template.layout.data_length if template is not None else len(payload) - 2 - STATUS_LENGTH
     if len(payload) < 2 + size + STATUS_LENGTH:
-        yield from _limited(channel, "wrong length", f"{len(payload) - 2} octets, {size + STATUS_LENGTH} expected")
+        yield from channel.limited("wrong length", f"{len(payload) - 2} octets, {size + STATUS_LENGTH} expected")
         return
     data = payload[2 : 2 + size]
     counter = payload[2 + size] << 8 | payload[3 + size]
@@ -90,8 +88,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     if channel.begun:
         yield from _time(channel, packet.time_ns, counter, shared)
         if status != channel.status:
-            yield from _limited(
-                channel,
+            yield from channel.limited(
                 "DataStatus",
                 f"0x{channel.status:02X} -> 0x{status:02X}: {status_text(status, channel.status)}",
                 before=channel.status, after=status,
@@ -100,6 +97,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
             yield from _changes(channel, channel.data, data)
     channel.frames += 1
     first, channel.begun = not channel.begun, True
+    channel.source, channel.destination = packet.source, packet.destination
     channel.last_ns, channel.counter, channel.data, channel.status = packet.time_ns, counter, data, status
     if first:
         yield Description("cyclic data begin", _first(channel, size), {"frame_id": frame_id, "octets": size})
@@ -148,25 +146,10 @@ def _values(channel: Channel) -> str:
     return values_text(template.words, channel.data)
 
 
-def _limited(channel: Channel, what: str, text: str, **details: object) -> Iterator[Description]:
-    told = channel.told.get(what, 0) + 1
-    channel.told[what] = told
-    if told < MOST_LINES:
-        yield Description(what, text, details)
-    elif told == MOST_LINES:
-        yield Description(what, f"{text}; further ones on this channel are not shown", details)
-
-
 def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[Description]:
     """Interval and cycle counter."""
-    passed = now - channel.last_ns
+    passed = channel.passed(now)
     ahead = (counter - channel.counter) & 0xFFFF
-    if passed >= 0:
-        if not channel.interval_count or passed < channel.shortest_ns:
-            channel.shortest_ns = passed
-        channel.longest_ns = max(channel.longest_ns, passed)
-        channel.total_ns += passed
-        channel.interval_count += 1
     if not channel.step:
         # without a Connect the cycle follows from two equal steps of the counter
         if ahead and ahead == channel.received:
@@ -183,8 +166,7 @@ def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[
         channel.jumps += 1
         back = ahead > 0x8000
         made = "stays" if not ahead else f"{'-' if back else '+'}{0x10000 - ahead if back else ahead}, +{step} expected"
-        yield from _limited(
-            channel,
+        yield from channel.limited(
             "cycle counter",
             f"{channel.counter} -> {counter} ({made})",
             before=channel.counter, after=counter, expected_step=step,
@@ -193,16 +175,11 @@ def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[
         missing = whole - 1
         channel.missing += missing
     if late:
-        channel.gaps += 1
-        channel.gap_ns = max(channel.gap_ns, passed)
-        cycles = f"{passed / channel.cycle_ns:.1f} cycles of {channel.cycle_ns / 1e6:g} ms"
-        text = f"{passed / 1e6:.3f} ms without a frame ({cycles})"
+        text = f"a frame ({passed / channel.cycle_ns:.1f} cycles of {channel.cycle_ns / 1e6:g} ms)"
         if missing:
             text += f", {missing} frames missing by the cycle counter"
-        if channel.hold_ns and passed > channel.hold_ns:
-            channel.watchdogs += 1
-            text += f"; longer than the watchdog of {channel.hold_ns / 1e6:g} ms"
-        yield from _limited(channel, "gap", text, seconds=passed / 1e9, missing=missing)
+        text = channel.gap(passed, text, channel.hold_ns)
+        yield from channel.limited("gap", text, seconds=passed / 1e9, missing=missing)
 
 
 def _slack(channel: Channel) -> int:
@@ -220,14 +197,14 @@ def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Descript
         text = _zsw1(channel, old, new) if template.layout.is_input else _stw1(channel, old, new)
         if text:
             name = "ZSW1" if template.layout.is_input else "STW1"
-            yield from _limited(channel, name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
+            yield from channel.limited(name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
     second = template.second
     if second is not None:
         name, place = second
         old, new = (int.from_bytes(data[place : place + 2], "big") for data in (before, after))
         if (old ^ new) & SECOND_MASK:
             text = bits_text(old, new, template.bits.get(name, ()), SECOND_MASK)
-            yield from _limited(channel, name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
+            yield from channel.limited(name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
     changed: dict[tuple[str, int, int], list[str]] = {}
     for kind, slot, subslot, offset in template.statuses:
         if before[offset] != after[offset]:
@@ -235,7 +212,7 @@ def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Descript
     for (kind, old, new), places in changed.items():
         every = len(places) == sum(1 for status in template.statuses if status[0] == kind)
         of = "all" if every else f"slot/subslot {', '.join(places)}"
-        yield from _limited(channel, kind, f"of {of} {_ioxs(old)} -> {_ioxs(new)}", before=old, after=new)
+        yield from channel.limited(kind, f"of {of} {_ioxs(old)} -> {_ioxs(new)}", before=old, after=new)
 
 
 def _names(channel: Channel, word: str, usual: tuple[str, ...]) -> tuple[str, ...]:

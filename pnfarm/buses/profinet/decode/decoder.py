@@ -6,8 +6,9 @@ A family is one function ``(packet, shared) -> descriptions``.
 from __future__ import annotations
 
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from pnfarm.buses.decoding.decoder import FamilyDecoder
 from pnfarm.buses.profinet.decode.alarm import alarm
 from pnfarm.buses.profinet.decode.calls import is_call, rpc
 from pnfarm.buses.profinet.decode.channels import make_template
@@ -17,7 +18,6 @@ from pnfarm.buses.profinet.decode.lldp import lldp
 from pnfarm.buses.profinet.decode.ptcp import ptcp
 from pnfarm.buses.profinet.decode.shared import Shared
 from pnfarm.buses.profinet.decode.snmp import snmp
-from pnfarm.captures.conversations import CyclicChannel
 from pnfarm.captures.packet import Capture, Description, Packet
 from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, plan_frames
 from pnfarm.protocols.profinet.wire.frame_id import (
@@ -36,7 +36,6 @@ from pnfarm.wire.rtc import FIRST_ACYCLIC_FRAME_ID, FIRST_CYCLIC_FRAME_ID
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from pnfarm.buses.profinet.decode.channels import Channel
     from pnfarm.captures.decoder import PlannedDrive
 
 __all__ = ["FAMILIES", "ProfinetDecoder", "family_of"]
@@ -91,22 +90,16 @@ def family_of(ethertype: int, payload: bytes) -> str | None:
     return "lldp" if ethertype == ETHERTYPE_LLDP else None
 
 
-class ProfinetDecoder:
-    """A :class:`~pnfarm.captures.decoder.FrameDecoder`."""
+class ProfinetDecoder(FamilyDecoder[Shared]):
+    """See :class:`~pnfarm.captures.decoder.FrameDecoder`."""
+
+    families = FAMILIES
 
     def __init__(self, capture: Capture) -> None:
-        self.shared = Shared(capture)
+        super().__init__(Shared(capture))
 
     def family_of(self, packet: Packet) -> str | None:
         return family_of(packet.ethertype, packet.payload)
-
-    def describe(self, family: str, packet: Packet) -> Iterator[Description]:
-        return FAMILIES[family](packet, self.shared)
-
-    def cyclic_channels(self) -> Iterator[CyclicChannel]:
-        for (to, source, _), channel in self.shared.channels.items():
-            if channel.frames:
-                yield CyclicChannel(source, to, _figures(channel))
 
     def expect(self, controller: str, mac: bytes, drives: Sequence[PlannedDrive]) -> None:
         """``plan`` of each drive is a :class:`~pnfarm.buses.profinet.controller.device_plan.DevicePlan`."""
@@ -132,22 +125,3 @@ class ProfinetDecoder:
             )
             for layout in frames:
                 self.shared.templates[drive.mac, layout.is_input] = make_template(layout, telegram, model)
-
-
-def _figures(channel: Channel) -> dict[str, Any]:
-    count = channel.interval_count
-    template = channel.template
-    return {
-        "frame_id": f"0x{channel.frame_id:04X}",
-        "telegram": template.telegram if template is not None else None,
-        "frames": channel.frames,
-        "cycle_seconds": channel.cycle_ns / 1e9 if channel.cycle_ns else None,
-        "interval_min_seconds": channel.shortest_ns / 1e9 if count else None,
-        "interval_mean_seconds": channel.total_ns / count / 1e9 if count else None,
-        "interval_max_seconds": channel.longest_ns / 1e9 if count else None,
-        "gaps": channel.gaps,
-        "longest_gap_seconds": channel.gap_ns / 1e9 if channel.gaps else None,
-        "frames_missing": channel.missing,
-        "counter_jumps": channel.jumps,
-        "watchdog_gaps": channel.watchdogs,
-    }

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.decoding.decoder import SharedState
+from pnfarm.buses.profinet.decode.channels import Channel, Template
+from pnfarm.buses.profinet.decode.observed import Observed
 from pnfarm.captures.stations import Bounded
 
 if TYPE_CHECKING:
     from uuid import UUID
 
-    from pnfarm.buses.profinet.decode.channels import Channel, Template
-    from pnfarm.buses.profinet.decode.observed import Observed
     from pnfarm.captures.packet import Capture
     from pnfarm.protocols.profinet.rpc.fragments import Reassembly
     from pnfarm.protocols.profinet.wire.any_block import Block
@@ -34,20 +35,11 @@ class Call:
     parts: dict[bool, Reassembly] = field(default_factory=dict)
 
 
-class Shared:
-    """``capture`` is shared by the buses; the rest is PROFINET's."""
+class Shared(SharedState[tuple[bytes, bytes, int], Channel, Template, Observed]):
+    """Channels are by destination, source and frame id."""
 
     def __init__(self, capture: Capture) -> None:
-        self.capture = capture
-        self.stations = capture.stations
-        #: Who is told what the capture says of the plant.
-        self.observed: Observed | None = None
-        self.gap_cycles = capture.gap_cycles
-        self.every_frame = capture.every_frame
-        #: Cyclic channels by destination, source and frame id.
-        self.channels: Bounded[tuple[bytes, bytes, int], Channel] = Bounded()
-        #: Layouts of a farm file, by the drive's address and whether the drive sends.
-        self.templates: dict[tuple[bytes, bool], Template] = {}
+        super().__init__(capture)
         #: Channels that a Connect requests and that are not confirmed yet, with the same keys.
         self.asked: Bounded[tuple[bytes, bytes, int], Channel] = Bounded(1024)
         #: The last PTCP frame of a station that got a line, by its address and frame id: master and domain.

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.connection import Connection, ConnectionPart, Status
 from pnfarm.table.access.plain import plain
+from pnfarm.table.access.riders import row_of_axis
 from pnfarm.table.channel import IDLE
 from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1
 
@@ -39,8 +40,11 @@ class ArKeys:
 class ProfinetConnection(ConnectionPart):
     """See :class:`~pnfarm.faults.effects.connection.ConnectionPart`; error codes are those of an ERR-RTA-PDU."""
 
-    def __init__(self, station: ProfinetDevice, columns: Columns, keys: ArKeys, settle: Callable[[int], None]) -> None:
+    def __init__(
+        self, station: ProfinetDevice, columns: Columns, keys: ArKeys, settle: Callable[[int], None], axis: int = 0
+    ) -> None:
         self._station = station
+        self._axis = axis
         self._columns = columns
         self._ppm = plain(columns.ppm)
         self._keys = keys
@@ -93,7 +97,10 @@ class ProfinetConnection(ConnectionPart):
         for ar in self._station.ars.values():
             for number, _ in ar.providers:
                 row = self._columns.ppm[number]
-                if int(row.last_ns) >= since and _status_word(row, self._columns.frames[number]) >> bit & 1:
+                if int(row.last_ns) < since:
+                    continue
+                part = row_of_axis(self._columns.ppm, row, self._axis)
+                if part is not None and _status_word(part, self._columns.frames[number]) >> bit & 1:
                     return True
         return False
 

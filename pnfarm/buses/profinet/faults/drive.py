@@ -15,20 +15,22 @@ from pnfarm.buses.profinet.faults.second_station import NEIGHBOUR, Neighbour
 from pnfarm.buses.profinet.faults.set_up import SET_UP, SetUp
 from pnfarm.faults.effects.adapter import ADAPTER, Adapter
 from pnfarm.faults.effects.connection import CONNECTION
-from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
 from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
-from pnfarm.faults.effects.servo import SERVO, Servo
 from pnfarm.faults.effects.sign_of_life import LIFE, SignOfLife
+from pnfarm.faults.effects.station_parts import injected_station
+from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
 
 if TYPE_CHECKING:
+    from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
     from pnfarm.buses.bus import InjectionHost
     from pnfarm.buses.profinet.device.device import ProfinetDevice
+    from pnfarm.station.axis import Axis
 
-__all__ = ["injected_drive"]
+__all__ = ["injected_drives"]
 
 
-def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDrive:
+def injected_drives(station: ProfinetDevice, host: InjectionHost) -> list[InjectedDrive]:
     """Everything here is outside of the station: rows of the engine's table, the gate, hooks of its machines."""
     name, port = station.configured_name, station.port.index
     host.gate.classify(port, frame_class)
@@ -36,9 +38,6 @@ def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDriv
 
     def carrier_changed(up: bool) -> None:
         station.neighbours.set_link(up=up)
-
-    def came_on(now: int) -> None:
-        drive.refresh(now)
 
     wire = Wire(
         name,
@@ -51,14 +50,13 @@ def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDriv
         classes=CLASSES,
         messages=frozenset({RPC}),
     )
-    servo = Servo(station.station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
+    supply = Supply(station.station, settle=host.settle, goes_off=wire.forget)
     diagnoses = Diagnoses(station, host.settle)
     set_up = SetUp(station, host.settle)
     records = Records(station, host.settle)
     parts: dict[Part[Any], DrivePart] = {
-        SERVO: servo,
         WIRE: wire,
-        ADAPTER: Adapter(name, port, station.port.mac, host.addresses, servo, station.change_mac),
+        ADAPTER: Adapter(name, port, station.port.mac, host.addresses, supply, station.change_mac),
         PROFINET_FRAMES: wire,
         CONNECTION: ProfinetConnection(station, host.columns, keys, host.settle),
         NEIGHBOUR: Neighbour(station),
@@ -69,12 +67,16 @@ def injected_drive(station: ProfinetDevice, host: InjectionHost) -> InjectedDriv
         MODULES: Modules(station, keys, host.settle, diagnoses.put),
         DIAGNOSES: diagnoses,
         ALARMS: Alarms(station, host.impairments, keys, host.settle),
-        LIFE: SignOfLife(station.station, station.index, host.columns),
         RECORDS: records,
         PARAMETER_ACCESS: records,
     }
-    model = station.model
-    drive = InjectedDrive(
-        name, lambda: (name, station.name), (model.name, *model.aliases), parts, lambda: station.cm, model.bus
+
+    def of_axis(axis: Axis) -> dict[Part[Any], DrivePart]:
+        return {
+            LIFE: SignOfLife(axis, station.index, host.columns, axis.number),
+            CONNECTION: ProfinetConnection(station, host.columns, keys, host.settle, axis.number),
+        }
+
+    return injected_station(
+        station.station, parts, supply, lambda: station.cm, bus_name=lambda: station.name, of_axis=of_axis
     )
-    return drive

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pnfarm.buses.axis_program import PHASES
+from pnfarm.buses.controllers.axis_program import PHASES
 from pnfarm.station.event import Event, event, shown, unshown
 
 __all__ = ["ConnectFailed", "Connected", "ConnectionBroken", "PhaseChanged", "Released"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pnfarm.faults.effects.effect import Effect
 from pnfarm.faults.kind import InjectionKind
-from toybus.faults import MOUTH
+from toybus.faults.drive import MOUTH
 
 
 class ToyMute(Effect):

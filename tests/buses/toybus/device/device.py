@@ -12,11 +12,9 @@ from pnfarm.station.events import ConnectionEstablished, ConnectionLost
 from pnfarm.table.image import LOST_EXPIRED, LOST_NOT
 from pnfarm.table.signals import NSOLL_A, STW1
 from pnfarm.wire.ethernet import parse_ethernet
-from toybus.frames import ETHERTYPE, Report, emit_report, frame, parse_order
+from toybus.frames import Report, emit_report, frame, parse_order
 
 if TYPE_CHECKING:
-    from collections.abc import Collection
-
     from pnfarm.station.station import Station
 
 SILENCE_NS = 100_000_000
@@ -39,7 +37,7 @@ class ToyLost(ConnectionLost):
 class ToyDevice:
     """See :class:`pnfarm.station.device.Device`."""
 
-    def __init__(self, station: Station) -> None:
+    def __init__(self, station: Station, services: object = None) -> None:
         self.station = station
         self.name = station.configured_name
         self.connects = 0
@@ -170,16 +168,3 @@ class ToyDevice:
 
     def view(self, now: int) -> dict[str, Any]:
         return {}
-
-
-class ToySegment:
-    """Frames of this bus to one drive alone."""
-
-    def admits(self, port: int, data: bytes, now: int) -> bool:
-        return data[12:14] == ETHERTYPE.to_bytes(2, "big") and not data[0] & 1
-
-    def audience(self, data: bytes, besides: Collection[int] = ()) -> tuple[int, ...]:
-        return ()
-
-    def settled(self, port: int) -> None:
-        pass

@@ -12,7 +12,7 @@ from pnfarm.faults.effects.wire import WIRE, Wire
 if TYPE_CHECKING:
     from pnfarm.buses.bus import InjectionHost
     from pnfarm.faults.effects.connection import Status
-    from toybus.device import ToyDevice
+    from toybus.device.device import ToyDevice
 
 
 class Mouth(DrivePart):

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 class ToyDecoder:
     """A :class:`pnfarm.captures.decoder.FrameDecoder`."""
 
+    def __init__(self, capture: object) -> None:
+        pass
+
     def family_of(self, packet: Packet) -> str | None:
         return "toy" if packet.ethertype == ETHERTYPE else None
 

@@ -1,0 +1,1 @@
+"""What the built-in controllers of all buses have in common."""

@@ -1,0 +1,192 @@
+"""A bus's controller without a clock and without tasks, a :class:`Node` like a farm: what it has on any bus.
+
+Drives are asked by their names.  The axis programs run in the engine's table, a row for each device of the plan.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections import Counter
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Generic
+
+from pnfarm.buses.controller import Controller
+from pnfarm.buses.controllers.axis_program import configure
+from pnfarm.buses.controllers.events import PhaseChanged
+from pnfarm.buses.controllers.parameter_words import parameter_answer, put_parameter_task
+from pnfarm.buses.controllers.session import DATA, STOPPED
+from pnfarm.buses.controllers.session_life import S
+from pnfarm.engine.columns import Columns, allocate
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.deadlines import Deadlines
+from pnfarm.table import engine_row, program
+from pnfarm.table.channel import W_START
+from pnfarm.table.image import LOST_NEVER
+from pnfarm.table.signals import PKW_HEAD, WORD_NONE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.buses.controller import ControllerHost
+    from pnfarm.buses.controllers.device_plan import PlannedDevice
+    from pnfarm.buses.controllers.session_life import Life
+    from pnfarm.drives.profiles.profidrive.pkw import Pkw
+
+__all__ = ["DriveCore", "SessionCore"]
+
+
+class DriveCore(Controller):
+    """``plan`` has the name and the devices; ``tick_ns`` is the engine's."""
+
+    #: What the cyclic data of a drive are called where they have no parameter channel.
+    without_channel = "the telegram of drive {!r} has no parameter channel (PKW)"
+
+    def __init__(self, plan: Any, host: ControllerHost, *, channels: int, tick_ns: int) -> None:
+        self.name: str = plan.name
+        self.devices: Sequence[PlannedDevice] = plan.devices
+        self.link, self.port, self.log = host.link, host.port, host.log
+        self.dropped: Counter[str] = Counter()
+        count = len(self.devices)
+        self.columns: Columns = allocate(images=count, programs=count, channels=channels)
+        self.columns.engine[0].tick_ns = tick_ns
+        self.columns.image.lost[:] = LOST_NEVER
+        self._places = {device.name: index for index, device in enumerate(self.devices)}
+        self._tail = 0
+        for row, device in zip(self.columns.program, self.devices, strict=True):
+            configure(row, device.program, asdict(device.steps) | {"life": device.life})
+        self.link.set_receiver(self.receive)
+
+    def _place(self, name: str) -> int:
+        """The row of a drive.  Raises :class:`ConfigError` for an unknown one."""
+        place = self._places.get(name)
+        if place is None:
+            raise ConfigError(f"controller {self.name} has no drive {name!r}")
+        return place
+
+    @property
+    def all_running(self) -> bool:
+        """Every enabled axis is in operation."""
+        return all(
+            int(row.phase) == program.RUNNING or not device.program.enable
+            for row, device in zip(self.columns.program, self.devices, strict=True)
+        )
+
+    def exchanging(self, name: str) -> bool:
+        """Whether a drive's data is valid; false for one that is not the controller's."""
+        place = self._places.get(name)
+        return place is not None and bool(self.columns.image[place].valid)
+
+    # -- the parameter channel (PKW) -----------------------------------------------------------------------------------
+
+    def put_parameter_task(self, name: str, task: Pkw) -> None:
+        """See :class:`pnfarm.buses.controller.Controller`."""
+        put_parameter_task(self._channel_image(name), task)
+
+    def parameter_answer(self, name: str) -> Pkw:
+        """See :class:`pnfarm.buses.controller.Controller`."""
+        return parameter_answer(self._channel_image(name))
+
+    def _channel_image(self, name: str) -> Any:
+        place = self._place(name)
+        if PKW_HEAD not in {code >> 2 for code in self.devices[place].output_words if code != WORD_NONE}:
+            raise ConfigError(self.without_channel.format(name))
+        return self.columns.image[place]
+
+    # -- the engine's events -------------------------------------------------------------------------------------------
+
+    def drain(self, now: int) -> None:
+        """Take the engine's events since the last time."""
+        head = int(self.columns.engine[0].event_head)
+        size = self.columns.events.shape[0]
+        if head - self._tail > size:
+            self._tail = head - size
+            self.overran(now)
+        while self._tail < head:
+            # as a tuple, in the order of the layout: each attribute would take a microsecond
+            kind, row, when, value = self.columns.events[self._tail % size].item()
+            self._tail += 1
+            if kind == engine_row.EXPIRED:
+                self.expired(row, now)
+            elif kind == engine_row.PHASE_CHANGED:
+                self.log.record(when, self.devices[row].name, PhaseChanged(value >> 8, value & 0xFF))
+
+    def overran(self, now: int) -> None:
+        """Events were lost, which only channels mind."""
+
+    def expired(self, row: int, now: int) -> None:
+        """No data came in a channel, of which only some controllers have any."""
+
+
+class SessionCore(DriveCore, Generic[S]):
+    """One with a session for each device, whose channels are the engine's."""
+
+    life: Life[S]
+
+    def __init__(self, plan: Any, host: ControllerHost, sessions: list[S], *, tick_ns: int) -> None:
+        super().__init__(plan, host, channels=len(sessions) * 2 + 8, tick_ns=tick_ns)
+        self.sessions = sessions
+        self._deadlines = Deadlines()
+
+    # -- node ----------------------------------------------------------------------------------------------------------
+
+    def service(self, now: int) -> None:
+        """See :class:`pnfarm.buses.controller.Controller`."""
+        self.drain(now)
+        for index in self._deadlines.take(now):
+            session = self.sessions[index]
+            self.life.touch(session)
+            if session.due_ns is not None and session.due_ns <= now:
+                session.due_ns = None
+                self.life.timed(session, now)
+            if session.machine is not None:
+                session.machine.handle_timeout(now)
+        self.timed(now)
+        self.settle(now)
+
+    def timed(self, now: int) -> None:
+        """Do what is due besides: of machines that all sessions share."""
+
+    def next_deadline(self) -> int | None:
+        return self._deadlines.first()
+
+    def arm(self, session: S) -> None:
+        """Note when a session is next due."""
+        due = (session.due_ns, None if session.machine is None else session.machine.next_deadline())
+        self._deadlines.set(session.index, min((time for time in due if time is not None), default=None))
+
+    @abstractmethod
+    def settle(self, now: int) -> None:
+        """Let the machines act until nothing moves, and send."""
+
+    # -- state for observers -------------------------------------------------------------------------------------------
+
+    @property
+    def all_stopped(self) -> bool:
+        return all(session.state == STOPPED for session in self.sessions)
+
+    @property
+    def all_connected(self) -> bool:
+        """Every device exchanges data both ways."""
+        return all(s.state == DATA and self.columns.image[s.index].valid for s in self.sessions)
+
+    def session(self, name: str) -> S | None:
+        place = self._places.get(name)
+        return None if place is None else self.sessions[place]
+
+    def named(self, name: str) -> S:
+        """A drive's session.  Raises :class:`ConfigError` for an unknown drive."""
+        return self.sessions[self._place(name)]
+
+    # -- the engine's events -------------------------------------------------------------------------------------------
+
+    def expired(self, row: int, now: int) -> None:
+        """A session's consumer timed out; a row that was reopened since has not."""
+        session = self.sessions[int(self.columns.cpm[row].image)]
+        if session.consumer == row and self.columns.cpm[row].expirations:
+            self.life.expired(session, now)
+
+    def overran(self, now: int) -> None:
+        """A connection whose end was lost with the events must end nevertheless."""
+        for session in self.sessions:
+            if session.consumer is not None and self.columns.cpm[session.consumer].state == W_START:
+                self.expired(session.consumer, now)

@@ -1,0 +1,94 @@
+"""From the farm file to a controller's plan: what is the same on several buses."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from ipaddress import IPv4Interface
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.controllers.axis_program import axis_program
+from pnfarm.drives.telegrams.signal_view import axis_signals
+from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.table.axis_codes import TASKS_NONE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+    from pnfarm.buses.controllers.signal_steps import KnownSteps
+    from pnfarm.config.controller import ControllerSection
+    from pnfarm.config.drive import DriveConfig
+    from pnfarm.drives.description.model import Model
+    from pnfarm.drives.telegrams.telegram import Telegram
+
+__all__ = ["describing", "own_address", "profidrive_keys", "reconnect_after_ns", "telegram_of"]
+
+
+def reconnect_after_ns(section: ControllerSection) -> int | None:
+    """The pause behind a lost connection; None for one that stays lost."""
+    return section.reconnect.after_ns if section.reconnect is not None else None
+
+
+def own_address(given: IPv4Interface | None, others: Iterable[IPv4Interface | None]) -> IPv4Interface:
+    """The controller's address; a free one next to those of drives and devices where the file gives none.
+
+    Raises :class:`ConfigError`.
+    """
+    if given is not None:
+        return given
+    known = [ip for ip in others if ip is not None]
+    if not known:
+        raise ConfigError("neither the controller nor a drive has an ip; give `controller: {ip: 10.77.0.1/24}`")
+    network, taken = known[0].network, {ip.ip for ip in known}
+    for address in network.hosts():
+        if address not in taken:
+            return IPv4Interface((address, network.prefixlen))
+    raise ConfigError(f"{network} has no address left for the controller; give it one outside of the drives'")
+
+
+def telegram_of(model: Model, number: int) -> Telegram:
+    """A drive's telegram.  Raises :class:`ConfigError` for one that the model does not have."""
+    telegram = model.profidrive.telegrams.get(number)
+    if telegram is None:
+        known = ", ".join(map(str, model.profidrive.telegrams))
+        raise ConfigError(f"{model.name} has no telegram {number}; it has {known}")
+    return telegram
+
+
+def profidrive_keys(
+    section: ControllerSection, drive: DriveConfig, model: Model, number: int, known_steps: KnownSteps
+) -> dict[str, Any]:
+    """What any plan has of a PROFIdrive drive with this telegram, by the fields of ``PlannedDevice``.
+
+    Raises :class:`ConfigError` as :func:`telegram_of` does, and for a program that the telegram has no signals for.
+    """
+    telegram, steps = telegram_of(model, number), known_steps.of(model, drive, number)
+    if section.program.kind == "positions" and steps.task_form == TASKS_NONE:
+        raise ConfigError(f"drive {drive.name}: telegram {number} of {model.name} has no signal of a position task")
+    return {
+        "name": drive.name,
+        "model": model.name,
+        "program": axis_program(section.program),
+        "steps": steps,
+        "signals": axis_signals(model.profidrive, number, steps.units()),
+        "output_words": telegram.output_words,
+        "input_words": telegram.input_words,
+        "described": model,
+        "reconnect_after_ns": reconnect_after_ns(section),
+    }
+
+
+@contextmanager
+def describing(device: str, path: Path, *, slugs: bool = False) -> Iterator[None]:
+    """Read a device's description file in the block: what goes wrong is a :class:`ConfigError` with their names.
+
+    ``slugs``: also with the slug of what cannot be read.
+    """
+    try:
+        yield
+    except OSError as exc:
+        raise ConfigError(f"device {device}, {path}: cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
+    except DecodeError as exc:
+        raise ConfigError(f"device {device}, {path}: {exc if slugs else exc.detail or exc.reason}") from exc
+    except ConfigError as exc:
+        raise ConfigError(f"device {device}, {path}: {exc}") from exc

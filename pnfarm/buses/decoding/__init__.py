@@ -1,0 +1,1 @@
+"""What the decoders of captures have in common on all buses."""

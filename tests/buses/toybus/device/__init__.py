@@ -1,0 +1,1 @@
+"""The drive's end of the toy bus."""

@@ -1,0 +1,1 @@
+"""What can be injected into drives on the toy bus."""
