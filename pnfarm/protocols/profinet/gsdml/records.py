@@ -11,18 +11,18 @@ from __future__ import annotations
 import math
 import struct
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.values import parse_octets
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from pnfarm.protocols.profinet.gsdml.safe_xml import Node
     from pnfarm.protocols.profinet.gsdml.versions import Attributes
 
-__all__ = ["MAX_RECORD", "ParameterConst", "ParameterRecord", "ParameterRef", "parse_record", "read_ref"]
+__all__ = ["MAX_RECORD", "ParameterConst", "ParameterRecord", "ParameterRef", "Texts", "parse_record", "read_ref"]
 
 #: Octets of one record; the standard's own default for a device is 4068.
 MAX_RECORD = 0x10000
@@ -42,6 +42,16 @@ _PACKED = {
 _LISTED = ("OctetString", "VisibleString")
 
 
+class Texts(Protocol):
+    """The texts of a file."""
+
+    def text(self, node: Node | None) -> str:
+        """The text that an element's TextId names."""
+
+    def assigned(self, node: Node) -> tuple[tuple[str, str], ...]:
+        """Values and what they mean, of an element that names a ValueItem."""
+
+
 @dataclass(frozen=True, slots=True)
 class ParameterConst:
     """Constant octets from ``byte_offset`` on."""
@@ -54,7 +64,8 @@ class ParameterConst:
 class ParameterRef:
     """One value inside a record; ``default`` and ``allowed`` are as the file writes them.
 
-    ``bit_offset`` and ``bit_length`` are for Bit and BitArea; ``length`` (octets) for strings.
+    ``bit_offset`` and ``bit_length`` are for Bit and BitArea; ``length`` (octets) for strings.  ``texts`` are values
+    with what they mean.
     """
 
     data_type: str
@@ -67,6 +78,7 @@ class ParameterRef:
     name: str = ""
     changeable: bool = True
     visible: bool = True
+    texts: tuple[tuple[str, str], ...] = ()
 
     @property
     def is_bits(self) -> bool:
@@ -222,7 +234,7 @@ def _const(attributes: Attributes, node: Node, length: int) -> ParameterConst:
     return ParameterConst(data, offset)
 
 
-def read_ref(attributes: Attributes, node: Node, length: int, text: Callable[[Node | None], str]) -> ParameterRef:
+def read_ref(attributes: Attributes, node: Node, length: int, texts: Texts) -> ParameterRef:
     """A Ref of something that has ``length`` octets."""
     ref = ParameterRef(
         data_type=attributes.word(node, "DataType"),
@@ -232,25 +244,26 @@ def read_ref(attributes: Attributes, node: Node, length: int, text: Callable[[No
         length=attributes.number(node, "Length", MAX_RECORD),
         default=attributes.text(node, "DefaultValue"),
         allowed=attributes.text(node, "AllowedValues"),
-        name=text(node),
+        name=texts.text(node),
         changeable=attributes.flag(node, "Changeable"),
         visible=attributes.flag(node, "Visible"),
+        texts=texts.assigned(node),
     )
     if ref.byte_offset + (ref.octets or 0) > length:
         node.fail("ByteOffset", f"a place inside the record's {length} octets")
     return ref
 
 
-def parse_record(attributes: Attributes, node: Node, text: Callable[[Node | None], str]) -> ParameterRecord:
-    """A ParameterRecordDataItem; ``text`` finds the text that an element's TextId names."""
+def parse_record(attributes: Attributes, node: Node, texts: Texts) -> ParameterRecord:
+    """A ParameterRecordDataItem."""
     length = attributes.number(node, "Length", MAX_RECORD)
     if length == 0:
         node.refuse("Length", "a record has octets")
     return ParameterRecord(
         index=attributes.number(node, "Index", 0xFFFF),
         length=length,
-        name=text(node.child("Name")),
+        name=texts.text(node.child("Name")),
         transfer_sequence=attributes.number(node, "TransferSequence", 0xFFFF),
         consts=tuple(_const(attributes, const, length) for const in node.all("Const")),
-        refs=tuple(read_ref(attributes, ref, length, text) for ref in node.all("Ref")),
+        refs=tuple(read_ref(attributes, ref, length, texts) for ref in node.all("Ref")),
     )
