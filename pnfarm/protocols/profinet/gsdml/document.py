@@ -315,13 +315,15 @@ class ExtDiagnosis:
     error_type: int
     name: str
     help: str = ""
+    severities: tuple[str, ...] = ("D",)
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelDiagnosis:
     """A ChannelErrorType and what it means; ``api`` is that of the profile which it belongs to, None for the maker's.
 
-    ``extended`` are in rising order.
+    One that the standard defines has no name.  ``extended`` are in rising order.  ``severities`` is
+    MaintenanceAlarmState: D (diagnosis), MR (maintenance required), MD (maintenance demanded), QD (qualified).
     """
 
     error_type: int
@@ -329,6 +331,7 @@ class ChannelDiagnosis:
     help: str = ""
     api: int | None = None
     extended: tuple[ExtDiagnosis, ...] = ()
+    severities: tuple[str, ...] = ("D",)
 
 
 @dataclass(frozen=True, slots=True)

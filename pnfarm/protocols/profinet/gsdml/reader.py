@@ -122,8 +122,8 @@ class _Reader:
                 if node.name == "PortSubmoduleItem"
             ),
             diagnoses=tuple(
-                self._diagnosis(node, profile=profile)
-                for item, profile in (("ChannelDiagItem", False), ("ProfileChannelDiagItem", True))
+                self._diagnosis(node, profile=item == "ProfileChannelDiagItem")
+                for item in ("ChannelDiagItem", "SystemDefinedChannelDiagItem", "ProfileChannelDiagItem")
                 for node in self._process.all("ChannelDiagList", item)
             ),
             unit_diagnoses=tuple(
@@ -137,11 +137,13 @@ class _Reader:
     # diagnosis
 
     def _diagnosis(self, node: Node, *, profile: bool) -> ChannelDiagnosis:
+        system = node.name == "SystemDefinedChannelDiagItem"
         extended = [
             ExtDiagnosis(
                 self._at.number(ext, "ErrorType", _U16),
                 self._texts.text(ext.child("Name")),
                 self._texts.text(ext.child("Help")),
+                self._at.tokens(ext, "MaintenanceAlarmState"),
             )
             for item in ("ExtChannelDiagItem", "ProfileExtChannelDiagItem")
             for ext in node.all("ExtChannelDiagList", item)
@@ -152,6 +154,7 @@ class _Reader:
             help=self._texts.text(node.child("Help")),
             api=self._at.number(node, "API", _U32) if profile else None,
             extended=tuple(sorted(extended, key=lambda ext: ext.error_type)),
+            severities=("D",) if system else self._at.tokens(node, "MaintenanceAlarmState"),
         )
 
     def _unit_diagnosis(self, node: Node, *, profile: bool) -> UnitDiagnosis:

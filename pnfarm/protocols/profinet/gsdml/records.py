@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import math
 import struct
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.gsdml.languages import Languages
 from pnfarm.protocols.profinet.gsdml.values import parse_octets
 
 if TYPE_CHECKING:
@@ -22,8 +24,18 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.gsdml.safe_xml import Node
     from pnfarm.protocols.profinet.gsdml.versions import Attributes
 
-__all__ = ["MAX_RECORD", "ParameterConst", "ParameterRecord", "ParameterRef", "Texts", "parse_record", "read_ref"]
+__all__ = [
+    "MAX_RECORD",
+    "Complaint",
+    "ParameterConst",
+    "ParameterRecord",
+    "ParameterRef",
+    "Texts",
+    "parse_record",
+    "read_ref",
+]
 
+_ONE_LANGUAGE = Languages()
 #: Octets of one record; the standard's own default for a device is 4068.
 MAX_RECORD = 0x10000
 #: Octets of types with a fixed length, and how they are packed (IEC 61158-6-10, basic data types).
@@ -38,8 +50,12 @@ _PACKED = {
     "Unsigned64": ">Q",
     "Float32": ">f",
     "Float64": ">d",
+    "Unsigned8_S": ">B",
+    "Unsigned16_S": ">H",
+    "Integer16_S": ">h",
 }
-_LISTED = ("OctetString", "VisibleString")
+_OCTET_STRINGS = ("OctetString", "OctetString_S")
+_LISTED = (*_OCTET_STRINGS, "VisibleString", "UnicodeString8")
 
 
 class Texts(Protocol):
@@ -118,7 +134,7 @@ class ParameterRef:
         if self.data_type in _LISTED:
             if self.data_type == "VisibleString" and not text.isascii():
                 raise ValueError("an ASCII text")
-            data = parse_octets(text) if self.data_type == "OctetString" else text.encode("ascii")
+            data = parse_octets(text) if self.data_type in _OCTET_STRINGS else text.encode()
             if len(data) > self.length:
                 raise ValueError(f"at most {self.length} octets")
             octets[self.byte_offset : self.byte_offset + self.length] = data.ljust(self.length, b"\0")
@@ -143,6 +159,18 @@ class ParameterRef:
         except (struct.error, OverflowError):
             raise ValueError(f"what {self.data_type} holds") from None
         octets[self.byte_offset : self.byte_offset + len(packed)] = packed
+
+    def content(self, text: str, languages: Languages = _ONE_LANGUAGE) -> str:
+        """The value that a text of its ValueItem stands for, in any language; ``text`` itself where there is none."""
+        wanted = text.strip().casefold()
+        for content, named in self.texts:
+            if any(wording.strip().casefold() == wanted for wording in languages.wordings(named)):
+                return content
+        return text
+
+    def meaning(self, value: float | bytes | None) -> str:
+        """The text of a value, empty for none."""
+        return next((text for content, text in self.texts if _is(content, value)), "")
 
     def value(self, octets: bytes) -> float | bytes | None:
         """The value there; None where it does not fit, or is of a type that is not supported."""
@@ -175,6 +203,13 @@ def _numeric(text: str) -> float:
     raise ValueError("a number")
 
 
+def _is(content: str, value: float | bytes | None) -> bool:
+    try:
+        return _numeric(content) == value
+    except ValueError:
+        return False
+
+
 def _whole(value: float) -> int:
     if not math.isfinite(value) or int(value) != value:
         raise OverflowError
@@ -184,6 +219,18 @@ def _whole(value: float) -> int:
 def _lay_bits(octets: bytearray, byte_offset: int, bit_offset: int, bits: int, value: int) -> None:
     mask = ((1 << bits) - 1) << bit_offset
     octets[byte_offset] = octets[byte_offset] & ~mask | value << bit_offset
+
+
+@dataclass(frozen=True, slots=True)
+class Complaint:
+    """What is wrong with a written record, as a sentence; ``ref`` is the value that is not allowed, None for a wrong
+    length."""
+
+    text: str
+    ref: ParameterRef | None = None
+
+    def __str__(self) -> str:
+        return self.text
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,18 +244,43 @@ class ParameterRecord:
     consts: tuple[ParameterConst, ...] = ()
     refs: tuple[ParameterRef, ...] = ()
 
+    def _constants(self) -> bytearray:
+        octets = bytearray(self.length)
+        for const in self.consts:
+            octets[const.byte_offset : const.byte_offset + len(const.data)] = const.data
+        return octets
+
+    def defaults(self) -> bytes:
+        """The record before anything was written; a default that is not supported (see above) leaves its octets."""
+        octets = self._constants()
+        for ref in self.refs:
+            with suppress(ValueError):
+                ref.put(octets, ref.default, checked=False)
+        return bytes(octets)
+
+    def complaint(self, octets: bytes) -> Complaint | None:
+        """What is wrong with ``octets`` as this record: its length, or the first value that is not allowed."""
+        if len(octets) != self.length:
+            than = "shorter" if len(octets) < self.length else "longer"
+            return Complaint(f"record {self.index} has {len(octets)} octets, {than} than its {self.length}")
+        for ref in self.refs:
+            value = ref.value(octets)
+            wrong = ref.check(value) if isinstance(value, int | float) else None
+            if wrong is not None:
+                named = f"{value:g}" if isinstance(value, float) else str(value)
+                return Complaint(f"record {self.index}, {ref.name or ref.data_type}: {named} is written, {wrong}", ref)
+        return None
+
     def octets(self, values: Mapping[str, str | float] | None = None) -> bytes:
         """The record with its defaults, and ``values`` by the names of its references.
 
         Raises :class:`ConfigError` for an unknown name, and for a value that is not allowed.
         """
         given = dict(values or {})
-        octets = bytearray(self.length)
-        for const in self.consts:
-            octets[const.byte_offset : const.byte_offset + len(const.data)] = const.data
+        octets = self._constants()
         for ref in self.refs:
             value = given.pop(ref.name, None)
-            text = ref.default if value is None else str(value)
+            text = ref.default if value is None else ref.content(str(value))
             if not text and value is None:
                 continue
             try:

@@ -45,7 +45,7 @@ _MOST = 4096
 #: Octets of a device's records; real ones have some thousand.
 _MOST_OCTETS = 1 << 22
 #: Types whose values have an order of octets of their own.
-_STRINGS = ("OctetString", "VisibleString", "UnicodeString8")
+_STRINGS = ("OctetString", "OctetString_S", "VisibleString", "UnicodeString8")
 
 #: Slot and subslot.
 Place = tuple[int, int]
@@ -69,7 +69,8 @@ class PlugError(ConfigError):
 
 @dataclass(frozen=True, slots=True)
 class PluggedItem:
-    """One datum: ``octet`` is its first one in the submodule's inputs or outputs; ``bits`` are (octet, bit, name)."""
+    """One datum: ``octet`` is its first one in the submodule's inputs or outputs; ``bits`` are those that the file
+    names: (octet, bit, name)."""
 
     name: str
     data_type: str
@@ -77,6 +78,16 @@ class PluggedItem:
     octets: int
     use_as_bits: bool = False
     bits: tuple[tuple[int, int, str], ...] = ()
+
+    @property
+    def all_bits(self) -> tuple[tuple[int, int, str], ...]:
+        """Each of its bits, named by its number."""
+        return tuple((*self.bit_place(number), f"{self.name} {number}") for number in range(8 * self.octets))
+
+    def bit_place(self, number: int) -> tuple[int, int]:
+        """(octet, bit) of a BitOffset."""
+        inside = number // 8
+        return self.octet + (inside if self.data_type in _STRINGS else self.octets - 1 - inside), number % 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -361,7 +372,7 @@ class _Contents(Generic[T]):
         if found:
             ref = next(ref for ref in self._refs if ref.target == found[0].id)
             places = " ".join(one.emit() for one in (ref.allowed, ref.used, ref.fixed) if one.ranges)
-            kind = "subslot" if self._slot is not None else "slot"
+            kind = "subslots" if self._slot is not None else "slots"
             return f"; {found[0].id} goes into {kind} {places}" if places else ""
         if matching(wanted, list(self._known.values()), self._gsdml.languages):
             if self._slot is not None:
@@ -396,13 +407,9 @@ def _items(data: DataItems | None) -> tuple[PluggedItem, ...]:
     found = []
     octet = 0
     for item in data.items if data else ():
-        bits = []
-        for number, name in item.bits:
-            inside = number // 8
-            if inside < item.octets:
-                place = octet + (inside if item.data_type in _STRINGS else item.octets - 1 - inside)
-                bits.append((place, number % 8, name))
-        found.append(PluggedItem(item.name, item.data_type, octet, item.octets, item.use_as_bits, tuple(bits)))
+        bare = PluggedItem(item.name, item.data_type, octet, item.octets, item.use_as_bits)
+        inside = [(number, name) for number, name in item.bits if number < 8 * item.octets]
+        found.append(replace(bare, bits=tuple((*bare.bit_place(number), name) for number, name in inside)))
         octet += item.octets
     return tuple(found)
 

@@ -80,6 +80,10 @@ def _api(value: int | None) -> Attribute:
     return "API", None if value is None else str(value)
 
 
+def _severities(value: tuple[str, ...]) -> Attribute:
+    return "MaintenanceAlarmState", None if value == ("D",) else emit_tokens(value)
+
+
 def _listed(name: str, value: Numbers, default: Numbers) -> Attribute:
     """A value list without ranges, as tools are used to for powers of two."""
     return name, None if value == default else " ".join(map(str, value))
@@ -447,13 +451,17 @@ class _Writer:
         self._open("ChannelDiagList")
         for diagnosis in diagnoses:
             element = "ChannelDiagItem" if diagnosis.api is None else "ProfileChannelDiagItem"
-            self._open(element, _api(diagnosis.api), _number("ErrorType", diagnosis.error_type))
-            self._named_with_help(diagnosis.name, diagnosis.help)
+            if diagnosis.api is None and not diagnosis.name:
+                element = "SystemDefinedChannelDiagItem"
+            severities = _severities(diagnosis.severities)
+            self._open(element, _api(diagnosis.api), _number("ErrorType", diagnosis.error_type), severities)
+            if element != "SystemDefinedChannelDiagItem":
+                self._named_with_help(diagnosis.name, diagnosis.help)
             if diagnosis.extended:
                 self._open("ExtChannelDiagList")
                 for ext in diagnosis.extended:
                     item = "ExtChannelDiagItem" if ext.error_type < PROFILE_TYPES else "ProfileExtChannelDiagItem"
-                    self._open(item, _number("ErrorType", ext.error_type))
+                    self._open(item, _number("ErrorType", ext.error_type), _severities(ext.severities))
                     self._named_with_help(ext.name, ext.help)
                     self._close(item)
                 self._close("ExtChannelDiagList")
