@@ -101,9 +101,11 @@ def test_modules_and_submodules_carry_idents_lengths_types_and_consistency():
 
 def test_diagnoses_carry_their_texts_with_extended_ones_a_profiles_and_a_makers_own_form():
     gsdml = read()
-    own, profile = gsdml.diagnoses
+    own, standard, profile = gsdml.diagnoses
     assert (own.error_type, own.name, own.help, own.api) == (256, "Too hot", "Cool", None)
     assert [(ext.error_type, ext.name) for ext in own.extended] == [(1, "Dust"), (2, "Fan")]
+    assert (standard.error_type, standard.name) == (6, "")
+    assert [(ext.error_type, ext.name) for ext in standard.extended] == [(1, "Dust")]
     assert (profile.error_type, profile.name, profile.api) == (0x900A, "Encoder", 0x3A00)
     assert [(ext.error_type, ext.name) for ext in profile.extended] == [(0x9000, "Line broken")]
     unit, profiles = gsdml.unit_diagnoses
@@ -125,6 +127,7 @@ def test_diagnoses_carry_their_texts_with_extended_ones_a_profiles_and_a_makers_
         (AlarmItem(0x8002, bytes.fromhex("8000080001000009") + bytes(4)), "Too hot: 0x0009 (fault, appears)"),
         (AlarmItem(0x8002, bytes.fromhex("80000800900a9000") + bytes(4)), "Encoder: Line broken (fault, appears)"),
         (AlarmItem(0x8000, bytes.fromhex("800008000006")), "wire break (fault, appears)"),
+        (AlarmItem(0x8002, bytes.fromhex("8000080000060001") + bytes(4)), "wire break: Dust (fault, appears)"),
         (AlarmItem(0x8000, bytes.fromhex("800008000101")), "error type 0x0101 (fault, appears)"),
         (AlarmItem(7, bytes.fromhex("1500fffeabcd")), "State (Door 1, Step 5, Offset -2, Tag ABCD)"),
         (AlarmItem(7, bytes.fromhex("15")), "State (Door 1, Step 5)"),

@@ -1,8 +1,8 @@
 """What a GSDML file says, as data: :class:`Gsdml` and what it is made of.
 
 Attributes carry the file's names in this project's spelling; what a file leaves out has the default of its schema
-version (`versions`).  Texts are those of the primary language.  ``line`` is the element's in the file, 0 in a
-description that was not read.
+version (`versions`).  Texts are those of the primary language; ``Gsdml.languages`` has the others.  ``line`` is the
+element's in the file, 0 in a description that was not read.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import TYPE_CHECKING
 
+from pnfarm.protocols.profinet.gsdml.languages import Languages
 from pnfarm.protocols.profinet.gsdml.values import Numbers
 
 if TYPE_CHECKING:
@@ -113,12 +114,14 @@ class Info:
 
 @dataclass(frozen=True, slots=True)
 class DataItem:
-    """One datum of a submodule's inputs or outputs; ``octets`` follow from type and length."""
+    """One datum of a submodule's inputs or outputs; ``octets`` follow from type and length; ``bits`` are the numbers
+    and names of its BitDataItems."""
 
     data_type: str
     octets: int
     name: str = ""
     use_as_bits: bool = False
+    bits: tuple[tuple[int, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +156,7 @@ class SubmoduleItem:
     may_issue_process_alarm: bool = False
     writeable_im: Numbers = NO_NUMBERS
     profisafe: bool = False
+    f_parameters: ParameterRecord | None = None
     line: int = field(default=0, compare=False)
 
     @property
@@ -191,6 +195,7 @@ class PortSubmodule:
     max_rx_delay: int = 0
     max_tx_delay: int = 0
     records: tuple[ParameterRecord, ...] = ()
+    writeable_im: Numbers = NO_NUMBERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,6 +225,7 @@ class InterfaceSubmodule:
     network_component_diagnosis: bool = False
     relations: Relations = Relations()
     records: tuple[ParameterRecord, ...] = ()
+    writeable_im: Numbers = NO_NUMBERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,13 +315,15 @@ class ExtDiagnosis:
     error_type: int
     name: str
     help: str = ""
+    severities: tuple[str, ...] = ("D",)
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelDiagnosis:
     """A ChannelErrorType and what it means; ``api`` is that of the profile which it belongs to, None for the maker's.
 
-    ``extended`` are in rising order.
+    One that the standard defines has no name.  ``extended`` are in rising order.  ``severities`` is
+    MaintenanceAlarmState: D (diagnosis), MR (maintenance required), MD (maintenance demanded), QD (qualified).
     """
 
     error_type: int
@@ -323,6 +331,7 @@ class ChannelDiagnosis:
     help: str = ""
     api: int | None = None
     extended: tuple[ExtDiagnosis, ...] = ()
+    severities: tuple[str, ...] = ("D",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,6 +363,7 @@ class Gsdml:
     pluggable_ports: tuple[PortSubmodule, ...] = ()
     diagnoses: tuple[ChannelDiagnosis, ...] = ()
     unit_diagnoses: tuple[UnitDiagnosis, ...] = ()
+    languages: Languages = field(default=Languages(), compare=False)
     remarks: tuple[str, ...] = field(default=(), compare=False)
 
     def module(self, wanted: str) -> ModuleItem | None:

@@ -35,13 +35,15 @@ from pnfarm.protocols.profinet.gsdml.document import (
     SubmoduleItem,
     UnitDiagnosis,
 )
+from pnfarm.protocols.profinet.gsdml.f_parameters import parse_f_parameters
+from pnfarm.protocols.profinet.gsdml.file_texts import FileTexts, by_id
 from pnfarm.protocols.profinet.gsdml.records import MAX_RECORD, parse_record, read_ref
 from pnfarm.protocols.profinet.gsdml.safe_xml import Node, parse_xml
 from pnfarm.protocols.profinet.gsdml.values import Numbers
 from pnfarm.protocols.profinet.gsdml.versions import Attributes, version_of
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Iterable, Sequence
+    from collections.abc import Container, Sequence
 
     from pnfarm.protocols.profinet.gsdml.records import ParameterRecord
 
@@ -75,36 +77,22 @@ class _Reader:
         self._version = version
         self._at = Attributes(version)
         self._process = root.need("ProfileBody", "ApplicationProcess")
-        self._texts = {
-            node.text("TextId"): node.text("Value")
-            for node in self._process.all("ExternalTextList", "PrimaryLanguage", "Text")
-        }
-        self._daps = self._by_id(self._process.all("DeviceAccessPointList", "DeviceAccessPointItem"))
-        self._modules = self._by_id(self._process.all("ModuleList", "ModuleItem"))
+        self._texts = FileTexts(self._at, self._process)
+        self._daps = by_id(self._at, self._process.all("DeviceAccessPointList", "DeviceAccessPointItem"))
+        self._modules = by_id(self._at, self._process.all("ModuleList", "ModuleItem"))
         listed = self._process.child("SubmoduleList")
-        self._pluggable = self._by_id(
-            node for node in (listed.children if listed else ()) if node.name in {"SubmoduleItem", "PortSubmoduleItem"}
+        self._pluggable = by_id(
+            self._at,
+            (
+                node
+                for node in (listed.children if listed else ())
+                if node.name in {"SubmoduleItem", "PortSubmoduleItem"}
+            ),
         )
         self._shared_records = {
-            name: parse_record(self._at, node, self._text)
-            for name, node in self._by_id(self._process.all("RecordDataList", "ParameterRecordDataItem")).items()
+            name: parse_record(self._at, node, self._texts)
+            for name, node in by_id(self._at, self._process.all("RecordDataList", "ParameterRecordDataItem")).items()
         }
-
-    def _by_id(self, nodes: Iterable[Node]) -> dict[str, Node]:
-        """Elements that references lead to."""
-        found: dict[str, Node] = {}
-        for node in nodes:
-            first = found.setdefault(self._at.word(node, "ID"), node)
-            if first is not node:
-                node.refuse("ID", f"as that of the {first.name} in line {first.line}; each has its own")
-        return found
-
-    def _text(self, node: Node | None) -> str:
-        """The text that TextId names; the name itself when the list has no such text."""
-        if node is None:
-            return ""
-        name = node.text("TextId")
-        return self._texts.get(name, name)
 
     def read(self) -> Gsdml:
         identity = self._root.need("ProfileBody", "DeviceIdentity")
@@ -119,7 +107,7 @@ class _Reader:
             vendor_id=self._at.number(identity, "VendorID", _U16),
             device_id=self._at.number(identity, "DeviceID", _U16),
             vendor_name=vendor.text("Value") if vendor else "",
-            info_text=self._text(identity.child("InfoText")),
+            info_text=self._texts.text(identity.child("InfoText")),
             main_family=family.text("MainFamily") if family else "",
             product_family=family.text("ProductFamily") if family else "",
             schema_version=f"V{self._version}" if self._version else "",
@@ -134,8 +122,8 @@ class _Reader:
                 if node.name == "PortSubmoduleItem"
             ),
             diagnoses=tuple(
-                self._diagnosis(node, profile=profile)
-                for item, profile in (("ChannelDiagItem", False), ("ProfileChannelDiagItem", True))
+                self._diagnosis(node, profile=item == "ProfileChannelDiagItem")
+                for item in ("ChannelDiagItem", "SystemDefinedChannelDiagItem", "ProfileChannelDiagItem")
                 for node in self._process.all("ChannelDiagList", item)
             ),
             unit_diagnoses=tuple(
@@ -144,32 +132,37 @@ class _Reader:
                 for node in self._process.all("UnitDiagTypeList", item)
             ),
         )
-        return replace(found, remarks=self._at.remarks)
+        return replace(found, languages=self._texts.languages(), remarks=self._at.remarks)
 
     # diagnosis
 
     def _diagnosis(self, node: Node, *, profile: bool) -> ChannelDiagnosis:
+        system = node.name == "SystemDefinedChannelDiagItem"
         extended = [
             ExtDiagnosis(
-                self._at.number(ext, "ErrorType", _U16), self._text(ext.child("Name")), self._text(ext.child("Help"))
+                self._at.number(ext, "ErrorType", _U16),
+                self._texts.text(ext.child("Name")),
+                self._texts.text(ext.child("Help")),
+                self._at.tokens(ext, "MaintenanceAlarmState"),
             )
             for item in ("ExtChannelDiagItem", "ProfileExtChannelDiagItem")
             for ext in node.all("ExtChannelDiagList", item)
         ]
         return ChannelDiagnosis(
             error_type=self._at.number(node, "ErrorType", _U16),
-            name=self._text(node.child("Name")),
-            help=self._text(node.child("Help")),
+            name=self._texts.text(node.child("Name")),
+            help=self._texts.text(node.child("Help")),
             api=self._at.number(node, "API", _U32) if profile else None,
             extended=tuple(sorted(extended, key=lambda ext: ext.error_type)),
+            severities=("D",) if system else self._at.tokens(node, "MaintenanceAlarmState"),
         )
 
     def _unit_diagnosis(self, node: Node, *, profile: bool) -> UnitDiagnosis:
         return UnitDiagnosis(
             user_structure=self._at.number(node, "UserStructureIdentifier", _U16),
-            name=self._text(node.child("Name")),
-            help=self._text(node.child("Help")),
-            fields=tuple(read_ref(self._at, ref, MAX_RECORD, self._text) for ref in node.all("Ref")),
+            name=self._texts.text(node.child("Name")),
+            help=self._texts.text(node.child("Help")),
+            fields=tuple(read_ref(self._at, ref, MAX_RECORD, self._texts) for ref in node.all("Ref")),
             api=self._at.number(node, "API", _U32) if profile else None,
         )
 
@@ -185,8 +178,8 @@ class _Reader:
             return found.text("Value") if found else ""
 
         return Info(
-            name=self._text(info.child("Name")),
-            info_text=self._text(info.child("InfoText")),
+            name=self._texts.text(info.child("Name")),
+            info_text=self._texts.text(info.child("InfoText")),
             vendor_name=value("VendorName"),
             order_number=value("OrderNumber"),
             hardware_release=value("HardwareRelease"),
@@ -315,7 +308,7 @@ class _Reader:
         listed = node.child("RecordDataList")
         for item in listed.children if listed else ():
             if item.name == "ParameterRecordDataItem":
-                record = parse_record(self._at, item, self._text)
+                record = parse_record(self._at, item, self._texts)
             elif item.name == "ParameterRecordDataRef":
                 record = self._shared_record(item)
             else:
@@ -339,6 +332,7 @@ class _Reader:
         """A virtual submodule, or a pluggable one, which names no subslot."""
         io = node.child("IOData")
         virtual = node.name == "VirtualSubmoduleItem"
+        safe = node.child("RecordDataList", "F_ParameterRecordDataItem")
         return SubmoduleItem(
             id=self._at.text(node, "ID"),
             ident=self._at.number(node, "SubmoduleIdentNumber", _U32),
@@ -353,6 +347,7 @@ class _Reader:
             may_issue_process_alarm=self._at.flag(node, "MayIssueProcessAlarm"),
             writeable_im=self._at.numbers(node, "Writeable_IM_Records"),
             profisafe=self._at.flag(node, "PROFIsafeSupported"),
+            f_parameters=parse_f_parameters(self._at, safe) if safe else None,
             line=node.line,
         )
 
@@ -375,18 +370,22 @@ class _Reader:
         known = DATA_TYPE_OCTETS.get(kind)
         # types without a length of their own, and types missing in this table, give theirs
         octets = known if known is not None else self._at.number(node, "Length", _U16)
-        return DataItem(kind, octets, self._text(node), self._at.flag(node, "UseAsBits"))
+        bits = tuple(
+            (self._at.number(bit, "BitOffset", 0xFF), self._texts.text(bit)) for bit in node.all("BitDataItem")
+        )
+        return DataItem(kind, octets, self._texts.text(node), self._at.flag(node, "UseAsBits"), bits)
 
     def _port(self, node: Node, *, pluggable: bool = False) -> PortSubmodule:
         return PortSubmodule(
             id=self._at.text(node, "ID"),
             ident=self._at.number(node, "SubmoduleIdentNumber", _U32),
             subslot=0 if pluggable else self._at.number(node, "SubslotNumber", _U16),
-            name=self._info(node).name if pluggable else self._text(node),
+            name=self._info(node).name if pluggable else self._texts.text(node),
             mau_types=self._mau_types(node),
             max_rx_delay=self._at.number(node, "MaxPortRxDelay", _U32),
             max_tx_delay=self._at.number(node, "MaxPortTxDelay", _U32),
             records=self._records(node),
+            writeable_im=self._at.numbers(node, "Writeable_IM_Records"),
         )
 
     def _mau_types(self, node: Node) -> Numbers:
@@ -410,7 +409,7 @@ class _Reader:
             id=self._at.text(node, "ID"),
             ident=self._at.number(node, "SubmoduleIdentNumber", _U32),
             subslot=self._at.number(node, "SubslotNumber", _U16),
-            name=self._text(node),
+            name=self._texts.text(node),
             rt_classes=self._rt_classes(node),
             protocols=self._at.tokens(node, "SupportedProtocols"),
             dcp_hello=self._at.flag(node, "DCP_HelloSupported"),
@@ -419,6 +418,7 @@ class _Reader:
             network_component_diagnosis=self._at.flag(node, "NetworkComponentDiagnosisSupported"),
             relations=self._relations(relations) if relations else Relations(),
             records=self._records(node),
+            writeable_im=self._at.numbers(node, "Writeable_IM_Records"),
         )
 
     def _relations(self, node: Node) -> Relations:

@@ -10,20 +10,32 @@ from __future__ import annotations
 
 import math
 import struct
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.gsdml.languages import Languages
 from pnfarm.protocols.profinet.gsdml.values import parse_octets
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from pnfarm.protocols.profinet.gsdml.safe_xml import Node
     from pnfarm.protocols.profinet.gsdml.versions import Attributes
 
-__all__ = ["MAX_RECORD", "ParameterConst", "ParameterRecord", "ParameterRef", "parse_record", "read_ref"]
+__all__ = [
+    "MAX_RECORD",
+    "Complaint",
+    "ParameterConst",
+    "ParameterRecord",
+    "ParameterRef",
+    "Texts",
+    "parse_record",
+    "read_ref",
+]
 
+_ONE_LANGUAGE = Languages()
 #: Octets of one record; the standard's own default for a device is 4068.
 MAX_RECORD = 0x10000
 #: Octets of types with a fixed length, and how they are packed (IEC 61158-6-10, basic data types).
@@ -38,8 +50,22 @@ _PACKED = {
     "Unsigned64": ">Q",
     "Float32": ">f",
     "Float64": ">d",
+    "Unsigned8_S": ">B",
+    "Unsigned16_S": ">H",
+    "Integer16_S": ">h",
 }
-_LISTED = ("OctetString", "VisibleString")
+_OCTET_STRINGS = ("OctetString", "OctetString_S")
+_LISTED = (*_OCTET_STRINGS, "VisibleString", "UnicodeString8")
+
+
+class Texts(Protocol):
+    """The texts of a file."""
+
+    def text(self, node: Node | None) -> str:
+        """The text that an element's TextId names."""
+
+    def assigned(self, node: Node) -> tuple[tuple[str, str], ...]:
+        """Values and what they mean, of an element that names a ValueItem."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +80,8 @@ class ParameterConst:
 class ParameterRef:
     """One value inside a record; ``default`` and ``allowed`` are as the file writes them.
 
-    ``bit_offset`` and ``bit_length`` are for Bit and BitArea; ``length`` (octets) for strings.
+    ``bit_offset`` and ``bit_length`` are for Bit and BitArea; ``length`` (octets) for strings.  ``texts`` are values
+    with what they mean.
     """
 
     data_type: str
@@ -67,6 +94,7 @@ class ParameterRef:
     name: str = ""
     changeable: bool = True
     visible: bool = True
+    texts: tuple[tuple[str, str], ...] = ()
 
     @property
     def is_bits(self) -> bool:
@@ -106,7 +134,7 @@ class ParameterRef:
         if self.data_type in _LISTED:
             if self.data_type == "VisibleString" and not text.isascii():
                 raise ValueError("an ASCII text")
-            data = parse_octets(text) if self.data_type == "OctetString" else text.encode("ascii")
+            data = parse_octets(text) if self.data_type in _OCTET_STRINGS else text.encode()
             if len(data) > self.length:
                 raise ValueError(f"at most {self.length} octets")
             octets[self.byte_offset : self.byte_offset + self.length] = data.ljust(self.length, b"\0")
@@ -131,6 +159,18 @@ class ParameterRef:
         except (struct.error, OverflowError):
             raise ValueError(f"what {self.data_type} holds") from None
         octets[self.byte_offset : self.byte_offset + len(packed)] = packed
+
+    def content(self, text: str, languages: Languages = _ONE_LANGUAGE) -> str:
+        """The value that a text of its ValueItem stands for, in any language; ``text`` itself where there is none."""
+        wanted = text.strip().casefold()
+        for content, named in self.texts:
+            if any(wording.strip().casefold() == wanted for wording in languages.wordings(named)):
+                return content
+        return text
+
+    def meaning(self, value: float | bytes | None) -> str:
+        """The text of a value, empty for none."""
+        return next((text for content, text in self.texts if _is(content, value)), "")
 
     def value(self, octets: bytes) -> float | bytes | None:
         """The value there; None where it does not fit, or is of a type that is not supported."""
@@ -163,6 +203,13 @@ def _numeric(text: str) -> float:
     raise ValueError("a number")
 
 
+def _is(content: str, value: float | bytes | None) -> bool:
+    try:
+        return _numeric(content) == value
+    except ValueError:
+        return False
+
+
 def _whole(value: float) -> int:
     if not math.isfinite(value) or int(value) != value:
         raise OverflowError
@@ -172,6 +219,18 @@ def _whole(value: float) -> int:
 def _lay_bits(octets: bytearray, byte_offset: int, bit_offset: int, bits: int, value: int) -> None:
     mask = ((1 << bits) - 1) << bit_offset
     octets[byte_offset] = octets[byte_offset] & ~mask | value << bit_offset
+
+
+@dataclass(frozen=True, slots=True)
+class Complaint:
+    """What is wrong with a written record, as a sentence; ``ref`` is the value that is not allowed, None for a wrong
+    length."""
+
+    text: str
+    ref: ParameterRef | None = None
+
+    def __str__(self) -> str:
+        return self.text
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,18 +244,43 @@ class ParameterRecord:
     consts: tuple[ParameterConst, ...] = ()
     refs: tuple[ParameterRef, ...] = ()
 
+    def _constants(self) -> bytearray:
+        octets = bytearray(self.length)
+        for const in self.consts:
+            octets[const.byte_offset : const.byte_offset + len(const.data)] = const.data
+        return octets
+
+    def defaults(self) -> bytes:
+        """The record before anything was written; a default that is not supported (see above) leaves its octets."""
+        octets = self._constants()
+        for ref in self.refs:
+            with suppress(ValueError):
+                ref.put(octets, ref.default, checked=False)
+        return bytes(octets)
+
+    def complaint(self, octets: bytes) -> Complaint | None:
+        """What is wrong with ``octets`` as this record: its length, or the first value that is not allowed."""
+        if len(octets) != self.length:
+            than = "shorter" if len(octets) < self.length else "longer"
+            return Complaint(f"record {self.index} has {len(octets)} octets, {than} than its {self.length}")
+        for ref in self.refs:
+            value = ref.value(octets)
+            wrong = ref.check(value) if isinstance(value, int | float) else None
+            if wrong is not None:
+                named = f"{value:g}" if isinstance(value, float) else str(value)
+                return Complaint(f"record {self.index}, {ref.name or ref.data_type}: {named} is written, {wrong}", ref)
+        return None
+
     def octets(self, values: Mapping[str, str | float] | None = None) -> bytes:
         """The record with its defaults, and ``values`` by the names of its references.
 
         Raises :class:`ConfigError` for an unknown name, and for a value that is not allowed.
         """
         given = dict(values or {})
-        octets = bytearray(self.length)
-        for const in self.consts:
-            octets[const.byte_offset : const.byte_offset + len(const.data)] = const.data
+        octets = self._constants()
         for ref in self.refs:
             value = given.pop(ref.name, None)
-            text = ref.default if value is None else str(value)
+            text = ref.default if value is None else ref.content(str(value))
             if not text and value is None:
                 continue
             try:
@@ -222,7 +306,7 @@ def _const(attributes: Attributes, node: Node, length: int) -> ParameterConst:
     return ParameterConst(data, offset)
 
 
-def read_ref(attributes: Attributes, node: Node, length: int, text: Callable[[Node | None], str]) -> ParameterRef:
+def read_ref(attributes: Attributes, node: Node, length: int, texts: Texts) -> ParameterRef:
     """A Ref of something that has ``length`` octets."""
     ref = ParameterRef(
         data_type=attributes.word(node, "DataType"),
@@ -232,25 +316,26 @@ def read_ref(attributes: Attributes, node: Node, length: int, text: Callable[[No
         length=attributes.number(node, "Length", MAX_RECORD),
         default=attributes.text(node, "DefaultValue"),
         allowed=attributes.text(node, "AllowedValues"),
-        name=text(node),
+        name=texts.text(node),
         changeable=attributes.flag(node, "Changeable"),
         visible=attributes.flag(node, "Visible"),
+        texts=texts.assigned(node),
     )
     if ref.byte_offset + (ref.octets or 0) > length:
         node.fail("ByteOffset", f"a place inside the record's {length} octets")
     return ref
 
 
-def parse_record(attributes: Attributes, node: Node, text: Callable[[Node | None], str]) -> ParameterRecord:
-    """A ParameterRecordDataItem; ``text`` finds the text that an element's TextId names."""
+def parse_record(attributes: Attributes, node: Node, texts: Texts) -> ParameterRecord:
+    """A ParameterRecordDataItem."""
     length = attributes.number(node, "Length", MAX_RECORD)
     if length == 0:
         node.refuse("Length", "a record has octets")
     return ParameterRecord(
         index=attributes.number(node, "Index", 0xFFFF),
         length=length,
-        name=text(node.child("Name")),
+        name=texts.text(node.child("Name")),
         transfer_sequence=attributes.number(node, "TransferSequence", 0xFFFF),
         consts=tuple(_const(attributes, const, length) for const in node.all("Const")),
-        refs=tuple(read_ref(attributes, ref, length, text) for ref in node.all("Ref")),
+        refs=tuple(read_ref(attributes, ref, length, texts) for ref in node.all("Ref")),
     )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.protocols.profinet.wire.records.diagnosis_texts import CHANNEL_ERROR_TYPES
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -24,12 +26,14 @@ class DescribedDiagnosis:
     def error_type(self, api: int, error_type: int, ext_error_type: int) -> str:
         """E.g. ``Encoder: line broken``; empty for a ChannelErrorType without a text."""
         known = self._channels.get((api, error_type)) or self._channels.get((None, error_type))
-        if known is None or not known.name:
+        if known is None:
             return ""
-        if not ext_error_type:
-            return known.name
         names = {ext.error_type: ext.name for ext in known.extended}
-        return f"{known.name}: {names.get(ext_error_type) or f'0x{ext_error_type:04X}'}"
+        # one of the standard's has no name in the file, its extensions have
+        name = known.name or (CHANNEL_ERROR_TYPES.get(error_type, "") if ext_error_type in names else "")
+        if not ext_error_type or not name:
+            return name
+        return f"{name}: {names.get(ext_error_type) or f'0x{ext_error_type:04X}'}"
 
     def unit(self, api: int, user_structure: int, data: bytes) -> str:
         """E.g. ``Fault of the drive (Error number 11)``; empty for a USI without a text."""

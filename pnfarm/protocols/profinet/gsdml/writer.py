@@ -1,6 +1,7 @@
 """From a :class:`~pnfarm.protocols.profinet.gsdml.document.Gsdml` to the text of its file.
 
-What the schema gives a default is written only where it differs; ``parse_gsdml(emit_gsdml(x)) == x``.
+What the schema gives a default is written only where it differs; ``parse_gsdml(emit_gsdml(x)) == x``.  There is one
+language, the primary one.
 Elements and attributes are in the order of the schema (PI, GSDML-DeviceProfile).
 """
 
@@ -79,6 +80,10 @@ def _api(value: int | None) -> Attribute:
     return "API", None if value is None else str(value)
 
 
+def _severities(value: tuple[str, ...]) -> Attribute:
+    return "MaintenanceAlarmState", None if value == ("D",) else emit_tokens(value)
+
+
 def _listed(name: str, value: Numbers, default: Numbers) -> Attribute:
     """A value list without ranges, as tools are used to for powers of two."""
     return name, None if value == default else " ".join(map(str, value))
@@ -89,6 +94,7 @@ class _Writer:
         self._lines: list[str] = []
         self._depth = 0
         self._texts: dict[str, str] = {}
+        self._values: dict[tuple[tuple[str, str], ...], str] = {}
 
     def _element(self, name: str, *attributes: Attribute) -> None:
         """An element without children."""
@@ -141,8 +147,13 @@ class _Writer:
             for port in gsdml.pluggable_ports:
                 self._port(port, pluggable=True)
             self._close("SubmoduleList")
+        before_values = len(self._lines)
         self._diagnoses(gsdml.diagnoses)
         self._unit_diagnoses(gsdml.unit_diagnoses)
+        # a list that comes before some of what refers to it
+        after_values, self._lines = self._lines[before_values:], self._lines[:before_values]
+        self._value_list()
+        self._lines += after_values
         self._open("ExternalTextList")
         self._open("PrimaryLanguage")
         for text, text_id in self._texts.items():
@@ -283,6 +294,8 @@ class _Writer:
     # submodules
 
     def _submodule(self, element: str, item: SubmoduleItem, usual: Numbers) -> None:
+        if item.f_parameters is not None:
+            raise ConfigError(f"the F parameters of {item.id} cannot be written, no model of this project has any")
         self._open(
             element,
             ("ID", item.id or None),
@@ -313,13 +326,19 @@ class _Writer:
             known = DATA_TYPE_OCTETS.get(item.data_type)
             if known not in {None, item.octets}:
                 raise ConfigError(f"a {item.data_type} of {item.octets} octets cannot be written, it has {known}")
-            self._element(
-                "DataItem",
+            attributes = (
                 ("DataType", item.data_type),
                 ("Length", str(item.octets) if known is None else None),
                 _flag("UseAsBits", item.use_as_bits),
                 ("TextId", self._text_id(item.name)),
             )
+            if not item.bits:
+                self._element("DataItem", *attributes)
+                continue
+            self._open("DataItem", *attributes)
+            for bit, name in item.bits:
+                self._element("BitDataItem", _number("BitOffset", bit), ("TextId", self._text_id(name)))
+            self._close("DataItem")
         self._close(direction)
 
     def _records(self, records: Sequence[ParameterRecord]) -> None:
@@ -344,6 +363,7 @@ class _Writer:
     def _ref(self, ref: ParameterRef) -> None:
         self._element(
             "Ref",
+            ("ValueItemTarget", self._values.setdefault(ref.texts, f"V{len(self._values) + 1}") if ref.texts else None),
             ("DataType", ref.data_type),
             _number("ByteOffset", ref.byte_offset),
             _number("BitOffset", ref.bit_offset, 0),
@@ -356,6 +376,19 @@ class _Writer:
             ("TextId", self._text_id(ref.name)),
         )
 
+    def _value_list(self) -> None:
+        if not self._values:
+            return
+        self._open("ValueList")
+        for texts, name in self._values.items():
+            self._open("ValueItem", ("ID", name))
+            self._open("Assignments")
+            for content, text in texts:
+                self._element("Assign", ("TextId", self._text_id(text)), ("Content", content))
+            self._close("Assignments")
+            self._close("ValueItem")
+        self._close("ValueList")
+
     def _port(self, port: PortSubmodule, *, pluggable: bool = False) -> None:
         self._open(
             "PortSubmoduleItem",
@@ -365,6 +398,7 @@ class _Writer:
             ("TextId", None if pluggable else self._text_id(port.name)),
             _number("MaxPortRxDelay", port.max_rx_delay, 0),
             _number("MaxPortTxDelay", port.max_tx_delay, 0),
+            _numbers("Writeable_IM_Records", port.writeable_im),
         )
         self._records(port.records)
         if pluggable:
@@ -391,6 +425,7 @@ class _Writer:
             _flag("DCP_HelloSupported", interface.dcp_hello),
             _flag("PTP_BoundarySupported", interface.ptp_boundary),
             _flag("DCP_BoundarySupported", interface.dcp_boundary),
+            _numbers("Writeable_IM_Records", interface.writeable_im),
         )
         self._records(interface.records)
         self._relations(interface.relations)
@@ -416,13 +451,17 @@ class _Writer:
         self._open("ChannelDiagList")
         for diagnosis in diagnoses:
             element = "ChannelDiagItem" if diagnosis.api is None else "ProfileChannelDiagItem"
-            self._open(element, _api(diagnosis.api), _number("ErrorType", diagnosis.error_type))
-            self._named_with_help(diagnosis.name, diagnosis.help)
+            if diagnosis.api is None and not diagnosis.name:
+                element = "SystemDefinedChannelDiagItem"
+            severities = _severities(diagnosis.severities)
+            self._open(element, _api(diagnosis.api), _number("ErrorType", diagnosis.error_type), severities)
+            if element != "SystemDefinedChannelDiagItem":
+                self._named_with_help(diagnosis.name, diagnosis.help)
             if diagnosis.extended:
                 self._open("ExtChannelDiagList")
                 for ext in diagnosis.extended:
                     item = "ExtChannelDiagItem" if ext.error_type < PROFILE_TYPES else "ProfileExtChannelDiagItem"
-                    self._open(item, _number("ErrorType", ext.error_type))
+                    self._open(item, _number("ErrorType", ext.error_type), _severities(ext.severities))
                     self._named_with_help(ext.name, ext.help)
                     self._close(item)
                 self._close("ExtChannelDiagList")
@@ -455,6 +494,6 @@ def _written(attributes: Iterable[Attribute]) -> str:
 def emit_gsdml(gsdml: Gsdml) -> str:
     """The file's text, to be stored as UTF-8.
 
-    Raises :class:`ConfigError` for a datum whose type and length contradict each other.
+    Raises :class:`ConfigError` for a datum whose type and length contradict each other, and for F parameters.
     """
     return _Writer().write(gsdml)

@@ -1,0 +1,102 @@
+"""The keys of a device (a station without axes) of the farm file."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema, model_validator
+
+from pnfarm.config.section import Section
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import shown
+from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ValueType, parse_type
+
+__all__ = ["SignalPlace", "SignalSetting", "read_place"]
+
+_PLACE = re.compile(r"([0-9]{1,5})\.([0-9]{1,5})\.([0-9]{1,4})(?:\.([0-7]))?")
+_ALLOWED = "slot.subslot.octet or slot.subslot.octet.bit, such as 3.1.0 or 1.1.0.3"
+#: Slot, subslot, octet, bit.
+Place = tuple[int, int, int, int | None]
+PLACE_SCHEMA = WithJsonSchema({"type": "string", "pattern": rf"^{_PLACE.pattern}$", "examples": ["1.1.0.3", "3.1.0"]})
+PlaceText = Annotated[str, PLACE_SCHEMA]
+
+
+def read_place(value: Any) -> Place:
+    """``1.1.0.3``: slot, subslot, octet, and bit or None."""
+    if not isinstance(value, str):
+        raise Problem(f"is {shown(value)}", _ALLOWED)
+    found = _PLACE.fullmatch(value.strip())
+    if found is None:
+        raise Problem(f"{shown(value)} is not a place in a device's data", _ALLOWED)
+    slot, subslot, octet, bit = found.groups()
+    if int(slot) > 0x7FFF or not 0 < int(subslot) <= 0x9FFF:
+        raise Problem(f"{shown(value)} is not a place in a device's data", "slots 0 to 32767, subslots 1 to 40959")
+    return int(slot), int(subslot), int(octet), None if bit is None else int(bit)
+
+
+def _read_type(value: Any) -> ValueType:
+    if not isinstance(value, str):
+        raise Problem(f"is {shown(value)}", "a type such as bool, int16, uint32, float32, octets[8] or text[20]")
+    return parse_type(value)
+
+
+def _read_scale(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value == 0:
+        raise Problem(f"is {shown(value)}", "a number other than 0: one step of the raw value in units")
+    return float(value)
+
+
+class SignalPlace(Section):
+    """A named value of a device's data: where it lies, its type, unit and scale."""
+
+    at: Annotated[Place, PlainValidator(read_place), PLACE_SCHEMA] = Field(
+        description="slot.subslot.octet, and .bit for a bool."
+    )
+    type: Annotated[
+        ValueType | None,
+        PlainValidator(_read_type),
+        WithJsonSchema({"type": "string", "pattern": f"^{TYPE_PATTERN}$", "examples": ["int16", "octets[8]"]}),
+    ] = Field(default=None, description="bool where `at` names a bit, else uint8, unless given.")
+    unit: str = Field(default="", max_length=20, description="Unit of the value.")
+    scale: Annotated[float, PlainValidator(_read_scale), WithJsonSchema({"type": "number"})] = Field(
+        default=1.0, description="Value of one step of the raw number, in units."
+    )
+    order: Literal["big", "little"] = Field(default="big", description="Order of the octets.")
+    direction: Literal["input", "output"] | None = Field(
+        default=None, description="The controller's; input where the submodule has inputs, else output, unless given."
+    )
+
+    @property
+    def value_type(self) -> ValueType:
+        """The type given, else the one that `at` implies."""
+        return self.type or (UINT8 if self.at[3] is None else BOOL)
+
+    @property
+    def text(self) -> str:
+        """``1.1.0.3``."""
+        return ".".join(str(number) for number in self.at if number is not None)
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if self.at[3] is not None and self.value_type != BOOL:
+            raise Problem(
+                f"`at` names bit {self.at[3]}, {self.value_type.name} has whole octets",
+                "type: bool, or `at` without a bit",
+            )
+        if self.scale != 1 and not self.value_type.is_number:
+            raise Problem(f"`scale` is for numbers, not for {self.value_type.name}", "no scale, or such as type: int16")
+        return self
+
+
+def _open_place(value: Any) -> Any:
+    if isinstance(value, str):
+        return {"at": value}
+    if isinstance(value, (dict, SignalPlace)):
+        return value
+    raise Problem(f"is {shown(value)}", f"{_ALLOWED}, or a mapping such as {{at: 3.1.0, type: int16, unit: bar}}")
+
+
+#: A value of the key `signals`: ``1.1.0.3``, or a mapping.
+SignalSetting = Annotated[SignalPlace, BeforeValidator(_open_place, json_schema_input_type=PlaceText | SignalPlace)]
