@@ -121,7 +121,7 @@ def test_metrics_of_a_running_drive_say_what_its_snapshot_says():
     line.enable()
     line.run(1.0)
     samples = read(collector)
-    shown = drive_snapshot(line.farm, line.farm.station("axis-01"), line.world.now)
+    shown = drive_snapshot(line.farm, line.farm.axis("axis-01"), line.world.now)
     drive = {"drive": "axis-01"}
     assert of(samples, "pnfarm_axis_velocity_rpm", **drive) == pytest.approx(60, abs=0.3)
     assert of(samples, "pnfarm_axis_setpoint_rpm", **drive) == shown["setpoint_rpm"]
@@ -181,7 +181,7 @@ def test_counters_never_fall_while_connections_come_and_go():
     for step in range(12):
         line.run(0.4)
         if step % 4 == 1:
-            line.farm.station("axis-01").power_cycle(line.world.now)
+            line.farm.axis("axis-01").station.power_cycle(line.world.now)
         after = read(collector)
         fell = {
             key: (value, after[key])
@@ -192,8 +192,8 @@ def test_counters_never_fall_while_connections_come_and_go():
         before = after
     line.connect()
     total = of(read(collector), "pnfarm_frames_received_total", drive="axis-01")
-    now = drive_snapshot(line.farm, line.farm.station("axis-01"), line.world.now)
-    consumer = line.farm.station("axis-01").device.ars
+    now = drive_snapshot(line.farm, line.farm.axis("axis-01"), line.world.now)
+    consumer = line.farm.axis("axis-01").device.ars
     open_row = next(row for ar in consumer.values() for row, _ in ar.consumers)
     assert total == now["frames_received"] > int(line.farm.columns.cpm[open_row].received)
 
@@ -204,10 +204,10 @@ def test_lost_connection_is_counted_by_reason_and_its_reconnect_is_timed():
     line.connect()
     line.enable()
     # the controller's frames no longer arrive: the drive's watchdog has to find it
-    row = next(row for ar in line.farm.station("axis-01").device.ars.values() for row, _ in ar.consumers)
+    row = next(row for ar in line.farm.axis("axis-01").device.ars.values() for row, _ in ar.consumers)
     line.farm.columns.cpm[row].source = 1
     start = line.world.now
-    assert line.world.run(3.0, until=lambda: line.farm.station("axis-01").device.watchdog_expirations == 1)
+    assert line.world.run(3.0, until=lambda: line.farm.axis("axis-01").device.watchdog_expirations == 1)
     lost = line.world.now
     line.run(0.1)
     line.enable(10.0)
@@ -230,7 +230,7 @@ def test_fault_reaction_of_the_controller_is_timed():
     collector = FarmCollector(line.farm)
     line.connect()
     line.enable()
-    station = line.farm.station("axis-01")
+    station = line.farm.axis("axis-01")
     station.raise_fault("undervoltage", hold=False)
     line.run(0.1)
     samples = read(collector)
@@ -271,8 +271,8 @@ def test_series_of_reactions_do_not_grow_without_bound():
     line.connect()
     line.enable()
     for number in (702, 502, 501, 436, 439, 3003):
-        if number in line.farm.stations[0].model.faults:
-            line.farm.stations[0].raise_fault(number, hold=False)
+        if number in line.farm.axes[0].model.faults:
+            line.farm.axes[0].raise_fault(number, hold=False)
             line.run(1.0)
             line.enable(10.0)
     samples = read(collector)
@@ -289,7 +289,7 @@ NEEDED = {"drive-fault": "fault", "drive-warning": "warning", "digital-input": "
 
 def inject_every_kind(line):
     """Each kind that the drive can have, one after the other; their names."""
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     numbers = sorted(station.model.faults)
     done = []
     for kind in fault_kinds():
@@ -314,8 +314,8 @@ def test_series_per_drive_stay_below_200_whatever_is_injected(model):
     line.enable(20.0)
     before = read(collector)
     assert len(inject_every_kind(line)) > 40
-    for number in sorted(line.farm.stations[0].model.faults):
-        line.farm.stations[0].raise_fault(number, hold=False)
+    for number in sorted(line.farm.axes[0].model.faults):
+        line.farm.axes[0].raise_fault(number, hold=False)
         line.run(0.8)
     samples = read(collector)
     assert len([key for key in samples if ("drive", "axis-01") in key[1]]) < 200
@@ -323,7 +323,7 @@ def test_series_per_drive_stay_below_200_whatever_is_injected(model):
     total = sum(v for key, v in samples.items() if key[0] == "pnfarm_fault_activations_total")
     assert total == sum(line.farm.injections.activations().values())
     assert of(samples, "pnfarm_fault_activations_total", kind="other", drive="axis-01") > 0
-    counts = line.farm.stations[0].fault_counts
+    counts = line.farm.axes[0].fault_counts
     assert sum(v for key, v in samples.items() if key[0] == "pnfarm_axis_faults_total") == sum(counts.values())
     assert before.keys() <= samples.keys()
     # what is counted elsewhere once stays there
@@ -373,7 +373,7 @@ def test_jitter_of_a_controller_on_time_is_none_and_a_lost_frame_is_a_missed_upd
     assert of(samples, f"{name}_bucket", **drive, le="1e-06") == of(samples, f"{name}_count", **drive) == intervals > 50
     assert of(samples, f"{name}_sum", **drive) == 0
     # the controller's counter goes on while a frame is lost on its way
-    row = line.farm.columns.cpm[line.farm.stations[0].device.channel_rows[1][0]]
+    row = line.farm.columns.cpm[line.farm.axes[0].device.channel_rows[1][0]]
     source, row.source = int(row.source), 1
     line.run(0.016)
     row.source = source

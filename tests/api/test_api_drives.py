@@ -108,7 +108,7 @@ def test_fault_of_a_drive_is_active_first_and_the_last_one_afterwards():
     world = ApiWorld(1)
     world.line.connect()
     world.line.enable()
-    world.line.farm.station("axis-01").raise_fault(702, hold=False)
+    world.line.farm.axis("axis-01").raise_fault(702, hold=False)
     world.line.run(0.05)
     drive = world.get("/api/v1/drives/axis-01").json()
     lost = {"number": 702, "name": "Fieldbus communication lost"}
@@ -225,19 +225,19 @@ def test_power_cycle_boots_the_drive_and_ends_its_connection():
     other = world.get("/api/v1/drives/axis-02").json()
     assert (other["ar_state"], other["connected"]) == ("DATA", True)
     assert "power off" in world.line.events("axis-01")
-    assert world.line.world.run(5.0, until=lambda: world.line.farm.station("axis-01").device.connects == 2)
+    assert world.line.world.run(5.0, until=lambda: world.line.farm.axis("axis-01").device.connects == 2)
 
 
 def test_switched_off_drive_has_no_parameters_to_give():
     world = ApiWorld(1, controller=False)
-    world.line.farm.station("axis-01").power_off(world.line.world.now)
+    world.line.farm.axis("axis-01").station.power_off(world.line.world.now)
     assert world.get("/api/v1/drives/axis-01").json()["state"] == "off"
     assert_problem(world.get("/api/v1/drives/axis-01/params/DRV.OPMODE"), 409, "axis-01 is switched off")
 
 
 def test_drive_is_found_by_the_name_that_dcp_gave_it():
     world = ApiWorld(1, controller=False)
-    world.line.farm.station("axis-01").device.dcp.name = "press-left"
+    world.line.farm.axis("axis-01").device.dcp.name = "press-left"
     drive = world.get("/api/v1/drives/press-left").json()
     assert (drive["name"], drive["station_name"]) == ("axis-01", "press-left")
 

@@ -83,7 +83,7 @@ def test_only_some_drives_are_sampled_at_once_and_the_next_is_told_so(world):
 def test_samples_come_once_and_in_order(world):
     async def main():
         scope = {}
-        stream = world.app.state.views.stream(scope, world.line.farm.stations[0])
+        stream = world.app.state.views.stream(scope, world.line.farm.axes[0])
         seconds = []
         for _ in range(8):
             for event, data in messages((await anext(stream)).decode()):

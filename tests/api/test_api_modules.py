@@ -30,7 +30,7 @@ def frame_status(world):
     """IOPS of the drive's telegram as its next frame carries it, and whether set points are valid."""
     world.line.run(0.1)
     farm = world.line.farm
-    (ar,) = farm.station("axis-01").device.ars.values()
+    (ar,) = farm.axis("axis-01").device.ars.values()
     ((row, cr),) = ar.providers
     place = cr.data_of(1, 2)
     return farm.channels.provided(row)[place.iops_offset], bool(farm.columns.image[0].valid)
@@ -82,7 +82,7 @@ def test_plugging_what_is_there_already_changes_nothing_and_says_so(world):
 
 
 def test_what_follows_the_controller_is_not_replaced_by_plugging_what_was_never_pulled(world):
-    station = world.line.farm.station("axis-01")
+    station = world.line.farm.axis("axis-01")
     station.device.cm.plugged.follow(1, station.model.profidrive.telegrams[9].module.ident)
     answer = world.put(f"{PATH}/1", {})
     assert (answer.json()["changed"], modules(answer)[1].telegram) == (False, 9)
@@ -109,7 +109,7 @@ def test_what_cannot_be_pulled_or_plugged_is_reported_in_a_sentence(world, metho
 def test_an_empty_slot_cannot_be_pulled_and_a_drive_without_supply_has_no_hands(world):
     world.delete(f"{PATH}/1")
     assert_problem(world.delete(f"{PATH}/1"), 422, "already empty")
-    world.line.farm.station("axis-01").power_off(world.line.world.now)
+    world.line.farm.axis("axis-01").station.power_off(world.line.world.now)
     assert_problem(world.put(f"{PATH}/1", {}), 422, "switched off")
 
 
@@ -119,7 +119,7 @@ class Stranger:
 
 @pytest.mark.parametrize(("method", "path"), [("GET", ""), ("PUT", "/1"), ("DELETE", "/1")])
 def test_a_drive_on_another_bus_has_no_modules(world, monkeypatch, method, path):
-    station = world.line.farm.station("axis-01")
+    station = world.line.farm.axis("axis-01")
     monkeypatch.setattr(station, "model", replace(station.model, bus="other"))
     monkeypatch.setattr(station, "device", Stranger())
     response = world.request(method, PATH + path, **({"json": {}} if method == "PUT" else {}))

@@ -78,7 +78,7 @@ def line_of(text: str = FILE) -> VirtualLine:
 
 
 def velocities(line: VirtualLine) -> list[float]:
-    return [float(station.handle.axis.motor.velocity) for station in line.farm.stations]
+    return [float(station.handle.axis.motor.velocity) for station in line.farm.axes]
 
 
 # -- the farm file
@@ -228,7 +228,7 @@ def test_drives_of_three_buses_run_in_virtual_time():
 
 def test_connected_and_running_and_stopped_count_every_controller():
     line = line_of()
-    toy = line.farm.station("toy-1")
+    toy = line.farm.axis("toy-1")
     toy.power_off(line.world.now)
     line.farm.settle(toy, line.world.now)
     line.world.run(0.5)
@@ -237,7 +237,7 @@ def test_connected_and_running_and_stopped_count_every_controller():
     line.controllers.release(line.world.now)
     assert line.world.run(2.0, until=lambda: line.controllers.all_stopped)
     assert all(one.all_stopped for one in line.controllers)
-    assert not any(station.device.connected for station in line.farm.stations if station.configured_name != "toy-1")
+    assert not any(station.device.connected for station in line.farm.axes if station.configured_name != "toy-1")
 
 
 def test_two_runs_are_the_same():
@@ -304,7 +304,7 @@ def test_frames_of_all_buses_are_captured(tmp_path):
     assert [row["frames_received"] for row in plain.joined.summary()] == [
         row["frames_received"] for row in line.joined.summary()
     ]
-    for station in line.farm.stations:
+    for station in line.farm.axes:
         assert octets.count(station.port.mac) > 200, station.configured_name
 
 

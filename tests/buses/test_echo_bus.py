@@ -51,7 +51,7 @@ class Client:
     def __init__(self, text: str = DRIVES) -> None:
         self.line = asyncio.run(VirtualLine.create(parse_farm(text)))
         self.world, self.farm = self.line.world, self.line.farm
-        self.station = self.farm.station("echo-1")
+        self.station = self.farm.axis("echo-1")
         self.link = self.world.link()
         (self.port,) = asyncio.run(self.link.open([PortSpec("client", bytes.fromhex("020000000077"))]))
         self.heard: list[tuple[int, object]] = []
@@ -110,7 +110,7 @@ def test_streams_carry_octets_in_order_both_ways_until_one_side_ends_them(echobu
     assert client.closed(stream)
     client.link.sockets.act(client.port.index, StreamEnd(other))
     client.run()
-    assert not client.farm.station("echo-2").device.streams
+    assert not client.farm.axis("echo-2").device.streams
     assert not client.world.switch.network.ends
 
 
@@ -221,8 +221,8 @@ def test_a_profinet_drive_and_one_with_sockets_run_side_by_side(echobus):
     client.run(1.0)
     client.send(stream, b"beside")
     assert client.read(stream) == b"BESIDE"
-    assert client.farm.station("axis-01").device.connected
+    assert client.farm.axis("axis-01").device.connected
     client.station.power_off(client.world.now)
     client.farm.settle(client.station, client.world.now)
     client.run(0.5)
-    assert client.farm.station("axis-01").device.connected
+    assert client.farm.axis("axis-01").device.connected

@@ -52,7 +52,7 @@ class ToyLine:
         self.line = asyncio.run(VirtualLine.create(parse_farm(FILE), log=self.log))
         self.world, self.farm = self.line.world, self.line.farm
         self.metrics = FarmCollector(self.farm)
-        self.akd, self.toy = self.farm.stations
+        self.akd, self.toy = self.farm.axes
         self.reports = []
         self.port = self.world.switch.attach(MASTER, self._receive, name="master")
 
@@ -101,7 +101,7 @@ def test_drives_of_two_buses_run_in_one_farm(mixed):
     assert mixed.reports[-1].speed == pytest.approx(600, abs=5)
     assert mixed.akd.device.connected
     assert float(mixed.akd.handle.axis.motor.velocity) == pytest.approx(60, abs=2)
-    akd, toy = (drive_snapshot(mixed.farm, station, mixed.world.now) for station in mixed.farm.stations)
+    akd, toy = (drive_snapshot(mixed.farm, station, mixed.world.now) for station in mixed.farm.axes)
     assert (akd["state"], toy["state"]) == ("S4", "S4")
     assert (toy["ip"], toy["ar_state"], toy["connected"], toy["frames_received"]) == (None, "TALKING", True, 220)
     assert Drive.model_validate(toy).name == "toy-01"

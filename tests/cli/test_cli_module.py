@@ -185,7 +185,7 @@ def test_module_pull_names_a_slot_or_one_submodule_of_it(ask, farm, place, path)
 def test_every_place_in_the_help_of_module_pull_can_be_pulled():
     text = get_args(Place)[1].help
     for example in text.partition(": ")[2].rstrip(".").split(", "):
-        station = VirtualLine(1).farm.station("axis-01")
+        station = VirtualLine(1).farm.axis("axis-01")
         pull_module(station.device, *_place(example), 0)
 
 

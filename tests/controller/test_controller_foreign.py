@@ -50,7 +50,7 @@ class Line:
 
     def __init__(self, planned, identity="{}"):
         farm = VirtualLine(controller=False, identity=identity)
-        self.world, self.station = farm.world, farm.farm.stations[0]
+        self.world, self.station = farm.world, farm.farm.axes[0]
         self.log = EventLog(quiet=True)
         link = self.world.link()
         (port,) = asyncio.run(link.open([PortSpec("plc", bytes.fromhex("0200000000fe"))]))

@@ -26,19 +26,19 @@ def test_controller_finds_addresses_connects_and_runs_a_drive(startup):
 
 def test_a_drive_that_is_not_there_is_sought_again_until_it_comes():
     line = VirtualLine()
-    station = line.farm.stations[0]
-    station.power_off(line.world.now)
+    station = line.farm.axes[0]
+    station.station.power_off(line.world.now)
     line.run(3.0)
     assert line.plc.sessions[0].measures.connects == 0
     assert line.plc.sessions[0].measures.last_reason == "no station of this name answers"
-    station.power_on(line.world.now)
+    station.station.power_on(line.world.now)
     line.farm.settle(station, line.world.now)
     line.connect()
 
 
 def test_a_drive_without_its_address_gets_it_from_the_controller_for_this_power_cycle_only():
     line = VirtualLine()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.device.dcp.address = None
     station.device.addressing.set_address(None, None, line.world.now)
     line.connect()
@@ -49,14 +49,14 @@ def test_a_drive_without_its_address_gets_it_from_the_controller_for_this_power_
 def test_twenty_drives_are_found_by_one_roll_call():
     line = VirtualLine(drives=20)
     line.connect()
-    for station in line.farm.stations:
+    for station in line.farm.axes:
         assert "identify-for-another" not in station.device.discards()
 
 
 def test_a_few_drives_are_asked_for_by_their_names():
     line = VirtualLine(drives=3)
     line.connect()
-    for station in line.farm.stations:
+    for station in line.farm.axes:
         assert station.device.discards()["identify-for-another"] == 2
 
 
@@ -66,18 +66,18 @@ def test_drives_that_a_roll_call_missed_are_asked_for_by_name_where_they_are_a_s
 ):
     monkeypatch.setattr(search, "SMALL_PART", small / 2)
     line = VirtualLine(drives=40)
-    absent = [station.configured_name for station in line.farm.stations[:18]]
+    absent = [station.configured_name for station in line.farm.axes[:18]]
     line.farm.injections.inject({"kind": "link-down", "on": absent}, line.world.now)
     # the roll call, and one more search
     line.run(3.0)
-    counted = {station.device.discards().get("identify-for-another", 0) for station in line.farm.stations[18:]}
+    counted = {station.device.discards().get("identify-for-another", 0) for station in line.farm.axes[18:]}
     assert (min(counted) >= len(absent)) if by_name else counted == {0}
 
 
 @pytest.mark.parametrize("drives", [2, 20])
 def test_a_name_that_two_drives_have_is_reported_with_both_and_the_first_is_run(drives):
     line = VirtualLine(drives=drives)
-    twins = line.farm.stations[0], line.farm.stations[-1]
+    twins = line.farm.axes[0], line.farm.axes[-1]
     twins[1].device.dcp.name = "axis-01"
     line.run(1.5)
     entries = [entry for entry in line.plc_log.entries("axis-01") if entry.event == "name given twice"]
@@ -133,7 +133,7 @@ def test_a_fault_is_acknowledged_repeatedly_until_its_cause_is_gone():
     line = VirtualLine()
     line.connect()
     line.enable()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     number = station.raise_fault(702, hold=True)
     line.run(4.0)
     assert line.farm.columns.axis[0].faults.code[0] != 0
@@ -144,7 +144,7 @@ def test_a_fault_is_acknowledged_repeatedly_until_its_cause_is_gone():
 
 def test_another_module_than_expected_is_reported_and_its_axis_stays_offline():
     line = VirtualLine(telegram=350)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     other = next(
         m
         for m in station.device.description.modules
@@ -162,7 +162,7 @@ def test_after_a_release_nothing_connects_again():
     line.plc.release(line.world.now)
     line.run(3.0)
     assert line.plc.sessions[0].state is SessionState.STOPPED
-    assert not line.farm.stations[0].device.ars
+    assert not line.farm.axes[0].device.ars
 
 
 def test_frames_are_counted_over_a_reconnection():
@@ -190,7 +190,7 @@ def test_a_drive_without_limits_runs_at_every_cycle_from_one_send_clock_unit_on(
 def test_another_drive_that_answers_at_a_drives_address_is_not_taken_for_it():
     """Both have the address; the Connect for axis-01 goes to where axis-02 said that it was."""
     line = VirtualLine(drives=2)
-    first, second = line.farm.stations
+    first, second = line.farm.axes
     wanted = first.config.ip
     second.device.dcp.address = wanted
     second.device.addressing.own_ip = wanted.ip.packed
@@ -216,7 +216,7 @@ def test_another_drive_that_answers_at_a_drives_address_is_not_taken_for_it():
 def test_a_drive_that_becomes_ready_and_never_sends_a_frame_is_connected_again():
     """The data hold timer starts with the first frame; without one nothing else would tell."""
     line = VirtualLine()
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     (session,) = line.plc.sessions
     opened = station.device.channels.open
 
@@ -249,7 +249,7 @@ def test_a_drive_runs_with_data_that_have_no_status_octets_at_all():
     line.enable()
     line.run(3.0)
     assert line.farm.columns.axis[0].motor.velocity == pytest.approx(60.0, abs=0.3)
-    (ar,) = line.farm.stations[0].device.ars.values()
+    (ar,) = line.farm.axes[0].device.ars.values()
     for _, layout in (*ar.providers, *ar.consumers):
         assert {d.iops_offset for d in layout.data} == {c.iocs_offset for c in layout.iocs} == {None}
         assert [d.data_offset for d in layout.data if d.data_length] == [0]

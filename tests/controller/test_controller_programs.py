@@ -70,7 +70,7 @@ class Rig:
 
 
 def trip(rig: Rig) -> None:
-    model = rig.line.farm.stations[0].model.name
+    model = rig.line.farm.axes[0].model.name
     fault = {"hiwin-e1": "AL.FB1", "moog-msd": "32-1"}.get(model, "702")
     fields = {"kind": "drive-fault", "on": "axis-01", "params": {"fault": fault}, "count": 1}
     rig.line.farm.injections.inject(fields, rig.world.now)

@@ -56,8 +56,8 @@ def test_nothing_is_sent_to_a_drive_that_gave_its_start_up_up() -> None:
     line = waiting_for_ready()
     # the drive ends the connection without a notice
     line.add("loss", direction="out")
-    line.farm.stations[0].device.cm.abort_all(0x0D, line.world.now)
-    line.farm.settle(line.farm.stations[0], line.world.now)
+    line.farm.axes[0].device.cm.abort_all(0x0D, line.world.now)
+    line.farm.settle(line.farm.axes[0], line.world.now)
     line.run(4.0)
     before = line.frames_sent()
     line.run(1.0)
@@ -81,7 +81,7 @@ def test_a_long_time_for_application_ready_is_given_to_the_drive_and_waited_for(
     line = StartUpLine(startup="legacy\n  application_ready: 60s")
     line.add("late-application-ready", params={"delay": "50s"})
     line.until_state(CmctlState.W_ARDY)
-    (ar,) = line.farm.stations[0].device.cm.ars
+    (ar,) = line.farm.axes[0].device.cm.ars
     assert ar.activity_timeout_ns == 60 * SECOND
     line.connect(within=55.0)
     assert line.session.measures.refusals == 0
@@ -96,7 +96,7 @@ def test_a_time_that_no_device_can_have_is_refused(value: str) -> None:
 def test_a_plugged_module_whose_parameters_are_not_answered_ends_the_connection_and_is_back_with_the_next() -> None:
     line = StartUpLine()
     line.connect()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     pull_module(station.device, 1, None, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.2)
@@ -112,7 +112,7 @@ def test_a_plugged_module_whose_parameters_are_not_answered_ends_the_connection_
 def test_a_module_that_is_ready_late_after_a_plug_is_used() -> None:
     line = StartUpLine()
     line.connect()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     pull_module(station.device, 1, None, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.2)

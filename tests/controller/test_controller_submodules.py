@@ -36,8 +36,8 @@ def test_a_pulled_module_stops_the_axis_program_says_why_and_keeps_the_connectio
     line = VirtualLine()
     line.connect()
     line.enable()
-    pull_module(line.farm.stations[0].device, 1, None, line.world.now)
-    line.farm.settle(line.farm.stations[0], line.world.now)
+    pull_module(line.farm.axes[0].device, 1, None, line.world.now)
+    line.farm.settle(line.farm.axes[0], line.world.now)
     line.run(0.3)
     shown = row(line)
     assert (shown["state"], shown["phase"], shown["losses"]) == ("DATA", "offline", 0)
@@ -57,7 +57,7 @@ def test_a_plugged_module_is_parametrised_and_its_axis_runs_again() -> None:
     line = VirtualLine()
     line.connect()
     line.enable()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     pull_module(station.device, 1, None, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.2)
@@ -107,7 +107,7 @@ def test_a_supervisor_takes_the_axis_over_and_gives_it_back() -> None:
     shown = row(line)
     assert (shown["state"], shown["phase"]) == ("DATA", "offline")
     assert {why.partition(": ")[2] for why in shown["unusable"]} == {"controlled by a supervisor"}
-    assert [ar.established for ar in line.farm.stations[0].device.ars.values()] == [True, True]
+    assert [ar.established for ar in line.farm.axes[0].device.ars.values()] == [True, True]
     supervisor.release(line.world.now)
     line.enable()
     line.run(0.5)
@@ -132,12 +132,12 @@ def test_two_hundred_drives_lose_and_get_back_their_modules() -> None:
     line = VirtualLine(drives=200, watchdog=20)
     line.connect(10.0)
     line.enable(10.0)
-    for station in line.farm.stations:
+    for station in line.farm.axes:
         pull_module(station.device, 1, None, line.world.now)
         line.farm.settle(station, line.world.now)
     line.run(0.2)
     assert not any(line.plc.columns.image[s.index].valid for s in line.plc.sessions)
-    for station in line.farm.stations:
+    for station in line.farm.axes:
         plug_module(station.device, 1, line.world.now)
         line.farm.settle(station, line.world.now)
     line.enable(5.0)
@@ -171,11 +171,11 @@ def test_a_record_that_a_lost_connection_takes_along_ends_with_words() -> None:
     line = VirtualLine()
     line.connect()
     line.run(0.5)
-    line.farm.stations[0].power_off(line.world.now)
+    line.farm.axes[0].station.power_off(line.world.now)
     job = line.plc.read_record("axis-01", (0, 0, 1, 0xAFF0), line.world.now)
     line.run(1.0)
-    line.farm.stations[0].power_on(line.world.now)
-    line.farm.settle(line.farm.stations[0], line.world.now)
+    line.farm.axes[0].station.power_on(line.world.now)
+    line.farm.settle(line.farm.axes[0], line.world.now)
     line.connect(20.0)
     assert job.done
     assert job.failure
@@ -189,7 +189,7 @@ def test_a_drive_is_identified_once_it_is_connected() -> None:
     line.connect()
     line.run(0.5)
     shown = row(line)["identification"]
-    im0 = line.farm.stations[0].device.description.im0
+    im0 = line.farm.axes[0].device.description.im0
     assert shown["order_id"] == im0.order_id
     assert shown["serial_number"] == im0.serial_number
     assert shown["software_revision"].startswith(im0.software_revision[0])
@@ -206,8 +206,8 @@ def test_what_was_written_into_im1_and_im4_shows_after_the_next_connection() -> 
         text = bytes.fromhex(f"002{number} 0038 0100") + octets
         line.plc.write_record("axis-01", (0, 0, 1, 0xAFF0 + number), text, line.world.now)
         line.run(0.1)
-    line.farm.stations[0].device.cm.abort_all(1, line.world.now)
-    line.farm.settle(line.farm.stations[0], line.world.now)
+    line.farm.axes[0].device.cm.abort_all(1, line.world.now)
+    line.farm.settle(line.farm.axes[0], line.world.now)
     line.run(0.2)
     line.connect()
     line.run(0.5)

@@ -40,7 +40,7 @@ def test_all_drives_connect_and_no_more_start_ups_than_that_are_under_way(monkey
 
 def test_a_start_up_that_fails_gives_its_turn_to_the_next_one(monkeypatch):
     line = Turns(monkeypatch, 3, 1)
-    line.add("no-application-ready", on=line.farm.stations[0].configured_name)
+    line.add("no-application-ready", on=line.farm.axes[0].configured_name)
     failing, *others = line.plc.sessions
     assert line.world.run(60.0, until=lambda: all(session.state is SessionState.DATA for session in others))
     assert failing.measures.refusals >= 1

@@ -43,7 +43,7 @@ def test_a_module_that_differs_is_reported_by_its_sentence(line: VirtualLine) ->
 
 def test_an_answer_without_any_octet_fails_the_record_in_words(line: VirtualLine) -> None:
     """An RPC response of fragment length 0: what a device sent for an API that it does not have."""
-    server = line.farm.stations[0].device.rpc
+    server = line.farm.axes[0].device.rpc
     to_send = server.to_send
 
     def emptied(now: int):

@@ -78,7 +78,7 @@ def real(station):
 def test_the_modules_of_a_device_are_read_by_its_name_or_address(target):
     line = VirtualLine(drives=3, controller=False)
     modules, client = listed(line, target)
-    assert modules == real(line.farm.stations[1])
+    assert modules == real(line.farm.axes[1])
     assert {s.api for m in modules for s in m.submodules} == {0, 0x3A00}
     assert client.station.info.name == "axis-02"
 
@@ -87,7 +87,7 @@ def test_a_connected_device_is_asked_beside_its_controller():
     line = VirtualLine()
     line.connect()
     modules, _ = listed(line, "axis-01")
-    assert modules == real(line.farm.stations[0])
+    assert modules == real(line.farm.axes[0])
     line.run(1.0)
     assert line.plc.all_connected
     assert line.plc.sessions[0].measures.losses == 0
@@ -95,7 +95,7 @@ def test_a_connected_device_is_asked_beside_its_controller():
 
 def test_a_pulled_module_is_not_there_any_more():
     line = VirtualLine(controller=False)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.device.cm.pull(1, None, line.world.now)
     modules, _ = listed(line, "axis-01")
     assert [module.slot for module in modules] == [0]

@@ -59,10 +59,10 @@ def test_a_record_is_read_by_name_or_address_with_or_without_a_connection(
     client = run(line, RecordTask(target, IM0, implicit=implicit))
     client.check()
     assert client.data is not None
-    assert client.data[8:28].decode().strip() == line.farm.stations[1].device.description.im0.order_id
+    assert client.data[8:28].decode().strip() == line.farm.axes[1].device.description.im0.order_id
     assert client.station is not None
     assert client.station.info.name == "axis-02"
-    assert [len(station.device.cm.ars) for station in line.farm.stations] == [1, 1, 1]
+    assert [len(station.device.cm.ars) for station in line.farm.axes] == [1, 1, 1]
     assert line.plc.all_connected
 
 
@@ -72,7 +72,7 @@ def test_a_record_is_written_beside_the_controllers_connection() -> None:
     write.check()
     assert write.data is None
     assert run(line, RecordTask("axis-01", IM1)).data == TEXT
-    assert line.farm.stations[0].device.cm.ars == ()
+    assert line.farm.axes[0].device.cm.ars == ()
 
 
 def test_a_submodule_that_a_controller_owns_is_not_written_by_hand() -> None:
@@ -81,7 +81,7 @@ def test_a_submodule_that_a_controller_owns_is_not_written_by_hand() -> None:
     client = run(line, RecordTask("axis-01", IM1, TEXT))
     with pytest.raises(RemoteError, match="access denied"):
         client.check()
-    assert len(line.farm.stations[0].device.cm.ars) == 1
+    assert len(line.farm.axes[0].device.cm.ars) == 1
 
 
 @pytest.mark.parametrize("implicit", [True, False])
@@ -91,7 +91,7 @@ def test_an_unknown_record_is_refused_with_a_reason(implicit: bool) -> None:
     assert client.data is None
     with pytest.raises(RemoteError, match="invalid index"):
         client.check()
-    assert line.farm.stations[0].device.cm.ars == ()
+    assert line.farm.axes[0].device.cm.ars == ()
 
 
 @pytest.mark.parametrize("target", ["nobody", IPv4Address("10.77.0.99")])
@@ -103,7 +103,7 @@ def test_a_device_that_is_not_there_is_reported(target: str | IPv4Address) -> No
 
 def test_a_device_without_an_address_is_reported() -> None:
     line = VirtualLine(controller=False)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.device.dcp.address = None
     with pytest.raises(RemoteError, match="axis-01 has no IP address"):
         run(line, RecordTask("axis-01", IM0)).check()
@@ -111,7 +111,7 @@ def test_a_device_without_an_address_is_reported() -> None:
 
 def test_a_device_that_falls_silent_is_given_up() -> None:
     line = VirtualLine(controller=False)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     original = station.device.rpc.receive
     station.device.rpc.receive = lambda *_args: None
     with pytest.raises(RemoteError):
@@ -121,7 +121,7 @@ def test_a_device_that_falls_silent_is_given_up() -> None:
 
 def test_one_read_after_the_other_finds_room_for_its_connection() -> None:
     line = VirtualLine(controller=False)
-    assert line.farm.stations[0].device.cm.description.limits.max_device_access_ars == 1
+    assert line.farm.axes[0].device.cm.description.limits.max_device_access_ars == 1
     first = run(line, RecordTask("axis-01", IM0))
     assert first.data
     assert run(line, RecordTask("axis-01", IM0)).data == first.data

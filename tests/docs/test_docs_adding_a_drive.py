@@ -109,7 +109,7 @@ def axis_of(line):
 
 def fails_and_comes_back(line):
     """A fault takes the axis out of operation; the controller acknowledges it and goes on."""
-    line.farm.stations[0].raise_fault("overvoltage", hold=False)
+    line.farm.axes[0].raise_fault("overvoltage", hold=False)
     line.run(0.1)
     assert int(axis_of(line).faults.code[0]) == 2
     assert not line.plc.all_running

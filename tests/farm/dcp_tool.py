@@ -34,7 +34,7 @@ class Tool:
     def set(self, *blocks, drive=0):
         """Results of a Set, block by block."""
         now = self.line.world.now
-        self.dcp.set_blocks(self.line.farm.stations[drive].port.mac, blocks, now=now)
+        self.dcp.set_blocks(self.line.farm.axes[drive].port.mac, blocks, now=now)
         self.send_pending(now)
         self.line.run(0.02)
         finished = self.found.pop()

@@ -43,7 +43,7 @@ def test_the_drives_of_a_group_have_its_readings_and_the_others_the_defaults():
 
 def test_a_running_drive_shows_the_readings_that_its_file_chose():
     line = VirtualLine(2, behaviour="{control-by-plc: coast}")
-    assert drive_snapshot(line.farm, line.farm.stations[1], line.world.now)["behaviour"] == {"control-by-plc": "coast"}
+    assert drive_snapshot(line.farm, line.farm.axes[1], line.world.now)["behaviour"] == {"control-by-plc": "coast"}
     assert line.farm.columns.axis[1].profidrive.settings.without_control == 1
 
 

@@ -50,7 +50,7 @@ def test_a_station_that_asks_too_often_is_ignored_for_a_while_and_the_controller
     line = running(1)
     impostor = Impostor(line, MAC, IP)
     impostor.flood(400, 0.5)
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     assert station.device.discards()["connect-flood"] == pytest.approx(200 - CONNECTS, abs=2)
     # the controller has just restarted
     line.plc.sessions[0].machine.abort(line.world.now)
@@ -67,7 +67,7 @@ def test_ars_that_replace_each_other_within_a_tick_do_not_end_the_farm() -> None
     line = running(1)
     impostor = Impostor(line, line.plc.port.mac, PLC_IP, line.plc.port.mac)
     line.world.switch.detach(impostor.port.index)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     for _ in range(50):
         # a burst that the loop takes before the engine's next tick
         line.farm.receive(station.port.index, impostor.connect_frame(0), line.world.now)

@@ -22,7 +22,7 @@ from pnfarm.station.events import (
 
 
 def view(line: VirtualLine) -> dict:
-    return controller_view(line.farm, line.farm.station("axis-01"), line.world.now)
+    return controller_view(line.farm, line.farm.axis("axis-01"), line.world.now)
 
 
 def running(**options) -> VirtualLine:
@@ -70,7 +70,7 @@ def test_reaction_names_each_bit_of_stw1_that_changed_and_when():
 
 def test_fault_of_the_drive_s_own_is_not_said_to_be_injected():
     line = running()
-    line.farm.stations[0].raise_fault("undervoltage", hold=False)
+    line.farm.axes[0].raise_fault("undervoltage", hold=False)
     line.run(0.5)
     assert view(line)["faults"][-1]["kind"] == "none"
 
@@ -78,7 +78,7 @@ def test_fault_of_the_drive_s_own_is_not_said_to_be_injected():
 @pytest.mark.parametrize(("model", "telegram"), [("moog-msd", 1), ("hiwin-e1", 3)])
 def test_bits_have_the_names_of_the_drive_s_own_manual(model, telegram):
     line = running(model=model, telegram=telegram, cycle="4ms")
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.raise_fault(next(iter(sorted(station.model.faults))), hold=False)
     line.run(1.0)
     names = station.model.profidrive.bit_names("STW1", telegram)
@@ -147,8 +147,8 @@ def start(record: ControllerRecord, connection: int, now: int, kind: type = Conn
 def test_every_model_shows_its_start_up_and_comes_back_after_a_power_cycle(model, telegram, cycle):
     line = running(model=model, telegram=telegram, cycle=cycle)
     lost = line.world.now
-    line.farm.stations[0].power_cycle(line.world.now)
-    assert line.world.run(60.0, until=lambda: line.farm.stations[0].device.connects == 2)
+    line.farm.axes[0].station.power_cycle(line.world.now)
+    assert line.world.run(60.0, until=lambda: line.farm.axes[0].device.connects == 2)
     first, again = view(line)["start_ups"]
     for one in (first, again):
         assert (one["complete"], one["controller"]) == (True, "plc")
@@ -160,7 +160,7 @@ def test_every_model_shows_its_start_up_and_comes_back_after_a_power_cycle(model
 
 def test_drive_without_an_address_is_looked_for_and_given_one():
     line = VirtualLine(1)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.device.addressing.set_address(None, None, line.world.now)
     station.device.dcp.address = None
     line.connect()
@@ -170,7 +170,7 @@ def test_drive_without_an_address_is_looked_for_and_given_one():
 
 def test_controller_that_looks_for_all_stations_has_looked_for_the_drive():
     record = VirtualLine(1, controller=False)
-    (station,) = record.farm.stations
+    (station,) = record.farm.axes
     record.run(5.0)
     looked = record.world.now
     station.device.connections.sought(looked, by_name=False)
@@ -262,10 +262,10 @@ def test_address_that_was_given_long_before_is_of_no_start_up():
 
 def test_faults_before_a_power_cycle_are_not_those_after_it():
     line = running()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.raise_fault("undervoltage", hold=False)
     line.run(0.05)
-    station.power_cycle(line.world.now)
+    station.station.power_cycle(line.world.now)
     assert line.world.run(60.0, until=lambda: station.device.connects == 2)
     line.run(0.2)
     line.enable(60.0)
@@ -290,7 +290,7 @@ def test_record_is_bounded_whatever_happens():
 
 def test_drive_with_another_name_keeps_its_record():
     line = running()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.device.dcp.name = "renamed"
     line.run(0.2)
     assert view(line)["start_ups"][0]["complete"]

@@ -24,7 +24,7 @@ def overrun(columns) -> None:
 
 def test_a_connection_ends_although_the_ring_lost_its_end() -> None:
     line = connected()
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     ((row, _),) = next(iter(station.device.ars.values())).consumers
     line.farm.columns.cpm[row].state = W_START
     line.farm.columns.cpm[row].expirations = 1
@@ -37,7 +37,7 @@ def test_a_connection_ends_although_the_ring_lost_its_end() -> None:
 
 def test_an_open_connection_survives_what_the_ring_lost() -> None:
     line = connected()
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     overrun(line.farm.columns)
     line.farm.service(line.world.now)
     assert len(station.device.ars) == 1
@@ -46,7 +46,7 @@ def test_an_open_connection_survives_what_the_ring_lost() -> None:
 
 def test_the_end_of_an_earlier_connection_in_the_same_row_is_not_that_of_the_present_one() -> None:
     line = connected()
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     ((row, _),) = next(iter(station.device.ars.values())).consumers
     emit(line.farm.columns.engine[0], line.farm.columns.events, EXPIRED, row, line.world.now, 48_000_000)
     line.farm.service(line.world.now)

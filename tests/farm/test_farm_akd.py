@@ -71,7 +71,7 @@ def test_5_9_the_example_sends_four_control_words_and_1_rps():
 
 def test_7_1_the_sample_project_step_by_step_at_its_cycle_of_128_ms():
     line = HandLine(cycle="128ms")
-    assert line.farm.stations[0].store.telegram_number == 1
+    assert line.farm.axes[0].store.telegram_number == 1
     # 7.1.3 wants DRV.OPMODE 1; 7.1.2 shows parameters read and written by the acyclic channel
     assert value_of(line, 930) == (1,)
     write(line, 930, WORD, 1)
@@ -197,7 +197,7 @@ def test_5_10_1_tasks_are_chained_over_frames():
 
 def test_5_10_1_a_chain_into_a_task_that_cannot_begin_is_a_warning_and_bit_10_of_motionstat():
     line = position_line()
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     task(line, 1, 1.0, control=0x30, following=2)
     line.send(START, SATZANW=1)
     line.send(READY, frames=60)
@@ -230,7 +230,7 @@ def test_a_fault_in_a_task_sets_bit_3_and_the_home_position_stays_known():
     line = position_line()
     task(line, 7, 10.0)
     line.send(START, SATZANW=7, frames=10)
-    line.farm.stations[0].raise_fault(301, hold=False)
+    line.farm.axes[0].raise_fault(301, hold=False)
     line.send(READY, frames=40)
     assert line.zsw1 & (FAULT | ACTIVE | HOMED) == FAULT | HOMED
     assert line.axis.motor.velocity == pytest.approx(0.0, abs=0.1)
@@ -244,8 +244,8 @@ def test_motion_tasks_and_parameters_outlive_a_power_cycle_once_drv_nvsave_was_w
     write(line, 1002, WORD, 20)
     write(line, 2469, BYTE, 1)
     task(line, 8, 3.0)
-    station = line.farm.stations[0]
-    station.power_cycle(line.world.now)
+    station = line.farm.axes[0]
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     assert list(line.axis.motion_tasks.settings.kind.nonzero()[0]) == [7]
     assert station.store.get("DRV.OPMODE") == 2
@@ -307,25 +307,25 @@ def test_5_8_a_set_point_by_its_pnu_outlasts_the_connection_and_not_the_supply()
     words = {name: value for name, value in MDI.items() if name != "MDI_ACC"}
     line.send(READY, **words)
     write(line, 36, WORD, 39)
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     assert store.read(35) == [words["MDI_VELOCITY"]]
     faults = line.farm.injections
     faults.inject({"kind": "ar-abort", "on": "all"}, line.world.now)
     line.run(0.1)
-    assert not line.farm.stations[0].device.ars
+    assert not line.farm.axes[0].device.ars
     assert (store.read(35), store.read(36)) == ([0], [39]), "MDI_VELOCITY came by frames and went with them"
     line.connect()
     line.send(READY | 0x80, **words)
     line.enable_axis(READY)
     assert line.send(START, MDI_TARPOS=COUNTS, frames=10) & ACKNOWLEDGED
-    line.farm.stations[0].power_cycle(line.world.now)
+    line.farm.axes[0].station.power_cycle(line.world.now)
     line.run(0.1)
-    assert line.farm.stations[0].store.read(36) == [0]
+    assert line.farm.axes[0].store.read(36) == [0]
 
 
 def test_5_11_10_a_set_point_that_leaves_the_mapping_is_zero():
     line = HandLine(telegram=400)
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     line.send(0x0406, SATZANW=0x8000, MDI_ACC=39)
     assert (store.read(32), store.read(36)) == ([0x8000], [39])
     store.write(915, 7, [0])
@@ -448,7 +448,7 @@ def test_5_11_1_telegram_0_is_mapped_by_pnu_915_and_916_while_the_controller_is_
     assert value_of(line, 915, 0, 2) == (1, 0)
     assert value_of(line, 916, 0, 2) == (6, 0)
     assert value_of(line, 922) == (0,)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert len(station.store.output_words()) == 12
 
 
@@ -465,7 +465,7 @@ def test_5_11_pnu_922_cannot_name_another_telegram_than_the_module_in_slot_1():
 def test_5_11_every_telegram_connects_at_16_ms_and_reads_back_by_pnu_922(telegram):
     line = HandLine(telegram=telegram)
     assert value_of(line, 922) == (telegram,)
-    assert line.farm.stations[0].config.strict
+    assert line.farm.axes[0].station.config.strict
 
 
 def test_5_11_6_telegram_351_brings_velocity_current_and_position():
@@ -495,7 +495,7 @@ def test_5_15_fbus_param02_bit_0_decides_on_fault_702_when_the_plc_stops():
         line.enable_axis(0x047F)
         line.plc.columns.ppm[0].data_status &= ~DataStatus.RUN & 0xFF
         line.run(0.3)
-        assert line.farm.stations[0].fault_counts == ({702: 1} if value else {})
+        assert line.farm.axes[0].fault_counts == ({702: 1} if value else {})
         assert line.axis.drive.state == 1
 
 
@@ -507,12 +507,12 @@ def test_8_1_frames_that_the_network_loses_are_fault_702_unless_the_watchdog_bea
         line.run(0.16)
         line.plc.columns.ppm[0].active = 1
         line.run(0.1)
-        assert line.farm.stations[0].fault_counts == faults
+        assert line.farm.axes[0].fault_counts == faults
 
 
 def test_5_14_the_fault_counter_is_the_same_before_and_after_reading_the_buffer_unless_one_came():
     line = HandLine()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     before = value_of(line, 944)
     assert value_of(line, 947, 0, 64) == (0,) * 64
     assert value_of(line, 944) == before
@@ -524,7 +524,7 @@ def test_5_14_the_fault_counter_is_the_same_before_and_after_reading_the_buffer_
 
 def test_5_13_a_fault_sends_no_alarm():
     line = HandLine()
-    line.farm.stations[0].raise_fault(301, hold=False)
+    line.farm.axes[0].raise_fault(301, hold=False)
     line.run(0.5)
     assert line.zsw1 & FAULT
     assert not [entry for entry in line.plc_log.entries("axis-01") if "alarm" in entry.event]

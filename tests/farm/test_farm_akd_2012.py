@@ -31,9 +31,9 @@ def test_5_11_every_telegram_connects_at_the_8_ms_of_4_2_2_and_exchanges_data(te
     line = line_of(telegram=telegram)
     line.connect()
     line.run(1.0)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert station.store.telegram_number == telegram
-    assert station.config.strict
+    assert station.station.config.strict
     consumer = line.plc.columns.cpm[line.plc.sessions[0].consumer]
     assert consumer.received >= 120
     assert line.plc.sessions[0].measures.losses == 0
@@ -41,9 +41,9 @@ def test_5_11_every_telegram_connects_at_the_8_ms_of_4_2_2_and_exchanges_data(te
 
 def test_4_2_2_a_cycle_of_4_ms_is_refused_and_the_controller_is_told_why():
     line = line_of(cycle="4ms", limits="lax")
-    station = line.farm.stations[0]
-    station.config = replace(station.config, strict=True)
-    station.power_cycle(line.world.now)
+    station = line.farm.axes[0]
+    station.station.config = replace(station.station.config, strict=True)
+    station.station.power_cycle(line.world.now)
     line.run(2.0)
     session = line.plc.sessions[0]
     assert session.measures.connects == 0
@@ -76,7 +76,7 @@ def test_5_9_velocity_mode_runs_at_the_asked_speed(telegram):
 def test_3_6_every_parameter_is_read_over_the_wire():
     line = line_of()
     line.connect()
-    for parameter in line.farm.stations[0].model.parameters.values():
+    for parameter in line.farm.axes[0].model.parameters.values():
         # 3.6 allows 0xEA elements at a time, fewer than the name of the station has
         for first in range(0, max(parameter.elements, 1), 0xEA):
             count = min(max(parameter.elements, 1) - first, 0xEA)
@@ -100,7 +100,7 @@ def test_a_silent_controller_gives_fault_702_and_after_its_return_recovery():
     line.enable()
     line.plc.columns.ppm[0].active = 0
     line.run(0.2)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert station.device.watchdog_expirations == 1
     assert station.fault_counts == {702: 1}
     line.enable()
@@ -115,7 +115,7 @@ def test_a_controller_in_stop_gives_fault_702_too():
     line.enable()
     line.plc.columns.ppm[0].data_status &= ~DataStatus.RUN & 0xFF
     line.run(0.1)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert station.device.watchdog_expirations == 0
     assert station.fault_counts == {702: 1}
     assert line.farm.columns.axis[0].motor.velocity == pytest.approx(0, abs=0.5)

@@ -106,7 +106,7 @@ def test_5_6_a_fault_that_its_action_ignores_is_never_seen_and_the_injection_say
 def test_3_4_1_an_address_by_dcp_sets_ip_mode_to_1_for_good():
     memory = VolatileMemory()
     line = HandLine(memory=memory)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert value(line, IP_MODE) == 1, "the farm file gave an address"
     write(line, IP_MODE, WORD, 0)
     line.plc.release(line.world.now)
@@ -115,12 +115,12 @@ def test_3_4_1_an_address_by_dcp_sets_ip_mode_to_1_for_good():
     assert Tool(line).set(address("10.77.0.99", permanent=False)) == [0]
     assert station.store.read(IP_MODE) == [1]
     station.store.set("IP.MODE", 0)
-    station.power_cycle(line.world.now)
+    station.station.power_cycle(line.world.now)
     assert station.store.read(IP_MODE) == [1], "it is kept without DRV.NVSAVE"
     station.store.set("IP.MODE", 2)
     station.store.set("DRV.NVSAVE", 1)
     line.farm.settle(station, line.world.now)
-    station.power_cycle(line.world.now)
+    station.station.power_cycle(line.world.now)
     assert station.store.read(IP_MODE) == [2], "until it is set to something else"
 
 
@@ -140,12 +140,12 @@ def test_5_8_home_mode_and_home_dist_stay_as_telegram_353_brought_them(how):
     elif how == "lost":
         faults.inject({"kind": "ar-abort", "on": "all"}, line.world.now)
         line.run(0.1)
-        assert not line.farm.stations[0].device.ars
+        assert not line.farm.axes[0].device.ars
     else:
         line.plc.release(line.world.now)
         line.run(0.5)
-        assert not line.farm.stations[0].device.ars
-    store = line.farm.stations[0].store
+        assert not line.farm.axes[0].device.ars
+    store = line.farm.axes[0].store
     assert (store.get("HOME.MODE"), store.get("HOME.DIST")) == (7, -COUNTS // 2)
     if how != "stop":
         store.set("HOME.MODE", 1)
@@ -166,7 +166,7 @@ def test_5_8_a_home_mode_that_the_parameter_does_not_take_changes_it_not():
     line.send(READY, HOME_MODE=99)
     line.plc.release(line.world.now)
     line.run(0.5)
-    assert line.farm.stations[0].store.get("HOME.MODE") == 0
+    assert line.farm.axes[0].store.get("HOME.MODE") == 0
 
 
 # 5.11.7

@@ -62,7 +62,7 @@ class Farm:
 
 
 def shown(line, drive=0):
-    return drive_snapshot(line.farm, line.farm.stations[drive], line.world.now)
+    return drive_snapshot(line.farm, line.farm.axes[drive], line.world.now)
 
 
 # -- while a connection is open ----------------------------------------------------------------------------------------
@@ -73,7 +73,7 @@ def test_another_name_ends_the_connection_with_its_own_error():
     line.connect()
     tool = Tool(line)
     assert tool.set(NameBlock("press-7", 1)) == [0]
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert not station.device.ars
     assert (station.device.name, station.device.cm.station_name) == ("press-7", "press-7")
     (reason,) = station.device.losses_in_words()
@@ -87,18 +87,18 @@ def test_another_address_is_refused_until_the_connection_is_over():
     line.connect()
     tool = Tool(line)
     assert tool.set(address("10.77.0.99"), NameBlock("axis-01", 1), SignalBlock()) == [6, 0, 0]
-    assert line.farm.stations[0].device.ars
+    assert line.farm.axes[0].device.ars
     line.plc.release(line.world.now)
     line.run(0.1)
     assert tool.set(address("10.77.0.99")) == [0]
-    assert str(line.farm.stations[0].device.ip.address) == "10.77.0.99/23"
+    assert str(line.farm.axes[0].device.ip.address) == "10.77.0.99/23"
 
 
 def test_taking_the_address_away_ends_the_connection():
     line = VirtualLine()
     line.connect()
     assert Tool(line).set(IpParameterBlock(NOBODY, NOBODY, NOBODY, 1)) == [0]
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert not station.device.ars
     (reason,) = station.device.losses_in_words()
     assert "IP suite changed" in reason
@@ -125,7 +125,7 @@ def test_the_lamp_goes_out_in_time_also_when_a_frame_comes_at_that_very_moment()
     line = Farm()
     tool = Tool(line)
     tool.set(SignalBlock())
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     due = station.device.dcp.next_deadline()
     tool.dcp.identify(now=due)
     (question,) = tool.dcp.to_send(due)
@@ -136,7 +136,7 @@ def test_the_lamp_goes_out_in_time_also_when_a_frame_comes_at_that_very_moment()
 def test_a_drive_that_loses_its_supply_stops_flashing():
     line = Farm()
     Tool(line).set(SignalBlock())
-    line.farm.stations[0].power_off(line.world.now)
+    line.farm.axes[0].station.power_off(line.world.now)
     line.run(5.0)
     assert not shown(line)["signalling"]
     assert line.events()[-2:] == ["signal ends", "power off"]
@@ -178,18 +178,18 @@ def test_each_reset_clears_its_keys_of_the_memory_and_leaves_the_others(mode):
 def test_a_reset_reaches_the_drive_and_its_memory_at_once(mode, name, value):
     memory = VolatileMemory()
     line = Farm(memory=memory)
-    tool, station = Tool(line), line.farm.stations[0]
+    tool, station = Tool(line), line.farm.axes[0]
     tool.set(NameBlock("press-7", 1), address("10.77.0.99"))
     default = station.store.get(2497)
     station.store.set(2497, 4711)
     station.store.set(2469, 1)  # DRV.NVSAVE
-    station.handle_timeout(line.world.now)
+    station.station.handle_timeout(line.world.now)
     line.farm.settle(station, line.world.now)
     kept = memory.load("axis-01")
     more = {"im": {"0.1.45041": b"tag"}, "pdev": {"0.32768.32881": ADJUST}, "snmp": {"NAME": "x"}}
     memory.save("axis-01", {**kept, **more})
     line = Farm(memory=memory)
-    tool, station = Tool(line), line.farm.stations[0]
+    tool, station = Tool(line), line.farm.axes[0]
     assert (bool(station.device.records.im.texts), bool(station.device.neighbours.pdev.written)) == (True, True)
     assert station.store.get(2497) == 4711
     assert tool.set(ResetToFactoryBlock(mode << 1)) == [0]
@@ -197,7 +197,7 @@ def test_a_reset_reaches_the_drive_and_its_memory_at_once(mode, name, value):
         assert station.device.name == name
         assert station.store.get(2497) == (value or default)
         assert (str(station.device.ip.address) == "10.77.0.99/23") == bool(name)
-        station.power_cycle(line.world.now)
+        station.station.power_cycle(line.world.now)
     clears = RESET_CLEARS[mode]
     after = memory.load("axis-01")
     assert ("im" in after) == (Stored.IDENTIFICATION not in clears)
@@ -210,7 +210,7 @@ def test_a_reset_reaches_the_drive_and_its_memory_at_once(mode, name, value):
 @pytest.mark.parametrize(("mode", "im", "pdev"), [(1, False, True), (2, True, False), (4, False, False)])
 def test_a_reset_clears_the_records_that_the_drive_has_in_hand(mode, im, pdev):
     line = Farm()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.device.records.im.texts[0, 1, 0xAFF1] = b"tag"
     assert station.device.neighbours.pdev.write(None, 0, 0, 0x8000, 0x8071, ADJUST, line.world.now) is None
     assert Tool(line).set(ResetToFactoryBlock(mode << 1)) == [0]
@@ -220,19 +220,19 @@ def test_a_reset_clears_the_records_that_the_drive_has_in_hand(mode, im, pdev):
 def test_what_a_controller_wrote_for_interface_and_ports_survives_a_power_cycle():
     memory = VolatileMemory()
     line = Farm(memory=memory)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert station.device.neighbours.pdev.write(None, 0, 0, 0x8000, 0x8071, ADJUST, line.world.now) is None
     station.device.connections.take(RecordWritten(1, 0, 0, 0x8000, 0x8071, ADJUST), line.world.now)
-    station.power_cycle(line.world.now)
+    station.station.power_cycle(line.world.now)
     assert station.device.neighbours.pdev.read(None, 0, 0, 0x8000, 0x8071, 4096, line.world.now) == ADJUST
-    again = Farm(memory=memory).farm.stations[0]
+    again = Farm(memory=memory).farm.axes[0]
     assert again.device.neighbours.pdev.read(None, 0, 0, 0x8000, 0x8071, 4096, 0) == ADJUST
 
 
 def test_a_reset_of_the_device_answers_first_and_restarts_then():
     line = VirtualLine()
     line.connect()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     before = station.device.dcp
     assert Tool(line).set(ResetToFactoryBlock(ResetMode.DEVICE << 1)) == [0]
     assert station.device.dcp is not before
@@ -249,14 +249,14 @@ def test_a_reset_that_a_drive_has_not_changes_nothing(mode, error):
     line = VirtualLine()
     line.connect()
     assert Tool(line).set(ResetToFactoryBlock(mode << 1)) == [error]
-    assert line.farm.stations[0].device.ars
+    assert line.farm.axes[0].device.ars
     assert "factory reset" not in line.events("axis-01")
 
 
 def test_name_servers_outlive_a_restart_when_they_are_permanent():
     memory = VolatileMemory()
     line = Farm(memory=memory)
-    tool, station = Tool(line), line.farm.stations[0]
+    tool, station = Tool(line), line.farm.axes[0]
     servers = [IPv4Address("10.77.0.53"), IPv4Address("10.77.0.54")]
     for permanent, expected in ((True, tuple(servers)), (False, ())):
         tool.dcp.set_ip_suite(
@@ -265,7 +265,7 @@ def test_name_servers_outlive_a_restart_when_they_are_permanent():
         tool.send_pending(line.world.now)
         line.run(0.02)
         assert tool.found.pop().error is None
-        again = Farm(memory=memory).farm.stations[0]
+        again = Farm(memory=memory).farm.axes[0]
         assert tuple(ip for ip in again.device.dcp.dns if ip != NOBODY) == expected
 
 
@@ -277,7 +277,7 @@ def test_a_temporary_nothing_deletes_what_was_stored():
     assert (memory.load("axis-01")["name"], memory.load("axis-01")["ip"]) == ("press-7", "10.77.0.99/23")
     assert tool.set(NameBlock("", 0), IpParameterBlock(NOBODY, NOBODY, NOBODY, 0)) == [0, 0]
     assert (memory.load("axis-01")["name"], memory.load("axis-01")["ip"]) == ("", "")
-    again = Farm(memory=memory).farm.stations[0]
+    again = Farm(memory=memory).farm.axes[0]
     assert (again.device.name, again.device.ip.address) == ("", None)
 
 
@@ -295,8 +295,8 @@ def test_a_drive_sends_hello_at_power_on_if_the_farm_file_says_so(hello, expecte
     line.run(1.0)
     assert greetings(tool) == ["axis-01"] * expected
     tool.found.clear()
-    station = line.farm.stations[0]
-    station.power_cycle(line.world.now)
+    station = line.farm.axes[0]
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(1.0)
     assert greetings(tool) == ["axis-01"] * expected
@@ -305,12 +305,12 @@ def test_a_drive_sends_hello_at_power_on_if_the_farm_file_says_so(hello, expecte
 def test_the_fast_start_up_record_rules_over_the_farm_file_until_it_is_reset():
     memory = VolatileMemory()
     line = Farm(memory=memory)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     record = emit_fsu_data_adjust(FsuDataAdjust((FsHello(2, 100, 2, 500),)))
     station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record, line.world.now)
     assert "hello set" in line.events()
     tool = Tool(line)
-    station.power_cycle(line.world.now)
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.4)
     assert greetings(tool) == []
@@ -324,12 +324,12 @@ def test_the_fast_start_up_record_rules_over_the_farm_file_until_it_is_reset():
 @pytest.mark.parametrize("mode", [0, 3, 0xFFFF_FFFF])
 def test_a_fast_start_up_record_can_switch_hello_off(mode):
     line = Farm(hello=True)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     record = emit_fsu_data_adjust(FsuDataAdjust((FsHello(mode, 0xFFFF_FFFF, 0xFFFF_FFFF, 0xFFFF_FFFF),)))
     station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record, line.world.now)
     line.run(1.0)
     tool = Tool(line)
-    station.power_cycle(line.world.now)
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(1.0)
     assert greetings(tool) == []
@@ -345,7 +345,7 @@ def test_hellos_of_a_farm_do_not_circulate_in_it():
 
 def test_other_records_and_broken_ones_change_nothing():
     line = Farm(hello=True)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     before = station.device.dcp.hello_settings
     record = emit_fsu_data_adjust(FsuDataAdjust((FsHello(0, 100, 2, 500),)))
     station.device.addressing.record_written(0x802F, record, line.world.now)
@@ -364,7 +364,7 @@ def test_an_address_that_another_drive_has_is_not_used_until_that_drive_is_gone(
     line = Farm(2)
     tool = Tool(line)
     line.run(2.0)
-    first, second = line.farm.stations
+    first, second = line.farm.axes
     assert tool.set(address("10.77.0.11"), drive=1) == [0]
     assert (str(first.device.ip.address), second.device.ip.address) == ("10.77.0.11/23", None)
     assert shown(line, 1)["ip_conflict"] == first.port.mac.hex(":")
@@ -387,7 +387,7 @@ def test_an_address_in_use_is_kept_and_the_conflict_shown_until_it_is_over():
     line.connect()
     line.run(1.0)
     tool = Tool(line)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     tool.use("10.77.0.11/23")
     assert tool.identify()[station.port.mac].ip_info == 0x81
     assert station.device.ars  # a running axis does not stop for it
@@ -447,7 +447,7 @@ def test_announcements_of_many_drives_reach_only_those_they_concern():
     tool.send_pending(line.world.now)
     line.run(0.02)
     found = {event.ip: event.conflict_mac for event in tool.ip.events()}
-    stations = line.farm.stations
+    stations = line.farm.axes
     assert found == {
         IPv4Address("10.77.0.11"): stations[0].port.mac,
         IPv4Address("10.77.0.99"): stations[7].port.mac,

@@ -162,7 +162,7 @@ async def record_reads_and_pulls(path: Path) -> None:
     for subslot, index in ((0x8000, 0x8080), (0x8001, 0x802A), (1, 0xF841)):
         line.plc.read_record("axis-01", (0, 0, subslot, index), line.world.now)
     line.world.run(0.5)
-    station = line.farm.station("axis-01")
+    station = line.farm.axis("axis-01")
     for hand in (
         lambda: pull_module(station.device, 1, 2, line.world.now),
         lambda: pull_module(station.device, 1, None, line.world.now),

@@ -88,7 +88,7 @@ def test_2_2_other_cycles_are_refused_by_the_farm_file_unless_limits_are_lax(cyc
 def test_2_7_a_controller_starts_up_assigns_the_address_and_exchanges(startup):
     line = line_of(startup=startup, drives=2)
     line.connect()
-    for station in line.farm.stations:
+    for station in line.farm.axes:
         assert str(station.device.ip.address).startswith("10.77.0.")
     line.run(0.1)
     assert all(int(axis.profidrive.image_valid) for axis in line.farm.columns.axis[:2])
@@ -112,7 +112,7 @@ def test_2_5_3_iops_and_iocs_are_good_while_data_are_valid():
     line.run(0.1)
     session = line.plc.sessions[0]
     assert int(line.plc.columns.cpm[session.consumer].iops) == 0x80
-    (ar,) = line.farm.stations[0].device.ars.values()
+    (ar,) = line.farm.axes[0].device.ars.values()
     assert int(line.farm.columns.cpm[ar.consumers[0][0]].iops) == 0x80
 
 
@@ -181,7 +181,7 @@ def test_bits_have_the_names_of_the_telegram():
     line = line_of()
     line.enable()
     line.run(0.2)
-    shown = drive_snapshot(line.farm, line.farm.stations[0], line.world.now)
+    shown = drive_snapshot(line.farm, line.farm.axes[0], line.world.now)
     # the controller sets bits 4 to 6 as every PROFIdrive controller does; this drive reserves them
     assert shown["stw1_bits"] == [
         "on", "no_coast_stop", "no_quick_stop", "enable_operation", "bit_4", "bit_5", "bit_6", "control_by_plc",
@@ -189,7 +189,7 @@ def test_bits_have_the_names_of_the_telegram():
     assert "target_velocity_reached" in shown["zsw1_bits"]
     other = line_of(telegram=111)
     other.enable()
-    shown = drive_snapshot(other.farm, other.farm.stations[0], other.world.now)
+    shown = drive_snapshot(other.farm, other.farm.axes[0], other.world.now)
     assert "activate_traversing_task" in shown["stw1_bits"]
 
 
@@ -305,8 +305,8 @@ def test_6_2_a_limit_takes_effect_after_power_on_and_outlives_it():
     assert access(line, emit_request(request)) == bytes.fromhex("01 02 00 01")
     line.run(0.5)
     assert axis_of(line).motor.velocity == pytest.approx(1500.0, abs=1)
-    station = line.farm.stations[0]
-    station.power_cycle(line.world.now)
+    station = line.farm.axes[0]
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.2)
     line.enable()

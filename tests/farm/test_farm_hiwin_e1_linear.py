@@ -74,7 +74,7 @@ def test_6_6_1_a_task_counts_control_units_of_the_scale(telegram):
     plc.wait_for(lambda: plc["ZSW1"] & (REACHED | STOPPED) == REACHED | STOPPED)
     plc.wait(50)
     assert mm(plc) == pytest.approx(100.0, abs=0.01)
-    shown = drive_snapshot(plc.farm, plc.farm.stations[0], plc.world.now)
+    shown = drive_snapshot(plc.farm, plc.farm.axes[0], plc.world.now)
     assert shown["pitch_millimetres"] == PITCH
     assert shown["position_revolutions"] * PITCH == pytest.approx(100.0, abs=0.01)
 
@@ -102,7 +102,7 @@ def test_6_8_a_direct_drive_jogs_with_60_rpm():
     plc.switch_on(operation=RUN)
     plc.put(STW1=RUN | JOG_FORWARDS, wait=400)
     assert plc.axis.motor.velocity == pytest.approx(60.0, abs=0.2)
-    assert drive_snapshot(plc.farm, plc.farm.stations[0], plc.world.now)["pitch_millimetres"] is None
+    assert drive_snapshot(plc.farm, plc.farm.axes[0], plc.world.now)["pitch_millimetres"] is None
 
 
 def test_load_and_motor_of_the_farm_file_are_in_the_units_of_the_motor():

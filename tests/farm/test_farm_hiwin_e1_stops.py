@@ -103,7 +103,7 @@ def test_a_power_cycle_forgets_the_home_position_and_keeps_the_parameters(telegr
     plc.wait_for(lambda: plc.bit(HOMED))
     plc.inject("power-cycle", off="200ms")
     plc.run(0.1)
-    assert not plc.farm.stations[0].powered
+    assert not plc.farm.axes[0].powered
     plc.run(1.0)
     plc.connect()
     plc.wait_for(lambda: plc.axis.drive.state == 1)

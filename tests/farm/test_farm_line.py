@@ -25,7 +25,7 @@ from pnfarm.protocols.profinet.errors import AccessError, RtaError
 def test_every_connected_telegram_exchanges_data(telegram):
     line = VirtualLine(telegram=telegram)
     line.connect()
-    assert line.farm.stations[0].store.telegram_number == telegram
+    assert line.farm.axes[0].store.telegram_number == telegram
 
 
 def test_telegram_350_brings_the_current_to_the_controller():
@@ -42,9 +42,9 @@ def test_telegram_350_brings_the_current_to_the_controller():
 
 def test_akd_4_2_2_a_cycle_below_16_ms_is_refused_and_the_controller_is_told_why():
     line = VirtualLine(cycle="8ms", limits="lax")
-    station = line.farm.stations[0]
-    station.config = replace(station.config, strict=True)
-    station.power_cycle(line.world.now)
+    station = line.farm.axes[0]
+    station.station.config = replace(station.station.config, strict=True)
+    station.station.power_cycle(line.world.now)
     line.run(2.0)
     session = line.plc.sessions[0]
     assert session.measures.connects == 0
@@ -77,7 +77,7 @@ def test_release_closes_the_channels_and_leaves_no_fault():
     line.plc.release(line.world.now)
     assert line.world.run(1.0, until=lambda: line.plc.all_stopped)
     line.run(0.2)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert not station.device.ars
     assert line.farm.columns.axis[0].faults.code[0] == 0
     assert not line.farm.columns.ppm.active.any()
@@ -108,7 +108,7 @@ def test_silent_controller_gives_f702_an_err_rta_and_after_its_return_recovery()
     line.enable()
     line.plc.columns.ppm[0].active = 0
     line.run(0.2)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert station.device.watchdog_expirations == 1
     assert station.fault_counts == {702: 1}
     aborted = next(e for e in line.log.entries("axis-01") if e.event == "ar aborted")
@@ -137,7 +137,7 @@ def test_factory_reset_ends_the_connection_and_clears_name_and_address():
     client = _client(line)
     client.client.reset_to_factory(client.target, now=line.world.now)
     client._finish()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert not station.device.ars
     assert (station.device.name, station.device.ip.address) == ("", None)
     assert line.plc.sessions[0].measures.losses == 1
@@ -160,10 +160,10 @@ def test_f702_is_not_raised_before_a_controller_ever_came():
 def test_power_cycle_keeps_the_fault_history_and_the_controller_comes_back():
     line = VirtualLine()
     line.connect()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.raise_fault(702, hold=False)
     line.run(0.1)
-    station.power_cycle(line.world.now)
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.5)
     line.connect()
@@ -176,17 +176,17 @@ def test_power_cycle_keeps_the_fault_history_and_the_controller_comes_back():
 def test_permanent_name_and_address_survive_a_restart_and_temporary_ones_do_not():
     memory = VolatileMemory()
     line = VirtualLine(controller=False, memory=memory)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     client = _client(line)
     client.set_name("press-7", permanent=True)
     client.set_ip(IPv4Interface("10.77.0.99/23"), permanent=True)
     assert station.device.name == "press-7"
-    again = VirtualLine(controller=False, memory=memory).farm.stations[0]
+    again = VirtualLine(controller=False, memory=memory).farm.axes[0]
     assert again.device.name == "press-7"
     assert str(again.device.ip.address) == "10.77.0.99/23"
     client.set_ip(IPv4Interface("10.77.0.100/23"), permanent=False)
     assert str(station.device.ip.address) == "10.77.0.100/23"
-    third = VirtualLine(controller=False, memory=memory).farm.stations[0]
+    third = VirtualLine(controller=False, memory=memory).farm.axes[0]
     assert third.device.ip.address is None
 
 
@@ -203,7 +203,7 @@ class _client:  # noqa: N801 - reads as a verb where it is used
         self.port = line.world.switch.attach(
             self.mac, lambda _i, frame, now: self.client.receive(parse_ethernet(frame), now)
         )
-        self.target = line.farm.stations[0].port.mac
+        self.target = line.farm.axes[0].port.mac
 
     def _finish(self) -> None:
         for frame in self.client.to_send(self.line.world.now):
@@ -228,8 +228,8 @@ def test_parameter_is_kept_over_a_power_cycle_only_after_drv_nvsave():
         access(line, changing(2497, 0x43, 4711))
         if save:
             access(line, changing(2469, 0x41, 1))
-        station = line.farm.stations[0]
-        station.power_cycle(line.world.now)
+        station = line.farm.axes[0]
+        station.station.power_cycle(line.world.now)
         line.farm.settle(station, line.world.now)
         line.run(0.1)
         line.connect()
@@ -321,7 +321,7 @@ def test_pn_velscaling_changes_what_a_set_point_means():
 def test_an_active_fault_is_read_back_by_pnu_947_and_counted_by_944():
     line = VirtualLine()
     line.connect()
-    line.farm.stations[0].raise_fault(702, hold=True)
+    line.farm.axes[0].raise_fault(702, hold=True)
     line.run(0.05)
     assert value_of(line, 947, 0, 2) == (702, 0)
     assert value_of(line, 944) == (1,)
@@ -330,7 +330,7 @@ def test_an_active_fault_is_read_back_by_pnu_947_and_counted_by_944():
 def test_a_makers_own_diagnosis_is_logged_with_its_structure_and_octets():
     line = VirtualLine()
     line.connect()
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     for entry in (DiagnosisEntry(0x3A00, 1, 2, 0x1234, data=b"maker"), DiagnosisEntry(0x3A00, 1, 2, error_type=0x10)):
         station.device.cm.diagnosis.add(entry)
         line.farm.settle(station, line.world.now)

@@ -48,7 +48,7 @@ def test_5_10_3_an_input_of_another_mode_is_no_home_switch():
 
 def test_5_8_1_the_limit_switch_at_its_place_warns_and_shows_in_drive_inputs():
     plc = line(**{"HOME.MODE": 1})
-    store = plc.farm.stations[0].store
+    store = plc.farm.axes[0].store
     plc.enable_axis(0x043F)
     plc.send(0x0C3F)
     plc.until(WARNING)
@@ -62,10 +62,10 @@ def test_5_8_1_the_limit_switch_at_its_place_warns_and_shows_in_drive_inputs():
 def test_a_machine_keeps_its_places_over_a_power_cycle():
     plc = line(**{"HOME.MODE": 4, "DIN1.MODE": 11})
     before = homed(plc)
-    station = plc.farm.stations[0]
-    station.power_off(plc.world.now)
+    station = plc.farm.axes[0]
+    station.station.power_off(plc.world.now)
     plc.run(1.0)
-    station.power_on(plc.world.now)
+    station.station.power_on(plc.world.now)
     plc.connect(10.0)
     plc.run(0.1)
     assert not plc.zsw1 & HOMED

@@ -101,7 +101,7 @@ def test_5_6_the_akds_vl_thresh_is_the_speed_at_which_it_trips():
     line = VirtualLine(program="{kind: constant, speed_rpm: 600}")
     line.enable()
     line.run(1.0)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.store.set("VL.THRESH_32", 700_000)
     line.run(0.5)
     assert not any(station.handle.axis.faults.code)

@@ -31,7 +31,7 @@ def test_every_drive_knows_the_controller_and_the_controller_every_drive():
     line = VirtualLine(20)
     line.run(6)
     assert stations_known(line) == [f"axis-{n:02}" for n in range(1, 21)]
-    for station in line.farm.stations:
+    for station in line.farm.axes:
         (neighbour,) = station.device.neighbours.lldp.neighbours
         assert (neighbour.station_name, neighbour.port_name) == ("plc", "port-001")
         assert neighbour.ip == IPv4Address("10.77.1.250")
@@ -40,8 +40,8 @@ def test_every_drive_knows_the_controller_and_the_controller_every_drive():
 def test_drives_of_one_farm_do_not_receive_each_others_lldp():
     line = VirtualLine(3, controller=False)
     line.run(20)
-    assert all(station.device.neighbours.lldp.sent >= 4 for station in line.farm.stations)
-    assert not any(station.device.neighbours.lldp.neighbours for station in line.farm.stations)
+    assert all(station.device.neighbours.lldp.sent >= 4 for station in line.farm.axes)
+    assert not any(station.device.neighbours.lldp.neighbours for station in line.farm.axes)
 
 
 def test_a_frame_to_all_drives_is_parsed_once(monkeypatch):
@@ -50,7 +50,7 @@ def test_a_frame_to_all_drives_is_parsed_once(monkeypatch):
     monkeypatch.setattr(segment, "parse_lldp", lambda data: parsed.append(1) or original(data))
     line = VirtualLine(16)
     line.run(60)
-    assert all(station.device.neighbours.lldp.received >= 12 for station in line.farm.stations)
+    assert all(station.device.neighbours.lldp.received >= 12 for station in line.farm.axes)
     assert len(parsed) == 1
 
 
@@ -73,7 +73,7 @@ def test_a_drive_that_only_sends_lldp_sends_the_same_at_the_same_time_as_by_a_wh
         line.run(30)
         line.plc.lldp.send_frames(False, line.world.now)
         line.run(40)
-        assert not line.farm.stations[0].device.neighbours.lldp.neighbours
+        assert not line.farm.axes[0].device.neighbours.lldp.neighbours
         return line, sent
 
     turns = []
@@ -85,14 +85,14 @@ def test_a_drive_that_only_sends_lldp_sends_the_same_at_the_same_time_as_by_a_wh
     other, also_sent = run()
     assert sent == also_sent
     assert len(turns) - 2 * few >= 3 * 12
-    for one, two in zip(line.farm.stations, other.farm.stations, strict=True):
+    for one, two in zip(line.farm.axes, other.farm.axes, strict=True):
         assert one.device.traffic.sent == two.device.traffic.sent
 
 
 def test_a_snapshot_shows_the_neighbour():
     line = VirtualLine(1)
     line.run(7)
-    (seen,) = drive_snapshot(line.farm, line.farm.stations[0], line.world.now)["neighbours"]
+    (seen,) = drive_snapshot(line.farm, line.farm.axes[0], line.world.now)["neighbours"]
     assert seen == {
         "port": "port-001",
         "station": "plc",
@@ -109,14 +109,14 @@ def test_without_lldp_no_drive_sends_and_no_neighbour_is_known():
     line = VirtualLine(top="lldp: false")
     line.world.run(30)
     assert line.plc.lldp is None
-    assert line.farm.stations[0].device.neighbours.lldp.sent == 0
-    assert line.farm.stations[0].device.neighbours.lldp.neighbours == ()
+    assert line.farm.axes[0].device.neighbours.lldp.sent == 0
+    assert line.farm.axes[0].device.neighbours.lldp.neighbours == ()
 
 
 def test_a_renamed_drive_is_another_neighbour_at_once():
     line = VirtualLine(1)
     line.run(6)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.device.dcp.name = "press-7"
     station.device.neighbours.update("press-7", station.device.dcp.address, None, line.world.now)
     line.farm.settle(station, line.world.now)
@@ -129,12 +129,12 @@ def test_a_renamed_drive_is_another_neighbour_at_once():
 def test_a_drive_that_is_switched_off_ages_out_and_has_no_neighbours_when_it_is_back():
     line = VirtualLine(1)
     line.run(6)
-    station = line.farm.stations[0]
-    station.power_off(line.world.now)
+    station = line.farm.axes[0]
+    station.station.power_off(line.world.now)
     assert drive_snapshot(line.farm, station, line.world.now)["neighbours"] == []
     line.run(21)
     assert stations_known(line) == []
-    station.power_on(line.world.now)
+    station.station.power_on(line.world.now)
     assert station.device.neighbours.lldp.neighbours == ()
     line.farm.settle(station, line.world.now)
     line.run(6)
@@ -156,7 +156,7 @@ def test_a_pulled_cable_leaves_a_drive_alone_until_it_is_plugged():
     line.run(6)
     faults.inject({"kind": "link-down", "on": "axis-01", "for": "10s"}, line.world.now)
     line.run(1)
-    pulled, other = line.farm.stations
+    pulled, other = line.farm.axes
     assert pulled.device.neighbours.lldp.neighbours == ()
     assert len(other.device.neighbours.lldp.neighbours) == 1
     line.run(20)
@@ -166,9 +166,9 @@ def test_a_pulled_cable_leaves_a_drive_alone_until_it_is_plugged():
 def test_a_drive_is_found_by_the_port_that_it_is_connected_to():
     line = VirtualLine(1)
     ask = DcpPdu(0xFEFE, 5, 0, 1, (AliasBlock("port-001.plc"),))
-    assert not identify_matches(ask, line.farm.stations[0].device.dcp)
+    assert not identify_matches(ask, line.farm.axes[0].device.dcp)
     line.run(6)
-    assert identify_matches(ask, line.farm.stations[0].device.dcp)
+    assert identify_matches(ask, line.farm.axes[0].device.dcp)
 
 
 # -- the physical device's records
@@ -181,7 +181,7 @@ def write(station, index, data, now, subslot=0x8001):
 def test_a_wrong_neighbour_fails_the_check_and_is_noted():
     line = VirtualLine(1)
     line.run(6)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     for name, expected in ((b"other", CheckFailed), (b"plc", CheckPassed)):
         check = PortDataCheck(0, 0x8001, (CheckPeers((ExpectedPeer(b"port-001", name),)),))
         write(station, 0x802B, emit_port_data(check), line.world.now)
@@ -195,7 +195,7 @@ def test_a_wrong_neighbour_fails_the_check_and_is_noted():
 def test_a_neighbour_that_goes_fails_the_check_when_it_ages_out():
     line = VirtualLine(1)
     line.run(6)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     check = PortDataCheck(0, 0x8001, (CheckPeers((ExpectedPeer(b"port-001", b"plc"),)),))
     write(station, 0x802B, emit_port_data(check), line.world.now)
     line.run(10)
@@ -209,7 +209,7 @@ def test_a_neighbour_that_goes_fails_the_check_when_it_ages_out():
 def test_the_controller_chooses_the_names_and_mutes_a_port():
     line = VirtualLine(1)
     line.run(6)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     write(station, 0x8071, emit_interface_adjust(InterfaceAdjust(1)), line.world.now, 0x8000)
     line.farm.settle(station, line.world.now)
     line.run(2)

@@ -72,7 +72,7 @@ def test_a_drive_without_supply_has_a_state_of_its_own(farm):
     line.run(0.5)
     viewer.look()
     assert viewer.values["state"][0] > 0
-    line.core.stations[0].power_off(line.now_ns)
+    line.core.axes[0].station.power_off(line.now_ns)
     line.run(0.2)
     viewer.look()
     assert viewer.values["state"][0] == -1

@@ -27,7 +27,7 @@ def connected() -> VirtualLine:
 
 def silence(line: VirtualLine) -> None:
     """The controller's frames no longer arrive."""
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     line.farm.columns.cpm[station.device.channel_rows[1][0]].source = 1
 
 
@@ -77,7 +77,7 @@ def test_farm_that_was_late_is_the_cause_of_an_expired_watchdog():
     found = samples(collector, "pnfarm_ar_aborts_total")
     assert found['{drive="axis-01",reason="consumer-dht-expired",cause="farm"}'] == 1
     assert found['{drive="axis-01",reason="consumer-dht-expired",cause="controller"}'] == 0
-    shown = drive_snapshot(line.farm, line.farm.station("axis-01"), line.world.now)
+    shown = drive_snapshot(line.farm, line.farm.axis("axis-01"), line.world.now)
     assert (shown["watchdog_expirations"], shown["watchdog_expirations_by_farm"], shown["aborts_by_farm"]) == (1, 1, 1)
 
 
@@ -107,7 +107,7 @@ def test_lateness_long_before_the_silence_does_not_excuse_a_controller():
 def test_abort_by_the_controller_while_the_farm_did_not_run_is_the_farm_s():
     line = connected()
     late_tick(line, 20 * MS)
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     # the controller's own watchdog: its abort arrives behind the stall
     (session,) = line.plc.sessions
     line.plc.columns.cpm[session.consumer].source = 1

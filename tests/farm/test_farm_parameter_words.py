@@ -41,14 +41,14 @@ def test_every_telegram_with_a_parameter_channel_reads_and_writes(telegram):
     assert ask(line, Pkw(1, 918)) == Pkw(1, 918, value=126)
     assert ask(line, Pkw(2, 918, value=7)) == Pkw(1, 918, value=7)
     assert ask(line, NO_TASK) == NO_TASK
-    assert line.farm.stations[0].store.get("P-0918") == 7
+    assert line.farm.axes[0].store.get("P-0918") == 7
 
 
 def test_the_channel_maps_the_words_behind_it_while_they_are_exchanged():
     """8.2.3: P-0916 by tasks 7, element by element; what it names is in the next telegrams."""
     line = line_of(102)
     line.plc.columns.program[0].enable = 0
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     line.run(0.1)
     assert ask(line, Pkw(7, 916, 2, value=967)) == Pkw(4, 916, 2, value=967)
     assert ask(line, Pkw(7, 916, 3, value=1276)) == Pkw(4, 916, 3, value=1276)
@@ -78,7 +78,7 @@ def test_task_0_takes_the_identifier_away_and_leaves_the_value_of_a_write_until_
     assert int(image.sent[PKW_HEAD]) >> 16 == 0
     assert int(image.sent[PKW_VALUE]) == 9
     assert ask(line, NO_TASK) == NO_TASK
-    assert line.farm.stations[0].store.get("P-0918") == 9
+    assert line.farm.axes[0].store.get("P-0918") == 9
 
 
 def test_a_telegram_without_the_channel_takes_no_task():
@@ -110,7 +110,7 @@ def test_a_write_that_is_repeated_is_carried_out_once_and_again_after_task_0():
 def test_a_value_that_is_asked_for_stays_up_to_date():
     line = line_of()
     assert ask(line, Pkw(1, 918)).value == 126
-    line.farm.stations[0].store.set("P-0918", 9)
+    line.farm.axes[0].store.set("P-0918", 9)
     line.run(0.03)
     assert line.plc.parameter_answer("axis-01") == Pkw(1, 918, value=9)
 
@@ -147,7 +147,7 @@ def test_the_channel_is_dead_without_a_connection_and_forgets_its_cache():
     line = line_of()
     ask(line, Pkw(11, 1293, 1, 255))
     assert ask(line, Pkw(12, 1293, 1, 255)).length == 5
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     station.device.cm.abort_all(RtaError.DEVICE_DEACTIVATED, line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(0.01)
@@ -162,8 +162,8 @@ def test_the_channel_is_dead_without_a_connection_and_forgets_its_cache():
 def test_a_power_cycle_leaves_a_channel_that_answers():
     line = line_of()
     ask(line, Pkw(2, 918, value=5))
-    (station,) = line.farm.stations
-    station.power_cycle(line.world.now)
+    (station,) = line.farm.axes
+    station.station.power_cycle(line.world.now)
     line.plc.put_parameter_task("axis-01", Pkw(1, 918))
     line.run(0.1)
     line.connect()
@@ -175,7 +175,7 @@ def test_a_power_cycle_leaves_a_channel_that_answers():
 def test_a_standard_telegram_after_one_with_the_channel_answers_nothing():
     line = line_of()
     ask(line, Pkw(1, 918))
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     station.store.plug_telegram(1)
     assert not station.handle.axis.profidrive.settings.parameter_channel
     station.store.plug_telegram(101)
@@ -185,7 +185,7 @@ def test_a_standard_telegram_after_one_with_the_channel_answers_nothing():
 def test_a_lost_event_of_a_task_is_repeated():
     """The engine's events are a ring; what a slow reader loses is not lost for ever."""
     line = line_of()
-    image = line.farm.stations[0].handle.image
+    image = line.farm.axes[0].handle.image
     ask(line, Pkw(1, 918))
     # as if the reader had never come to this answer
     image.parameter_answered = 0

@@ -73,7 +73,7 @@ def test_a_fault_in_a_move_ends_the_task_and_the_next_one_counts_from_the_presen
     line = line_of(*EVERY[5], targets="50, 0")
     line.enable()
     line.run(1.0)
-    line.farm.stations[0].handle.push_command(1, 15)
+    line.farm.axes[0].handle.push_command(1, 15)
     line.run(0.1)
     assert not line.plc.all_running
     line.enable()
@@ -103,7 +103,7 @@ def test_3_10_aktsatz_shows_the_mdi_submode():
 def test_5_10_1_telegram_7_starts_motion_tasks_of_the_drive_over_frames():
     line = VirtualLine(telegram=7, params="{DRV.OPMODE: 2, HOME.MODE: 0}", program="{kind: constant, speed_rpm: 0}")
     line.enable()
-    drive, plc = line.farm.stations[0], line.plc.columns
+    drive, plc = line.farm.axes[0], line.plc.columns
     for name, value in (("MT.NUM", 7), ("MT.P", 2 * 65536), ("MT.V", 600_000), ("MT.SET", 1)):
         drive.store.set(name, value)
     drive.store.set("HOME.MOVE", 1)
@@ -122,7 +122,7 @@ def test_the_snapshot_shows_the_position_from_the_home_position():
     line.enable()
     run_until(line, lambda: moves(line) == 1)
     line.run(0.04)
-    assert drive_snapshot(line.farm, line.farm.stations[0], line.world.now)["position_revolutions"] == pytest.approx(
+    assert drive_snapshot(line.farm, line.farm.axes[0], line.world.now)["position_revolutions"] == pytest.approx(
         4.0, abs=0.01
     )
 

@@ -58,14 +58,14 @@ class Cable:
         self.now = self.line.now_ns
 
     def hear(self, frame: bytes) -> None:
-        ports = [station.port.index for station in self.core.stations]
+        ports = [station.port.index for station in self.core.axes]
         audience = self.core._audience(frame) if self.short else None
         for port in ports if audience is None else audience:
             self.handed += 1
             self.core.receive(port, frame, self.now)
 
     def do(self, what: str, drive: int, data: object) -> None:
-        station = self.core.stations[drive]
+        station = self.core.axes[drive]
         self.now += MS
         match what:
             case "hear":
@@ -78,7 +78,7 @@ class Cable:
                 station.device.dcp.aliases = frozenset(data)
                 self.core.settle(station, self.now)
             case "power":
-                (station.power_off if station.powered else station.power_on)(self.now)
+                (station.station.power_off if station.powered else station.station.power_on)(self.now)
                 self.core.settle(station, self.now)
             case "inject":
                 fields = {"kind": data, "on": station.configured_name}
@@ -92,7 +92,7 @@ class Cable:
     def discards(self) -> list[dict[str, int]]:
         return [
             {reason: count for reason, count in station.device.discards().items() if count}
-            for station in self.core.stations
+            for station in self.core.axes
         ]
 
 
@@ -181,10 +181,10 @@ def test_one_name_is_handed_to_one_drive_and_counts_for_the_others():
         one.do("hear", 0, frame(NameBlock("axis-02")))
         one.do("hear", 0, arp("10.77.0.12"))
     assert cable.handed == 2
-    assert {port for port, _ in cable.sent} == {cable.core.stations[1].port.index}
+    assert {port for port, _ in cable.sent} == {cable.core.axes[1].port.index}
     assert cable.discards()[1] == full.discards()[1]
     for reason in ("identify-for-another", "arp-for-another"):
-        counts = [[one.core.stations[n].device.discards().get(reason, 0) for n in (0, 2, 6)] for one in (before, cable)]
+        counts = [[one.core.axes[n].device.discards().get(reason, 0) for n in (0, 2, 6)] for one in (before, cable)]
         assert [after - first for first, after in zip(*counts, strict=True)] == [1, 1, 1]
 
 
@@ -193,14 +193,14 @@ def test_two_drives_of_one_name_both_answer():
     cable.do("set", 2, (NameBlock("axis-02", 1),))
     cable.sent.clear()
     cable.do("hear", 0, frame(NameBlock("axis-02")))
-    assert {port for port, _ in cable.sent} == {cable.core.stations[1].port.index, cable.core.stations[2].port.index}
+    assert {port for port, _ in cable.sent} == {cable.core.axes[1].port.index, cable.core.axes[2].port.index}
 
 
 def test_an_alias_and_an_instance_are_looked_up_and_all_asks_all():
     cable = Cable(short=True)
     cable.do("neighbour", 5, ("port-001.switch",))
     cable.do("hear", 0, frame(AliasBlock("port-001.switch")))
-    assert (cable.handed, {port for port, _ in cable.sent}) == (1, {cable.core.stations[5].port.index})
+    assert (cable.handed, {port for port, _ in cable.sent}) == (1, {cable.core.axes[5].port.index})
     cable.do("hear", 0, frame(DeviceInstanceBlock(0, 7)))
     assert cable.handed == 1
     cable.do("hear", 0, frame(AllSelectorBlock()))

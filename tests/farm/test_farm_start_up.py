@@ -14,7 +14,7 @@ EVERY = [("akd-profinet", 1, "16ms"), ("akd-profinet-2012", 1, "8ms"), ("hiwin-e
 @pytest.mark.parametrize(("name", "telegram", "cycle"), EVERY)
 def test_nothing_is_good_and_no_set_point_counts_before_the_application_is_ready(name, telegram, cycle):
     line = VirtualLine(model=name, telegram=telegram, cycle=cycle)
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.device.connections.ready_delay_ns = None
     session = line.plc.sessions[0]
     assert line.world.run(5.0, until=lambda: session.consumer is not None)
@@ -47,7 +47,7 @@ def test_every_telegram_of_a_model_connects_and_exchanges_data(name, telegram):
     cycle = next(cycle for known, _, cycle in EVERY if known == name)
     line = VirtualLine(model=name, telegram=telegram, cycle=cycle)
     line.connect()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert station.store.telegram_number == telegram
     before = int(line.farm.columns.image[0].frames)
     line.run(0.2)
@@ -58,14 +58,14 @@ def test_every_telegram_of_a_model_connects_and_exchanges_data(name, telegram):
 
 def test_application_ready_of_a_connection_that_ended_is_not_repeated():
     line = VirtualLine()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.device.connections.ready_delay_ns = None
     assert line.world.run(5.0, until=lambda: bool(station.device.channels.ars))
     line.run(0.1)
     (ar,) = station.device.cm.ars
     station.device.cm.application_ready(ar.key, line.world.now)
-    station.pump(line.world.now)
+    station.station.pump(line.world.now)
     assert station.device.client.open_calls == 1
     station.device.cm.abort(ar.key, 31, line.world.now)
-    station.pump(line.world.now)
+    station.station.pump(line.world.now)
     assert station.device.client.open_calls == 0

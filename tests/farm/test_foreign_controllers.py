@@ -64,7 +64,7 @@ def line():
 
 @pytest.fixture(params=HABITS, ids=lambda habit: habit.name)
 def plc(request, line):
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     controller = ForeignController(line, IPv4Interface("10.77.1.7/23"), request.param, station)
     yield controller
     for ar in station.device.cm.ars:
@@ -75,7 +75,7 @@ def plc(request, line):
 
 def sent(line):
     """The drive's frame as it is prepared, and the step of its cycle counter."""
-    (ar,) = line.farm.stations[0].device.ars.values()
+    (ar,) = line.farm.axes[0].device.ars.values()
     row, _ = ar.providers[0]
     ppm, frame = line.farm.columns.ppm[row], line.farm.columns.frames[row]
     octets = bytes(frame[: int(ppm.length)])

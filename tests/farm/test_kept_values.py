@@ -109,23 +109,23 @@ def test_what_a_drive_writes_has_the_shape_that_it_boots_with(tmp_path: Path) ->
         for model in ("akd-profinet", "hiwin-e1", "moog-msd"):
             state.delete("axis-01")
             line = booted(state, model)
-            (station,) = line.farm.stations
-            station.keep(line.world.now, "drive", station.store.snapshot())
+            (station,) = line.farm.axes
+            station.station.keep(line.world.now, "drive", station.store.snapshot())
             station.raise_fault("overvoltage", hold=False)
             line.world.run(0.1)
             kept = state.load("axis-01") or {}
             assert kept["faults"]
             check_kept(kept)
-            station.power_cycle(line.world.now)
+            station.station.power_cycle(line.world.now)
             line.farm.settle(station, line.world.now)
 
 
 def test_a_farm_killed_between_any_two_writes_comes_back_with_what_was_saved_and_no_more(tmp_path: Path) -> None:
     rng = Random(64)
     line = booted(FarmState(tmp_path))
-    saved = {name: line.farm.stations[0].store.get(name) for name in ("DRV.ACC", "DRV.DEC")}
+    saved = {name: line.farm.axes[0].store.get(name) for name in ("DRV.ACC", "DRV.DEC")}
     for _ in range(40):
-        (station,) = line.farm.stations
+        (station,) = line.farm.axes
         store = station.store
         written = {}
         for _ in range(rng.randrange(1, 6)):
@@ -139,14 +139,14 @@ def test_a_farm_killed_between_any_two_writes_comes_back_with_what_was_saved_and
                 saved |= written
         # nothing is closed: as SIGKILL leaves it, the next one has the file alone
         line = booted(FarmState(tmp_path))
-        assert {name: line.farm.stations[0].store.get(name) for name in saved} == saved
+        assert {name: line.farm.axes[0].store.get(name) for name in saved} == saved
 
 
 def test_keys_of_a_newer_program_are_kept(tmp_path: Path) -> None:
     with FarmState(tmp_path) as state:
         state.save("axis-01", {"name": "press", "tomorrow": [1, {"a": None}]})
         line = booted(state)
-        line.farm.stations[0].keep(line.world.now, "faults", [702])
+        line.farm.axes[0].station.keep(line.world.now, "faults", [702])
         assert (state.load("axis-01") or {})["tomorrow"] == [1, {"a": None}]
 
 

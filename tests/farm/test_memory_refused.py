@@ -39,9 +39,9 @@ SAVING = {"akd-profinet": "DRV.NVSAVE", "akd-ethernetip": "DRV.NVSAVE", "moog-ms
 def test_a_drive_told_to_save_refuses_and_has_what_it_had_after_its_supply_returns(name):
     memory = Away()
     line, log = one_drive(name, memory)
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     command = SAVING[name]
-    before = dict(station.kept)
+    before = dict(station.station.kept)
     memory.away = True
     with pytest.raises(ParameterError) as caught:
         station.store.set(command, 1)
@@ -49,7 +49,7 @@ def test_a_drive_told_to_save_refuses_and_has_what_it_had_after_its_supply_retur
     line.farm.settle(station, line.world.now)
     assert "memory not written" in [entry.event for entry in log.entries("axis-01")]
     assert "parameters saved" not in [entry.event for entry in log.entries("axis-01")]
-    assert station.kept == before
+    assert station.station.kept == before
     memory.away = False
     station.store.set(command, 1)
     line.farm.settle(station, line.world.now)
@@ -59,7 +59,7 @@ def test_a_drive_told_to_save_refuses_and_has_what_it_had_after_its_supply_retur
 def test_a_drive_that_saves_each_write_refuses_each():
     memory = Away()
     line, _ = one_drive("hiwin-e1", memory)
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     parameter = next(
         one for one in station.model.parameters.values()
         if one.nonvolatile and one.writable and not one.elements and one.allows(one.default + 1)
@@ -68,7 +68,7 @@ def test_a_drive_that_saves_each_write_refuses_each():
     with pytest.raises(ParameterError) as caught:
         station.store.write(parameter.pnu, 0, [parameter.default + 1])
     assert caught.value.number == REFUSED
-    station.power_cycle(line.world.now)
+    station.station.power_cycle(line.world.now)
     assert station.store.read(parameter.pnu) == [parameter.default]
 
 
@@ -105,11 +105,11 @@ def test_dcp_sets_nothing_permanently_and_everything_else():
 def test_what_a_drive_keeps_by_itself_is_held_and_written_when_it_can_be():
     memory = Away()
     line, log = one_drive("akd-profinet", memory)
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     memory.away = True
     station.raise_fault(702, hold=False)
     line.world.run(0.05)
-    assert station.kept["faults"]
+    assert station.station.kept["faults"]
     assert [entry.event for entry in log.entries("axis-01")].count("memory not written") == 1
-    station.power_cycle(line.world.now)
-    assert station.kept["faults"]
+    station.station.power_cycle(line.world.now)
+    assert station.station.kept["faults"]

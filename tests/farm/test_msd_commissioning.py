@@ -281,7 +281,7 @@ def test_a_float_of_the_farm_file_is_the_number_itself_with_a_point_and_its_bits
     written: str, override: float
 ) -> None:
     line = VirtualLine(model="moog-msd", cycle="1ms", params=f"{{P-0167: {written}}}")
-    assert float(line.farm.stations[0].handle.axis.ramp.settings.speed_override) == pytest.approx(override)
+    assert float(line.farm.axes[0].handle.axis.ramp.settings.speed_override) == pytest.approx(override)
 
 
 @pytest.mark.parametrize(

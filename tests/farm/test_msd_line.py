@@ -53,11 +53,11 @@ def running(**options) -> MsdLine:
 
 
 def axis(line):
-    return line.farm.stations[0].handle.axis
+    return line.farm.axes[0].handle.axis
 
 
 def faults(line) -> list[str]:
-    known = line.farm.stations[0].model.faults
+    known = line.farm.axes[0].model.faults
     return [known[int(code) & 0xFFFFFF].label for code in axis(line).faults.code if code]
 
 
@@ -95,7 +95,7 @@ def test_100_percent_of_nsoll_b_is_the_maximum_speed_of_p_0338() -> None:
 @pytest.mark.parametrize("telegram", [2, 3])
 def test_p_1270_moves_nothing_while_the_telegram_brings_nsoll_b(telegram: int) -> None:
     line = running(telegram=telegram)
-    line.farm.stations[0].store.set("P-1270", 500)
+    line.farm.axes[0].store.set("P-1270", 500)
     line.run(0.5)
     assert (axis(line).ramp.setpoint, axis(line).motor.velocity) == pytest.approx((60.0, 60.0), abs=0.1)
 
@@ -104,7 +104,7 @@ def test_p_1270_moves_nothing_while_the_telegram_brings_nsoll_b(telegram: int) -
 def test_the_module_of_telegram_1_says_whether_the_ramp_generator_works(module: int, direct: int) -> None:
     """10.1: RT modules set the profile generating mode, the others the interpolating one."""
     line = MsdLine()
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     station.store.plug_telegram(1, module)
     assert station.store.get("CON_REF_Mode") == direct
     assert station.handle.axis.ramp.settings.generator == direct
@@ -113,7 +113,7 @@ def test_the_module_of_telegram_1_says_whether_the_ramp_generator_works(module: 
 
 def test_a_set_point_in_the_profile_generating_mode_follows_p_1278() -> None:
     line = msd(params="{P-1278: 1}")
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     station.store.set("P-0301", 0)
     line.enable()
     # 1 rev/s2 is 60 rpm/s (13.2)
@@ -126,7 +126,7 @@ def test_a_set_point_in_the_profile_generating_mode_follows_p_1278() -> None:
 @pytest.mark.parametrize("telegram", [7, 8, 9, 101, 106, 121])
 def test_without_a_task_or_a_deviation_the_axis_stands_still(telegram: int) -> None:
     line = msd(telegram=telegram)
-    assert line.farm.stations[0].store.telegram_number == telegram
+    assert line.farm.axes[0].store.telegram_number == telegram
     line.run(1.0)
     assert line.measures.losses == 0
     assert axis(line).motor.velocity == 0.0
@@ -136,7 +136,7 @@ def test_without_a_task_or_a_deviation_the_axis_stands_still(telegram: int) -> N
 def test_a_free_mapping_brings_the_speed_in_two_words_behind_the_parameter_channel() -> None:
     """14.2: telegram 102 with the mappings of tables 14.3 and 14.4."""
     line = msd(telegram=102)
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     line.plc.columns.program[0].enable = 0
     line.run(0.1)
     station.store.write(915, 0, [967, 1270, 1270, 1278, 1279])
@@ -156,7 +156,7 @@ def test_a_fault_in_two_parts_is_raised_by_its_number_stops_the_drive_and_is_ack
     line.run(0.05)
     assert faults(line) == ["32-1"]
     assert line.seen_zsw1() & FAULT
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     assert store.get("P-39") == store.get("P-0949.0") == 32 | 1 << 16
     assert (store.get("P-0945.0"), store.get("P-0947.0"), store.get("P-0951.9")) == (9, 9, 59009)
     assert line.until(lambda: fault.state == "ended", 2.0)
@@ -166,7 +166,7 @@ def test_a_fault_in_two_parts_is_raised_by_its_number_stops_the_drive_and_is_ack
 
 def test_the_error_memory_keeps_twenty_faults_and_a_0_clears_it() -> None:
     line = running()
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     for number in range(22):
         line.add("drive-fault", params={"fault": "11-1" if number % 2 else "4-1"})
         line.run(0.02)
@@ -233,7 +233,7 @@ LAYOUTS = {
 @pytest.mark.parametrize("mode", [1, 2, 3])
 def test_a_fault_is_a_diagnosis_in_the_layout_of_p_1256_until_it_is_acknowledged(mode: int) -> None:
     line = running(params=f"{{P-1256: {mode}}}")
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     line.add("drive-fault", params={"fault": "11-1"})
     line.run(0.05)
     (block,) = diagnosis_blocks(station.device.records.diagnosis, version=0x0001)
@@ -264,7 +264,7 @@ def test_a_fault_is_a_diagnosis_in_the_layout_of_p_1256_until_it_is_acknowledged
 
 def test_an_error_in_the_moment_of_the_acknowledgement_takes_the_place_of_the_one_before() -> None:
     line = running(params="{P-1256: 1}")
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     line.plc.columns.program[0].active = 0
     station.raise_fault("11-1", hold=False)
     line.run(0.05)
@@ -283,7 +283,7 @@ def test_an_error_in_the_moment_of_the_acknowledgement_takes_the_place_of_the_on
 
 def test_10_9_only_the_first_error_of_a_situation_is_a_diagnosis() -> None:
     line = running(params="{P-1256: 2}")
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     for fault in ("11-1", "21-1"):
         station.raise_fault(fault, hold=False)
         line.run(0.01)
@@ -297,12 +297,12 @@ def test_other_modes_report_nothing(mode: int) -> None:
     line.add("drive-fault", params={"fault": "11-1"})
     line.run(0.5)
     assert line.measures.alarms_received == 0
-    assert len(line.farm.stations[0].device.records.diagnosis) == 0
+    assert len(line.farm.axes[0].device.records.diagnosis) == 0
 
 
 def test_a_controller_that_comes_back_finds_the_diagnosis_of_the_loss() -> None:
     line = running(params="{P-1256: 1, P-1283: 100}")
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     line.add("silence", **{"for": "500ms"})
     line.run(0.45)
     assert faults(line) == ["32-1"]
@@ -314,7 +314,7 @@ def test_a_controller_that_comes_back_finds_the_diagnosis_of_the_loss() -> None:
 
 def test_a_cause_that_stays_over_a_power_cycle_is_reported_again_and_ends_with_the_fault() -> None:
     line = running(params="{P-1256: 2}")
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     fault = line.add("drive-fault", params={"fault": "11-1", "hold": True})
     line.run(0.1)
     line.add("power-cycle", params={"off": "100ms"})
@@ -331,7 +331,7 @@ def test_people_read_the_manuals_way_to_write_a_fault() -> None:
     line = running()
     line.add("drive-fault", params={"fault": "11-1"})
     line.run(0.5)
-    seen = drive_snapshot(line.farm, line.farm.stations[0], line.world.now)
+    seen = drive_snapshot(line.farm, line.farm.axes[0], line.world.now)
     assert seen["fault_counts"] == {"11-1": 1}
     assert seen["last_fault"]["number"] == 11 | 1 << 16
 
@@ -367,7 +367,7 @@ def errors(line: MsdLine, frames: int) -> list[int]:
     found = []
     for _ in range(frames):
         line.run(0.001)
-        found.append(line.farm.stations[0].store.get("P-1296"))
+        found.append(line.farm.axes[0].store.get("P-1296"))
     return found
 
 
@@ -396,12 +396,12 @@ def test_four_errors_with_a_limit_of_four_are_fault_32_3_and_silence_clears_the_
     assert faults(line) == ["32-3"]
     line.plc.columns.ppm["active"] = 0
     line.run(0.05)
-    assert line.farm.stations[0].store.get("P-1296") == 0
+    assert line.farm.axes[0].store.get("P-1296") == 0
 
 
 def test_bit_4_of_p_0953_comes_with_fault_32_3_and_stays_until_cyclic_data_begin_again() -> None:
     line = living(4)
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     assert store.get("P-0953") == 0
     line.plc.columns.program[0].life = 0
     errors(line, 8)
@@ -418,7 +418,7 @@ def test_bit_4_of_p_0953_comes_with_fault_32_3_and_stays_until_cyclic_data_begin
 def test_p_0953_shows_a_bus_timeout_until_telegrams_come_again() -> None:
     """Table 15.1: warnings such as bus timeout and PLC stop mode; which bits they are is assumed."""
     line = running(params="{P-1283: 0}")
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     assert store.get("P-0953") == 0
     line.plc.columns.ppm["active"] = 0
     line.run(0.1)
@@ -434,9 +434,9 @@ def test_p_0953_shows_that_the_watchdog_expired_before_the_connection_ended() ->
     line.enable()
     line.plc.columns.ppm["active"] = 0
     line.run(0.1)
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     assert (faults(line), store.get("P-0953")) == (["32-1"], 0x0001)
-    assert line.farm.stations[0].device.watchdog_expirations == 0
+    assert line.farm.axes[0].device.watchdog_expirations == 0
     line.plc.columns.ppm["active"] = 1
     line.run(0.01)
     assert store.get("P-0953") == 0
@@ -444,7 +444,7 @@ def test_p_0953_shows_that_the_watchdog_expired_before_the_connection_ended() ->
 
 def test_p_0953_shows_missing_telegrams_after_the_connection_was_released() -> None:
     line = running(params="{P-1283: 400}")
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     line.add("silence", **{"for": "5s"})
     line.run(0.1)
     assert (faults(line), store.get("P-0953")) == ([], 0)
@@ -454,18 +454,18 @@ def test_p_0953_shows_missing_telegrams_after_the_connection_was_released() -> N
 
 def test_p_0953_forgets_a_bus_timeout_at_power_on() -> None:
     line = running()
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     line.plc.columns.ppm["active"] = 0
     line.run(0.1)
     assert station.store.get("P-0953") == 0x0001
-    station.power_cycle(line.world.now)
+    station.station.power_cycle(line.world.now)
     line.run(0.01)
     assert station.store.get("P-0953") == 0
 
 
 def test_p_0953_shows_the_stop_of_the_controller_while_it_lasts() -> None:
     line = running()
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     line.plc.columns.image[0].good = 0
     line.run(0.05)
     assert store.get("P-0953") == 0x0002
@@ -476,8 +476,8 @@ def test_p_0953_shows_the_stop_of_the_controller_while_it_lasts() -> None:
 
 def test_65535_switches_it_off_which_is_the_factory_setting() -> None:
     line = running(telegram=3)
-    assert line.farm.stations[0].store.get("P-0925") == 65535
+    assert line.farm.axes[0].store.get("P-0925") == 65535
     line.plc.columns.program[0].life = 0
     line.run(0.1)
-    assert (faults(line), line.farm.stations[0].store.get("P-1296")) == ([], 0)
-    assert line.farm.stations[0].store.get("P-0953") == 0
+    assert (faults(line), line.farm.axes[0].store.get("P-1296")) == ([], 0)
+    assert line.farm.axes[0].store.get("P-0953") == 0

@@ -32,7 +32,7 @@ def test_a_tool_that_reads_every_record_takes_no_answer_away_from_the_controller
     line.connect()
     tool = Bystander(line.world, "tool", bytes([2, 0, 0, 0x77, 0, 1]), IPv4Interface("10.77.1.77/23"))
     ask(line, reading((930, 0, 1)))
-    assert tool.read_without(line.farm.stations[0], PARAMETERS, API, 1, 1) is None, "it asked for nothing"
+    assert tool.read_without(line.farm.axes[0], PARAMETERS, API, 1, 1) is None, "it asked for nothing"
     assert answer(line) == bytes.fromhex("07 01 00 01 42 01 0001")
     assert answer(line) is None
 

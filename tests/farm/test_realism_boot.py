@@ -27,7 +27,7 @@ def line_of(realism: str, model: str = "akd-profinet", telegram: int = 1, cycle:
 def spoken(line: VirtualLine, seconds: float) -> list[bytes]:
     """What the drive puts on the wire in this time."""
     frames: list[bytes] = []
-    mac = line.farm.stations[0].port.mac
+    mac = line.farm.axes[0].port.mac
     send = line.farm_link.send
 
     def listen(port: int, frame: bytes) -> None:
@@ -61,8 +61,8 @@ def test_a_drive_that_boots_is_silent_then_connects_then_reaches_s1(model, teleg
 def test_each_power_cycle_takes_as_long(model, telegram, cycle):
     line = line_of(BOOT, model, telegram, cycle)
     assert line.world.run(20.0, until=lambda: line.plc.all_running), line.reasons()
-    station = line.farm.stations[0]
-    station.power_cycle(line.world.now)
+    station = line.farm.axes[0]
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     assert spoken(line, 2.9) == []
     assert drive_snapshot(line.farm, station, line.world.now)["state"] == "boot"
@@ -83,22 +83,22 @@ def test_a_plain_duration_is_both_times():
 def test_a_drive_without_boot_time_answers_at_once():
     line = line_of("off")
     assert spoken(line, 0.1)
-    assert line.farm.stations[0].on_the_wire
+    assert line.farm.axes[0].station.on_the_wire
 
 
 def test_a_loss_of_supply_while_the_drive_boots_restarts_the_boot_time():
     line = line_of("{boot_time: {answers: 3s}}")
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     line.run(2.0)
-    station.power_off(line.world.now)
+    station.station.power_off(line.world.now)
     line.farm.settle(station, line.world.now)
     assert spoken(line, 2.0) == []
-    assert not station.on_the_wire
-    station.power_on(line.world.now)
+    assert not station.station.on_the_wire
+    station.station.power_on(line.world.now)
     line.farm.settle(station, line.world.now)
     assert spoken(line, 2.9) == []
     line.run(0.2)
-    assert station.on_the_wire
+    assert station.station.on_the_wire
 
 
 def test_a_reset_by_parameter_boots_as_long():
@@ -106,13 +106,13 @@ def test_a_reset_by_parameter_boots_as_long():
     line = line_of("{boot_time: {answers: 2s}}")
     line.run(2.1)
     line.connect()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     station.store.set("DRV.REBOOT", 1)
     line.farm.settle(station, line.world.now)
-    assert not station.on_the_wire
+    assert not station.station.on_the_wire
     assert spoken(line, 1.9) == []
     line.run(0.2)
-    assert station.on_the_wire
+    assert station.station.on_the_wire
 
 
 def test_the_power_cycle_of_the_fault_catalogue_boots_the_drive():
@@ -123,17 +123,17 @@ def test_the_power_cycle_of_the_fault_catalogue_boots_the_drive():
     fault = faults.inject({"kind": "power-cycle", "on": "all", "params": {"off": "500ms"}}, line.world.now)
     line.run(0.6)
     assert fault.state == "ended"
-    assert line.farm.stations[0].powered
-    assert not line.farm.stations[0].on_the_wire
+    assert line.farm.axes[0].powered
+    assert not line.farm.axes[0].station.on_the_wire
     line.run(1.0)
-    assert line.farm.stations[0].on_the_wire
+    assert line.farm.axes[0].station.on_the_wire
     line.enable()
 
 
 def test_a_drive_that_boots_does_not_answer():
     """Neither DCP nor ARP nor LLDP: it is not there yet, and nothing that was said meanwhile is answered later."""
     line = line_of("{boot_time: {answers: 3s}}")
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     tool = Tool(line)
     tool.use("10.77.1.77/23")
     line.run(1.0)
@@ -141,7 +141,7 @@ def test_a_drive_that_boots_does_not_answer():
     tool.ip.probe(IPv4Address("10.77.0.11"), line.world.now)
     tool.send_pending(line.world.now)
     assert spoken(line, 1.0) == []
-    assert station.next_deadline() == 1_000_000_000_000 + 3_000_000_000
+    assert station.station.next_deadline() == 1_000_000_000_000 + 3_000_000_000
     assert not any(station.device.discards().values())
     line.run(1.5)
     assert station.port.mac in tool.identify()

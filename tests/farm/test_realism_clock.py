@@ -117,7 +117,7 @@ def test_its_sign_of_life_counts_its_own_frames(model, telegram, ppm):
     line = line_of(str(ppm), model, telegram, 1)
     line.connect()
     line.run(0.1)
-    (cr,) = [cr for ar in line.farm.stations[0].device.ars.values() for _, cr in ar.providers]
+    (cr,) = [cr for ar in line.farm.axes[0].device.ars.values() for _, cr in ar.providers]
     row = line.farm.columns.ppm[0]
     place = int(next(row.word_offset[i] for i in range(row.words) if int(row.word_code[i]) == ZSW2 * 4))
     # at 1000 ppm a frame more, or less, than the controller sends in this time
@@ -131,7 +131,7 @@ def test_durations_in_the_log_are_no_difference_of_two_clocks():
     line.enable()
     # by now the drive's clock is a tenth of a second ahead
     line.run(100.0)
-    line.farm.stations[0].raise_fault("F702", hold=False)
+    line.farm.axes[0].raise_fault("F702", hold=False)
     line.run(3.0)
     entries = line.log.entries("axis-01")
     (cleared,) = [entry for entry in entries if entry.event == "fault acknowledged"]

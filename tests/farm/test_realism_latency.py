@@ -87,7 +87,7 @@ def test_a_second_request_meets_the_state_conflict_and_the_first_one_is_answered
 
 def test_a_change_takes_effect_when_the_drive_is_done_with_it():
     line = line_of("{parameter_latency: 100ms}")
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     before = store.get(1004)
     assert write(line, changing(1004, 0x42, 77)).ok
     line.run(0.05)
@@ -99,7 +99,7 @@ def test_a_change_takes_effect_when_the_drive_is_done_with_it():
 def test_the_end_of_the_connection_forgets_what_the_drive_works_on():
     """Neither is it carried out, nor does the next connection get an answer."""
     line = line_of("{parameter_latency: 2s}")
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     before = station.store.get(1004)
     assert write(line, changing(1004, 0x42, 77)).ok
     assert station.device.parameter_records.next_deadline() is not None
@@ -115,10 +115,10 @@ def test_the_end_of_the_connection_forgets_what_the_drive_works_on():
 
 def test_a_power_cycle_forgets_it_too():
     line = line_of("{parameter_latency: 2s}")
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     before = station.store.get(1004)
     assert write(line, changing(1004, 0x42, 77)).ok
-    station.power_cycle(line.world.now)
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(3.0)
     assert station.store.get(1004) == before
@@ -127,7 +127,7 @@ def test_a_power_cycle_forgets_it_too():
 def test_an_engineering_tool_has_a_request_of_its_own():
     """One request of each client: a tool that reads takes nothing away, and a lost tool leaves nothing behind."""
     line = line_of("{parameter_latency: 300ms}")
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     tool = Bystander(line.world, "tool", bytes([2, 0, 0, 0x77, 0, 1]), IPv4Interface("10.77.1.77/23"))
     assert write(line, ASKED).ok
     assert tool.read_without(station, 47, API, 1, 1) is None, "it asked for nothing"
@@ -138,7 +138,7 @@ def test_an_engineering_tool_has_a_request_of_its_own():
 def test_a_tool_that_goes_leaves_no_request_behind():
     """A device access AR has no cyclic data: what it asked ends with it, though, however it ends."""
     line = line_of("{parameter_latency: 10s}")
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     before = station.store.get(1004)
     tool = Initiator(line, 1, IPv4Interface("10.77.1.78/23"))
 
@@ -166,7 +166,7 @@ def test_a_range_gives_each_request_its_own_time_the_same_ones_in_each_run():
         found = []
         for _ in range(12):
             assert write(line, ASKED).ok
-            due = line.farm.stations[0].device.parameter_records.next_deadline()
+            due = line.farm.axes[0].device.parameter_records.next_deadline()
             assert due is not None
             found.append(due - line.world.now)
             line.run(0.1)
@@ -214,14 +214,14 @@ def test_the_parameter_channel_says_no_response_until_the_time_is_over():
     line.run(0.03)
     assert line.plc.parameter_answer("axis-01") == Pkw(1, 918, value=126)
     # a value that is read is kept up to date without another wait
-    line.farm.stations[0].store.set("P-0918", 9)
+    line.farm.axes[0].store.set("P-0918", 9)
     line.run(0.03)
     assert line.plc.parameter_answer("axis-01") == Pkw(1, 918, value=9)
 
 
 def test_a_write_in_the_channel_takes_effect_once_when_its_time_is_over():
     line = words_of("{parameter_latency: 100ms}")
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     assert ask(line, Pkw(2, 918, value=7)) == NO_TASK
     assert store.get("P-0918") == 126
     line.run(0.1)
@@ -235,14 +235,14 @@ def test_a_task_that_changes_meanwhile_is_the_next_one():
     line = words_of("{parameter_latency: 100ms}")
     assert ask(line, Pkw(2, 918, value=7)) == NO_TASK
     assert ask(line, Pkw(1, 925), 0.110) in {NO_TASK, Pkw(1, 918, value=7)}
-    assert line.farm.stations[0].store.get("P-0918") == 7, "what was begun is done"
+    assert line.farm.axes[0].store.get("P-0918") == 7, "what was begun is done"
     line.run(0.15)
     assert line.plc.parameter_answer("axis-01").pnu == 925
 
 
 def test_the_end_of_the_connection_ends_the_task_of_the_channel():
     line = words_of("{parameter_latency: 2s}")
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     assert ask(line, Pkw(2, 918, value=7)) == NO_TASK
     line.plc.columns.ppm["active"] = 0
     assert line.world.run(2.0, until=lambda: not station.device.ars)
@@ -265,7 +265,7 @@ controller: {name: plc, ip: 10.77.1.250/23, cycle: 2ms, telegram: 102, program: 
         [lambda slot: slot == 0, lambda slot: slot == 1],
     )
     assert line.until(lambda: all(c.all_connected for c in line.controllers)), line.reasons()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     line.controllers[1].put_parameter_task("axis-01", Pkw(2, 918, value=7))
     line.run(0.05)
     assert station.device.parameter_words.next_deadline() is not None

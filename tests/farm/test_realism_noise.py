@@ -67,7 +67,7 @@ def test_the_actual_speed_hunts_and_the_shaft_does_not(model, telegram, cycle, s
     for _ in range(150):
         line.run(int(cycle.removesuffix("ms")) / 1000.0)
         shown.append(int(image.received[ACTUAL_SLOTS[signal]]))
-        snapshot = drive_snapshot(line.farm, line.farm.stations[0], line.world.now)
+        snapshot = drive_snapshot(line.farm, line.farm.axes[0], line.world.now)
         true.append(snapshot["velocity_rpm"])
     assert max(true) - min(true) < 0.5, "what metrics and API tell of is the motor itself"
     assert len(set(shown)) > 5
@@ -99,7 +99,7 @@ def test_parameters_show_the_measured_values_too():
     line = VirtualLine(realism="{noise: {velocity: 2.0, current: 0.5, position: 0.01}}")
     line.enable()
     line.run(1.0)
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     seen: dict[str, list[int]] = {name: [] for name in ("VL.FB", "IL.FB", "FB1.P", "VL.ERR", "FB1.MECHPOS")}
     for _ in range(300):
         line.run(0.016)
@@ -115,7 +115,7 @@ def test_an_msd_shows_noise_in_its_current_and_its_speed_difference():
     line = VirtualLine(model="moog-msd", cycle="1ms", realism="{noise: {velocity: 2.0, current: 0.5}}")
     line.enable()
     line.run(1.0)
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     currents, differences = [], []
     for _ in range(300):
         line.run(0.004)
@@ -157,7 +157,7 @@ def test_a_parameter_shows_the_same_noise_as_the_frame():
     line = VirtualLine(realism="{noise: {velocity: 5.0}}")
     line.enable()
     line.run(1.0)
-    axis, store = line.farm.columns.axis[0], line.farm.stations[0].store
+    axis, store = line.farm.columns.axis[0], line.farm.axes[0].store
     sent = int(line.farm.columns.image[0].sent[ACTUAL_SLOTS["NIST_A"]])
     assert store.get("VL.FB") == pytest.approx(sent * RPM_STEP * 1000.0, abs=RPM_STEP * 500.0)
     assert abs(store.get("VL.FB") - float(axis.motor.velocity) * 1000.0) > 0.0

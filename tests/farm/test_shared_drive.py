@@ -29,7 +29,7 @@ def line() -> SharedLine:
 
 
 def test_two_controllers_are_in_data_and_the_owner_of_the_telegram_moves_the_drive(line: SharedLine) -> None:
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     line.run(1.0)
     assert [(ar.initiator_name, {key[1] for key in ar.owned}) for ar in station.device.cm.ars] == [
         ("plc-0", {0}),
@@ -43,7 +43,7 @@ def test_two_controllers_are_in_data_and_the_owner_of_the_telegram_moves_the_dri
 def test_a_controller_that_does_not_own_the_telegram_cannot_drive_the_axis_nor_fault_it_by_leaving(
     line: SharedLine,
 ) -> None:
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     line.run(1.0)
     line.controllers[HEAD].columns.ppm["active"] = 0
     line.run(2.0)
@@ -55,7 +55,7 @@ def test_a_controller_that_does_not_own_the_telegram_cannot_drive_the_axis_nor_f
 
 
 def test_the_loss_of_the_owner_of_the_telegram_faults_the_drive_and_the_other_stays(line: SharedLine) -> None:
-    (station,) = line.farm.stations
+    (station,) = line.farm.axes
     line.run(1.0)
     line.controllers[DRIVE].columns.ppm["active"] = 0
     assert line.until(lambda: station.handle.axis.faults.code[0] != 0, 1.0)

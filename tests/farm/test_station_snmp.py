@@ -48,7 +48,7 @@ class Tool:
 
     def __init__(self, line):
         self.line = line
-        self.station = line.farm.stations[0]
+        self.station = line.farm.axes[0]
 
     def frame(self, frame):
         """Frames that the drive sends because of this one."""
@@ -216,7 +216,7 @@ def test_lldp_mib_and_frames_of_a_drive_agree(name):
 
 @pytest.mark.parametrize(("enabled", "status"), [(True, 3), (False, 4)])
 def test_a_station_says_whether_its_port_sends_lldp(line, enabled, status):
-    line.farm.stations[0].device.neighbours.enabled = enabled
+    line.farm.axes[0].device.neighbours.enabled = enabled
     assert Tool(line).get((1, 0, 8802, 1, 1, 2, 1, 1, 6, 1, 2, 1)) == [status]
 
 

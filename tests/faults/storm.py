@@ -144,11 +144,11 @@ def storm(line: FaultLine | CipLine, seed: int, count: int, gap: float) -> None:
     """So many faults on random drives, with up to ``gap`` seconds between two."""
     rng = Random(seed)
     kinds = list(fault_kinds().values())
-    model = line.farm.stations[0].model
+    model = line.farm.axes[0].model
     faults = sorted(fault.number for fault in model.faults.values())
     added = 0
     while added < count:
-        drive = rng.choice(line.farm.stations).configured_name
+        drive = rng.choice(line.farm.axes).configured_name
         added += add(line, random_fault(rng, rng.choice(kinds), drive, faults))
         line.run(rng.uniform(0.0, gap))
 
@@ -165,7 +165,7 @@ def left_behind(line: FaultLine | CipLine) -> dict[str, Any]:
     look("faults", [fault.id for fault in manager.list()])
     look("active", manager.active())
     look("due", manager.next_deadline())
-    for station in line.farm.stations:
+    for station in line.farm.axes:
         look(f"{station.configured_name} gate", gate.in_force(station.port.index))
         look(f"{station.configured_name} in force", manager.drive(station.configured_name).in_force())
     look("impairment rows", np.flatnonzero(line.farm.columns.impairment["kind"]).tolist())
@@ -175,12 +175,12 @@ def left_behind(line: FaultLine | CipLine) -> dict[str, Any]:
     look("frames held back", (int(engine.held_out), int(engine.held_in)) if engine.held_out or engine.held_in else None)
     for session in line.plc.sessions:
         look(f"{session.plan.name} unusable for the controller", dict(session.unusable))
-    for station, axis in zip(line.farm.stations, line.farm.columns.axis, strict=False):
+    for station, axis in zip(line.farm.axes, line.farm.columns.axis, strict=False):
         name = station.configured_name
         look(f"{name} runs", manager.of_drive(name))
         look(f"{name} axis", {key: float(AXIS.read(axis, key)) for key in _OF_FAULTS if AXIS.read(axis, key)})
         look(f"{name} without power", not station.powered)
-        look(f"{name} has another address", station.port.mac != station.config.mac)
+        look(f"{name} has another address", station.port.mac != station.station.config.mac)
         if isinstance(line, CipLine):
             device = station.device
             look(f"{name} refuses", device.connections.refuse is not nobody)
@@ -206,8 +206,8 @@ def kept(line: FaultLine | CipLine) -> dict[str, int]:
     return {
         "runs due": manager.scheduled[0],
         "entries kept for them": manager.scheduled[1],
-        "replies kept by drives": sum(len(station.device.rpc._kept) for station in line.farm.stations),
-        "calls of drives": sum(len(station.device.client._calls) for station in line.farm.stations),
+        "replies kept by drives": sum(len(station.device.rpc._kept) for station in line.farm.axes),
+        "calls of drives": sum(len(station.device.client._calls) for station in line.farm.axes),
         "the controller's connections": len(line.plc.life.by_ar),
         "the controller's calls": len(line.plc.life.by_call),
         "drives asked for": len(line.plc._search._asked) + len(line.plc._search._addressed),

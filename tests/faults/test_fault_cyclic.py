@@ -111,7 +111,7 @@ def test_a_bad_consumer_status_is_in_every_iocs_and_is_good_again_afterwards(mod
     fault = line.add("iocs-bad")
     line.run(2 * cycle_of(line))
     bad = line.frames[-1][1]
-    (ar,) = line.farm.stations[0].device.ars.values()
+    (ar,) = line.farm.axes[0].device.ars.values()
     places = {20 + c.iocs_offset for _, cr in ar.providers for c in cr.iocs if c.iocs_offset is not None}
     assert places
     assert all((good[place], bad[place]) == (0x80, 0x40) for place in places)

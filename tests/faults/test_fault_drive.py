@@ -37,10 +37,10 @@ def test_f702_comes_again_after_each_acknowledgement_as_often_as_asked(line):
     fault = line.add("f702", count=3)
     assert line.until(lambda: fault.state == "ended", 5.0)
     assert fault.evidence().activations == 3
-    assert line.farm.stations[0].fault_counts[702] == 3
+    assert line.farm.axes[0].fault_counts[702] == 3
     line.enable()
     line.run(1.0)
-    assert line.farm.stations[0].fault_counts[702] == 3
+    assert line.farm.axes[0].fault_counts[702] == 3
 
 
 def test_a_held_fault_cannot_be_acknowledged_before_it_is_cleared(line):
@@ -138,7 +138,7 @@ def test_the_earlier_warning_shows_again_when_the_later_one_ends(line):
 
 
 def test_several_warnings_are_shown_together_and_all_are_back_after_a_power_cycle(line):
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     line.add("drive-warning", params={"warning": 107}, as_="one")
     line.add("limit-switch", params={"side": "negative"}, as_="two")
     line.add("drive-warning", params={"warning": 107}, as_="three")
@@ -165,12 +165,12 @@ def test_a_fault_that_the_model_does_not_have_is_refused_and_nothing_happens(lin
 
 def test_a_power_cycle_boots_the_drive_and_the_controller_finds_it_again(line):
     fault = line.add("power-cycle", params={"off": "500ms"})
-    assert not line.farm.stations[0].powered
+    assert not line.farm.axes[0].powered
     line.run(0.4)
     assert line.losses() == 1
-    assert not line.farm.stations[0].powered
+    assert not line.farm.axes[0].powered
     line.run(0.2)
-    assert line.farm.stations[0].powered
+    assert line.farm.axes[0].powered
     assert fault.state == "ended"
     line.enable()
     assert line.events("axis-01").count("power off") == 1
@@ -180,7 +180,7 @@ def test_a_power_cycle_that_is_cleared_switches_on_at_once(line):
     fault = line.add("power-cycle", params={"off": "1h"})
     line.run(1.0)
     line.clear(fault.id)
-    assert line.farm.stations[0].powered
+    assert line.farm.axes[0].powered
     line.enable()
 
 
@@ -300,7 +300,7 @@ def test_a_stuck_axis_draws_the_peak_current_until_the_drive_trips_on_the_overlo
     assert axis.motor.current == pytest.approx(axis.motor.settings.peak_current)
     assert line.seen_zsw1() & 0x0100 == 0, "the speed is not what it should be"
     line.run(20.0)
-    assert line.farm.stations[0].fault_counts[524] > 0, "the drive has folded its current back"
+    assert line.farm.axes[0].fault_counts[524] > 0, "the drive has folded its current back"
     line.clear(fault.id)
     line.enable()
 
@@ -339,7 +339,7 @@ def test_a_shaft_coasts_when_the_supply_goes_and_still_turns_when_it_is_back_soo
     assert axis.motor.velocity == pytest.approx(1000 * math.exp(-0.1), rel=0.01), "inertia over damping is 10 s"
     assert (axis.motor.current, axis.motor.torque) == (0.0, 0.0)
     line.run(1.1)
-    assert line.farm.stations[0].powered
+    assert line.farm.axes[0].powered
     assert axis.motor.velocity == pytest.approx(1000 * math.exp(-0.21), rel=0.01)
     line.enable()
     line.run(1.0)
@@ -359,7 +359,7 @@ def test_a_limit_switch_stops_an_axis_in_position_mode_in_its_direction_and_lets
     line.send(0x043F)
     line.send(0x047F, MDI_TARPOS=50 * 65536, **mdi, frames=20)
     fault = line.add("limit-switch", params={"side": "positive"})
-    store = line.farm.stations[0].store
+    store = line.farm.axes[0].store
     assert line.send(0x043F, frames=20) & 0x6080 == 0x2080, "a warning, at rest, no task"
     assert (store.get("HWLS.POSSTATE"), store.get("DRIVE_INPUTS")) == (1, 0x48)
     held = line.place

@@ -171,7 +171,7 @@ def test_a_pulled_cable_ends_the_connection_and_plugging_it_brings_the_drive_bac
     assert line.losses() == 1
     assert "watchdog expired" in line.events("axis-01")
     assert fault.evidence().confirmed
-    (port,) = (station.port.index for station in line.farm.stations)
+    (port,) = (station.port.index for station in line.farm.axes)
     assert line.world.switch._sockets[port].carrier is False
     line.run(2.0)
     line.clear(fault.id)
@@ -185,7 +185,7 @@ def test_a_cable_pulled_by_two_injections_is_plugged_with_the_last(line):
     line.add("link-down", as_="two")
     line.run(0.1)
     line.clear("one")
-    (port,) = (station.port.index for station in line.farm.stations)
+    (port,) = (station.port.index for station in line.farm.axes)
     assert line.world.switch._sockets[port].carrier is False
     line.clear("two")
     assert line.world.switch._sockets[port].carrier is True

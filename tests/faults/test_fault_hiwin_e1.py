@@ -47,15 +47,15 @@ def test_a_cause_raises_the_manuals_alarm_and_its_end_lets_the_controller_acknow
     assert line.running_again()
     assert line.active == []
     assert fault_situations(line.axis)[1] == [18]
-    assert line.farm.stations[0].store.read(945, 8) == [0x410]
+    assert line.farm.axes[0].store.read(945, 8) == [0x410]
     # raised, and acknowledged
-    assert line.farm.stations[0].store.read(944) == [2]
-    assert line.farm.stations[0].store.read(952) == [1]
+    assert line.farm.axes[0].store.read(944) == [2]
+    assert line.farm.axes[0].store.read(952) == [1]
 
 
 def test_silence_of_the_controller_is_the_fieldbus_alarm_and_a_controlled_stop():
     line = E1Line()
-    line.farm.stations[0].store.set("Pt30A", 1000)
+    line.farm.axes[0].store.set("Pt30A", 1000)
     line.program.speed = 600.0
     line.run(0.3)
     line.add("loss", direction="in", for_="200ms")
@@ -96,4 +96,4 @@ def test_a_sign_of_life_that_fails_is_in_the_log_and_in_the_counts_of_faults():
     line.program.life = 0
     assert line.until(lambda: bool(line.active))
     line.run(0.1)
-    assert line.farm.stations[0].fault_counts[FBUS] == 1
+    assert line.farm.axes[0].fault_counts[FBUS] == 1

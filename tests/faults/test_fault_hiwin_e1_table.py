@@ -49,7 +49,7 @@ def test_table_5_1_1_each_fault_stops_the_drive_is_reported_and_can_be_acknowled
     assert plc["FAULT_CODE"] == fault.word
     assert plc.store.read(944) == [changes + 1]
     assert (plc.store.read(945)[0], plc.store.read(947)[0]) == (fault.word, fault.number)
-    shown = drive_snapshot(plc.farm, plc.farm.stations[0], plc.world.now)
+    shown = drive_snapshot(plc.farm, plc.farm.axes[0], plc.world.now)
     assert shown["fault"] == {"number": fault.number, "name": fault.name}
     assert plc["ZSW1"] & 0x0080 == 0
     assert plc["WARN_CODE"] == 0

@@ -21,7 +21,7 @@ class Ear:
     def __init__(self, line: FaultLine) -> None:
         self.sources: dict[int, set[bytes]] = {}
         self.frames: list[bytes] = []
-        line.farm.link.listen(line.farm.stations[0].port.index, self._hear)
+        line.farm.link.listen(line.farm.axes[0].port.index, self._hear)
 
     def _hear(self, direction, frame, now) -> None:
         if direction == "out":
@@ -34,7 +34,7 @@ class Ear:
 
 
 def test_a_changed_drive_loses_its_connection_and_is_found_by_its_name_at_the_other_address_until_it_ends(line):
-    own = line.farm.stations[0].port.mac
+    own = line.farm.axes[0].port.mac
     ear = Ear(line)
     fault = line.add("mac-change", params={"mac": OTHER}, as_="swap")
     assert line.until(lambda: not line.plc.all_connected)
@@ -57,7 +57,7 @@ def test_a_changed_drive_loses_its_connection_and_is_found_by_its_name_at_the_ot
     line.run(12.0)
     assert ear.sources[ETHERTYPE_PROFINET] == ear.sources[ETHERTYPE_LLDP] == {own}
     line.enable(10.0)
-    line.farm.link.unlisten(line.farm.stations[0].port.index, ear._hear)
+    line.farm.link.unlisten(line.farm.axes[0].port.index, ear._hear)
     assert left_behind(line) == {}
 
 
@@ -65,7 +65,7 @@ def test_another_seed_gives_another_locally_administered_address_and_the_same_se
     macs = []
     for seed in (1, 1, 2):
         line.add("mac-change", seed=seed, as_="swap")
-        macs.append(line.farm.stations[0].port.mac)
+        macs.append(line.farm.axes[0].port.mac)
         line.clear("swap")
     assert macs[0] == macs[1] != macs[2]
     assert all(mac[0] & 3 == 2 for mac in macs)
@@ -74,14 +74,14 @@ def test_another_seed_gives_another_locally_administered_address_and_the_same_se
 def test_two_changes_of_one_drive_end_in_either_order_and_the_latest_counts():
     for first, last in (("one", "two"), ("two", "one")):
         line = FaultLine()
-        own = line.farm.stations[0].port.mac
+        own = line.farm.axes[0].port.mac
         line.add("mac-change", params={"mac": OTHER}, as_="one")
         line.add("mac-change", params={"mac": "02:aa:00:00:00:08"}, as_="two")
-        assert line.farm.stations[0].port.mac == parse_mac("02:aa:00:00:00:08")
+        assert line.farm.axes[0].port.mac == parse_mac("02:aa:00:00:00:08")
         line.clear(first)
-        assert line.farm.stations[0].port.mac == parse_mac("02:aa:00:00:00:08" if last == "two" else OTHER)
+        assert line.farm.axes[0].port.mac == parse_mac("02:aa:00:00:00:08" if last == "two" else OTHER)
         line.clear(last)
-        assert line.farm.stations[0].port.mac == own
+        assert line.farm.axes[0].port.mac == own
         line.connect(20.0)
         assert left_behind(line) == {}
 
@@ -90,9 +90,9 @@ def test_a_change_while_a_power_cycle_keeps_the_drive_off_leaves_it_off_and_hold
     line.add("power-cycle", params={"off": "2s"})
     line.add("mac-change", params={"mac": OTHER}, **{"for": "5s"})
     line.run(1.0)
-    assert not line.farm.stations[0].powered
+    assert not line.farm.axes[0].powered
     line.run(3.0)
-    assert line.farm.stations[0].powered
+    assert line.farm.axes[0].powered
     assert line.session().mac == parse_mac(OTHER)
     line.run(2.0)
     line.connect(20.0)
@@ -102,7 +102,7 @@ def test_a_change_while_a_power_cycle_keeps_the_drive_off_leaves_it_off_and_hold
 def test_an_address_that_is_in_use_or_an_interface_that_is_not_the_farms_is_refused_with_the_reason():
     line = FaultLine(2)
     for of, what in ((0, "axis-01 itself"), (1, "axis-02")):
-        mac = line.farm.stations[of].port.mac.hex(":")
+        mac = line.farm.axes[of].port.mac.hex(":")
         with pytest.raises(InjectionError, match=rf"params\.mac: {mac} is the address of {what}"):
             line.add("mac-change", on="axis-01", params={"mac": mac})
     line.add("mac-change", on="axis-02", params={"mac": OTHER})

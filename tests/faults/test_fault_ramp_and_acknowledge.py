@@ -104,7 +104,7 @@ def test_a_fault_stays_as_long_as_its_acknowledgement_is_ignored(model):
     line = FaultLine(model=model, **LINES[model])
     line.connect(20.0)
     line.enable(20.0)
-    number = next(fault.number for fault in line.farm.stations[0].model.faults.values() if not fault.warning)
+    number = next(fault.number for fault in line.farm.axes[0].model.faults.values() if not fault.warning)
     mute = line.add("fault-not-acknowledging", as_="mute")
     line.add("drive-fault", params={"fault": number})
     line.run(3.0)
@@ -141,7 +141,7 @@ def test_a_parameter_that_acknowledges_is_ignored_as_well_and_the_supply_clears_
     mute = line.add("fault-not-acknowledging")
     line.add("drive-fault", params={"fault": 702})
     line.run(0.05)
-    line.farm.stations[0].handle.push_command(CMD_ACKNOWLEDGE, 0)
+    line.farm.axes[0].handle.push_command(CMD_ACKNOWLEDGE, 0)
     line.run(0.05)
     assert mute.evidence().activations == 1
     line.add("power-cycle", params={"off": "100ms"})

@@ -88,7 +88,7 @@ def carrier(name: str) -> bool:
 @pytest.mark.asyncio
 async def test_a_pulled_cable_takes_the_interface_down_and_a_plugged_one_brings_it_back(cable, tmp_path):
     async with Farm(parse_farm(FILE.replace("LINK", MACVLAN)), log=EventLog(quiet=True)) as farm:
-        port, other = (station.port.name for station in farm.core.stations)
+        port, other = (station.port.name for station in farm.core.axes)
         with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(3)) as wire:
             wire.bind(("plc0", 3))
             wire.setblocking(False)
@@ -116,7 +116,7 @@ async def test_a_pulled_cable_takes_the_interface_down_and_a_plugged_one_brings_
 @pytest.mark.parametrize("link", [MACVLAN, "{kind: veth}", "{kind: tap}"])
 async def test_an_interface_of_the_kernel_gets_the_address_and_its_own_one_back(cable, link):
     async with Farm(parse_farm(FILE.replace("LINK", link)), log=EventLog(quiet=True)) as farm:
-        station, kind = farm.core.stations[0], farm.link.kind
+        station, kind = farm.core.axes[0], farm.link.kind
         own, name = station.port.mac, station.port.name
 
         async def has(mac: bytes) -> bool:
@@ -135,7 +135,7 @@ async def test_an_interface_of_the_kernel_gets_the_address_and_its_own_one_back(
         heard.clear()
         assert await has(parse_mac(OTHER))
         assert fault.evidence().confirmed
-        assert farm.core.stations[1].port.mac != parse_mac(OTHER)
+        assert farm.core.axes[1].port.mac != parse_mac(OTHER)
         farm.clear_injections(fault.id)
         heard.clear()
         assert await has(own)
@@ -145,7 +145,7 @@ async def test_an_interface_of_the_kernel_gets_the_address_and_its_own_one_back(
 @pytest.mark.asyncio
 async def test_an_address_that_the_kernel_refuses_ends_the_fault_with_its_reason_and_the_drive_boots_as_it_was(cable):
     async with Farm(parse_farm(FILE.replace("LINK", MACVLAN)), log=EventLog(quiet=True)) as farm:
-        station = farm.core.stations[0]
+        station = farm.core.axes[0]
         own = station.port.mac
         occupy(OTHER)
         fault = farm.inject({"kind": "mac-change", "on": "axis-01", "params": {"mac": OTHER}})

@@ -26,7 +26,7 @@ class Bystander:
 
     def ask(self) -> set[bytes]:
         """Who has the first drive's address."""
-        ip = self._line.farm.stations[0].device.ip.wanted.ip
+        ip = self._line.farm.axes[0].device.ip.wanted.ip
         packet = ArpPacket(OPERATION_REQUEST, ASKER, ip + 100, NIL, ip)
         self.heard.clear()
         payload = emit_ethernet(EthernetFrame(BROADCAST, ASKER, ETHERTYPE_ARP, emit_arp(packet)))
@@ -38,7 +38,7 @@ class Bystander:
 
 def test_two_stations_answer_arp_for_the_drives_address_until_it_ends(line):
     line.run(SETTLED)
-    bystander, drive = Bystander(line), line.farm.stations[0].port.mac
+    bystander, drive = Bystander(line), line.farm.axes[0].port.mac
     assert bystander.ask() == {drive}
     fault = line.add("duplicate-ip", params={"mac": OTHER}, as_="two")
     assert bystander.ask() == {drive, parse_mac(OTHER)}
@@ -52,7 +52,7 @@ def test_a_drive_in_operation_finds_the_second_station_defends_its_address_and_k
     line.run(SETTLED)
     line.add("duplicate-ip", params={"mac": OTHER}, as_="two")
     line.run(0.1)
-    addressing = line.farm.stations[0].device.addressing
+    addressing = line.farm.axes[0].device.addressing
     assert addressing.conflict_mac == parse_mac(OTHER)
     assert addressing.dcp.ip_conflict
     assert addressing.dcp.ip_in_use
@@ -68,7 +68,7 @@ def test_a_drive_that_boots_leaves_its_address_to_the_second_station_and_takes_i
     line.add("duplicate-ip", params={"mac": OTHER}, as_="two")
     line.add("power-cycle", params={"off": "100ms"})
     line.run(3.0)
-    device = line.farm.stations[0].device
+    device = line.farm.axes[0].device
     assert device.ip.address is None
     assert not device.dcp.ip_in_use
     line.clear("two")
@@ -93,7 +93,7 @@ def test_the_controller_finds_two_stations_of_a_name_and_connects_when_the_secon
 
 def test_the_second_station_of_a_drive_has_a_locally_administered_address_that_stays_the_same(line):
     line.run(SETTLED)
-    bystander, drive = Bystander(line), line.farm.stations[0].port.mac
+    bystander, drive = Bystander(line), line.farm.axes[0].port.mac
     macs = []
     for _ in range(2):
         line.add("duplicate-ip", as_="two")
@@ -106,13 +106,13 @@ def test_the_second_station_of_a_drive_has_a_locally_administered_address_that_s
 
 def test_a_drive_without_address_or_name_and_a_wrong_mac_are_refused_with_the_reason(line):
     with pytest.raises(InjectionError, match=r"params\.mac: .* is the address of axis-01 itself"):
-        line.add("duplicate-ip", params={"mac": line.farm.stations[0].port.mac.hex(":")})
+        line.add("duplicate-ip", params={"mac": line.farm.axes[0].port.mac.hex(":")})
     for wrong in ("01:00:00:00:00:00", "00:00:00:00:00:00", "ff:ff:ff:ff:ff:ff", "02:00", 7, ""):
         with pytest.raises(InjectionError, match=r"params\.mac: is .*; allowed: the MAC address of one station"):
             line.add("duplicate-name", params={"mac": wrong})
     with pytest.raises(InjectionError, match=r"params\.every: .*10ms"):
         line.add("duplicate-ip", params={"every": "1us"})
-    device = line.farm.stations[0].device
+    device = line.farm.axes[0].device
     device.addressing.set_address(None, None, line.world.now)
     with pytest.raises(InjectionError, match="axis-01 has no IP address"):
         line.add("duplicate-ip")

@@ -222,7 +222,7 @@ def test_a_request_that_waits_for_the_drive_when_its_delay_is_over_arrives_then_
     assert delay.evidence().activations
     ends = [entry for entry in line.log.entries("axis-01") if entry.data.get("id") == delay.id]
     assert [entry.event for entry in ends] == ["fault injected", "injected fault ended"] * again.get("times", 1)
-    assert not line.farm.link.in_force(line.farm.stations[0].port.index)
+    assert not line.farm.link.in_force(line.farm.axes[0].port.index)
     assert line.plc.all_connected
 
 
@@ -340,7 +340,7 @@ def test_a_drive_connects_through_impairments_of_other_frames_and_nothing_is_lef
     line.run(1.0)
     line.clear(fault.id)
     line.connect(30.0)
-    assert line.farm.link.in_force(line.farm.stations[0].port.index) == []
+    assert line.farm.link.in_force(line.farm.axes[0].port.index) == []
     assert line.rows_free()
 
 

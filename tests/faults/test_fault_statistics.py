@@ -76,7 +76,7 @@ class Wire:
         self.line = FaultLine(2, watchdog=60)
         self.line.connect(10.0)
         self.frames: list[tuple[str, int, bytes]] = []
-        names = {station.port.index: station.configured_name for station in self.line.farm.stations}
+        names = {station.port.index: station.configured_name for station in self.line.farm.axes}
         self.line.world.watch(
             lambda port, frame, now, way: self.frames.append((names[port], now, frame)) if way == "out" else None
         )
@@ -143,13 +143,13 @@ def what_the_gate_does(kind: str, params: dict, seed: int) -> tuple[list, list]:
     line.add(kind, on="all", direction="out", seed=seed, probability=0.15, params={**params, "frames": "lldp"})
     other = bytes.fromhex("0180c2000003")
     for number in range(300):
-        for station in line.farm.stations:
+        for station in line.farm.axes:
             payload = number.to_bytes(2, "big") + bytes(44)
             frame = emit_ethernet(EthernetFrame(other, station.port.mac, ETHERTYPE_LLDP, payload))
             line.farm.link.send(station.port.index, frame)
         line.run(0.001)
     line.run(0.1)
-    first, second = (station.port.mac for station in line.farm.stations)
+    first, second = (station.port.mac for station in line.farm.axes)
 
     def of(mac: bytes) -> list[tuple[int, bytes]]:
         return [(now, frame[:6] + frame[12:]) for now, frame in heard if frame[6:12] == mac and frame[:6] == other]

@@ -44,7 +44,7 @@ def test_storm_after_storm_keeps_no_more_than_the_first_one() -> None:
 @pytest.mark.parametrize(("kind", "model"), every_kind())
 def test_every_kind_of_injection_is_taken_back_whole(kind: InjectionKind, model: str) -> None:
     line = line_of(model, 1)
-    faults = sorted(fault.number for fault in line.farm.stations[0].model.faults.values())
+    faults = sorted(fault.number for fault in line.farm.axes[0].model.faults.values())
     rng = Random(kind.name)
     taken = 0
     # random parameters of a kind often exclude each other

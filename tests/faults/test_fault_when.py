@@ -50,7 +50,7 @@ def test_already_true_starts_at_once_and_the_end_of_the_condition_ends_nothing(l
     assert fault.state == "active"
     assert run_of(fault).held_ns == line.world.now
     line.run(1.0)
-    assert line.farm.stations[0].handle.axis.faults.code[0], "the silence broke the connection"
+    assert line.farm.axes[0].handle.axis.faults.code[0], "the silence broke the connection"
     assert fault.state == "active"
 
 
@@ -109,7 +109,7 @@ def test_it_waits_for_a_connection_and_for_a_parameter():
     assert connected.state == "active"
     assert written.state == "waiting"
     line.clear()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     before = int(station.store.get("DRV.OPMODE"))
     written = line.add("load", when=f'param("DRV.OPMODE") != {before}')
     line.run(0.1)
@@ -141,7 +141,7 @@ def test_after_and_healthy_cycles_count_from_the_condition(line):
     assert run.started_ns - run.held_ns == 200 * TICK
     assert line.until(lambda: cycles.state == "active", 2.0)
     other = run_of(cycles)
-    cycle = line.farm.stations[0].device.connection().cycle_ns
+    cycle = line.farm.axes[0].device.connection().cycle_ns
     assert 49 * cycle <= other.started_ns - other.held_ns <= 52 * cycle
     line.clear()
     # the condition started it; that it ended meanwhile does not matter
@@ -215,8 +215,8 @@ def test_it_goes_on_waiting_over_a_power_cycle_and_a_lost_connection(line):
     fault = line.add("load", when="velocity > 300")
     line.add("silence", for_="1s")
     line.run(3.0)
-    station = line.farm.stations[0]
-    station.power_cycle(line.world.now)
+    station = line.farm.axes[0]
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(1.0)
     assert fault.state == "waiting"

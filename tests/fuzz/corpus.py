@@ -133,7 +133,7 @@ class Conversation:
     def end(self) -> None:
         """The drive aborts, the controller connects again and releases."""
         line = self.line
-        station, now = line.farm.stations[0], line.world.now
+        station, now = line.farm.axes[0], line.world.now
         station.device.cm.abort_all(5, now)
         line.farm.settle(station, now)
         line.run(2.0)
@@ -142,7 +142,7 @@ class Conversation:
 
     def _tell_alarms(self):
         """A diagnosis of each coding comes and goes, and an alarm of high priority."""
-        station = self.line.farm.stations[0]
+        station = self.line.farm.axes[0]
         place = (0x3A00, 1, 2)
         entries = (
             DiagnosisEntry(*place, error_type=0x10),
@@ -164,7 +164,7 @@ class Conversation:
 
     def _move_modules(self):
         """A submodule and a whole module are pulled and plugged again."""
-        station = self.line.farm.stations[0]
+        station = self.line.farm.axes[0]
         for subslot in (2, None):
             pull_module(station.device, 1, subslot, self.line.world.now)
             self._settled(station)
@@ -248,7 +248,7 @@ def gather() -> Corpus:
     }
     return Corpus(
         tuple(to_drive), tuple(to_controller), captured, found,
-        line.farm.stations[0].port.mac, IPv4Address("10.77.0.11"), line.plc.port.mac, IPv4Address("10.77.1.250"),
+        line.farm.axes[0].port.mac, IPv4Address("10.77.0.11"), line.plc.port.mac, IPv4Address("10.77.1.250"),
         tuple(sorted(objects)),
     )  # fmt: skip
 

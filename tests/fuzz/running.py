@@ -71,8 +71,8 @@ class Honest(Bystander):
         self.rng = rng
         self.done: Counter[str] = Counter()
         self._open: tuple[int, int] | None = None
-        self.names = {station.port.mac: station.device.name for station in line.farm.stations}
-        self.im0 = {station.index: self.read_without(station, 0xAFF0) for station in line.farm.stations}
+        self.names = {station.port.mac: station.device.name for station in line.farm.axes}
+        self.im0 = {station.index: self.read_without(station, 0xAFF0) for station in line.farm.axes}
 
     def work(self) -> None:
         """Take an answer that has come, or begin the next question."""
@@ -89,7 +89,7 @@ class Honest(Bystander):
                 "read answered" if answer.status == 0 else f"read failed: {answer.reason or hex(answer.status)}"
             ] += 1
             return
-        station = self.rng.choice(self.line.farm.stations)
+        station = self.rng.choice(self.line.farm.axes)
         match self.rng.randrange(3):
             case 0:
                 self.dcp.identify(now=self.now, window_ns=10**8)
@@ -123,7 +123,7 @@ class Honest(Bystander):
         found.pop(line.plc.port.mac, None)
         if found != self.names:
             raise FailureFoundError(f"DCP finds {found}")
-        for station in line.farm.stations:
+        for station in line.farm.axes:
             answer = self.called(station, Opnum.READ_IMPLICIT, self.implicit_read(0xAFF0))
             if answer.status != 0:
                 raise FailureFoundError(f"{station.configured_name} does not let I&M0 be read: {answer}")
@@ -176,7 +176,7 @@ class Episode:
         self.controller = Prey(
             "plc", plc.port.mac, plc.ip.address.ip, UUID_PNIO_CONTROLLER, False,
             lambda: [s.ar_uuid for s in plc.sessions if s.ar_uuid is not None], lambda: (1, 1),
-            lambda: self._sent_by(self.line.farm, self.line.farm.stations[0].device),
+            lambda: self._sent_by(self.line.farm, self.line.farm.axes[0].device),
         )  # fmt: skip
         self.attacker = Attacker(self.rng, corpus, self.preys, self.controller, impostor=impostor)
         switch = self.line.world.switch
@@ -193,7 +193,7 @@ class Episode:
         self._begin = self._cyclic_state()
 
     def _drive(self, index: int) -> Prey:
-        station = self.line.farm.stations[index]
+        station = self.line.farm.axes[index]
 
         def references():
             ar = next((ar for ar in station.device.cm.ars if ar.alarm_cr is not None), None)
@@ -201,8 +201,8 @@ class Episode:
 
         device = station.device
         return Prey(
-            device.name, station.port.mac, station.config.ip.ip, device.rpc.config.endpoints[0].object_uuid, True,
-            lambda: [ar.uuid for ar in self.line.farm.stations[index].device.cm.ars], references,
+            device.name, station.port.mac, station.station.config.ip.ip, device.rpc.config.endpoints[0].object_uuid, True,
+            lambda: [ar.uuid for ar in self.line.farm.axes[index].device.cm.ars], references,
             lambda: self._sent_by(self.line.plc, self.line.plc.sessions[index]),
         )  # fmt: skip
 
@@ -227,7 +227,7 @@ class Episode:
         self.digest = crc32(self.last[-1].encode(), self.digest)
         self._answers.clear()
         prey = shot.prey
-        station = self.line.farm.stations[self.preys.index(prey)] if prey.is_drive else None
+        station = self.line.farm.axes[self.preys.index(prey)] if prey.is_drive else None
         dropped = station.device.discards() if station is not None else dict(self.line.plc.dropped)
         start = time.thread_time_ns()
         self._fire(shot)
@@ -251,7 +251,7 @@ class Episode:
             world.switch.send(self.port.index, frame, world.now)
         node = self.line.farm if shot.prey.is_drive else self.line.plc
         columns = node.columns
-        stations = {station.port.mac: station.port for station in self.line.farm.stations}
+        stations = {station.port.mac: station.port for station in self.line.farm.axes}
         port = stations.get(shot.prey.mac, self.line.plc.port).index
         for count, frame in enumerate(shot.cyclic):
             octets = frame[:FRAME_SLOT]
@@ -290,7 +290,7 @@ class Episode:
             raise FailureFoundError(f"a stranger ended a connection: {self.line.reasons()}")
         if not plc.all_running:
             raise FailureFoundError("a stranger stopped an axis")
-        for session, station in zip(plc.sessions, farm.stations, strict=True):
+        for session, station in zip(plc.sessions, farm.axes, strict=True):
             uuid = session.ar_uuid
             ar = next((ar for ar in station.device.cm.ars if ar.uuid == uuid), None)
             if ar is None or session.state is not SessionState.DATA:
@@ -327,19 +327,19 @@ class Episode:
         """Names and addresses as the farm file has them, then time for the connections to come back."""
         world, line = self.line.world, self.line
         self.honest.run(4)
-        for station in line.farm.stations:
+        for station in line.farm.axes:
             if station.device.name != station.configured_name:
                 self.honest.dcp.set_name(station.port.mac, station.configured_name, now=world.now)
                 self.honest.run(5)
         if not self.honest.run(RETURN_SECONDS, until=self._back):
-            addresses = {station.configured_name: str(station.device.ip.address) for station in line.farm.stations}
+            addresses = {station.configured_name: str(station.device.ip.address) for station in line.farm.axes}
             raise FailureFoundError(f"a connection did not come back: {line.reasons()}; {addresses}")
 
     def _back(self) -> bool:
         """Every connection is open; an address that was refused for a conflict's sake is in use again."""
         line = self.line
         addresses = all(
-            s.device.ip.address is not None and s.device.ip.address.ip == s.config.ip.ip for s in line.farm.stations
+            s.device.ip.address is not None and s.device.ip.address.ip == s.config.ip.ip for s in line.farm.axes
         )
         return addresses and line.plc.all_connected
 

@@ -85,7 +85,7 @@ class Monotonic:
     def _counters(self) -> Counter[str]:
         line = self.line
         found: Counter[str] = Counter()
-        for station in line.farm.stations:
+        for station in line.farm.axes:
             name = station.configured_name
             for reason, count in all_discards(line.farm, station).items():
                 found[f"{name} dropped {reason}"] = count
@@ -97,7 +97,7 @@ class Monotonic:
                 counters = station.device.traffic.counters(station.device.discards())
                 for field in type(counters).__dataclass_fields__:
                     # those of SNMP start again at power-on
-                    found[f"{name} boot {station.booted_ns} {field}"] = getattr(counters, field)
+                    found[f"{name} boot {station.station.booted_ns} {field}"] = getattr(counters, field)
         for side, node in (("farm", line.farm), ("plc", line.plc)):
             found[f"{side} sent"] = node.link.counters.sent
             found[f"{side} received"] = node.link.counters.received
@@ -136,7 +136,7 @@ class Memory:
     def look(self) -> None:
         """During an attack, when the tables are full."""
         line = self.line
-        owners = [(station.configured_name, machines_of(station)) for station in line.farm.stations]
+        owners = [(station.configured_name, machines_of(station)) for station in line.farm.axes]
         owners.append(("plc", [*line.plc._machines, line.plc.dropped, line.plc.life.by_call, line.plc.records]))
         for name, machines in owners:
             entries, octets = holdings(machines)
@@ -167,7 +167,7 @@ def look_at_snapshots(line: VirtualLine, names: list[str]) -> None:
     """Whatever was sent, everything that is known can be shown."""
     now = line.world.now
     json.dumps(engine_snapshot(line.farm))
-    for station in line.farm.stations:
+    for station in line.farm.axes:
         json.dumps(drive_snapshot(line.farm, station, now))
     json.dumps(line.plc.snapshot())
     for name in names:

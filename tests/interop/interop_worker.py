@@ -91,7 +91,7 @@ class FarmWorker:
         return self.farm.wait()
 
     def station(self, name):
-        return self.farm.core.station(name)
+        return self.farm.core.axis(name)
 
     def do_drive(self, name):
         """What one drive knows of itself."""
@@ -112,14 +112,14 @@ class FarmWorker:
             "velocity_rpm": float(axis.motor.velocity),
             "velocity_step": float(axis.profidrive.settings.velocity_step),
             "fault": int(axis.faults.code[0]) & 0xFFFFFF,
-            "signalled": station.signalled_ns is not None,
+            "signalled": station.station.signalled_ns is not None,
             "signalling": station.device.dcp.signalling,
             "discards": station.device.discards(),
             "neighbours": drive_snapshot(self.farm.core, station, time.monotonic_ns())["neighbours"],
         }
 
     def do_drives(self):
-        return [self.do_drive(station.configured_name) for station in self.farm.core.stations]
+        return [self.do_drive(station.configured_name) for station in self.farm.core.axes]
 
     def do_cip(self, name):
         """What a drive on EtherNet/IP knows of itself and its connections."""
@@ -138,7 +138,7 @@ class FarmWorker:
         }
 
     def do_cips(self):
-        return {station.configured_name: self.do_cip(station.configured_name) for station in self.farm.core.stations}
+        return {station.configured_name: self.do_cip(station.configured_name) for station in self.farm.core.axes}
 
     def do_process(self):
         """What the whole farm has: memory in octets, open files, what its link dropped."""
@@ -185,7 +185,7 @@ class FarmWorker:
 
     def do_power(self, name, on):
         station, now = self.station(name), time.monotonic_ns()
-        (station.power_on if on else station.power_off)(now)
+        (station.station.power_on if on else station.station.power_off)(now)
         self.farm.core.settle(station, now)
 
     def _settled(self, station, now):

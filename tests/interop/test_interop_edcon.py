@@ -237,13 +237,13 @@ def test_edcon_sees_a_fault_and_acknowledges_it(open_line, case):
     handler = line.handler
     assert handler.enable_powerstage()
     assert not handler.fault_present()
-    line.farm.stations[0].raise_fault("overvoltage", hold=True)
+    line.farm.axes[0].raise_fault("overvoltage", hold=True)
     line.run(0.1)
     assert handler.fault_present()
     assert not handler.ready_for_motion()
     assert not handler.enable_powerstage(timeout=1.0)
     assert not handler.acknowledge_faults(timeout=1.0), "its cause is still there"
-    line.farm.stations[0].release_fault(model(case.model).fault("overvoltage").number)
+    line.farm.axes[0].release_fault(model(case.model).fault("overvoltage").number)
     assert handler.acknowledge_faults()
     assert handler.enable_powerstage()
     assert handler.ready_for_motion()
@@ -379,7 +379,7 @@ def test_a_fault_ends_edcons_move_and_the_next_one_goes_on_from_there(open_line,
     handler = homed(line)
     assert go(case, handler, 50.0, absolute=True, nonblocking=True)
     line.run(0.5)
-    line.farm.stations[0].raise_fault("overvoltage", hold=False)
+    line.farm.axes[0].raise_fault("overvoltage", hold=False)
     assert handler.wait_for_target_position() == (case in IDLE_IS_REACHED)
     assert handler.fault_present()
     line.run(5.0)
@@ -464,7 +464,7 @@ def test_edcon_begins_no_move_of_an_axis_that_is_not_enabled(open_line, case):
 def test_edcon_reads_the_fault_code_of_telegram_111(open_line, case):
     """HIWIN E1 5.1, table 5.1.1: AL.400 is 0x400.  Difference "fault texts"."""
     line = open_line(case)
-    line.farm.stations[0].raise_fault("overvoltage", hold=False)
+    line.farm.axes[0].raise_fault("overvoltage", hold=False)
     line.run(0.1)
     assert line.handler.current_fault_code() == 0x400
     del line.handler.fault_string

@@ -101,20 +101,20 @@ class Scene:
         self.world.run(0.1)
         session.due_ns = None
         self.plc._deadlines.set(index, None)
-        assert not self.farm.stations[index].device.cm.ars
-        return self.farm.stations[index]
+        assert not self.farm.axes[index].device.cm.ars
+        return self.farm.axes[index]
 
     # -- alarms --------------------------------------------------------------------------------------------------------
 
     def diagnosis(self):
-        station = self.farm.stations[0]
+        station = self.farm.axes[0]
         for change in (station.device.cm.diagnosis.add, station.device.cm.diagnosis.remove):
             for entry in ENTRIES:
                 change(entry)
                 self.settled(station)
 
     def every_alarm(self):
-        station = self.farm.stations[0]
+        station = self.farm.axes[0]
         item = (AlarmItem(0x4321, b"data"),)
         for high in (False, True):
             for kind, items in (
@@ -125,7 +125,7 @@ class Scene:
                 self.settled(station)
 
     def modules(self):
-        station = self.farm.stations[1]
+        station = self.farm.axes[1]
         for subslot in (2, None):
             pull_module(station.device, 1, subslot, self.world.now)
             self.settled(station)
@@ -143,7 +143,7 @@ class Scene:
 
     def differences(self):
         """Substitute, wrong, missing: as the drive finds them when it is connected."""
-        station = self.farm.stations[1]
+        station = self.farm.axes[1]
         peer = self.freed(1) and self.peer(9)
         for prepare in (
             lambda: plug_module(station.device, 1, self.world.now, ident=0x7777),
@@ -234,12 +234,12 @@ class Scene:
             lambda blocks: [b for b in blocks if not isinstance(b, ExpectedSubmoduleBlockReq)],
         ):  # fmt: skip
             assert peer.connect(station, change=change).status, "a wrong Connect was taken"
-        assert peer.connect(self.farm.stations[0]).status, "there is room for one controller"
+        assert peer.connect(self.farm.axes[0]).status, "there is room for one controller"
         peer.channel = None
 
     def access(self):
         """Without any CR beside a controller; and a supervisor who may not take over."""
-        station, peer, locked = self.farm.stations[0], self.peer(4), self.peer(5)
+        station, peer, locked = self.farm.axes[0], self.peer(4), self.peer(5)
         answer = peer.connect(
             station, ar_type=ArType.IOSAR, properties=ArProperties.DEVICE_ACCESS, change=lambda blocks: blocks[:1]
         )
@@ -254,17 +254,17 @@ class Scene:
 
     def ends(self):
         """Each end breaks off, each falls silent; an alarm that nobody acknowledges."""
-        station, session = self.farm.stations[2], self.plc.sessions[2]
+        station, session = self.farm.axes[2], self.plc.sessions[2]
         station.device.cm.abort_all(5, self.world.now)
         self.settled(station, 2)
         session.machine.abort(self.world.now)
         self.plc.touch(session, self.world.now)
         self.world.run(2)
-        station.power_off(self.world.now)
+        station.station.power_off(self.world.now)
         self.world.run(1)
-        station.power_on(self.world.now)
+        station.station.power_on(self.world.now)
         self.settled(station, 3)
-        other, peer = self.farm.stations[3], self.peer(6)
+        other, peer = self.farm.axes[3], self.peer(6)
         self.freed(3)
         peer.establish(other)
         peer.channel.withhold(*range(1, 5))
@@ -282,7 +282,7 @@ class Scene:
 
     def manager(self):
         tool = self.peer(7)
-        station = self.farm.stations[0]
+        station = self.farm.axes[0]
         system = (1, 3, 6, 1, 2, 1, 1)
         name = (1, 0)
         for _ in range(2000):
@@ -310,7 +310,7 @@ class Scene:
             tool.run(0.05)
 
     def without_connection(self):
-        tool, station = self.peer(8), self.farm.stations[0]
+        tool, station = self.peer(8), self.farm.axes[0]
         for api, slot, subslot in PLACES:
             for index in READS:
                 tool.read_without(station, index, api, slot, subslot)
@@ -350,10 +350,10 @@ class Scene:
             tool.run(1)
         # a name that is used: it says Hello at power-on
         tool.dcp.set_name(mac, "axis-06", now=self.world.now)
-        tool.dcp.set_ip(mac, station.config.ip, now=self.world.now)
+        tool.dcp.set_ip(mac, station.station.config.ip, now=self.world.now)
         tool.settle()
         tool.run(5)
-        station.power_cycle(self.world.now)
+        station.station.power_cycle(self.world.now)
         self.settled(station, 1)
 
 

@@ -70,7 +70,7 @@ async def test_pyprofibus_runs_the_axes_of_a_line(tmp_path, gsd, count):
     addresses = range(FIRST, FIRST + count)
     async with farm(tmp_path / "line", count) as running:
         seen = await peer("peer_pyprofibus.py", tmp_path / "line", gsd, SPEED, OCTETS, 30, *addresses)
-        stations = running.core.stations
+        stations = running.core.axes
         for station, address in zip(stations, addresses, strict=True):
             told = seen[str(address)]
             assert told["connected"]
@@ -95,7 +95,7 @@ async def test_pyprofibus_runs_the_axes_of_a_line(tmp_path, gsd, count):
 async def test_records_go_over_msac1_and_msac2_with_the_fdl_layer_of_pyprofibus(tmp_path, gsd):
     async with farm(tmp_path / "line", 1) as running:
         seen = await peer("peer_pyprofibus_records.py", tmp_path / "line", gsd, SPEED, OCTETS, FIRST)
-        (station,) = running.core.stations
+        (station,) = running.core.axes
         for way, reference in (("msac1", 4000 + 51), ("msac2", 4000)):
             told = seen[way]
             assert told["before"].startswith("01 01 00 01 43 01 "), "response, one value, a double word"

@@ -21,7 +21,7 @@ def of_farm(core: Any) -> dict[str, Any]:
         "faults": len(manager.list()),
         "fault runs due": manager.scheduled[0],
         "fault timers": manager.scheduled[1],
-        "gate rules": sum(len(gate.in_force(station.port.index)) for station in core.stations),
+        "gate rules": sum(len(gate.in_force(station.port.index)) for station in core.axes),
         "gate frames": len(gate._waiting) + sum(map(len, gate._held.values())),
         "held frames": int(columns.engine[0].held_out) + int(columns.engine[0].held_in),
         "impairment rows": int(np.count_nonzero(columns.impairment["kind"])),
@@ -32,9 +32,9 @@ def of_farm(core: Any) -> dict[str, Any]:
         "consumer rows": int(columns.cpm["active"].sum()),
         "traces": len(core.traces.kept()),
         "log subscribers": len(core.log._subscribers),
-        "connections": sum(len(station.device.ars) for station in core.stations),
-        "calls": sum(len(station.device.client._calls) for station in core.stations),
-        "replies kept": sum(len(station.device.rpc._kept) for station in core.stations),
+        "connections": sum(len(station.device.ars) for station in core.axes),
+        "calls": sum(len(station.device.client._calls) for station in core.axes),
+        "replies kept": sum(len(station.device.rpc._kept) for station in core.axes),
     }
 
 

@@ -60,9 +60,9 @@ def short(monkeypatch):
 
 
 def test_a_drive_that_stays_away_is_found(short, monkeypatch):
-    station = short.line.farm.stations[0]
+    station = short.line.farm.axes[0]
     monkeypatch.setattr(
-        short, "_act", lambda action: station.power_off(short.line.world.now) if station.powered else None
+        short, "_act", lambda action: station.station.power_off(short.line.world.now) if station.powered else None
     )
     checks = short.go(tell=False)
     assert verdict(checks)["every drive in operation"] is False

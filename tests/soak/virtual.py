@@ -157,16 +157,16 @@ class _Line:
 
     @property
     def names(self) -> dict[str, str]:
-        return {station.configured_name: station.model.name for station in self.farm.stations}
+        return {station.configured_name: station.model.name for station in self.farm.axes}
 
     def away(self) -> list[str]:
         """Drives that are not in operation or exchange no data."""
         return [
             name
             for name in self.names
-            if int(self.farm.station(name).handle.axis.drive.state) != 4
-            or self.farm.station(name).handle.axis.faults.code[0]
-            or not self.farm.station(name).device.connected
+            if int(self.farm.axis(name).handle.axis.drive.state) != 4
+            or self.farm.axis(name).handle.axis.faults.code[0]
+            or not self.farm.axis(name).device.connected
             or not self.plc.exchanging(name)
         ]
 
@@ -298,15 +298,15 @@ class VirtualRun:
                 self.due.clear()
                 line.faults.clear(None, now)
             case "power-cycle":
-                station = farm.station(action.drive)
-                station.power_cycle(now)
+                station = farm.axis(action.drive)
+                station.station.power_cycle(now)
                 farm.settle(station, now)
             case "write":
                 self._write(action.drive, fields["pnu"])
             case "wrong-write":
                 if not isinstance(fields["value"], int):
                     raise ConfigError("the API takes a whole number")
-                farm.station(action.drive).store.set(fields["pnu"], fields["value"])
+                farm.axis(action.drive).store.set(fields["pnu"], fields["value"])
             case "trace":
                 self._trace(fields)
             case "scenario":
@@ -314,7 +314,7 @@ class VirtualRun:
             case "scrape":
                 self.collector.gather().text()
             case "look":
-                station = farm.station(action.drive)
+                station = farm.axis(action.drive)
                 json.dumps(drive_snapshot(farm, station, now))
                 json.dumps(controller_view(farm, station, now))
                 json.dumps([injection.as_dict() for injection in line.faults.list()])
@@ -327,7 +327,7 @@ class VirtualRun:
             self.done["clear of one that ended"] += 1
 
     def _write(self, drive: str, pnu: str) -> None:
-        station = self.line.farm.station(drive)
+        station = self.line.farm.axis(drive)
         if not station.powered:
             return
         parameter, subindex = station.model.resolve(pnu)
@@ -350,7 +350,7 @@ class VirtualRun:
         if len(self.scenarios) >= MOST_SCENARIOS:
             return
         farm = self.line.farm
-        models = {station.configured_name: station.model for station in farm.stations}
+        models = {station.configured_name: station.model for station in farm.axes}
         binding = bind_scenario(parse_scenario(text), models, fault_kinds())
         self.scenarios.append(ScenarioRun(binding, farm, self.collector, self.line.world.now))
 
@@ -379,7 +379,7 @@ class VirtualRun:
         line.faults.clear(None, line.world.now)
         self._bring_back(BACK_SECONDS)
         for (drive, pnu), value in self.before.items():
-            station = line.farm.station(drive)
+            station = line.farm.axis(drive)
             station.store.set(pnu, value)
             line.farm.settle(station, line.world.now)
         self.before.clear()

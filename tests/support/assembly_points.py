@@ -113,9 +113,9 @@ def idle_controller(behaviour: str) -> object:
 def _farm(behaviour: str):
     line = asyncio.run(VirtualLine.create(parse_farm(FARM.format(behaviour=behaviour))))
     line.world.run(0.5)
-    return line.farm, line.farm.stations[0], line.world
+    return line.farm, line.farm.axes[0], line.world
 
 
 def _power_cycle(station, world) -> None:
-    station.power_cycle(world.now)
+    station.station.power_cycle(world.now)
     world.run(1.0)

@@ -36,7 +36,7 @@ class FaultLine(VirtualLine):
 
     def drive_row(self, index: int = 0):
         """The drive's consumer."""
-        (ar,) = self.farm.stations[index].device.ars.values()
+        (ar,) = self.farm.axes[index].device.ars.values()
         return self.farm.columns.cpm[ar.consumers[0][0]]
 
     def seen_zsw1(self, index: int = 0) -> int:

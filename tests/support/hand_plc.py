@@ -32,7 +32,7 @@ class HandPlc(VirtualLine):
         self.image.sent[:] = 0
         self.image.sent[SETPOINT_SLOTS["STW1"]] = 0x0400
         self.axis = self.farm.columns.axis[0]
-        self.store = self.farm.stations[0].store
+        self.store = self.farm.axes[0].store
         self.life = 0
         #: Bits 0 to 11 of STW2.
         self.stw2 = 0

@@ -49,7 +49,7 @@ class Impostor:
     def connect_frame(self, index: int) -> bytes:
         """A Connect to one drive, in the controller's name, with an AR UUID and an activity of its own."""
         self.sent += 1
-        station = self.line.farm.stations[index]
+        station = self.line.farm.axes[index]
         number = UUID(int=(0xBAD << 96) + self.sent)
         payload = self._payload(index, number)
         body = emit_request_args(RequestArgs(4096, payload), little_endian=True)
@@ -76,7 +76,7 @@ class Impostor:
 
     def flood(self, per_second: int, seconds: float) -> None:
         """Send to all drives in turn while the world goes on."""
-        drives = len(self.line.farm.stations)
+        drives = len(self.line.farm.axes)
         for _ in range(round(seconds * 100)):
             for _ in range(per_second // 100):
                 frame = self.connect_frame(self.sent % drives)

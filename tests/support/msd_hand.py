@@ -59,19 +59,19 @@ class MsdHand(VirtualLine):
             session.plan, output_words=self.store.output_words(), input_words=self.store.input_words()
         )
         self.plc.channels.relayout(session, ())
-        self.farm.settle(self.farm.stations[0], self.world.now)
+        self.farm.settle(self.farm.axes[0], self.world.now)
         self.run(0.01)
 
     @property
     def store(self) -> Any:
-        return self.farm.stations[0].store
+        return self.farm.axes[0].store
 
     @property
     def axis(self) -> Any:
-        return self.farm.stations[0].handle.axis
+        return self.farm.axes[0].handle.axis
 
     @property
     def labels(self) -> list[str]:
         """The drive's active faults."""
-        known = self.farm.stations[0].model.faults
+        known = self.farm.axes[0].model.faults
         return [known[int(code) & 0xFFFFFF].label for code in self.axis.faults.code if code]

@@ -76,7 +76,7 @@ class Plc(HandPlc):
     def power_cycle(self) -> None:
         """Off and on; then connected again, STW1 without anything but its bit 10."""
         self.put(STW1=0x0400)
-        self.farm.stations[0].power_cycle(self.world.now)
+        self.farm.axes[0].station.power_cycle(self.world.now)
         self.run(1.0)
         self.connect()
         self.wait(200)

@@ -11,7 +11,7 @@ API = 0x3A00
 
 
 def station(line):
-    return line.farm.stations[0]
+    return line.farm.axes[0]
 
 
 def alarms(line) -> list[str]:
@@ -46,7 +46,7 @@ def at_rest(line) -> bool:
 
 def read(line) -> str:
     """Ask the drive for a parameter; how its record access ended."""
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     (index, *_) = station.device.parameter_records.channels
     slot, subslot = (
         station.device.description.modules[0].slot,

@@ -48,4 +48,4 @@ async def until(condition, seconds=20.0):
 
 
 def states(farm):
-    return [(int(s.handle.axis.drive.state), s.device.slave.state, s.device.connects) for s in farm.core.stations]
+    return [(int(s.handle.axis.drive.state), s.device.slave.state, s.device.connects) for s in farm.core.axes]

@@ -101,7 +101,7 @@ class SwarmShard(MemoryShard):
 
     @property
     def names(self) -> list[str]:
-        return [station.configured_name for station in self.farm.stations]
+        return [station.configured_name for station in self.farm.axes]
 
     def boot(self) -> None:
         world: Any = self.world
@@ -266,7 +266,7 @@ def _loss(world: SwarmWorld, report: Report) -> None:
     for place, name in enumerate(names):
         kept[name] = 10_000_000 + place
         for parameter, value in ((SAVED, kept[name]), ("DRV.NVSAVE", 1)):
-            lost.farm.station(name).store.set(parameter, value)
+            lost.farm.axis(name).store.set(parameter, value)
     others = {name: drive["connects"] for name, drive in world.drives().items() if name not in kept}
     lost.is_lost = True
     began = world.clock_ns
@@ -293,7 +293,7 @@ def _loss(world: SwarmWorld, report: Report) -> None:
         report.wrong.append("60 s after the loss not every drive is in operation")
         return
     report.seconds_to_take_over = waited + rest
-    if wrong := [name for name in names if copy.farm.station(name).store.get(SAVED) != kept[name]]:
+    if wrong := [name for name in names if copy.farm.axis(name).store.get(SAVED) != kept[name]]:
         report.wrong.append(f"{len(wrong)} drives came back without what they had saved, such as {wrong[0]}")
     after = world.drives()
     if disturbed := [name for name, connects in others.items() if after[name]["connects"] > connects]:

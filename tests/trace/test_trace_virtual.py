@@ -38,7 +38,7 @@ def line() -> VirtualLine:
 
 
 def test_a_ramp_is_sampled_at_each_millisecond_with_the_ramps_own_values(line: VirtualLine) -> None:
-    axis = line.farm.stations[0].handle.axis
+    axis = line.farm.axes[0].handle.axis
     # an edge needs the step before; the velocity command leaves 0 with the first step in operation
     got = recorded(line, signals=["command", "state"], trigger="command > 0", pre="20ms", length="30ms")
     assert got.triggered
@@ -194,8 +194,8 @@ def test_a_drive_that_is_switched_off_during_a_trace_is_sampled_through(line: Vi
     line.enable()
     trace = start(line, signals=["powered", "state", "connected"], trigger="power-off", pre="50ms", length="4s")
     line.run(0.2)
-    station = line.farm.stations[0]
-    station.power_cycle(line.world.now)
+    station = line.farm.axes[0]
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.farm.service(line.world.now)
     line.run(5.0)
@@ -279,7 +279,7 @@ def test_every_model_has_words_and_bits_by_its_own_names(model: str, telegram: i
     signals = ["*"]
     got = recorded(line, signals=signals, length="20ms")
     names = {column.signal for column in got.columns}
-    own = line.farm.stations[0].model.profidrive.bit_names("ZSW1", telegram) or ZSW1_BITS
+    own = line.farm.axes[0].model.profidrive.bit_names("ZSW1", telegram) or ZSW1_BITS
     assert {"velocity", "zsw1", "stw1", *(f"zsw1.{name}" for name in own if name)} <= names
     if telegram == 3:
         assert {"stw2", "zsw2"} <= names

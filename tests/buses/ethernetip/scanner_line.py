@@ -99,7 +99,7 @@ class ScannerLine:
         return "; ".join(f"{s.plan.name} {s.state} {s.measures.last_reason}" for s in self.plc.sessions)
 
     def station(self, name: str = "axis-1") -> Station:
-        return self.farm.station(name)
+        return self.farm.axis(name)
 
     def texts(self, name: str = "axis-1") -> list[str]:
         """The scanner's log of a device."""
@@ -117,5 +117,5 @@ class ScannerLine:
 
     def power(self, *, on: bool, name: str = "axis-1") -> None:
         station = self.station(name)
-        (station.power_on if on else station.power_off)(self.world.now)
+        (station.station.power_on if on else station.station.power_off)(self.world.now)
         self.farm.settle(station, self.world.now)

@@ -59,7 +59,7 @@ async def main(path, given):
             rows = plc.summary()
             groups = subprocess.run(["ip", "maddr"], capture_output=True, text=True).stdout.count("inet  239.")
             print(json.dumps([running, value, groups, [[r["losses"], r["group"], r["zsw1"] >> 7 & 1] for r in rows]]))
-        left = [[s.fault_counts, dict(s.device.losses()), s.device.connected] for s in farm.core.stations]
+        left = [[s.fault_counts, dict(s.device.losses()), s.device.connected] for s in farm.core.axes]
         groups = subprocess.run(["ip", "maddr"], capture_output=True, text=True).stdout.count("inet  239.")
         print(json.dumps([left, groups]))
 

@@ -58,7 +58,7 @@ def test_drives_start_up_run_and_tell_their_diagnosis_where_polls_are_answered_a
             assert [state for _, state, _ in states(farm)] == [DpState.DATA_EXCH] * 4
             # both ends agree about what they counted
             line = line_snapshot(farm.core, "profibus")
-            received = sum(station.device.image.counts.received for station in farm.core.stations)
+            received = sum(station.device.image.counts.received for station in farm.core.axes)
             assert received > count[0]
             assert line["telegrams_received"] >= line["telegrams_sent"] >= received
 

@@ -16,7 +16,7 @@ DP = model("moog-msd-dp")
 
 
 def shown(line, name="msd-01"):
-    return drive_snapshot(line.core, line.core.station(name), line.now_ns)
+    return drive_snapshot(line.core, line.core.axis(name), line.now_ns)
 
 
 def master(line):
@@ -72,7 +72,7 @@ def test_polls_take_as_long_as_the_octets_of_the_answer_s_form(farm):
 def test_telegram_1_is_the_variant_with_the_profile_generator(farm):
     assert DP.profidrive.telegrams[1].settings[301] == 0
     line = farm()
-    assert line.core.station("msd-01").store.get("P-0301") == 0
+    assert line.core.axis("msd-01").store.get("P-0301") == 0
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_switches_count_up_to_125_and_else_the_parameter(farm, address, more, ex
 @pytest.mark.parametrize(("reading", "seen"), [("in-force", 11), ("setting", 23)])
 def test_a_parameter_that_the_switches_overrule_keeps_what_is_written_for_when_they_do_not(farm, reading, seen):
     line = farm(1, address="address: 11", more=f", behaviour: {{address-parameter: {reading}}}")
-    station = line.core.station("msd-01")
+    station = line.core.axis("msd-01")
     station.store.set("P-0918", 23)
     assert station.store.get("P-0918") == seen
     station.store.set("P-0971", 1)
@@ -99,7 +99,7 @@ def test_a_parameter_that_the_switches_overrule_keeps_what_is_written_for_when_t
     line.run(0.5)
     assert (shown(line)["station_address"], station.store.get("P-0918")) == (11, seen)
     # both switches at F
-    station.config = replace(station.config, switches=0xFF)
+    station.station.config = replace(station.station.config, switches=0xFF)
     line["msd-01"].power_cycle()
     line.run(0.5)
     assert (shown(line)["station_address"], station.store.get("P-0918")) == (23, 23)
@@ -107,7 +107,7 @@ def test_a_parameter_that_the_switches_overrule_keeps_what_is_written_for_when_t
 
 def test_a_new_address_of_the_parameter_counts_from_the_next_power_on(farm):
     line = farm(1, address="control_unit: 23")
-    station = line.core.station("msd-01")
+    station = line.core.axis("msd-01")
     station.store.set("P-0918", 24)
     station.store.set("P-0971", 1)
     line.run(0.5)
@@ -119,7 +119,7 @@ def test_a_new_address_of_the_parameter_counts_from_the_next_power_on(farm):
 
 def test_a_master_sets_the_address_where_the_switches_leave_it_to_the_parameter(farm):
     line = farm(1, address="control_unit: 23", running=False)
-    station = line.core.station("msd-01")
+    station = line.core.axis("msd-01")
     data = SetAddress(31, DP.profidrive.identity.device_id, locks=True).octets()
     station.device.receive(emit_telegram(Telegram(23, 9, 0x6D, Sap.SET_SLAVE_ADDRESS, Sap.MASTER, data)), line.now_ns)
     line.core.settle(station, line.now_ns)
@@ -133,9 +133,9 @@ def test_a_master_sets_the_address_where_the_switches_leave_it_to_the_parameter(
 
 def test_the_rate_of_the_line_is_in_p_0963(farm):
     line = farm(link=", baud: 187500")
-    assert line.core.station("msd-01").store.get("P-0963") == 3
+    assert line.core.axis("msd-01").store.get("P-0963") == 3
     line = farm()
-    assert line.core.station("msd-01").store.get("P-0963") == 6
+    assert line.core.axis("msd-01").store.get("P-0963") == 6
 
 
 def lamps(line):
@@ -144,7 +144,7 @@ def lamps(line):
 
 def test_lamps_tell_the_state(farm):
     line = farm(running=False)
-    station = line.core.station("msd-01")
+    station = line.core.axis("msd-01")
     assert list(shown(line)["lamps"]) == ["H1 yellow", "H2 red", "H3 green"]
     assert lamps(line) == ("off", "off", "flashing"), "it seeks the baud rate"
     line.wait_running(5)
@@ -174,7 +174,7 @@ def test_lamps_tell_the_state(farm):
 
 def test_a_wrong_set_prm_is_shown_by_the_red_lamp(farm):
     line = farm(running=False)
-    station = line.core.station("msd-01")
+    station = line.core.axis("msd-01")
     wrong = emit_parameters(Parameters(PrmStatus.LOCK_REQ, (1, 1), 11, 0x1234))
     station.device.receive(emit_telegram(Telegram(11, 9, 0x6D, Sap.SET_PARAMETERS, Sap.MASTER, wrong)), line.now_ns)
     assert lamps(line) == ("off", "2 x flashes, pause", "off")
@@ -212,13 +212,13 @@ def test_parameters_are_read_and_written_by_index_47_while_the_axis_turns(farm, 
     line.run(0.5)
     assert refused.error == "error 0x01", "it cannot be changed (table 9.7)"
     assert all(drive.state == "S4" for drive in line.drives)
-    connections = line.core.station("msd-02").device.slave.class_two.open
+    connections = line.core.axis("msd-02").device.slave.class_two.open
     assert len(connections) == (1 if access == "class-2" else 0)
 
 
 def test_the_manuals_schematic_an_answer_that_is_not_ready_is_refused_first(farm):
     line = farm(more=", realism: {parameter_latency: on}", cycle="1ms")
-    station = line.core.station("msd-01")
+    station = line.core.axis("msd-01")
     job = master(line).read_parameter("msd-01", "P-0918", line.now_ns)
     refusals = []
     user = station.device.user
@@ -254,7 +254,7 @@ def test_the_parameter_channel_in_the_cyclic_data_answers(farm):
 def test_a_silent_master_raises_32_1_and_zeroes_the_outputs(farm):
     line = farm()
     line.run(0.5)
-    station = line.core.station("msd-01")
+    station = line.core.axis("msd-01")
     fault = line.inject("silence", on="msd-01", direction="both", **{"for": "600ms"})
     line.run(0.3)
     seen = shown(line)
@@ -274,16 +274,16 @@ def test_a_plc_that_stops_is_told_by_p_0953(farm):
     line = farm()
     master(line).master.control(Control.CLEAR_DATA)
     line.run(0.2)
-    assert line.core.station("msd-01").store.get("P-0953") == 2
+    assert line.core.axis("msd-01").store.get("P-0953") == 2
     assert line["msd-01"].state != "S4"
     master(line).master.control(Control(0))
     line.wait_running(5)
-    assert line.core.station("msd-01").store.get("P-0953") == 0
+    assert line.core.axis("msd-01").store.get("P-0953") == 0
 
 
 def test_two_drives_with_one_address_garble_each_other_and_the_rest_goes_on(farm):
     line = farm(3)
-    line.core.station("msd-02").device.slave.address = 11
+    line.core.axis("msd-02").device.slave.address = 11
     line.run(1.0)
     assert not shown(line, "msd-01")["connected"] or not shown(line, "msd-02")["connected"]
     assert shown(line, "msd-03")["connected"]
@@ -326,16 +326,16 @@ def test_what_the_master_says_of_its_slaves(farm):
 @pytest.mark.parametrize(("cycle", "step_ms"), [("2ms", 0.75), ("8ms", 2.0), ("40ms", 4.0)])
 def test_a_drive_that_runs_by_speed_steps_four_times_in_the_master_s_cycle(farm, cycle, step_ms):
     line = farm(1, cycle=cycle, watchdog="1s")
-    axis = line.core.station("msd-01").handle.axis
+    axis = line.core.axis("msd-01").handle.axis
     line.run(3.0)
     assert axis.step_ns == pytest.approx(step_ms * 1e6, rel=0.02)
-    line.core.station("msd-01").power_cycle(line.now_ns)
+    line.core.axis("msd-01").station.power_cycle(line.now_ns)
     assert axis.step_ns == 4_000_000
 
 
 def test_a_drive_that_makes_a_curve_of_positions_keeps_the_shortest_step(farm):
     line = farm(1, cycle="8ms")
-    station = line.core.station("msd-01")
+    station = line.core.axis("msd-01")
     station.handle.axis.drive.settings.opmode = 2
     line.run(1.0)
     assert station.handle.axis.step_ns == 750_000

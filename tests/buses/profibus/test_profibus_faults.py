@@ -27,7 +27,7 @@ class Bench:
 
     @property
     def device(self):
-        return self.core.station(self.name).device
+        return self.core.axis(self.name).device
 
     def inject(self, kind, **fields):
         given = {"kind": kind, "on": self.name, **fields}
@@ -100,13 +100,13 @@ def test_a_static_diagnosis_is_read_again_and_again_until_it_ends(bench):
 def test_another_baud_rate_makes_a_slave_deaf_and_it_finds_the_rate_again(bench):
     bench.inject("baud-change")
     bench.line.run(1.0)
-    seen = drive_snapshot(bench.core, bench.core.station(bench.name), bench.line.now_ns)
+    seen = drive_snapshot(bench.core, bench.core.axis(bench.name), bench.line.now_ns)
     assert not seen["connected"]
     assert seen["details"]["baud"] is None
     assert seen["lamps"]["H2 red"] == "flashing", "seeking, after a connection"
     assert sum(bench.lost().values()) == 1
     bench.clear()
-    assert drive_snapshot(bench.core, bench.core.station(bench.name), bench.line.now_ns)["details"]["baud"] == 1_500_000
+    assert drive_snapshot(bench.core, bench.core.axis(bench.name), bench.line.now_ns)["details"]["baud"] == 1_500_000
     assert bench.turns()
 
 
@@ -129,7 +129,7 @@ def test_a_slave_that_does_not_answer_is_lost_after_the_repetitions_and_comes_ba
     bench.inject(kind, **fields)
     bench.line.run(0.5)
     assert bench.station.losses == losses + 1
-    assert bench.core.station("msd-02").device.connected, "the line goes on"
+    assert bench.core.axis("msd-02").device.connected, "the line goes on"
     bench.clear()
     assert bench.device.connects > connects
     assert bench.turns()
@@ -169,7 +169,7 @@ def test_an_answer_that_is_late_beyond_the_slot_time_is_missed(farm):
 def test_an_expired_watchdog_raises_error_32_1_and_zeroes_the_outputs(bench, kind):
     bench.inject(kind)
     bench.line.run(0.25)
-    station = bench.core.station(bench.name)
+    station = bench.core.axis(bench.name)
     assert station.fault_counts == {1 << 16 | 32: 1}
     assert bench.device.watchdog_expirations == 1
     bench.clear(2.0)
@@ -179,8 +179,8 @@ def test_an_expired_watchdog_raises_error_32_1_and_zeroes_the_outputs(bench, kin
 def test_a_power_cycle_is_one_of_the_slave_and_the_line_goes_on(bench):
     bench.inject("power-cycle", params={"off": "500ms"})
     bench.line.run(0.3)
-    assert drive_snapshot(bench.core, bench.core.station(bench.name), bench.line.now_ns)["state"] == "off"
-    assert bench.core.station("msd-02").device.connected
+    assert drive_snapshot(bench.core, bench.core.axis(bench.name), bench.line.now_ns)["state"] == "off"
+    assert bench.core.axis("msd-02").device.connected
     bench.clear(3.0)
     assert bench.turns()
 
@@ -213,7 +213,7 @@ def test_a_cut_line_is_every_slave_at_once_and_all_come_back(farm):
     bench = Bench(farm)
     bench.core.injections.inject({"kind": "link-down", "on": "all", "for": "500ms"}, bench.line.now_ns)
     bench.line.run(0.3)
-    assert not any(station.device.connected for station in bench.core.stations)
+    assert not any(station.device.connected for station in bench.core.axes)
     bench.line.run(2.0)
     assert bench.turns()
 

@@ -193,11 +193,11 @@ def test_a_drive_is_run_by_its_gsd_file_as_a_foreign_slave(tmp_path):
         plc = joined.controllers.first
         assert line.world.run(5.0, until=lambda: plc.all_connected)
         line.world.run(0.5)
-        device = line.farm.station("axis-02").device
+        device = line.farm.axis("axis-02").device
         assert device.connected
-        assert not line.farm.station("axis-01").device.connected
+        assert not line.farm.axis("axis-01").device.connected
         assert plc.inputs_of("servo").hex().startswith("67")
-        assert int(line.farm.station("axis-02").handle.image.received[0]) == 0x0476
+        assert int(line.farm.axis("axis-02").handle.image.received[0]) == 0x0476
         (row,) = plc.snapshot()
         assert (row["name"], row["model"], row["state"]) == ("servo", "MSD Drive (pnfarm)", "data-exchange")
         assert row["frames_received"] > 50

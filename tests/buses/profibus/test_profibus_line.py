@@ -83,14 +83,14 @@ async def test_a_parameter_of_a_station_is_read_and_written_over_a_line_without_
 
         assert await asyncio.to_thread(param, "set", "12", "1256", "3") == 0
         assert capsys.readouterr().out == "station 12 1256.0 = 3\n"
-        assert [station.store.get("P-1256") for station in farm.core.stations] == [0, 3]
+        assert [station.store.get("P-1256") for station in farm.core.axes] == [0, 3]
         assert await asyncio.to_thread(param, "get", "12", "P-1256", "--model", "moog-msd-dp", "--format", "json") == 0
         assert json.loads(capsys.readouterr().out)["value"] == 3
         assert await asyncio.to_thread(param, "get", "12", "9") == 2
         assert "impermissible parameter number (0x00)" in capsys.readouterr().err
         assert await asyncio.to_thread(param, "get", "13", "918") == 1
         assert "station 13 does not answer" in capsys.readouterr().err
-        assert not any(station.device.slave.class_two.open for station in farm.core.stations)
+        assert not any(station.device.slave.class_two.open for station in farm.core.axes)
 
 
 async def test_a_running_controller_is_asked_for_the_parameters_of_its_stations(tmp_path, capsys):
@@ -107,7 +107,7 @@ async def test_a_running_controller_is_asked_for_the_parameters_of_its_stations(
         at_once = [param("set", "12", "P-1256", "2"), param("get", "11", "922"), param("get", "12", "918")]
         told = await asyncio.gather(*at_once)
         assert [code for code, _ in told] == [0, 0, 0]
-        assert [station.store.get("P-1256") for station in farm.core.stations] == [0, 2]
+        assert [station.store.get("P-1256") for station in farm.core.axes] == [0, 2]
         assert await param("get", "12", "1256") == (0, f"axis-02 1256.0 {PLC_MODE} = 2\n")
         assert await param("get", "40", "918") == (
             2, "pnfarm: controller plc has no station 40; it has 11, 12\n",
@@ -115,7 +115,7 @@ async def test_a_running_controller_is_asked_for_the_parameters_of_its_stations(
         code, said = await param("set", "11", "P-0964", "3")
         assert (code, "parameter value cannot be changed (0x01)" in said) == (2, True)
         assert plc.core.all_connected
-        assert [station.device.connects for station in farm.core.stations] == [1, 1]
+        assert [station.device.connects for station in farm.core.axes] == [1, 1]
     code, said = await param("get", "11", "918")
     assert (code, "does not exist" in said) == (4, True), "neither farm nor controller is there"
 
@@ -131,7 +131,7 @@ async def test_a_line_that_a_master_has_open_is_not_taken_from_it(tmp_path, caps
         assert "is in use by another program" in capsys.readouterr().err
         await asyncio.sleep(0.1)
         assert plc.core.all_connected
-        assert farm.core.stations[0].device.connects == 1
+        assert farm.core.axes[0].device.connects == 1
 
 
 async def test_a_master_over_tcp_is_lost_and_another_one_takes_its_place(tmp_path):
@@ -141,10 +141,10 @@ async def test_a_master_over_tcp_is_lost_and_another_one_takes_its_place(tmp_pat
         told = config(f"listen: '127.0.0.1:{link.line.port}'")
         async with master(told) as plc:
             await until(lambda: plc.controllers.all_running)
-        await until(lambda: not any(station.device.connected for station in farm.core.stations))
+        await until(lambda: not any(station.device.connected for station in farm.core.axes))
         async with master(told) as plc:
             await until(lambda: plc.controllers.all_running)
-        assert [station.device.connects for station in farm.core.stations] == [2] * 4
+        assert [station.device.connects for station in farm.core.axes] == [2] * 4
         assert link.line.counters.opened == 2
 
 
@@ -153,7 +153,7 @@ async def test_a_capture_of_a_running_farm_has_the_telegrams_of_each_drive(tmp_p
     async with Farm(told, log=EventLog(quiet=True), capture=CaptureSettings(path)) as farm:
         async with master(told) as plc:
             await until(lambda: plc.controllers.all_running)
-        received = farm.core.stations[0].device.image.counts.received
+        received = farm.core.axes[0].device.image.counts.received
     decoder = registry.decoder()
     lines = [line for frame in FrameReader(path, decoder.link_types) for line in decoder.feed(frame)]
     names = {decoder.name(line.source) for line in lines} | {decoder.name(line.destination) for line in lines}
@@ -205,8 +205,8 @@ async def test_counts_of_a_line_do_not_fall_when_a_drive_is_switched_off_and_on(
     async with Farm(told, log=EventLog(quiet=True)) as farm, master(told) as plc:
         await until(lambda: plc.controllers.all_running)
         # on a machine that stood, the master may have begun more than once
-        before, connects = farm.core.line_counts("profibus")["diagnosis"], farm.core.stations[0].device.connects
-        farm.core.stations[0].power_cycle(farm.now())
+        before, connects = farm.core.line_counts("profibus")["diagnosis"], farm.core.axes[0].device.connects
+        farm.core.axes[0].station.power_cycle(farm.now())
         farm.poke()
-        await until(lambda: farm.core.stations[0].device.connects > connects)
+        await until(lambda: farm.core.axes[0].device.connects > connects)
         assert farm.core.line_counts("profibus")["diagnosis"] > before

@@ -8,7 +8,7 @@ LOST = 1 << 16 | 32
 
 
 def shown(line, name="msd-01"):
-    return drive_snapshot(line.core, line.core.station(name), line.now_ns)
+    return drive_snapshot(line.core, line.core.axis(name), line.now_ns)
 
 
 def fault_of(line):
@@ -24,7 +24,7 @@ def test_8_3_1_p_1283_counts_from_the_last_telegram_where_the_slaves_watchdog_is
     assert shown(line)["connected"]
     line.run(0.1)
     assert fault_of(line) == LOST
-    assert line.core.station("msd-01").store.get("P-0953") & 1
+    assert line.core.axis("msd-01").store.get("P-0953") & 1
 
 
 def test_8_3_1_p_1283_at_0_raises_no_fault_and_the_outputs_are_zero_all_the_same(farm):
@@ -33,14 +33,14 @@ def test_8_3_1_p_1283_at_0_raises_no_fault_and_the_outputs_are_zero_all_the_same
     line.run(0.3)
     seen = shown(line)
     assert (fault_of(line), seen["connected"]) == (None, False)
-    station = line.core.station("msd-01")
+    station = line.core.axis("msd-01")
     assert not station.handle.image.received.any()
     assert station.store.get("P-0953") == 1, "the bus timed out"
 
 
 def test_4_2_1_after_power_on_a_drive_seeks_the_rate_as_one_that_was_never_connected(farm):
     line = farm()
-    station = line.core.station("msd-01")
+    station = line.core.axis("msd-01")
     line["msd-01"].power_off()
     line.inject("silence", on="msd-01", direction="both")
     line["msd-01"].power_on()

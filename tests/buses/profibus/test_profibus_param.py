@@ -57,7 +57,7 @@ def ask(parameter, value=None, *, station=11, text=FARM, named=None, own=0, befo
             await line.close()
 
     asker, line = asyncio.run(work())
-    return asker, line.farm.station("msd-01"), line
+    return asker, line.farm.axis("msd-01"), line
 
 
 def test_a_parameter_is_read_by_its_number_and_the_connection_is_given_back():

@@ -45,8 +45,8 @@ class Bench:
         self.way, self.taken, self.repeated = way, 0, 0
         self.sent: list[tuple[int, bytes]] = []
         self.core.link.inner.send = lambda port, octets: self.sent.append((port, bytes(octets)))
-        self.ident = self.core.stations[0].model.profidrive.identity.device_id
-        known = self.core.stations[0].model.profidrive.telegrams[telegram]
+        self.ident = self.core.axes[0].model.profidrive.identity.device_id
+        known = self.core.axes[0].model.profidrive.telegrams[telegram]
         self.identifiers, self.octets = known.identifiers, 2 * len(known.output)
 
     def hear(self, octets: bytes) -> None:
@@ -63,7 +63,7 @@ class Bench:
             self.core.link.send(*found)
             return
         wanted = self.core._line_audience(octets)
-        ports = [station.port.index for station in self.core.stations] if wanted is None else wanted
+        ports = [station.port.index for station in self.core.axes] if wanted is None else wanted
         for port in tuple(ports):
             self.core.receive(port, octets, now)
 
@@ -96,11 +96,11 @@ class Bench:
                 command = (CLEAR, FREEZE, UNFREEZE, SYNC, UNSYNC, 0)[value % 6]
                 self.hear(emit_telegram(Telegram(127, MASTER, SDN, 58, 62, bytes((command, 0)))))
             case "fault":
-                self.core.stations[slave].raise_fault("32-1", hold=False)
+                self.core.axes[slave].raise_fault("32-1", hold=False)
             case "wait":
                 self.line.run(0.001 * (value % 70))
             case "power":
-                self.core.stations[slave].power_cycle(self.line.now_ns)
+                self.core.axes[slave].station.power_cycle(self.line.now_ns)
             case "inject":
                 self.line.inject("wrong-ident", on=f"msd-{slave + 1:02}", **{"for": "20ms"})
         self.line.run(0.0005)
@@ -115,7 +115,7 @@ class Bench:
 
     def state(self) -> list:
         found = []
-        for station in self.core.stations:
+        for station in self.core.axes:
             device = station.device
             device.catch_up_polls()
             slave = device.slave
@@ -192,7 +192,7 @@ def test_polls_that_are_like_the_one_before_take_the_fastest_path():
     # but for the first two, the drive tells of its own what happens while it is switched on, and of each 32 a mean
     assert bench.taken == 99
     assert 80 <= bench.repeated < 99
-    counts = bench.core.stations[0].device.image.counts
+    counts = bench.core.axes[0].device.image.counts
     # the first interval counts from the second telegram: data exchange begins with the first one
     assert (counts.received, counts.sent, int(counts.intervals.sum())) == (100, 100, 98)
     bench.line.close()
@@ -234,7 +234,7 @@ def test_the_diagnosis_that_a_drive_asks_for_is_not_lost_among_polls():
     polled(bench, 5)
     before = bench.repeated
     assert before
-    bench.core.stations[0].device.slave.diagnosis_changed()
+    bench.core.axes[0].device.slave.diagnosis_changed()
     bench.play(("poll", 0, False, 0x047F))
     assert bench.repeated == before
     # high priority: the master is asked to read it
@@ -251,7 +251,7 @@ def test_what_concerns_more_than_cyclic_data_takes_the_slow_path(why, value, way
     for step in (("set-up", 0, False, 0), ("poll", 0, True, 0), ("poll", 0, False, 0)):
         bench.play(step)
     if why == "fault":
-        bench.core.stations[0].store.set("P-1256", 1)
+        bench.core.axes[0].store.set("P-1256", 1)
     bench.play((why, 0, False, value))
     before = bench.taken
     bench.play(("poll", 0, True, 0x047F))

@@ -93,7 +93,7 @@ def test_a_controller_that_has_the_maker_s_file_alone_connects(tmp_path):
     file.write_text(FARM.format(model="hiwin-e1", file="maker.xml", more="", address="ip: 10.77.0.1/24"))
     with Line.from_file(file) as line:
         line.wait_connected(5)
-        seen = line.core.station("a")
+        seen = line.core.axis("a")
         assert seen.model.dap.ident == own.dap.ident > MOVED
         assert seen.device.connection().exchanging
 
@@ -107,7 +107,7 @@ def test_a_drive_takes_its_identity_from_a_file_of_each_version_and_is_connected
     )
     with Line.from_file(file) as line:
         line.wait_connected(5)
-        seen = line.core.station("a")
+        seen = line.core.axis("a")
         assert seen.device.connection().exchanging
         own, telegrams = seen.model.profidrive.identity, seen.model.profidrive.telegrams
         assert (own.vendor_id, own.device_id, own.order_id) == (0xFEED, 0x0A1D, "SW-4711")

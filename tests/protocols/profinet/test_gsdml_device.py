@@ -291,8 +291,8 @@ def heard():
     frames = []
     mac = bytes.fromhex("020000fffffe")
     line.world.switch.attach(mac, lambda _i, frame, _now: frames.append(parse_ethernet(frame)))
-    station = line.farm.stations[0]
-    station.power_cycle(line.world.now)
+    station = line.farm.axes[0]
+    station.station.power_cycle(line.world.now)
     line.farm.settle(station, line.world.now)
     line.run(60.0)
     own = station.device.ip.address.ip
@@ -301,8 +301,8 @@ def heard():
     get = bytes.fromhex("302902010004067075626c6963a01c020400000001020100020100300e300c06082b060102010101000500")
     asking = IPv4Address("10.77.0.200")
     packet = emit_ipv4(Ipv4Packet(asking, own, 17, emit_udp(UdpDatagram(50_000, 161, get), asking, own)))
-    station.receive(emit_ethernet(EthernetFrame(station.port.mac, mac, 0x0800, packet)), line.world.now)
-    frames += [parse_ethernet(frame) for frame in station.pump(line.world.now)]
+    station.station.receive(emit_ethernet(EthernetFrame(station.port.mac, mac, 0x0800, packet)), line.world.now)
+    frames += [parse_ethernet(frame) for frame in station.station.pump(line.world.now)]
     return frames
 
 

@@ -19,9 +19,9 @@ from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
     from pnfarm.buses.bus import InjectionHost
     from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
+    from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
 
 __all__ = ["injected_drives"]
 

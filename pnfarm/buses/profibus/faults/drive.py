@@ -17,9 +17,9 @@ from pnfarm.faults.effects.wire import WIRE
 from pnfarm.protocols.profibus.wire.telegram import Telegram, parse_telegram
 
 if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
     from pnfarm.buses.bus import InjectionHost
     from pnfarm.buses.profibus.device.device import ProfibusDevice
+    from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
 
 __all__ = ["injected_drives"]
 

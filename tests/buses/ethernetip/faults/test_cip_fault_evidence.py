@@ -33,7 +33,7 @@ EVERY_KIND = pytest.mark.parametrize("kind", kinds_of("ethernetip"), ids=lambda 
 
 def read(line: CipLine) -> None:
     scanner = line.scanners[0]
-    pnu = line.farm.stations[0].model.resolve("DRV.OPMODE")[0].pnu
+    pnu = line.farm.axes[0].model.resolve("DRV.OPMODE")[0].pnu
     path = logical_path(0x0F, pnu, 1)
     scanner.originator.request(message_request(Service.GET_ATTRIBUTE_SINGLE, path), line.world.now)
     scanner.pump()
@@ -68,10 +68,10 @@ def test_every_kind_in_force_is_confirmed_by_what_the_farm_sees_on_the_wire(kind
 @EVERY_KIND
 def test_what_cannot_show_is_inconclusive_and_says_why(kind: InjectionKind, prevented_by: str) -> None:
     line = CipLine()
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     line.scanners[0].until = 1 << 62
     if prevented_by == "no supply":
-        station.power_off(line.world.now)
+        station.station.power_off(line.world.now)
         line.farm.settle(station, line.world.now)
     line.run(0.1)
     fault = line.add(kind.name, params=PARAMS.get(kind.name, {}))

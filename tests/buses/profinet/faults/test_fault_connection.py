@@ -86,8 +86,8 @@ def test_faults_of_the_connection_survive_a_reboot_of_the_drive(line):
     refuse = line.add("connect-refuse")
     record = line.add("record-error")
     busy = line.add("parameter-busy")
-    line.farm.stations[0].power_cycle(line.world.now)
-    line.farm.settle(line.farm.stations[0], line.world.now)
+    line.farm.axes[0].station.power_cycle(line.world.now)
+    line.farm.settle(line.farm.axes[0], line.world.now)
     line.run(3.0)
     assert not line.plc.all_connected
     assert refuse.evidence().activations >= 1
@@ -130,10 +130,10 @@ def test_the_latest_of_two_record_errors_holds(line):
 
 def test_a_response_that_is_withheld_is_a_state_conflict_and_is_there_afterwards(line):
     """The hook is asked for responses that wait, and for no others."""
-    records = line.farm.stations[0].device.parameter_records
+    records = line.farm.axes[0].device.parameter_records
     (index, *_) = records.channels
-    slot, asked = line.farm.stations[0].device.description.modules[0].slot, []
-    (ar,) = line.farm.stations[0].device.cm.ars
+    slot, asked = line.farm.axes[0].device.description.modules[0].slot, []
+    (ar,) = line.farm.axes[0].device.cm.ars
 
     def withhold(now: int) -> bool:
         asked.append(now)

@@ -75,9 +75,9 @@ def test_every_kind_in_force_is_confirmed_by_what_the_farm_sees_on_the_wire(kind
 def test_what_cannot_show_is_inconclusive_and_says_why(kind: InjectionKind, prevented_by: str) -> None:
     model = model_of(kind)
     line = FaultLine(model=model, controller=prevented_by != "no controller", **LINES[model])
-    station = line.farm.stations[0]
+    station = line.farm.axes[0]
     if prevented_by == "no supply":
-        station.power_off(line.world.now)
+        station.station.power_off(line.world.now)
         line.farm.settle(station, line.world.now)
     line.run(0.1)
     fault = add(line, kind)
@@ -99,8 +99,8 @@ def test_on_several_drives_the_sum_is_confirmed_only_if_every_drive_is() -> None
     line = FaultLine(2)
     line.connect()
     line.enable()
-    station = line.farm.stations[1]
-    station.power_off(line.world.now)
+    station = line.farm.axes[1]
+    station.station.power_off(line.world.now)
     line.farm.settle(station, line.world.now)
     fault = line.add("not-ready")
     line.run(0.5)

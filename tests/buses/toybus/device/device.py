@@ -15,6 +15,7 @@ from pnfarm.wire.ethernet import parse_ethernet
 from toybus.frames import Report, emit_report, frame, parse_order
 
 if TYPE_CHECKING:
+    from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
 SILENCE_NS = 100_000_000
@@ -80,7 +81,7 @@ class ToyDevice:
         except DecodeError:
             self._dropped["no-order"] = self._dropped.get("no-order", 0) + 1
             return
-        image = self.station.handle.image
+        image = self.station.image
         if self._controller is None:
             self._since = now
             self.connects += 1
@@ -92,7 +93,7 @@ class ToyDevice:
         image.valid, image.lost = 1, LOST_NOT
         self.closed.received += 1
         if not self.muted:
-            axis = self.station.handle.axis
+            axis = self.station.axis.handle.axis
             report = Report(int(axis.profidrive.zsw1), round(float(axis.motor.velocity)))
             self._replies.append(frame(self._controller, self.station.port.mac, emit_report(report)))
 
@@ -116,13 +117,13 @@ class ToyDevice:
             return 0
         self._controller = None
         self._losses += 1
-        self.station.handle.image.valid, self.station.handle.image.lost = 0, LOST_EXPIRED
+        self.station.image.valid, self.station.image.lost = 0, LOST_EXPIRED
         self.station.note(now, ToyLost())
         return 1
 
     # what only drives with other abilities are told
 
-    def telegram_changed(self) -> None:
+    def telegram_changed(self, axis: Axis) -> None:
         pass
 
     def channel_event(self, kind: int, row: int, when: int, value: int, now: int) -> bool:
@@ -131,13 +132,13 @@ class ToyDevice:
     def catch_up(self, now: int) -> None:
         pass
 
-    def fault_raised(self, number: int) -> None:
+    def fault_raised(self, axis: Axis, number: int) -> None:
         pass
 
-    def faults_cleared(self) -> None:
+    def faults_cleared(self, axis: Axis) -> None:
         pass
 
-    def parameter_task(self, value: int, now: int) -> None:
+    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
         pass
 
     # what there is to see

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.connection import CONNECTION, Connection, ConnectionPart
 from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
-from pnfarm.faults.effects.servo import SERVO, Servo
+from pnfarm.faults.effects.station_parts import injected_station
+from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import WIRE, Wire
 
 if TYPE_CHECKING:
@@ -59,18 +60,11 @@ class ToyConnection(ConnectionPart):
         return False
 
 
-def injected_drive(device: ToyDevice, host: InjectionHost) -> InjectedDrive:
+def injected_drives(device: ToyDevice, host: InjectionHost) -> list[InjectedDrive]:
     station = device.station
-    name, port, model = station.configured_name, station.port.index, station.model
+    name, port = station.configured_name, station.port.index
     host.gate.classify(port, lambda _: "toy")
     wire = Wire(name, station.index, port, host.impairments, host.gate, host.carriers, lambda _: None)
-
-    def came_on(now: int) -> None:
-        drive.refresh(now)
-
-    servo = Servo(station, settle=host.settle, goes_off=wire.forget, came_on=came_on)
-    parts: dict[Part[Any], DrivePart] = {
-        SERVO: servo, WIRE: wire, CONNECTION: ToyConnection(device), MOUTH: Mouth(device),
-    }  # fmt: skip
-    drive = InjectedDrive(name, lambda: (name,), (model.name, *model.aliases), parts, lambda: device)
-    return drive
+    supply = Supply(station, settle=host.settle, goes_off=wire.forget)
+    parts: dict[Part[Any], DrivePart] = {WIRE: wire, CONNECTION: ToyConnection(device), MOUTH: Mouth(device)}
+    return injected_station(station, parts, supply, lambda: device)
