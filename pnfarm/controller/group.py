@@ -41,9 +41,10 @@ class Controllers:
         self._controllers = list(controllers)
         self._order = {drive.name: drive.index for one in planned for drive, _ in one.members}
         self._of = {
-            device.name: controller
+            name: controller
             for one, controller in zip(planned, controllers, strict=True)
             for device in one.plan.devices
+            for name in (device.name, *(axis for axis, _ in device.axes))
         }
 
     def __iter__(self) -> Iterator[Controller]:
@@ -69,9 +70,9 @@ class Controllers:
     def programmed(self) -> list[ControlledDevice]:
         """The devices that a program of one's own moves: those of controllers without a built-in program."""
         found = [
-            ControlledDevice(controller.columns, row, device)
+            ControlledDevice(controller.columns, row, axis)
             for one, controller in zip(self._planned, self._controllers, strict=True)
-            for row, device in enumerate(one.plan.devices)
+            for row, axis in enumerate(axis for device in one.plan.devices for _, axis in device.axes)
             if one.section.program.python is not None
         ]
         return sorted(found, key=lambda each: self._place(each.device.name))

@@ -20,7 +20,7 @@ from pnfarm.controller.program_worker import Call, Worker
 from pnfarm.drives.telegrams.signal_view import Inputs, Outputs
 from pnfarm.firmware.profidrive.axis_program import READY
 from pnfarm.station.event import Event, event
-from pnfarm.table.channel import IDLE
+from pnfarm.table.channel import IDLE, OPEN
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -269,8 +269,14 @@ class ProgramRunner:
 
 def _providers(columns: Columns) -> dict[int, int]:
     """The row of the provider that fills an image, for those that are open."""
-    active = np.flatnonzero(columns.ppm["active"])
-    return dict(zip(columns.ppm["image"][active].tolist(), active.tolist(), strict=True))
+    found: dict[int, int] = {}
+    for row in np.flatnonzero(columns.ppm["active"] == OPEN).tolist():
+        one = columns.ppm[row]
+        found[int(one.image)] = row
+        while int(one.rider):
+            one = columns.ppm[int(one.rider) - 1]
+            found[int(one.image)] = row
+    return found
 
 
 def _first_line(program: AxisProgram) -> int:

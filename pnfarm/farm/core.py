@@ -158,7 +158,9 @@ class FarmCore:
         )
         self.columns.engine[0].tick_ns = tick_ns
         #: What the drives' controllers did.
-        self.controllers = ControllerRecords(log, [axis.name for config in drives for axis in config.axes])
+        self.controllers = ControllerRecords(
+            log, {config.name: [axis.name for axis in config.axes] for config in drives}
+        )
         self.columns.image.lost[:] = LOST_NEVER
         #: Whether the drives may send at this moment; None: always.
         self.may_speak: Callable[[], bool] | None = None
@@ -242,7 +244,7 @@ class FarmCore:
         self._served: dict[int, tuple[int, Services]] = {}
         if self._sockets is not None:
             self._sockets.set_user(self.socket_event)
-        self._port_of = {s.configured_name: s.port.index for s in self.stations}
+        self._port_of = {name: s.port.index for s in self.stations for name in s.names}
         if isinstance(innermost, (MemoryLink, PacketLink)):
             innermost.set_audience(self._audience)
         self._on_lines = [name for name in self._segments if line_of(bus(name))]
@@ -328,14 +330,16 @@ class FarmCore:
             raise InternalError(f"the link delivered a frame for port {port}, which no drive has")
         if not self._segment_of[port].admits(port, frame, now):
             return
-        if not self.injections.concern(station.configured_name):
+        if not any(map(self.injections.concern, station.names)):
             station.receive(frame, now)
             self.settle(station, now)
             return
-        self.injections.refresh(station.configured_name, now)
+        for name in station.names:
+            self.injections.refresh(name, now)
         station.receive(frame, now)
         self.settle(station, now)
-        self.injections.poke(station.configured_name, now)
+        for name in station.names:
+            self.injections.poke(name, now)
 
     def socket_event(self, event: SocketEvent, now: int) -> None:
         """Something of a drive's stream, or a datagram."""
@@ -451,9 +455,8 @@ class FarmCore:
             self._carry(station, now)
         self._deadlines.set(station.index, station.next_deadline())
         # a connection, a parameter: an injection may wait for it
-        self.injections.touch(station.configured_name)
-        for axis in station.axes[1:]:
-            self.injections.touch(axis.configured_name)
+        for name in station.names:
+            self.injections.touch(name)
 
     def service(self, now: int) -> None:
         self._drain(now)

@@ -20,7 +20,7 @@ from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.metrics.families import OTHER, Family, Histogram, Room, Values
 from pnfarm.metrics.lines import LineFamilies
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, RECONNECT_EDGES_NS, Recovery
-from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS, JITTER_BUCKETS, JITTER_EDGES_NS
+from pnfarm.table.channel import DISCARDS, INTERVAL_BUCKETS, INTERVAL_EDGES_NS, JITTER_BUCKETS, JITTER_EDGES_NS, OPEN
 from pnfarm.table.engine_row import LATENESS_EDGES_NS
 from pnfarm.table.observed import PEAK_WINDOW_NS
 from pnfarm.version import __version__
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from prometheus_client.metrics_core import Metric
 
     from pnfarm.farm.core import FarmCore
-    from pnfarm.station.axis import Axis
+    from pnfarm.station.station import Station
 
 #: Counts by the values of a family's labels.
 Counts: TypeAlias = "dict[tuple[str, ...], int]"
@@ -101,7 +101,13 @@ class FarmCollector(Collector):
         #: Values of the reactions, and of how many reactions and samples they are.
         self._reaction_values: Values = []
         self._reacted = (-1, 0)
-        self._names = [station.configured_name for station in core.axes]
+        self._names = [axis.configured_name for axis in core.axes]
+        self._nodes = [station.configured_name for station in core.stations]
+        #: The place of its station for each process image, -1 for none.
+        self._node_of: Any = np.full(core.columns.image.shape[0], -1)
+        for place, station in enumerate(core.stations):
+            for row in (station.index, *(axis.index for axis in station.axes)):
+                self._node_of[row] = place
         self._families()
         self._lines = LineFamilies(core)
         #: The process's own metrics (CPU, memory, open files), in addition to the farm's.
@@ -114,24 +120,29 @@ class FarmCollector(Collector):
 
     # -- families ----------------------------------------------------------------------------------------------------
 
-    def _per_drive(self, name: str, kind: str, documentation: str) -> Family:
+    def _per_drive(self, name: str, kind: str, documentation: str, of: Sequence[str] | None = None) -> Family:
+        """A series for each axis, or for each of those ``of``."""
         family = Family(f"pnfarm_{name}", kind, documentation, ("drive",), room=self._room)
-        for drive in self._names:
+        for drive in self._names if of is None else of:
             family.add(drive)
         return family
+
+    def _per_node(self, name: str, kind: str, documentation: str) -> Family:
+        """A series for each station."""
+        return self._per_drive(name, kind, documentation, self._nodes)
 
     def _counted(self, name: str, documentation: str, labels: Sequence[str], bounded: str) -> Family:
         """A counter whose label ``bounded`` may take many values."""
         return Family(f"pnfarm_{name}", "counter", documentation, labels, room=self._room, bounded=(bounded,))
 
-    def _drive_histogram(self, name: str, documentation: str, edges_ns: Sequence[int]) -> Histogram:
+    def _histogram(self, name: str, documentation: str, edges_ns: Sequence[int], of: Sequence[str]) -> Histogram:
         family = Histogram(f"pnfarm_{name}", documentation, edges_ns, ("drive",), room=self._room)
-        for drive in self._names:
+        for drive in of:
             family.add(drive)
         return family
 
     def _families(self) -> None:
-        drive = self._per_drive
+        drive, node = self._per_drive, self._per_node
         self._build = Family("pnfarm_build_info", "gauge", "Version of pnfarm; always 1.", ("version",))
         self._build.add(__version__)
         self._shard = Family(
@@ -169,8 +180,8 @@ class FarmCollector(Collector):
             ("drive", "model", "bus"),
             room=self._room,
         )
-        for station in self._core.axes:
-            self._info.add(station.configured_name, station.model.name, station.model.bus)
+        for axis in self._core.axes:
+            self._info.add(axis.configured_name, axis.model.name, axis.model.bus)
         self._axis: list[tuple[Family, str]] = [
             (drive(f"axis_{name}", "gauge", documentation), column)
             for name, column, documentation in (
@@ -198,34 +209,36 @@ class FarmCollector(Collector):
         self._fault_total = self._counted(
             "axis_faults_total", "Faults of the drive by number (702 = F702).", ("drive", "code"), "code"
         )
-        buses = dict.fromkeys(station.model.bus for station in self._core.axes)
+        buses = dict.fromkeys(station.bus for station in self._core.stations)
         self._states = {name: connection_numbers(name) for name in buses}
         states = "; ".join(", ".join(f"{n} {word}" for word, n in words.items()) for words in self._states.values())
-        self._ar_state = drive("ar_state", "gauge", f"State of the connection (CMDEV): 0 none, {states}.")
-        self._exchanging = drive(
+        self._ar_state = node("ar_state", "gauge", f"State of the connection (CMDEV): 0 none, {states}.")
+        self._exchanging = node(
             "ar_exchanging", "gauge", "1 while the connection is completely set up, whatever its bus calls that state."
         )
-        self._ar_cycle = drive("ar_cycle_seconds", "gauge", "Cycle of the connection's IO data, 0 without one.")
-        self._connects = drive("ar_connects_total", "counter", "Connections that reached DATA.")
+        self._ar_cycle = node("ar_cycle_seconds", "gauge", "Cycle of the connection's IO data, 0 without one.")
+        self._connects = node("ar_connects_total", "counter", "Connections that reached DATA.")
         self._aborts = self._counted(
             "ar_aborts_total",
             "Connections that were aborted, by reason; cause farm: while the farm itself was late.",
             ("drive", "reason", "cause"),
             "reason",
         )
-        self._received = drive("frames_received_total", "counter", "Valid cyclic frames (RT_CLASS_1) received.")
-        self._sent = drive("frames_sent_total", "counter", "Cyclic frames (RT_CLASS_1) sent.")
+        self._received = node("frames_received_total", "counter", "Valid cyclic frames (RT_CLASS_1) received.")
+        self._sent = node("frames_sent_total", "counter", "Cyclic frames (RT_CLASS_1) sent.")
         self._discarded = self._counted(
             "frames_discarded_total", "Frames and PDUs that the drive dropped.", ("drive", "reason"), "reason"
         )
-        for station in self._core.axes:
-            name = station.configured_name
-            faults = [fault for fault in station.model.faults.values() if not fault.warning]
+        for axis in self._core.axes:
+            name = axis.configured_name
+            faults = [fault for fault in axis.model.faults.values() if not fault.warning]
             for fault in faults if len(faults) <= MOST_FAULTS else ():
                 self._fault_total.add(name, str(fault.number))
             self._fault_total.add(name, OTHER)
+        for station in self._core.stations:
+            name = station.configured_name
             for cause in CAUSES:
-                for reason in (*bus(station.model.bus).usual_losses, OTHER):
+                for reason in (*bus(station.bus).usual_losses, OTHER):
                     self._aborts.add(name, reason, cause)
             for slug in (*DISCARDS, OTHER):
                 self._discarded.add(name, slug)
@@ -236,20 +249,22 @@ class FarmCollector(Collector):
             ("drive", "cause"),
             room=self._room,
         )
-        for name in self._names:
+        for name in self._nodes:
             for cause in CAUSES:
                 self._watchdog.add(name, cause)
-        self._interval = self._drive_histogram(
+        self._interval = self._histogram(
             "controller_frame_interval_seconds",
             "Time between two valid frames of the controller: how regular it is.",
             SHOWN_INTERVALS_NS,
+            self._nodes,
         )
-        self._jitter = self._drive_histogram(
+        self._jitter = self._histogram(
             "controller_jitter_seconds",
             "Deviation of the time between two valid frames from the agreed cycle; missing frames are not counted.",
             JITTER_EDGES_NS,
+            self._nodes,
         )
-        self._missed = drive(
+        self._missed = node(
             "controller_missed_updates_total", "counter", "Frames that the controller left out, by its cycle counter."
         )
         self._peaks = [
@@ -273,10 +288,11 @@ class FarmCollector(Collector):
             room=self._room,
             bounded=("code", "kind"),
         )
-        self._reconnect = self._drive_histogram(
+        self._reconnect = self._histogram(
             "controller_reconnect_seconds",
             "Time from a fault or the loss of a connection until the controller had brought the drive back.",
             RECONNECT_EDGES_NS,
+            self._names,
         )
         self._lateness = Histogram(
             "pnfarm_engine_lateness_seconds", "How late the engine's ticks began.", LATENESS_EDGES_NS
@@ -296,6 +312,7 @@ class FarmCollector(Collector):
             self._faults_active.add(kind)
         for name in self._names:
             self._reaction.add(name, OTHER, OTHER)
+        for name in dict.fromkeys((*self._names, *self._nodes)):
             self._activations.add(OTHER, name)
 
     # -- current values --------------------------------------------------------------------------------------------
@@ -303,8 +320,8 @@ class FarmCollector(Collector):
     def gather(self) -> Scrape:
         """Read everything; call it in the thread of the stations."""
         core = self._core
-        stations = core.axes
-        count = len(stations)
+        stations = core.stations
+        count = len(core.axes)
         axis = core.columns.axis[:count]
         parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._shard, [1]), (self._info, [1] * count)]
         parts += [(family, AXIS.read(axis, column).tolist()) for family, column in self._axis]
@@ -390,7 +407,7 @@ class FarmCollector(Collector):
             for number, count in station.fault_counts.items()
         }
 
-    def _connections(self, stations: Sequence[Axis]) -> list[tuple[Family, Values]]:
+    def _connections(self, stations: Sequence[Station]) -> list[tuple[Family, Values]]:
         states: list[float] = []
         exchanging: list[float] = []
         cycles: list[float] = []
@@ -399,7 +416,7 @@ class FarmCollector(Collector):
         for station in stations:
             connection = station.device.connection()
             known = connection is not None and station.powered
-            numbers = self._states[station.model.bus]
+            numbers = self._states[station.bus]
             states.append(numbers.get(connection.state, 0) if connection is not None and known else 0)
             exchanging.append(float(connection is not None and known and connection.exchanging))
             cycles.append(connection.cycle_ns / 1e9 if connection is not None and connection.cyclic else 0)
@@ -419,7 +436,7 @@ class FarmCollector(Collector):
             (self._watchdog, watchdog),
         ]
 
-    def _channels(self, stations: Sequence[Axis]) -> list[tuple[Family, Values]]:
+    def _channels(self, stations: Sequence[Station]) -> list[tuple[Family, Values]]:
         """Open channels by column, closed ones from their stations."""
         count = len(stations)
         columns = self._core.columns
@@ -427,16 +444,17 @@ class FarmCollector(Collector):
         sums: dict[str, Any] = {
             name: np.zeros((count, *shape), np.int64) for name, shape in {**_OF_CONSUMERS, "sent": ()}.items()
         }
-        for station in stations:
+        for place, station in enumerate(stations):
             for name, numbers in sums.items():
-                numbers[station.index] = getattr(station.device.closed, name)
+                numbers[place] = getattr(station.device.closed, name)
         providers = columns.ppm[: int(engine.ppm_rows)]
-        live = providers["active"] != 0
-        np.add.at(sums["sent"], providers["image"][live], providers["sent"][live])
+        live = providers["active"] == OPEN
+        np.add.at(sums["sent"], self._node_of[providers["image"][live]], providers["sent"][live])
         consumers = columns.cpm[: int(engine.cpm_rows)]
-        live = consumers["active"] != 0
+        live = consumers["active"] == OPEN
+        nodes = self._node_of[consumers["image"][live]]
         for name in _OF_CONSUMERS:
-            np.add.at(sums[name], consumers["image"][live], consumers[name][live])
+            np.add.at(sums[name], nodes, consumers[name][live])
         intervals = np.add.reduceat(sums["intervals"], _STARTS, axis=1)
         by_reason: Counts = {}
         for station, cyclic in zip(stations, sums["discarded"].tolist(), strict=True):

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pnfarm.metrics.families import OTHER
+from pnfarm.station.axis import Axis, axes_by_name
 from pnfarm.station.events import (
     ConnectionEstablished,
     ConnectionLost,
@@ -30,7 +31,6 @@ from pnfarm.table.axis_codes import FAULT_SLOTS
 
 if TYPE_CHECKING:
     from pnfarm.farm.core import FarmCore
-    from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import LogEntry
 
 __all__ = ["REACTION_EDGES_NS", "RECONNECT_EDGES_NS", "Reaction", "Recovery"]
@@ -89,7 +89,7 @@ class Recovery:
         self.reacted = 0
         self.reconnects: Any = np.zeros((count, len(RECONNECT_EDGES_NS) + 1), np.int64)
         self.reconnect_sums_ns: Any = np.zeros(count, np.int64)
-        self._by_name = {station.configured_name: station for station in core.axes}
+        self._by_name = axes_by_name(core.axes)
         self._drives = [self._look(station) for station in core.axes]
         self._unsubscribe = core.log.subscribe(self._take)
 
@@ -109,9 +109,10 @@ class Recovery:
     # -- what happens ------------------------------------------------------------------------------------------------
 
     def _take(self, entry: LogEntry) -> None:
-        station = self._by_name.get(entry.drive)
-        if station is None:
-            return
+        for axis in self._by_name.get(entry.drive, ()):
+            self._happened(axis, entry)
+
+    def _happened(self, station: Axis, entry: LogEntry) -> None:
         index, when = station.index, entry.now_ns
         drive = self._drives[index]
         match entry.what:
@@ -128,7 +129,7 @@ class Recovery:
                 drive.faulted = False
                 self._judge(index, drive, when)
             case FaultReacted(after_ns):
-                self._reacted(entry.drive, after_ns)
+                self._reacted(station.configured_name, after_ns)
             case WatchdogExpired():
                 if drive.connected:
                     self._begin(drive, when)

@@ -24,7 +24,7 @@ from pnfarm.table.axis_codes import CMD_HOLD_FAULT, CMD_POWER_ON, CMD_RAISE_FAUL
 from pnfarm.table.image import LOST_NEVER
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from pnfarm.drives.axis_handle import AxisHandle
     from pnfarm.drives.description.model import Model
@@ -32,7 +32,16 @@ if TYPE_CHECKING:
     from pnfarm.station.device import Device
     from pnfarm.station.station import Station, StationPort
 
-__all__ = ["Axis"]
+__all__ = ["Axis", "axes_by_name"]
+
+
+def axes_by_name(axes: Iterable[Axis]) -> dict[str, list[Axis]]:
+    """The axes that a name concerns: each by its own, all of a station by the station's."""
+    found: dict[str, list[Axis]] = {}
+    for axis in axes:
+        for name in dict.fromkeys((axis.configured_name, axis.station.configured_name)):
+            found.setdefault(name, []).append(axis)
+    return found
 
 
 class Axis:

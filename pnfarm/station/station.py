@@ -103,6 +103,8 @@ class Station:
         #: How often it came on the wire.
         self.starts = 0
         self.axes = make_axes(self)
+        #: Its own name and those of its axes.
+        self.names = tuple(dict.fromkeys((config.name, *(axis.configured_name for axis in self.axes))))
         self.device = make_device(self)
         # found out once: it is asked for each frame
         self._sockets = self.device if isinstance(self.device, SocketDevice) else None

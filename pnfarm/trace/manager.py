@@ -17,6 +17,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.events import InjectionBegan, InjectionEnded
 from pnfarm.faults.plan import matching
+from pnfarm.station.axis import Axis, axes_by_name
 from pnfarm.station.events import FaultRaised, WarningChanged
 from pnfarm.table import trace as codes
 from pnfarm.table.segments import Segments
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from pnfarm.engine.columns import Columns
-    from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import EventLog, LogEntry
     from pnfarm.table.access.places import Place
     from pnfarm.trace.signals import TraceSignal
@@ -193,6 +193,7 @@ class TraceManager:
     def __init__(self, stations: Sequence[Axis], columns: Columns, log: EventLog) -> None:
         self.columns = columns
         self._stations = {station.configured_name: station for station in stations}
+        self._concerned = axes_by_name(stations)
         self._log = log
         self._traces: dict[str, Trace] = {}
         #: Rows whose end the engine has not seen -> first probe and part of the ring.
@@ -494,13 +495,15 @@ class TraceManager:
     def _happened(self, entry: LogEntry) -> None:
         """An entry of the farm's log: count the injections on a drive, and trigger what waits for it."""
         what = entry.what
-        station = self._stations.get(entry.drive)
-        if station is not None and isinstance(what, InjectionBegan | InjectionEnded):
-            image = self.columns.image[station.index]
-            image.injected = max(0, min(255, int(image.injected) + (1 if isinstance(what, InjectionBegan) else -1)))
+        concerned = self._concerned.get(entry.drive, ())
+        if isinstance(what, InjectionBegan | InjectionEnded):
+            for axis in concerned:
+                image = axis.handle.image
+                image.injected = max(0, min(255, int(image.injected) + (1 if isinstance(what, InjectionBegan) else -1)))
+        names = {axis.configured_name for axis in concerned}
         for trace in self._traces.values():
             trigger = trace.request.trigger
-            if not isinstance(trigger, EventTrigger) or entry.drive not in trace.watched:
+            if not isinstance(trigger, EventTrigger) or names.isdisjoint(trace.watched):
                 continue
             row = self.columns.trace[trace.row]
             if trace.state == "waiting" and not row.fire_ns and _matches(trigger, trace.number, what):

@@ -32,7 +32,7 @@ def test_a_drive_that_is_not_there_is_sought_again_until_it_comes():
     assert line.plc.sessions[0].measures.connects == 0
     assert line.plc.sessions[0].measures.last_reason == "no station of this name answers"
     station.station.power_on(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.connect()
 
 

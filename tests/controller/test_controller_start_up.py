@@ -57,7 +57,7 @@ def test_nothing_is_sent_to_a_drive_that_gave_its_start_up_up() -> None:
     # the drive ends the connection without a notice
     line.add("loss", direction="out")
     line.farm.axes[0].device.cm.abort_all(0x0D, line.world.now)
-    line.farm.settle(line.farm.axes[0], line.world.now)
+    line.farm.settle(line.farm.axes[0].station, line.world.now)
     line.run(4.0)
     before = line.frames_sent()
     line.run(1.0)
@@ -98,11 +98,11 @@ def test_a_plugged_module_whose_parameters_are_not_answered_ends_the_connection_
     line.connect()
     station = line.farm.axes[0]
     pull_module(station.device, 1, None, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.2)
     line.add("rpc-silence")
     plug_module(station.device, 1, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     assert line.world.run(10.0, until=lambda: line.session.state is not SessionState.DATA)
     line.faults.clear(None, line.world.now)
     line.connect(within=10.0)
@@ -114,11 +114,11 @@ def test_a_module_that_is_ready_late_after_a_plug_is_used() -> None:
     line.connect()
     station = line.farm.axes[0]
     pull_module(station.device, 1, None, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.2)
     station.device.connections.ready_delay_ns = 30 * SECOND
     plug_module(station.device, 1, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(25.0)
     assert line.session.state is SessionState.DATA
     assert set(line.session.unusable.values()) == {"no ApplicationReady from the device within 20 s"}

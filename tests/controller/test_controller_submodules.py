@@ -37,7 +37,7 @@ def test_a_pulled_module_stops_the_axis_program_says_why_and_keeps_the_connectio
     line.connect()
     line.enable()
     pull_module(line.farm.axes[0].device, 1, None, line.world.now)
-    line.farm.settle(line.farm.axes[0], line.world.now)
+    line.farm.settle(line.farm.axes[0].station, line.world.now)
     line.run(0.3)
     shown = row(line)
     assert (shown["state"], shown["phase"], shown["losses"]) == ("DATA", "offline", 0)
@@ -59,10 +59,10 @@ def test_a_plugged_module_is_parametrised_and_its_axis_runs_again() -> None:
     line.enable()
     station = line.farm.axes[0]
     pull_module(station.device, 1, None, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.2)
     plug_module(station.device, 1, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.enable()
     shown = row(line)
     assert (shown["connects"], shown["losses"], shown["unusable"]) == (1, 0, [])
@@ -134,12 +134,12 @@ def test_two_hundred_drives_lose_and_get_back_their_modules() -> None:
     line.enable(10.0)
     for station in line.farm.axes:
         pull_module(station.device, 1, None, line.world.now)
-        line.farm.settle(station, line.world.now)
+        line.farm.settle(station.station, line.world.now)
     line.run(0.2)
     assert not any(line.plc.columns.image[s.index].valid for s in line.plc.sessions)
     for station in line.farm.axes:
         plug_module(station.device, 1, line.world.now)
-        line.farm.settle(station, line.world.now)
+        line.farm.settle(station.station, line.world.now)
     line.enable(5.0)
     rows = line.plc.snapshot()
     assert {(r["connects"], r["losses"], r["phase"], tuple(r["unusable"])) for r in rows} == {(1, 0, "running", ())}
@@ -175,7 +175,7 @@ def test_a_record_that_a_lost_connection_takes_along_ends_with_words() -> None:
     job = line.plc.read_record("axis-01", (0, 0, 1, 0xAFF0), line.world.now)
     line.run(1.0)
     line.farm.axes[0].station.power_on(line.world.now)
-    line.farm.settle(line.farm.axes[0], line.world.now)
+    line.farm.settle(line.farm.axes[0].station, line.world.now)
     line.connect(20.0)
     assert job.done
     assert job.failure
@@ -207,7 +207,7 @@ def test_what_was_written_into_im1_and_im4_shows_after_the_next_connection() -> 
         line.plc.write_record("axis-01", (0, 0, 1, 0xAFF0 + number), text, line.world.now)
         line.run(0.1)
     line.farm.axes[0].device.cm.abort_all(1, line.world.now)
-    line.farm.settle(line.farm.axes[0], line.world.now)
+    line.farm.settle(line.farm.axes[0].station, line.world.now)
     line.run(0.2)
     line.connect()
     line.run(0.5)

@@ -246,7 +246,7 @@ def test_motion_tasks_and_parameters_outlive_a_power_cycle_once_drv_nvsave_was_w
     task(line, 8, 3.0)
     station = line.farm.axes[0]
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     assert list(line.axis.motion_tasks.settings.kind.nonzero()[0]) == [7]
     assert station.store.get("DRV.OPMODE") == 2
     again = HandLine(telegram=7, memory=memory)

@@ -119,7 +119,7 @@ def test_3_4_1_an_address_by_dcp_sets_ip_mode_to_1_for_good():
     assert station.store.read(IP_MODE) == [1], "it is kept without DRV.NVSAVE"
     station.store.set("IP.MODE", 2)
     station.store.set("DRV.NVSAVE", 1)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     station.station.power_cycle(line.world.now)
     assert station.store.read(IP_MODE) == [2], "until it is set to something else"
 

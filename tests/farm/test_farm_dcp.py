@@ -184,7 +184,7 @@ def test_a_reset_reaches_the_drive_and_its_memory_at_once(mode, name, value):
     station.store.set(2497, 4711)
     station.store.set(2469, 1)  # DRV.NVSAVE
     station.station.handle_timeout(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     kept = memory.load("axis-01")
     more = {"im": {"0.1.45041": b"tag"}, "pdev": {"0.32768.32881": ADJUST}, "snmp": {"NAME": "x"}}
     memory.save("axis-01", {**kept, **more})
@@ -297,7 +297,7 @@ def test_a_drive_sends_hello_at_power_on_if_the_farm_file_says_so(hello, expecte
     tool.found.clear()
     station = line.farm.axes[0]
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(1.0)
     assert greetings(tool) == ["axis-01"] * expected
 
@@ -311,7 +311,7 @@ def test_the_fast_start_up_record_rules_over_the_farm_file_until_it_is_reset():
     assert "hello set" in line.events()
     tool = Tool(line)
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.4)
     assert greetings(tool) == []
     line.run(0.6)
@@ -330,7 +330,7 @@ def test_a_fast_start_up_record_can_switch_hello_off(mode):
     line.run(1.0)
     tool = Tool(line)
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(1.0)
     assert greetings(tool) == []
 

@@ -169,7 +169,7 @@ async def record_reads_and_pulls(path: Path) -> None:
         lambda: plug_module(station.device, 1, line.world.now),
     ):
         hand()
-        line.farm.settle(station, line.world.now)
+        line.farm.settle(station.station, line.world.now)
         line.world.run(0.5)
     await line.close()
 

@@ -307,7 +307,7 @@ def test_6_2_a_limit_takes_effect_after_power_on_and_outlives_it():
     assert axis_of(line).motor.velocity == pytest.approx(1500.0, abs=1)
     station = line.farm.axes[0]
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.2)
     line.enable()
     line.run(0.5)

@@ -164,7 +164,7 @@ def test_power_cycle_keeps_the_fault_history_and_the_controller_comes_back():
     station.raise_fault(702, hold=False)
     line.run(0.1)
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.5)
     line.connect()
     assert 702 in [int(n) for n in line.farm.columns.axis[0].faults.buffer]
@@ -230,7 +230,7 @@ def test_parameter_is_kept_over_a_power_cycle_only_after_drv_nvsave():
             access(line, changing(2469, 0x41, 1))
         station = line.farm.axes[0]
         station.station.power_cycle(line.world.now)
-        line.farm.settle(station, line.world.now)
+        line.farm.settle(station.station, line.world.now)
         line.run(0.1)
         line.connect()
         assert value_of(line, 2497) == (expected,)
@@ -333,6 +333,6 @@ def test_a_makers_own_diagnosis_is_logged_with_its_structure_and_octets():
     (station,) = line.farm.axes
     for entry in (DiagnosisEntry(0x3A00, 1, 2, 0x1234, data=b"maker"), DiagnosisEntry(0x3A00, 1, 2, error_type=0x10)):
         station.device.cm.diagnosis.add(entry)
-        line.farm.settle(station, line.world.now)
+        line.farm.settle(station.station, line.world.now)
     told = [entry.data["diagnosis"] for entry in line.log.entries("axis-01") if entry.event == "diagnosis appears"]
     assert told == ["USI 0x1234 6D 616B 6572", "parametrisation fault"]

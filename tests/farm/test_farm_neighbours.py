@@ -119,7 +119,7 @@ def test_a_renamed_drive_is_another_neighbour_at_once():
     station = line.farm.axes[0]
     station.device.dcp.name = "press-7"
     station.device.neighbours.update("press-7", station.device.dcp.address, None, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.01)
     assert stations_known(line) == ["axis-01", "press-7"]
     line.run(25)
@@ -136,7 +136,7 @@ def test_a_drive_that_is_switched_off_ages_out_and_has_no_neighbours_when_it_is_
     assert stations_known(line) == []
     station.station.power_on(line.world.now)
     assert station.device.neighbours.lldp.neighbours == ()
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(6)
     assert stations_known(line) == ["axis-01"]
     assert len(station.device.neighbours.lldp.neighbours) == 1
@@ -185,7 +185,7 @@ def test_a_wrong_neighbour_fails_the_check_and_is_noted():
     for name, expected in ((b"other", CheckFailed), (b"plc", CheckPassed)):
         check = PortDataCheck(0, 0x8001, (CheckPeers((ExpectedPeer(b"port-001", name),)),))
         write(station, 0x802B, emit_port_data(check), line.world.now)
-        line.farm.settle(station, line.world.now)
+        line.farm.settle(station.station, line.world.now)
         standing = [(d.slot, d.subslot, d.error_type, d.ext_error_type) for d in station.device.cm.diagnosis]
         assert standing == ([(0, 0x8001, 0x8001, 0x8000)] if expected is CheckFailed else [])
     noted = [entry.event for entry in line.log.entries("axis-01") if entry.event.startswith("port check")]
@@ -211,7 +211,7 @@ def test_the_controller_chooses_the_names_and_mutes_a_port():
     line.run(6)
     station = line.farm.axes[0]
     write(station, 0x8071, emit_interface_adjust(InterfaceAdjust(1)), line.world.now, 0x8000)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(2)
     newer = line.plc.lldp.neighbours[-1]
     assert newer.port_id.text == "port-001.axis-01"
@@ -220,7 +220,7 @@ def test_the_controller_chooses_the_names_and_mutes_a_port():
     sent = station.device.neighbours.lldp.sent
     adjust = PortDataAdjust(0, 0x8001, (AdjustPeerToPeerBoundary(1),))
     write(station, 0x802F, emit_port_data(adjust), line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(30)
     assert station.device.neighbours.lldp.sent == sent
     assert stations_known(line) == []

@@ -91,7 +91,7 @@ def test_a_listed_pt_parameter_is_read_and_written_by_records_and_outlives_a_pow
     assert read_value(line, 0x2201, index) == "01810001" + "4401" + "0000", "not listed"
     station = line.farm.axes[0]
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.2)
     line.connect()
     assert read_value(line, GAIN, index) == "01010001" + "0601" + f"{1234:04x}"

@@ -149,7 +149,7 @@ def test_the_channel_is_dead_without_a_connection_and_forgets_its_cache():
     assert ask(line, Pkw(12, 1293, 1, 255)).length == 5
     (station,) = line.farm.axes
     station.device.cm.abort_all(RtaError.DEVICE_DEACTIVATED, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.01)
     sent = station.handle.image.sent
     assert sent[PKW_HEAD] == 0

@@ -76,10 +76,10 @@ class Cable:
                 self.core.receive(station.port.index, frame, self.now)
             case "neighbour":
                 station.device.dcp.aliases = frozenset(data)
-                self.core.settle(station, self.now)
+                self.core.settle(station.station, self.now)
             case "power":
                 (station.station.power_off if station.powered else station.station.power_on)(self.now)
-                self.core.settle(station, self.now)
+                self.core.settle(station.station, self.now)
             case "inject":
                 fields = {"kind": data, "on": station.configured_name}
                 self.core.injections.inject(fields, self.now)

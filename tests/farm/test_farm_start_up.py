@@ -28,7 +28,7 @@ def test_nothing_is_good_and_no_set_point_counts_before_the_application_is_ready
     assert int(line.farm.columns.axis[0].drive.state) == 1, "its set points are not taken"
     (ar,) = station.device.cm.ars
     station.device.cm.application_ready(ar.key, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.5)
     assert line.plc.columns.image[0].valid
     assert int(line.plc.columns.image[0].received[ZSW1]) & 1

@@ -110,7 +110,7 @@ def test_deleting_the_history_keeps_the_active_situation_over_a_restart(memory):
     line.farm.axes[0].raise_fault("25", hold=True)
     line.run(0.1)
     line.farm.axes[0].store.set("952", 0)
-    line.farm.settle(line.farm.axes[0], line.world.now)
+    line.farm.settle(line.farm.axes[0].station, line.world.now)
     line.run(0.1)
     assert history(line)[:3] == [[25], [], []]
     assert history(start(memory, model="hiwin-e1", telegram=3, cycle="1ms"))[:3] == [[], [25], []]

@@ -69,7 +69,7 @@ def plc(request, line):
     yield controller
     for ar in station.device.cm.ars:
         station.device.cm.abort(ar.key, RtaError.ABORT_REQUEST, controller.now)
-    line.farm.settle(station, controller.now)
+    line.farm.settle(station.station, controller.now)
     line.world.switch.detach(controller.port.index)
 
 

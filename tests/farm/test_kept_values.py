@@ -117,7 +117,7 @@ def test_what_a_drive_writes_has_the_shape_that_it_boots_with(tmp_path: Path) ->
             assert kept["faults"]
             check_kept(kept)
             station.station.power_cycle(line.world.now)
-            line.farm.settle(station, line.world.now)
+            line.farm.settle(station.station, line.world.now)
 
 
 def test_a_farm_killed_between_any_two_writes_comes_back_with_what_was_saved_and_no_more(tmp_path: Path) -> None:
@@ -135,7 +135,7 @@ def test_a_farm_killed_between_any_two_writes_comes_back_with_what_was_saved_and
             written[name] = store.get(name)
             if rng.random() < 0.4:
                 store.set("DRV.NVSAVE", 1)
-                line.farm.settle(station, line.world.now)
+                line.farm.settle(station.station, line.world.now)
                 saved |= written
         # nothing is closed: as SIGKILL leaves it, the next one has the file alone
         line = booted(FarmState(tmp_path))

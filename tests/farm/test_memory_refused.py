@@ -46,13 +46,13 @@ def test_a_drive_told_to_save_refuses_and_has_what_it_had_after_its_supply_retur
     with pytest.raises(ParameterError) as caught:
         station.store.set(command, 1)
     assert caught.value.number == REFUSED
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     assert "memory not written" in [entry.event for entry in log.entries("axis-01")]
     assert "parameters saved" not in [entry.event for entry in log.entries("axis-01")]
     assert station.station.kept == before
     memory.away = False
     station.store.set(command, 1)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     assert memory.load("axis-01")["drive"] == station.store.snapshot()
 
 

@@ -63,7 +63,7 @@ def test_each_power_cycle_takes_as_long(model, telegram, cycle):
     assert line.world.run(20.0, until=lambda: line.plc.all_running), line.reasons()
     station = line.farm.axes[0]
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     assert spoken(line, 2.9) == []
     assert drive_snapshot(line.farm, station, line.world.now)["state"] == "boot"
     assert line.world.run(20.0, until=lambda: line.plc.all_running), line.reasons()
@@ -91,11 +91,11 @@ def test_a_loss_of_supply_while_the_drive_boots_restarts_the_boot_time():
     station = line.farm.axes[0]
     line.run(2.0)
     station.station.power_off(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     assert spoken(line, 2.0) == []
     assert not station.station.on_the_wire
     station.station.power_on(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     assert spoken(line, 2.9) == []
     line.run(0.2)
     assert station.station.on_the_wire
@@ -108,7 +108,7 @@ def test_a_reset_by_parameter_boots_as_long():
     line.connect()
     station = line.farm.axes[0]
     station.store.set("DRV.REBOOT", 1)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     assert not station.station.on_the_wire
     assert spoken(line, 1.9) == []
     line.run(0.2)

@@ -105,7 +105,7 @@ def test_the_end_of_the_connection_forgets_what_the_drive_works_on():
     assert station.device.parameter_records.next_deadline() is not None
     for ar in list(station.device.ars):
         station.device.cm.abort(ar, RtaError.DEVICE_DEACTIVATED, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     assert station.device.parameter_records.next_deadline() is None
     line.connect()
     line.run(3.0)
@@ -119,7 +119,7 @@ def test_a_power_cycle_forgets_it_too():
     before = station.store.get(1004)
     assert write(line, changing(1004, 0x42, 77)).ok
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(3.0)
     assert station.store.get(1004) == before
 
@@ -154,7 +154,7 @@ def test_a_tool_that_goes_leaves_no_request_behind():
     assert station.device.parameter_records.next_deadline() is None
     work()
     station.device.cm.abort_all(RtaError.DEVICE_DEACTIVATED, line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     assert station.device.parameter_records.next_deadline() is None
     line.run(11.0)
     assert station.store.get(1004) == before

@@ -115,7 +115,7 @@ def test_it_waits_for_a_connection_and_for_a_parameter():
     line.run(0.1)
     assert written.state == "waiting"
     station.store.set("DRV.OPMODE", before - 1 if before else 1)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(0.001)
     assert written.state == "active"
 
@@ -217,7 +217,7 @@ def test_it_goes_on_waiting_over_a_power_cycle_and_a_lost_connection(line):
     line.run(3.0)
     station = line.farm.axes[0]
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(1.0)
     assert fault.state == "waiting"
     line.connect(20.0)

@@ -135,7 +135,7 @@ class Conversation:
         line = self.line
         station, now = line.farm.axes[0], line.world.now
         station.device.cm.abort_all(5, now)
-        line.farm.settle(station, now)
+        line.farm.settle(station.station, now)
         line.run(2.0)
         line.plc.release(line.world.now)
         line.run(1.0)
@@ -172,7 +172,7 @@ class Conversation:
             self._settled(station)
 
     def _settled(self, station):
-        self.line.farm.settle(station, self.line.world.now)
+        self.line.farm.settle(station.station, self.line.world.now)
         self.line.run(0.05)
 
     def untap(self) -> None:

@@ -201,7 +201,8 @@ class Episode:
 
         device = station.device
         return Prey(
-            device.name, station.port.mac, station.station.config.ip.ip, device.rpc.config.endpoints[0].object_uuid, True,
+            device.name, station.port.mac, station.station.config.ip.ip,
+            device.rpc.config.endpoints[0].object_uuid, True,
             lambda: [ar.uuid for ar in self.line.farm.axes[index].device.cm.ars], references,
             lambda: self._sent_by(self.line.plc, self.line.plc.sessions[index]),
         )  # fmt: skip

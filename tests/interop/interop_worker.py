@@ -181,15 +181,15 @@ class FarmWorker:
     def do_abort(self, name, reason):
         station, now = self.station(name), time.monotonic_ns()
         station.device.cm.abort_all(reason, now)
-        self.farm.core.settle(station, now)
+        self.farm.core.settle(station.station, now)
 
     def do_power(self, name, on):
         station, now = self.station(name), time.monotonic_ns()
         (station.station.power_on if on else station.station.power_off)(now)
-        self.farm.core.settle(station, now)
+        self.farm.core.settle(station.station, now)
 
     def _settled(self, station, now):
-        self.farm.core.settle(station, now)
+        self.farm.core.settle(station.station, now)
         self.farm.driver.poke()
 
     def do_diagnosis(self, name, appears, place, **fields):

@@ -90,7 +90,7 @@ class Scene:
         return Initiator(self.line, number, IPv4Interface(f"10.77.1.{100 + number}/23"))
 
     def settled(self, station, seconds=0.05):
-        self.farm.settle(station, self.world.now)
+        self.farm.settle(station.station, self.world.now)
         self.world.run(seconds)
 
     def freed(self, index):

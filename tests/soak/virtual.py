@@ -300,7 +300,7 @@ class VirtualRun:
             case "power-cycle":
                 station = farm.axis(action.drive)
                 station.station.power_cycle(now)
-                farm.settle(station, now)
+                farm.settle(station.station, now)
             case "write":
                 self._write(action.drive, fields["pnu"])
             case "wrong-write":
@@ -337,7 +337,7 @@ class VirtualRun:
             self.before.setdefault((drive, pnu), station.store.read(parameter.pnu, subindex)[0])
             value = self.choices.value(parameter.minimum, parameter.maximum)
         station.store.set(pnu, value)
-        self.line.farm.settle(station, self.line.world.now)
+        self.line.farm.settle(station.station, self.line.world.now)
 
     def _trace(self, fields: Any) -> None:
         traces, now = self.line.farm.traces, self.line.world.now
@@ -381,7 +381,7 @@ class VirtualRun:
         for (drive, pnu), value in self.before.items():
             station = line.farm.axis(drive)
             station.store.set(pnu, value)
-            line.farm.settle(station, line.world.now)
+            line.farm.settle(station.station, line.world.now)
         self.before.clear()
         back = self._bring_back(BACK_SECONDS)
         self._pass(CALM_SECONDS)

@@ -59,7 +59,7 @@ class MsdHand(VirtualLine):
             session.plan, output_words=self.store.output_words(), input_words=self.store.input_words()
         )
         self.plc.channels.relayout(session, ())
-        self.farm.settle(self.farm.axes[0], self.world.now)
+        self.farm.settle(self.farm.axes[0].station, self.world.now)
         self.run(0.01)
 
     @property

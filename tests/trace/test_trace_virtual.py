@@ -196,7 +196,7 @@ def test_a_drive_that_is_switched_off_during_a_trace_is_sampled_through(line: Vi
     line.run(0.2)
     station = line.farm.axes[0]
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.farm.service(line.world.now)
     line.run(5.0)
     got = trace.recording()

@@ -8,6 +8,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections import Counter
 from dataclasses import asdict
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Generic
 
 from pnfarm.buses.controller import Controller
@@ -46,18 +47,27 @@ class DriveCore(Controller):
         self.devices: Sequence[PlannedDevice] = plan.devices
         self.link, self.port, self.log = host.link, host.port, host.log
         self.dropped: Counter[str] = Counter()
-        count = len(self.devices)
+        #: The axes of all devices, row by row.
+        self.axes = [axis for device in self.devices for axis in device.axes]
+        count = len(self.axes)
         self.columns: Columns = allocate(images=count, programs=count, channels=channels)
         self.columns.engine[0].tick_ns = tick_ns
         self.columns.image.lost[:] = LOST_NEVER
-        self._places = {device.name: index for index, device in enumerate(self.devices)}
+        #: The first row of each device.
+        self.first_rows = list(accumulate((len(one.axes) for one in self.devices[:-1]), initial=0))[: len(self.devices)]
+        #: Devices, and the rows of axes, by name; a device's is that of its first axis.
+        self._places = {
+            name: place for place, one in enumerate(self.devices) for name, _ in (*one.axes, (one.name, one))
+        }
+        self._rows = {device.name: row for device, row in zip(self.devices, self.first_rows, strict=True)}
+        self._rows |= {name: row for row, (name, _) in enumerate(self.axes)}
         self._tail = 0
-        for row, device in zip(self.columns.program, self.devices, strict=True):
-            configure(row, device.program, asdict(device.steps) | {"life": device.life})
+        for row, (_, axis) in zip(self.columns.program, self.axes, strict=True):
+            configure(row, axis.program, asdict(axis.steps) | {"life": axis.life})
         self.link.set_receiver(self.receive)
 
     def _place(self, name: str) -> int:
-        """The row of a drive.  Raises :class:`ConfigError` for an unknown one."""
+        """The place of a device, by its name or an axis's.  Raises :class:`ConfigError` for an unknown one."""
         place = self._places.get(name)
         if place is None:
             raise ConfigError(f"controller {self.name} has no drive {name!r}")
@@ -67,14 +77,14 @@ class DriveCore(Controller):
     def all_running(self) -> bool:
         """Every enabled axis is in operation."""
         return all(
-            int(row.phase) == program.RUNNING or not device.program.enable
-            for row, device in zip(self.columns.program, self.devices, strict=True)
+            int(row.phase) == program.RUNNING or not axis.program.enable
+            for row, (_, axis) in zip(self.columns.program, self.axes, strict=True)
         )
 
     def exchanging(self, name: str) -> bool:
         """Whether a drive's data is valid; false for one that is not the controller's."""
-        place = self._places.get(name)
-        return place is not None and bool(self.columns.image[place].valid)
+        row = self._rows.get(name)
+        return row is not None and bool(self.columns.image[row].valid)
 
     # -- the parameter channel (PKW) -----------------------------------------------------------------------------------
 
@@ -87,10 +97,11 @@ class DriveCore(Controller):
         return parameter_answer(self._channel_image(name))
 
     def _channel_image(self, name: str) -> Any:
-        place = self._place(name)
-        if PKW_HEAD not in {code >> 2 for code in self.devices[place].output_words if code != WORD_NONE}:
+        self._place(name)
+        row = self._rows[name]
+        if PKW_HEAD not in {code >> 2 for code in self.axes[row][1].output_words if code != WORD_NONE}:
             raise ConfigError(self.without_channel.format(name))
-        return self.columns.image[place]
+        return self.columns.image[row]
 
     # -- the engine's events -------------------------------------------------------------------------------------------
 
@@ -108,7 +119,7 @@ class DriveCore(Controller):
             if kind == engine_row.EXPIRED:
                 self.expired(row, now)
             elif kind == engine_row.PHASE_CHANGED:
-                self.log.record(when, self.devices[row].name, PhaseChanged(value >> 8, value & 0xFF))
+                self.log.record(when, self.axes[row][0], PhaseChanged(value >> 8, value & 0xFF))
 
     def overran(self, now: int) -> None:
         """Events were lost, which only channels mind."""
@@ -123,8 +134,13 @@ class SessionCore(DriveCore, Generic[S]):
     life: Life[S]
 
     def __init__(self, plan: Any, host: ControllerHost, sessions: list[S], *, tick_ns: int) -> None:
-        super().__init__(plan, host, channels=len(sessions) * 2 + 8, tick_ns=tick_ns)
+        super().__init__(
+            plan, host, channels=2 * sum(len(session.plan.axes) for session in sessions) + 8, tick_ns=tick_ns
+        )
         self.sessions = sessions
+        for session, row in zip(sessions, self.first_rows, strict=True):
+            session.row = row
+        self._by_row = {session.row: session for session in sessions}
         self._deadlines = Deadlines()
 
     # -- node ----------------------------------------------------------------------------------------------------------
@@ -167,7 +183,7 @@ class SessionCore(DriveCore, Generic[S]):
     @property
     def all_connected(self) -> bool:
         """Every device exchanges data both ways."""
-        return all(s.state == DATA and self.columns.image[s.index].valid for s in self.sessions)
+        return all(s.state == DATA and self.columns.image[s.row].valid for s in self.sessions)
 
     def session(self, name: str) -> S | None:
         place = self._places.get(name)
@@ -181,7 +197,7 @@ class SessionCore(DriveCore, Generic[S]):
 
     def expired(self, row: int, now: int) -> None:
         """A session's consumer timed out; a row that was reopened since has not."""
-        session = self.sessions[int(self.columns.cpm[row].image)]
+        session = self._by_row[int(self.columns.cpm[row].image)]
         if session.consumer == row and self.columns.cpm[row].expirations:
             self.life.expired(session, now)
 

@@ -39,6 +39,16 @@ class PlannedDevice:
     #: Octets that a device without a program is sent.
     outputs: bytes = b""
     reconnect_after_ns: int | None = None
+    #: The name of its first axis, if that is not the drive's; the axes behind it.
+    first: str = ""
+    further: tuple[PlannedDevice, ...] = ()
+    #: The slots of an axis of several; None: all.
+    slots: frozenset[int] | None = None
+
+    @property
+    def axes(self) -> list[tuple[str, PlannedDevice]]:
+        """Each axis by its name, with what is planned for it; a device without axes counts as one."""
+        return [(self.first or self.name, self), *((one.name, one) for one in self.further)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,7 +48,10 @@ class Measures:
 
 @dataclass(slots=True, eq=False)
 class Session:
-    """``index`` is the row of program and image; ``machine`` is the connection's, while there is one."""
+    """``index`` counts the devices, ``row`` is the first axis's of programs and images.
+
+    ``machine`` is the connection's, while there is one.
+    """
 
     index: int
     plan: PlannedDevice
@@ -61,6 +64,12 @@ class Session:
     #: What the station says of itself, read in this connection or an earlier one.
     identification: Any = None
     measures: Measures = field(default_factory=Measures)
+    row: int = 0
+
+    @property
+    def rows(self) -> range:
+        """The rows of all its axes."""
+        return range(self.row, self.row + len(self.plan.axes))
 
     @property
     def out_of_use(self) -> Sequence[str]:

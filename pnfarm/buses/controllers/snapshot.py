@@ -53,7 +53,7 @@ def session_row(
     of_losses: Mapping[str, Any] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """A session's row, with what only its bus has: of the axis, of losses, and besides."""
-    row, measures = columns.program[session.index], session.measures
+    row, measures = columns.program[session.row], session.measures
     sent = 0 if session.provider is None else int(columns.ppm[session.provider].sent)
     received = 0 if session.consumer is None else int(columns.cpm[session.consumer].received)
     return {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pnfarm.drives.description.parts import fault_label
 from pnfarm.faults.events import InjectionBegan, InjectionEnded
@@ -28,6 +28,8 @@ from pnfarm.station.events import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from pnfarm.station.event_log import EventLog, LogEntry
 
 __all__ = ["NOT_INJECTED", "ControllerRecord", "ControllerRecords", "Situation", "StartUp"]
@@ -232,10 +234,13 @@ class ControllerRecord:
 
 
 class ControllerRecords:
-    """The record of each drive, by its name in the farm file."""
+    """The record of each axis, by its name; ``stations`` names the axes of each station, what happens to which concerns
+    all of them.
+    """
 
-    def __init__(self, log: EventLog, drives: list[str]) -> None:
-        self._drives = {name: ControllerRecord() for name in drives}
+    def __init__(self, log: EventLog, stations: Mapping[str, Sequence[str]]) -> None:
+        self._drives = {axis: ControllerRecord() for axes in stations.values() for axis in axes}
+        self._concerned = {axis: [axis] for axis in self._drives} | dict(stations)
         log.subscribe(self._take)
 
     def of(self, drive: str) -> ControllerRecord:
@@ -243,6 +248,5 @@ class ControllerRecords:
         return self._drives[drive]
 
     def _take(self, entry: LogEntry) -> None:
-        record: Any = self._drives.get(entry.drive)
-        if record is not None:
-            record.take(entry.what, entry.now_ns)
+        for name in self._concerned.get(entry.drive, ()):
+            self._drives[name].take(entry.what, entry.now_ns)

@@ -35,6 +35,8 @@ class SignOfLife(DrivePart):
     def check(self, directions: tuple[Direction, ...]) -> None:
         """Raises :class:`ConfigError` where there is no sign of life: in the drive, or in its present telegram."""
         name = self._station.configured_name
+        if self._number:
+            raise ConfigError(f"{name} is not the first axis of its station, whose sign of life alone can be changed")
         if not self._station.handle.axis.life.settings.watched:
             raise ConfigError(
                 f"{name} ({self._station.model.name}) has no sign of life: as it is set up, it neither sends nor "

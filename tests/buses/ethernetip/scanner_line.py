@@ -118,4 +118,4 @@ class ScannerLine:
     def power(self, *, on: bool, name: str = "axis-1") -> None:
         station = self.station(name)
         (station.station.power_on if on else station.station.power_off)(self.world.now)
-        self.farm.settle(station, self.world.now)
+        self.farm.settle(station.station, self.world.now)

@@ -393,12 +393,12 @@ def test_a_drive_without_supply_is_silent_and_comes_back_with_other_connection_i
     before = rig.peer.received(1)
     station = rig.station()
     station.station.power_off(rig.world.now)
-    rig.farm.settle(station, rig.world.now)
+    rig.farm.settle(station.station, rig.world.now)
     rig.peer.run(0.5)
     assert rig.peer.received(1) - before <= 1
     assert not rig.peer.closed, "nothing tells the peer"
     station.station.power_on(rig.world.now)
-    rig.farm.settle(station, rig.world.now)
+    rig.farm.settle(station.station, rig.world.now)
     rig.peer.run(1.5)
     rig.peer.silence(1)
     rig.peer.connect()

@@ -281,7 +281,7 @@ def test_a_session_that_the_drive_ends_is_made_again_beside_the_data():
     (stream,) = device._peers
     received = line.row()["frames_received"]
     device.adapter.encapsulation.end_stream(stream, line.world.now)
-    line.farm.settle(line.station(), line.world.now)
+    line.farm.settle(line.station().station, line.world.now)
     line.run(0.1)
     assert line.texts()[-1] == "session lost"
     assert line.row()["state"] == "DATA"

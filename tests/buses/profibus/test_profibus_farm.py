@@ -122,7 +122,7 @@ def test_a_master_sets_the_address_where_the_switches_leave_it_to_the_parameter(
     station = line.core.axis("msd-01")
     data = SetAddress(31, DP.profidrive.identity.device_id, locks=True).octets()
     station.device.receive(emit_telegram(Telegram(23, 9, 0x6D, Sap.SET_SLAVE_ADDRESS, Sap.MASTER, data)), line.now_ns)
-    line.core.settle(station, line.now_ns)
+    line.core.settle(station.station, line.now_ns)
     assert shown(line)["station_address"] == 31
     assert station.store.get("P-0918") == 31
     line["msd-01"].power_cycle()

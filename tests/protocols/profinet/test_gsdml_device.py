@@ -293,7 +293,7 @@ def heard():
     line.world.switch.attach(mac, lambda _i, frame, _now: frames.append(parse_ethernet(frame)))
     station = line.farm.axes[0]
     station.station.power_cycle(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     line.run(60.0)
     own = station.device.ip.address.ip
     station.device.ip.learn(IPv4Address("10.77.0.200"), mac, line.world.now)

@@ -24,13 +24,13 @@ class SessionChannels(ChannelRows):
     def open(self, session: DeviceSession, event: Connected) -> None:
         """A drive accepted the Connect: both channels start, the controller's data are still BAD."""
         self.close(session)
-        plan = session.plan
-        self._columns.image[session.index].good = 0
+        for row in session.rows:
+            self._columns.image[row].good = 0
         output, inputs = event.output_layout, event.input_layout
         session.layouts = (output, inputs)
-        sent = frame_layout(output, [Carrier(plan.output_words)], ())
-        taken = frame_layout(inputs, [Carrier(plan.input_words)], ())
-        common: dict[str, Any] = {"image": session.index, "port": self._port.index}
+        sent = frame_layout(output, _carriers(session, output), ())
+        taken = frame_layout(inputs, _carriers(session, inputs), ())
+        common: dict[str, Any] = {"image": session.row, "port": self._port.index}
         session.provider = self._table.open_provider(
             ProviderPlan(
                 **common,
@@ -42,6 +42,8 @@ class SessionChannels(ChannelRows):
                 words=sent.words,
                 iops=sent.iops,
                 constants=sent.constants,
+                riders=sent.riders,
+                pieces=sent.pieces,
                 phase=max(0, output.phase - 1),
                 tag=output.tag_header,
             )
@@ -57,6 +59,8 @@ class SessionChannels(ChannelRows):
                 data_hold_factor=inputs.data_hold_factor,
                 words=taken.words,
                 iops=taken.iops,
+                riders=taken.riders,
+                pieces=taken.pieces,
             )
         )
 
@@ -68,18 +72,40 @@ class SessionChannels(ChannelRows):
         if session.provider is None or session.consumer is None or session.layouts is None:
             return
         output, inputs = session.layouts
-        sent = frame_layout(output, [Carrier(session.plan.output_words)], unusable)
-        self._table.relayout_provider(session.provider, sent.words, sent.iops, sent.constants)
-        taken = frame_layout(inputs, [Carrier(session.plan.input_words)], unusable)
-        carries = any(d.data_length for d in inputs.data)
-        feeds = not carries or any(d.data_length and (d.api, d.slot, d.subslot) not in unusable for d in inputs.data)
-        self._table.relayout_consumer(session.consumer, taken.words, taken.iops, feeds=feeds)
+        sent = frame_layout(output, _carriers(session, output), unusable)
+        self._table.relayout_provider(
+            session.provider, sent.words, sent.iops, sent.constants, riders=sent.riders, pieces=sent.pieces
+        )
+        taken = frame_layout(inputs, _carriers(session, inputs, unusable), unusable)
+        feeds = _feeds(inputs, session.plan.slots, unusable)
+        self._table.relayout_consumer(
+            session.consumer, taken.words, taken.iops, feeds=feeds, riders=taken.riders, pieces=taken.pieces
+        )
 
     def close(self, session: DeviceSession) -> None:
         """Both channels end, and what they knew of the drive's submodules."""
         self.close_rows(session)
         session.layouts = None
         session.unusable = {}
+
+
+def _feeds(layout: IocrLayout, slots: Container[int] | None, unusable: Container[ExpectedKey]) -> bool:
+    """Whether an axis has data that can be used, or none at all."""
+    own = [d for d in layout.data if d.data_length and (slots is None or d.slot in slots)]
+    return not own or any((d.api, d.slot, d.subslot) not in unusable for d in own)
+
+
+def _carriers(session: DeviceSession, layout: IocrLayout, unusable: Container[ExpectedKey] = ()) -> list[Carrier]:
+    """The axes' parts of a frame."""
+    return [
+        Carrier(
+            plan.input_words if layout.is_input else plan.output_words,
+            plan.slots,
+            session.row + number,
+            _feeds(layout, plan.slots, unusable),
+        )
+        for number, (_, plan) in enumerate(session.plan.axes)
+    ]
 
 
 def _clock(layout: IocrLayout) -> dict[str, Any]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from ipaddress import IPv4Interface
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.controllers.device_plan import PlannedDevice
 from pnfarm.buses.controllers.plan import describing, own_address, profidrive_keys, reconnect_after_ns, telegram_of
 from pnfarm.buses.controllers.signal_steps import KnownSteps
+from pnfarm.buses.profinet.binding import axis_stride
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, ProfinetPlan
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
@@ -28,18 +31,22 @@ if TYPE_CHECKING:
 __all__ = ["plan_controller", "plan_devices"]
 
 
-def _submodules(model: Model, telegram: int) -> tuple[PlannedSubmodule, ...]:
+def _submodules(model: Model, telegrams: Sequence[int]) -> tuple[PlannedSubmodule, ...]:
+    """Those of the access point and of each axis's telegram."""
+    stride = axis_stride(model) if len(telegrams) > 1 else 0
+    modules = [(model.dap, 0)]
+    modules += [(telegram_of(model, number).module, axis * stride) for axis, number in enumerate(telegrams)]
     return tuple(
         PlannedSubmodule(
             api=s.api,
-            slot=s.slot,
+            slot=s.slot + shift,
             module_ident=module.ident,
             subslot=s.subslot,
             submodule_ident=s.ident,
             input_bytes=s.input_bytes,
             output_bytes=s.output_bytes,
         )
-        for module in (model.dap, telegram_of(model, telegram).module)
+        for module, shift in modules
         for s in module.submodules
     )
 
@@ -132,6 +139,35 @@ def _ready_ns(section: ProfinetController, named_seconds: int) -> int:
     return section.application_ready_ns
 
 
+def _axis_keys(
+    section: ProfinetController,
+    drive: ProfinetDriveConfig,
+    model: Model,
+    numbers: Sequence[int],
+    known_steps: KnownSteps,
+) -> list[dict[str, Any]]:
+    """What is planned for each axis, by the fields of ``PlannedDevice``."""
+    stride = axis_stride(model)
+    own = {module.slot for telegram in model.profidrive.telegrams.values() for module in telegram.modules}
+    found = []
+    for place, (axis, number) in enumerate(zip(drive.axes, numbers, strict=True)):
+        alone = replace(
+            drive,
+            name=axis.name,
+            load=axis.load,
+            motor=axis.motor,
+            machine=axis.machine,
+            params=axis.params,
+            further=(),
+        )
+        keys = profidrive_keys(section, alone, model, number, known_steps)
+        keys["life"] = model.profidrive.sign_of_life is not None
+        if len(numbers) > 1:
+            keys["slots"] = frozenset(slot + place * stride for slot in own)
+        found.append(keys)
+    return found
+
+
 def plan_devices(
     section: ProfinetController,
     drives: Sequence[ProfinetDriveConfig],
@@ -150,19 +186,20 @@ def plan_devices(
         ip = addresses.of(drive.ip, f"drive {drive.name}")
         # without a telegram in the section each model has its own
         usual = section.telegram if "telegram" in section.model_fields_set else model.profidrive.default_telegram
-        number = drive.telegram if drive.telegram is not None else usual
+        numbers = [usual if axis.telegram is None else axis.telegram for axis in drive.axes]
+        first, *further = _axis_keys(section, drive, model, numbers, known_steps)
         clock = clock_of(section, drive.cycle_ns)
         plans.append(
             DevicePlan(
-                **profidrive_keys(section, drive, model, number, known_steps),
+                **first | {"name": drive.name, "first": drive.first},
+                further=tuple(PlannedDevice(**keys) for keys in further),
                 ip=ip,
                 gateway=drive.gateway,
                 assign_ip=section.assign_ip,
                 vendor_id=model.profidrive.identity.vendor_id,
                 device_id=model.profidrive.identity.device_id,
-                submodules=_submodules(model, number),
+                submodules=_submodules(model, numbers),
                 texts=DescribedDiagnosis(*describe_diagnosis(model)),
-                life=model.profidrive.sign_of_life is not None,
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,
                 watchdog_factor=section.watchdog_factor,

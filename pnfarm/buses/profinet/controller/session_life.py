@@ -169,7 +169,8 @@ class SessionLife(Life[DeviceSession]):
 
     def _do_established(self, session: DeviceSession, now: int) -> None:
         took = session.measures.established(now)
-        self._columns.image[session.index].good = 1
+        for row in session.rows:
+            self._columns.image[row].good = 1
         session.due_ns = now + FIRST_DATA_NS
         self.identification.request(session)
         self.note(session, events.Connected(took, session.mac), now)

@@ -72,7 +72,7 @@ def test_what_cannot_show_is_inconclusive_and_says_why(kind: InjectionKind, prev
     line.scanners[0].until = 1 << 62
     if prevented_by == "no supply":
         station.station.power_off(line.world.now)
-        line.farm.settle(station, line.world.now)
+        line.farm.settle(station.station, line.world.now)
     line.run(0.1)
     fault = line.add(kind.name, params=PARAMS.get(kind.name, {}))
     line.run(1.0)

@@ -87,7 +87,7 @@ def test_faults_of_the_connection_survive_a_reboot_of_the_drive(line):
     record = line.add("record-error")
     busy = line.add("parameter-busy")
     line.farm.axes[0].station.power_cycle(line.world.now)
-    line.farm.settle(line.farm.axes[0], line.world.now)
+    line.farm.settle(line.farm.axes[0].station, line.world.now)
     line.run(3.0)
     assert not line.plc.all_connected
     assert refuse.evidence().activations >= 1

@@ -78,7 +78,7 @@ def test_what_cannot_show_is_inconclusive_and_says_why(kind: InjectionKind, prev
     station = line.farm.axes[0]
     if prevented_by == "no supply":
         station.station.power_off(line.world.now)
-        line.farm.settle(station, line.world.now)
+        line.farm.settle(station.station, line.world.now)
     line.run(0.1)
     fault = add(line, kind)
     line.run(1.0)
@@ -101,7 +101,7 @@ def test_on_several_drives_the_sum_is_confirmed_only_if_every_drive_is() -> None
     line.enable()
     station = line.farm.axes[1]
     station.station.power_off(line.world.now)
-    line.farm.settle(station, line.world.now)
+    line.farm.settle(station.station, line.world.now)
     fault = line.add("not-ready")
     line.run(0.5)
     assert fault.evidence("axis-01").confirmation == "confirmed"

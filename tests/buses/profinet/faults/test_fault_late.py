@@ -40,7 +40,7 @@ def test_a_connection_after_a_reboot_is_another_one(line, kind):
     fault = line.add(kind, count=2)
     assert line.until(lambda: line.losses() == 1)
     station(line).power_cycle(line.world.now)
-    line.farm.settle(station(line), line.world.now)
+    line.farm.settle(station(line).station, line.world.now)
     assert line.until(lambda: fault.state == "ended")
     assert fault.evidence().activations == 2
     line.enable()
