@@ -64,6 +64,11 @@ class ProgrammableDevice(Protocol):
         """Whether the drive expects a sign of life."""
         ...
 
+    @property
+    def axes(self) -> Sequence[tuple[str, Any]]:
+        """Each of its axes by name, as such a device."""
+        ...
+
 
 class ControllerPlan(Protocol):
     """What a controller is to do, derived from the farm file; the rest of it is the bus's own."""
