@@ -8,6 +8,7 @@ from typing import Any
 
 from pnfarm.buses.bus import Bus, RouteHost, Segment
 from pnfarm.buses.controller import Controller, ControllerPlan
+from pnfarm.buses.devices import DeviceBus, DevicesPart
 from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.buses.search import SearchBus
 from pnfarm.captures.decoder import FrameDecoder
@@ -18,6 +19,8 @@ from pnfarm.station.device import Device, SocketDevice
 INTERFACES: dict[type, str] = {
     Bus: "The bus gives one, and it stands in `pnfarm/buses/registry.py`.",
     FarmFilePart: "The bus has one (`Bus.farm_file`).",
+    DeviceBus: "A bus offers this besides if a farm can play devices that makers' files describe.",
+    DevicesPart: "The farm file's part of such a bus offers this besides.",
     Device: "The bus makes one for each drive.",
     SearchBus: "A bus offers this besides if its devices can be found on a wire: `pnfarm scan` asks it.",
     SocketDevice: "A device with sockets offers this besides; events and actions are in `pnfarm/wire/endpoint.py`.",

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["DeviceConfig", "DeviceGroup", "SignalPlace", "SignalSetting", "read_place"]
 
 _PLACE = re.compile(r"([0-9]{1,5})\.([0-9]{1,5})\.([0-9]{1,4})(?:\.([0-7]))?")
+_MOST_SCALE = 1e12
 _ALLOWED = "slot.subslot.octet or slot.subslot.octet.bit, such as 3.1.0 or 1.1.0.3"
 #: Slot, subslot, octet, bit.
 Place = tuple[int, int, int, int | None]
@@ -54,6 +55,8 @@ def _read_type(value: Any) -> ValueType:
 def _read_scale(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or value == 0:
         raise Problem(f"is {shown(value)}", "a number other than 0: one step of the raw value in units")
+    if abs(value) > _MOST_SCALE:
+        raise Problem(f"is {shown(value)}", f"-{_MOST_SCALE:g} to {_MOST_SCALE:g}")
     return float(value)
 
 
@@ -69,9 +72,11 @@ class SignalPlace(Section):
         WithJsonSchema({"type": "string", "pattern": f"^{TYPE_PATTERN}$", "examples": ["int16", "octets[8]"]}),
     ] = Field(default=None, description="bool where `at` names a bit, else uint8, unless given.")
     unit: str = Field(default="", max_length=20, description="Unit of the value.")
-    scale: Annotated[float, PlainValidator(_read_scale), WithJsonSchema({"type": "number"})] = Field(
-        default=1.0, description="Value of one step of the raw number, in units."
-    )
+    scale: Annotated[
+        float,
+        PlainValidator(_read_scale),
+        WithJsonSchema({"type": "number", "minimum": -_MOST_SCALE, "maximum": _MOST_SCALE}),
+    ] = Field(default=1.0, description="Value of one step of the raw number, in units.")
     order: Literal["big", "little"] = Field(default="big", description="Order of the octets.")
     direction: Literal["input", "output"] | None = Field(
         default=None, description="The controller's; input where the submodule has inputs, else output, unless given."

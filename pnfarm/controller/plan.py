@@ -51,6 +51,7 @@ def plan_controllers(
         bus = bus_of_controller(section)
         members = [(drive, model) for drive, model in models if model.bus == bus.name]
         own = [device for device in devices if device.bus == bus.name]
-        plan = bus.plan(section, [drive for drive, _ in members], [model for _, model in members], folder, own)
+        further = {"devices": own} if own else {}
+        plan = bus.plan(section, [drive for drive, _ in members], [model for _, model in members], folder, **further)
         found.append(PlannedController(section, bus, plan, controller_mac(config, section), members))
     return found
