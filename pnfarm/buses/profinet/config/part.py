@@ -8,6 +8,7 @@ from pnfarm.buses.profinet.config import checks
 from pnfarm.buses.profinet.config.controller import ProfinetController
 from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig, ProfinetDrives
 from pnfarm.buses.profinet.config.send_clock import own_cycle_ns
+from pnfarm.config.drive import AxisConfig
 from pnfarm.config.ip import check_addresses, nth_ip
 
 if TYPE_CHECKING:
@@ -77,8 +78,13 @@ class ProfinetPart:
         expansion: Expansion,
     ) -> ProfinetDriveConfig:
         controller = expansion.controller if isinstance(expansion.controller, ProfinetController) else None
+        several = tuple(
+            AxisConfig.of(axis, common, telegram=group.telegram if axis.telegram is None else axis.telegram)
+            for axis in group.axes
+        )
         return ProfinetDriveConfig.extending(
             common,
+            several=several,
             mac=expansion.macs.of(group, common.name, step),
             ip=nth_ip(group, step),
             gateway=group.gateway,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 
-__all__ = ["CALL_PORT", "DevicePlan", "ProfinetPlan"]
+__all__ = ["CALL_PORT", "DevicePlan", "PlannedAxis", "ProfinetPlan"]
 
 
 #: UDP port of the controller's own calls.
@@ -62,6 +62,13 @@ class DevicePlan(PlannedDevice):
     @property
     def cycle_ns(self) -> int:
         return self.send_clock_factor * self.reduction_ratio * SEND_CLOCK_NS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedAxis(PlannedDevice):
+    """An axis behind the first one of a drive."""
+
+    cycle_ns: int
 
 
 @dataclass(frozen=True, slots=True)
