@@ -8,6 +8,7 @@ something has one that undoes it, and both may be called by several injections a
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar, cast, overload
 
 from pnfarm.errors import InternalError
@@ -84,6 +85,7 @@ class InForce(list[P]):
         self._changed()
 
 
+@dataclass(eq=False)
 class InjectedDrive:
     """One drive.
 
@@ -91,22 +93,15 @@ class InjectedDrive:
     ``machines`` returns a new object after each boot.  ``bus`` is the name of its bus.
     """
 
-    def __init__(
-        self,
-        name: str,
-        names: Callable[[], tuple[str, ...]],
-        models: tuple[str, ...],
-        parts: Mapping[Part[Any], DrivePart],
-        machines: Callable[[], object],
-        bus: str = "",
-    ) -> None:
-        self.name = name
-        self.bus = bus
-        self._names = names
-        self.models = models
-        self._parts = parts
-        self._machines = machines
-        self._known = machines()
+    name: str
+    _names: Callable[[], tuple[str, ...]]
+    models: tuple[str, ...]
+    _parts: Mapping[Part[Any], DrivePart]
+    _machines: Callable[[], object]
+    bus: str = ""
+
+    def __post_init__(self) -> None:
+        self._known = self._machines()
 
     @property
     def names(self) -> tuple[str, ...]:
