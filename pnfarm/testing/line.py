@@ -15,6 +15,7 @@ from pnfarm.farm.file.reading import load_farm, parse_farm
 from pnfarm.farm.injection_fields import fields_of
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.wait import NotInTime
+from pnfarm.links.memory import at_once
 from pnfarm.station.event_log import EventLog
 from pnfarm.testing.drive import Drive
 from pnfarm.testing.face import BlockingFace
@@ -235,10 +236,4 @@ class Line(BlockingFace[Drive]):
 
 
 def _wait(work: Coroutine[Any, Any, _T]) -> _T:
-    """Carry out a coroutine that never really waits, also where a loop runs already (in an asynchronous test)."""
-    try:
-        work.send(None)
-    except StopIteration as end:
-        return end.value  # type: ignore[no-any-return]  # the coroutine's result
-    work.close()
-    raise ConfigError("a line in memory needs nothing to wait for")
+    return at_once(work, ConfigError("a line in memory needs nothing to wait for"))

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from pnfarm.faults.effects.confirmed import StandingEffect
+from pnfarm.faults.effects.confirmed import Held, StandingEffect
 from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -19,7 +14,7 @@ class NotReady(StandingEffect):
 
     status = Status.INHIBITED
 
-    def held(self) -> tuple[InForce[Any], Any]:
+    def held(self) -> Held:
         return self.servo.lacks, str(self.values["missing"])
 
 

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 from pnfarm.buses.profinet.faults.records import RECORDS
-from pnfarm.faults.effects.effect import ChanceEffect
+from pnfarm.faults.effects.effect import ChanceEffect, Held
 from pnfarm.faults.kind import EACH, InjectionKind
-
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -19,7 +14,7 @@ class ParameterBusy(ChanceEffect):
 
     records = RECORDS
 
-    def held(self) -> tuple[InForce[Any], Any]:
+    def held(self) -> Held:
         return self.records.holds, self.occurs
 
 
