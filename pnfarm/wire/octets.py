@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import builtins
 import struct
+from typing import Any
 
 from pnfarm.errors import DecodeError
 
@@ -27,10 +28,11 @@ def pack(layout: struct.Struct, *fields: int | builtins.bytes) -> builtins.bytes
 class Reader:
     """A forward-only cursor over ``data[start:end]``."""
 
-    __slots__ = ("_data", "_end", "_pos")
+    __slots__ = ("_data", "_end", "_pos", "little")
 
-    def __init__(self, data: builtins.bytes | bytearray | memoryview) -> None:
+    def __init__(self, data: builtins.bytes | bytearray | memoryview, little: bool = False) -> None:
         self._data = memoryview(data).cast("B") if not isinstance(data, memoryview) else data
+        self.little = little
         self._pos = 0
         self._end = len(self._data)
 
@@ -82,6 +84,10 @@ class Reader:
         (value,) = struct.unpack(">f", self._data[(p := self._take(4)) : p + 4])
         return float(value)
 
+    def unpack(self, layout: struct.Struct) -> tuple[Any, ...]:
+        """The next octets, of a fixed layout that has a byte order of its own."""
+        return layout.unpack_from(self._data, self._take(layout.size))
+
     def bytes(self, count: int) -> builtins.bytes:
         """The next ``count`` octets."""
         start = self._take(count)
@@ -101,7 +107,7 @@ class Reader:
     def sub(self, count: int) -> Reader:
         """A reader over the next ``count`` octets alone; this one moves past them."""
         start = self._take(count)
-        return Reader(self._data[start : start + count])
+        return Reader(self._data[start : start + count], self.little)
 
     def expect_end(self) -> None:
         """Raise ``trailing`` unless everything was read."""
@@ -112,10 +118,11 @@ class Reader:
 class Writer:
     """Appends octets; values out of range raise :class:`ValueError`: a defect here, never of a peer's data."""
 
-    __slots__ = ("_buf",)
+    __slots__ = ("_buf", "little")
 
-    def __init__(self) -> None:
+    def __init__(self, little: bool = False) -> None:
         self._buf = bytearray()
+        self.little = little
 
     def __len__(self) -> int:
         return len(self._buf)

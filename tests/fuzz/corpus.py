@@ -25,8 +25,8 @@ from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 from pnfarm.protocols.profinet.lldp.agent import LocalPort, LocalSystem, local_lldpdu
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmType
-from pnfarm.protocols.profinet.wire.any_block import Block, emit_block, parse_blocks
-from pnfarm.protocols.profinet.wire.block import BlockType, RawBlock, split_blocks
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.block import Block, BlockType, RawBlock, split_blocks
 from pnfarm.protocols.profinet.wire.cm import connect
 from pnfarm.protocols.profinet.wire.dcp.blocks import (
     DeviceIdBlock,
@@ -369,13 +369,13 @@ def unheard() -> Iterator[tuple[str, bytes]]:
         connect.ArVendorBlockReq(1, 0, b"vendor"),
         connect.ArVendorBlockRes(1, 0, b"vendor"),
     ):
-        raw = split_blocks(emit_block(block))[0]
+        raw = split_blocks(block.emit())[0]
         yield f"block-{raw.block_type:04x}", raw.version.to_bytes(2, "big") + raw.body
     yield from _lldp()
     for block in _pdev():
-        raw = split_blocks(emit_block(block))[0]
+        raw = split_blocks(block.emit())[0]
         yield f"block-{raw.block_type:04x}", raw.version.to_bytes(2, "big") + raw.body
-        yield "pdev", emit_block(block)
+        yield "pdev", block.emit()
     for block_type, size in identification.IM_TEXT_SIZES.items():
         yield f"block-{block_type:04x}", b"\1\0" + b"A" * size
     yield from _managers()
@@ -461,7 +461,7 @@ def _pdev() -> Iterator[Block]:
     yield pdev.PortStatistic(1, 2, 3, 4, 5, 6)
     yield pdev.InterfaceDataReal(b"axis-01", bytes(6), *[IPv4Address("10.77.0.11")] * 3)
     yield pdev.InterfaceAdjust(1)
-    inner = split_blocks(emit_block(pdev.PortStatistic()))
+    inner = split_blocks(pdev.PortStatistic().emit())
     yield pdev.MultipleBlock(0, 0, 0x8001, inner * 2)
 
 

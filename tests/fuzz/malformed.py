@@ -8,7 +8,7 @@ from random import Random
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.block import emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.block import split_blocks
 from pnfarm.protocols.profinet.wire.rpc.bodies import CancelBody, emit_cancel
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     UUID_EPM,
@@ -116,7 +116,7 @@ def deep_blocks(rng: Random, payload: bytes, pool: Sequence[bytes], depth: int =
         case _:
             block = blocks[place]
             blocks[place] = replace(block, body=mutated(rng, block.body, [b.body for b in blocks])[:0xFFF0])
-    return b"".join(emit_raw_block(block) for block in blocks)
+    return b"".join(block.emit() for block in blocks)
 
 
 def about_a_call(rng: Random, data: bytes, endpoint: tuple[UUID, UUID]) -> bytes:

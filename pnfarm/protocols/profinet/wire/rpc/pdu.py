@@ -8,8 +8,6 @@ nibble of the first octet is 0, little-endian when it is 1.  The blocks inside o
 big-endian always and stay opaque here.
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
@@ -18,6 +16,7 @@ from typing import Final
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
+from pnfarm.wire.layout import Structure, UInt8
 from pnfarm.wire.octets import Reader, Writer, pack
 
 __all__ = [
@@ -354,14 +353,13 @@ def emit_rpc(pdu: RpcPdu, *, server_boot_time: int | None = None) -> bytes:
 # --- PNIOStatus (IEC 61158-6-10, 5.2.6) --------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class PnioStatus:
+class PnioStatus(Structure):
     """What an operation ended with; four octets, ``error_code`` the most significant of the NDR integer."""
 
-    error_code: int = 0
-    error_decode: int = 0
-    error_code1: int = 0
-    error_code2: int = 0
+    error_code: UInt8 = 0
+    error_decode: UInt8 = 0
+    error_code1: UInt8 = 0
+    error_code2: UInt8 = 0
 
     @property
     def ok(self) -> bool:
@@ -371,7 +369,7 @@ class PnioStatus:
         return self.error_code << 24 | self.error_decode << 16 | self.error_code1 << 8 | self.error_code2
 
     @classmethod
-    def from_int(cls, value: int) -> PnioStatus:
+    def from_int(cls, value: int) -> "PnioStatus":
         return cls(value >> 24 & 0xFF, value >> 16 & 0xFF, value >> 8 & 0xFF, value & 0xFF)
 
 
