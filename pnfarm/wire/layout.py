@@ -481,9 +481,9 @@ class Structure:
         return cls.make(values)
 
     @classmethod
-    def parse(cls, data: bytes | bytearray | memoryview, *, little: bool | None = None, **outside: Any) -> Self:
+    def parse(cls, data: bytes | bytearray | memoryview, *, little_endian: bool | None = None, **outside: Any) -> Self:
         """From octets that hold nothing else.  Raises :class:`DecodeError`."""
-        r = Reader(data, cls._little if little is None else little)
+        r = Reader(data, cls._little if little_endian is None else little_endian)
         value = cls.read(r, **outside)
         r.expect_end()
         return value
@@ -493,9 +493,9 @@ class Structure:
         for step in self.plan(w.little).steps:
             step.write(w, vars(self))
 
-    def emit(self, *, little: bool | None = None) -> bytes:
+    def emit(self, *, little_endian: bool | None = None) -> bytes:
         """The octets; :class:`ValueError` when a field does not fit."""
-        w = Writer(self._little if little is None else little)
+        w = Writer(self._little if little_endian is None else little_endian)
         self.write(w)
         return w.getvalue()
 

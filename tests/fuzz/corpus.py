@@ -54,15 +54,14 @@ from pnfarm.protocols.profinet.wire.records import identification, pdev
 from pnfarm.protocols.profinet.wire.records import pdev_port as wanted
 from pnfarm.protocols.profinet.wire.records.diagnosis import Maintenance, Usi
 from pnfarm.protocols.profinet.wire.records.iod import parse_read_response, parse_write_request
-from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody, emit_fack
+from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody
 from pnfarm.protocols.profinet.wire.rpc.epm import (
     EntryHandle,
     EptEntry,
+    HandleFreed,
     LookupRequest,
     LookupResponse,
     Tower,
-    emit_handle,
-    emit_handle_freed,
     emit_lookup_request,
     emit_lookup_response,
     emit_tower,
@@ -357,9 +356,9 @@ def unheard() -> Iterator[tuple[str, bytes]]:
         ):
             yield "epm", emit_lookup_request(request, little_endian=little)
         yield "epm", emit_lookup_response(LookupResponse(handle, entries, 1), little_endian=little)
-        yield "epm", emit_handle(handle, little_endian=little)
-        yield "epm", emit_handle_freed(handle, 0, little_endian=little)
-        yield "fack", emit_fack(FackBody(4, 1464, 1464, 1), little_endian=little)
+        yield "epm", handle.emit(little_endian=little)
+        yield "epm", HandleFreed(handle, 0).emit(little_endian=little)
+        yield "fack", FackBody(4, 1464, 1464, 1).emit(little_endian=little)
     for block in (
         connect.PrmServerBlockReq(UUID(int=3), 1, 600, b"prm-server"),
         connect.PrmServerBlockRes(),

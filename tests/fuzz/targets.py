@@ -251,5 +251,5 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
         if not getattr(kind, "TYPES", ()):
             pool = suiting(module, kind.__name__)
             add(title, kind.parse, pool)
-            add(f"{title}-little", lambda data, kind=kind: kind.parse(data, little=True), pool)
+            add(f"{title}-little", lambda data, kind=kind: kind.parse(data, little_endian=True), pool)
     return sorted(found.values(), key=lambda parser: parser.name)

@@ -38,7 +38,7 @@ from pnfarm.protocols.profinet.wire.records.iod import (
     emit_write_request,
     emit_write_response,
 )
-from pnfarm.protocols.profinet.wire.rpc.bodies import CancelBody, emit_cancel
+from pnfarm.protocols.profinet.wire.rpc.bodies import CancelBody
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     OK,
     RPC_PORT,
@@ -284,7 +284,7 @@ def test_wireshark_reads_every_kind_of_pdu(tmp_path, little):
 def test_wireshark_reads_a_cancel_with_its_number(tmp_path):
     device = server()
     put(device, request(1))
-    cancel = about(request(1), PacketType.CL_CANCEL, body=emit_cancel(CancelBody(7), little_endian=True))
+    cancel = about(request(1), PacketType.CL_CANCEL, body=CancelBody(7).emit(little_endian=True))
     [ack] = put(device, cancel)
     client, own = Peer(PEER.ip, 49152), Peer(ADDRESS, RPC_PORT)
     path = written(tmp_path / "cancel.pcap", [(client, own, emit_rpc(cancel)), (own, client, emit_rpc(ack))])
