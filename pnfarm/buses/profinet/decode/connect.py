@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.decode.shared import Shared
     from pnfarm.captures.packet import Packet
-    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.block import Block
     from pnfarm.protocols.profinet.wire.rpc.pdu import RpcPdu
 
 __all__ = ["connect_request", "connect_response", "forget_asked"]

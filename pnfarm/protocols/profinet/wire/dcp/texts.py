@@ -38,14 +38,6 @@ _SUBOPTIONS: dict[tuple[int, int], str] = {
     (OPTION_INITIATIVE, 1): "device initiative",
     (OPTION_ALL, 0xFF): "all selector",
 }
-_ERRORS: dict[int, str] = {
-    BlockError.OPTION_NOT_SUPPORTED: "option not supported",
-    BlockError.SUBOPTION_NOT_SUPPORTED: "suboption not supported, or no data set available",
-    BlockError.SUBOPTION_NOT_SET: "suboption not set",
-    BlockError.RESOURCE_ERROR: "resource error",
-    BlockError.SET_NOT_POSSIBLE: "set not possible for local reasons",
-    BlockError.IN_OPERATION: "in operation, set not possible",
-}
 _FIRST_OF_MANUFACTURERS, _LAST_OF_MANUFACTURERS = 0x80, 0xFE
 
 
@@ -62,4 +54,4 @@ def describe_option(option_id: OptionId) -> str:
 
 def describe_block_error(error: int) -> str:
     """The text of a BlockError, its number where there is none."""
-    return _ERRORS.get(error, f"error {error}")
+    return BlockError.words_of(error, f"error {error}") if error else "error 0"
