@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any, Self
 
+from pnfarm.terminal.output import console, print_line, print_table
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -31,8 +33,6 @@ class Progress:
     def __init__(self, name: str, total: int) -> None:
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
         from rich.progress import Progress as Bar
-
-        from pnfarm.terminal.output import console
 
         self._out = console()
         self._live = self._out.is_terminal
@@ -102,7 +102,6 @@ class Progress:
 
 
 def _print(line: str) -> None:
-    from pnfarm.terminal.output import print_line
 
     print_line(line)
 
@@ -131,7 +130,6 @@ def print_summary(record: Mapping[str, Any]) -> None:
 def _print_run(record: Mapping[str, Any]) -> None:
     from rich.text import Text
 
-    from pnfarm.terminal.output import print_table
     from pnfarm.vocabulary.durations import format_measured
 
     cases = record["cases"]

@@ -7,12 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pnfarm.cli.completion import complete_drive, complete_fault, complete_kind
+from pnfarm.errors import ConfigError, PnfarmError
+from pnfarm.terminal import client
+from pnfarm.terminal.output import print_json, print_line, print_next, print_table
+from pnfarm.terminal.partial import raise_for_missing
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.terminal.client import FarmClient
 
 __all__ = ["app"]
 
@@ -35,8 +38,6 @@ def kinds(
 ) -> None:
     """List all kinds of fault with their parameters, or show one: what it does, on the wire and to a controller."""
     from pnfarm.buses.registry import fault_kinds
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.output import print_json, print_table
     from pnfarm.vocabulary.quoting import did_you_mean
 
     if kind is not None:
@@ -61,7 +62,6 @@ def kinds(
 
 
 def _print_kind(kind: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import print_json, print_line, print_table
 
     if output is Format.JSON:
         print_json(kind)
@@ -161,10 +161,6 @@ def add(
     token: TokenOption = None,
 ) -> None:
     """Inject a fault."""
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json, print_line, print_next
-    from pnfarm.terminal.partial import raise_for_missing
 
     body: dict[str, Any] = {"kind": kind, "on": on, "params": dict(map(_parameter, param or []))}
     wanted = {
@@ -187,7 +183,7 @@ def add(
     body |= {key: value for key, value in wanted.items() if value is not None}
     if hold and dry_run:
         raise ConfigError("--dry-run injects nothing that --hold could keep: leave one of them out")
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         if dry_run:
             reach = farm.post("faults", body=body, query={"dry_run": "true"})
             _print_reach(reach, output)
@@ -223,11 +219,8 @@ def show(
     token: TokenOption = None,
 ) -> None:
     """List the pending and active faults, or one fault, with their evidence."""
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json
-    from pnfarm.terminal.partial import raise_for_missing
 
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         found = farm.get("faults") if fault_id is None else {"faults": [farm.get("faults", fault_id)]}
     if output is Format.JSON:
         print_json(found)
@@ -237,7 +230,6 @@ def show(
 
 
 def _print_faults(found: dict[str, Any]) -> None:
-    from pnfarm.terminal.output import print_line, print_table
 
     if not found["faults"]:
         known = " on the shards that answer" if found.get("partial") else ""
@@ -272,11 +264,8 @@ def clear(
     token: TokenOption = None,
 ) -> None:
     """Clear a fault, or all of them; the drives return to normal."""
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json, print_line
-    from pnfarm.terminal.partial import raise_for_missing
 
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         found = farm.post("reset") if fault_id is None else farm.delete("faults", fault_id)
     if output is Format.JSON:
         print_json(found)
@@ -305,7 +294,6 @@ def _confirmation(evidence: dict[str, Any]) -> str:
 
 
 def _print_reach(found: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import print_json, print_line, print_table
 
     if output is Format.JSON:
         print_json(found)
@@ -323,13 +311,11 @@ def _print_reach(found: dict[str, Any], output: Format) -> None:
     print_line(f"{what}{refused}{again}")
 
 
-def _keep(farm: FarmClient, fault: dict[str, Any]) -> None:
+def _keep(farm: client.FarmClient, fault: dict[str, Any]) -> None:
     """Renew a fault's time to live until it ends or this command is stopped, then clear it."""
     import signal
     import threading
 
-    from pnfarm.errors import PnfarmError
-    from pnfarm.terminal.output import print_line
     from pnfarm.vocabulary.durations import parse_duration
 
     stop = threading.Event()
@@ -352,7 +338,6 @@ def _keep(farm: FarmClient, fault: dict[str, Any]) -> None:
 
 
 def _parameter(text: str) -> tuple[str, Any]:
-    from pnfarm.errors import ConfigError
 
     key, equals, value = text.partition("=")
     if not equals or not key:
