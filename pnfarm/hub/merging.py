@@ -16,13 +16,7 @@ if TYPE_CHECKING:
 
     from pnfarm.hub.shards import Shard
 
-__all__ = [
-    "at_hub",
-    "joined_engine",
-    "joined_fault",
-    "joined_health",
-    "unreachable_drive",
-]
+__all__ = ["at_hub", "joined_engine", "joined_fault", "joined_health", "unreachable_drive"]
 
 ToHub = "Callable[[float], float]"
 #: Faults with one id on two shards are one if they were added within this time of each other, s.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -12,10 +12,7 @@ from pnfarm.terminal import client
 from pnfarm.terminal.output import print_json, print_line, print_next, print_table
 from pnfarm.terminal.partial import raise_for_missing
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+from pnfarm.vocabulary.quoting import did_you_mean, shortened
 
 __all__ = ["app"]
 
@@ -38,7 +35,6 @@ def kinds(
 ) -> None:
     """List all kinds of fault with their parameters, or show one: what it does, on the wire and to a controller."""
     from pnfarm.buses.registry import fault_kinds
-    from pnfarm.vocabulary.quoting import did_you_mean
 
     if kind is not None:
         known = fault_kinds()
@@ -102,10 +98,7 @@ def add(
     kind: Annotated[
         str,
         typer.Argument(
-            metavar="KIND",
-            help="One of `pnfarm fault kinds`.",
-            show_default=False,
-            autocompletion=complete_kind,
+            metavar="KIND", help="One of `pnfarm fault kinds`.", show_default=False, autocompletion=complete_kind
         ),
     ],
     on: Annotated[
@@ -193,7 +186,7 @@ def add(
         if output is Format.JSON:
             print_json(fault)
         else:
-            print_line(f"{fault['id']}: {fault['kind']} {fault['state']} on {_shortened(list(fault['drives']))}")
+            print_line(f"{fault['id']}: {fault['kind']} {fault['state']} on {shortened(list(fault['drives']))}")
             if not hold:
                 print_next(
                     f"pnfarm fault list {fault['id']} shows its evidence, pnfarm fault clear {fault['id']} ends it"
@@ -244,7 +237,7 @@ def _print_faults(found: dict[str, Any]) -> None:
             fault["evidence"]["checks"],
             fault["evidence"]["activations"],
             _confirmation(fault["evidence"]),
-            _shortened(list(fault["drives"])),
+            shortened(list(fault["drives"])),
         )
         for fault in found["faults"]
     ]
@@ -272,9 +265,9 @@ def clear(
     else:
         cleared = found["cleared"] if fault_id is None else [found["id"]]
         none = "no fault was active" + (" on the shards that answer" if found.get("partial") else "")
-        print_line(f"cleared {_shortened(cleared)}" if cleared else none)
+        print_line(f"cleared {shortened(cleared)}" if cleared else none)
         for fault in found.get("faults", []):
-            print_line(f"  {fault['id']}: {fault['kind']} on {_shortened(list(fault['drives']))}")
+            print_line(f"  {fault['id']}: {fault['kind']} on {shortened(list(fault['drives']))}")
     raise_for_missing(found)
 
 
@@ -357,8 +350,3 @@ def _scalar(text: str) -> int | float | bool | str:
         # "nan" and "inf" are text, as in JSON
         return value if abs(value) < float("inf") else text
     return text
-
-
-def _shortened(names: Sequence[str], most: int = 8) -> str:
-    rest = len(names) - most
-    return " ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

@@ -39,10 +39,7 @@ def hub(
             show_default=False,
         ),
     ] = None,
-    api: Annotated[
-        str,
-        setting("--api", "PNFARM_HUB_API", "Address of the hub's API.", metavar="HOST:PORT"),
-    ] = _LISTEN,
+    api: Annotated[str, setting("--api", "PNFARM_HUB_API", "Address of the hub's API.", metavar="HOST:PORT")] = _LISTEN,
     token: Annotated[
         str | None,
         setting(
@@ -86,9 +83,7 @@ def hub(
     if not urls and not names:
         raise ConfigError("no shard is given: add --shard URL for each farm, or --discover NAME:PORT")
     section = api_of(
-        api,
-        token or token_in("PNFARM_HUB_API_TOKEN_FILE"),
-        read_token or token_in("PNFARM_HUB_API_READ_TOKEN_FILE"),
+        api, token or token_in("PNFARM_HUB_API_TOKEN_FILE"), read_token or token_in("PNFARM_HUB_API_READ_TOKEN_FILE")
     )
     anyio.run(_run, section, urls, names, shard_token or token_in("PNFARM_HUB_SHARD_TOKEN_FILE"))
 

@@ -51,9 +51,7 @@ def models(
     farm: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE",
-            help="Farm file whose `parameter_lists` add parameters to the model.",
-            show_default=False,
+            metavar="FILE", help="Farm file whose `parameter_lists` add parameters to the model.", show_default=False
         ),
     ] = None,
 ) -> None:

@@ -13,6 +13,7 @@ from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.process.address_space import ENGINE, require_address_space
 from pnfarm.terminal.output import console, make_table, number, print_json, print_line, print_table, seconds
 from pnfarm.terminal.settings import Format, settings
+from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -67,8 +68,7 @@ def plc(
         typer.Option("--json", metavar="FILE", help="Write a summary to this file at the end.", dir_okay=False),
     ] = None,
     output: Annotated[
-        Format | None,
-        typer.Option("--format", help="Print a summary at the end; default: a live table on a terminal."),
+        Format | None, typer.Option("--format", help="Print a summary at the end; default: a live table on a terminal.")
     ] = None,
 ) -> None:
     """Run the built-in controller for the drives and devices of a farm file, virtual or real, until Ctrl-C.
@@ -111,8 +111,7 @@ def plc(
         columns = _columns(_COLUMNS, several)
         print_table(columns, _cells(rows, columns))
     if seconds is not None and quiet and not interrupted:
-        shown = " ".join(quiet[:8]) + (f" and {len(quiet) - 8} more" if len(quiet) > 8 else "")
-        sys.stderr.write(f"pnfarm: {len(quiet)} of {len(rows)} drives never exchanged data: {shown}\n")
+        sys.stderr.write(f"pnfarm: {len(quiet)} of {len(rows)} drives never exchanged data: {shortened(quiet)}\n")
         raise typer.Exit(1)
 
 

@@ -159,11 +159,7 @@ def up(
 
 
 def capture_settings(
-    path: Path | None,
-    drives: list[str] | None,
-    only: list[str] | None,
-    size: str | None,
-    files: int | None,
+    path: Path | None, drives: list[str] | None, only: list[str] | None, size: str | None, files: int | None
 ) -> CaptureSettings | None:
     """The settings of the capture options, None without a capture; raises :class:`~pnfarm.errors.ConfigError`."""
     from pnfarm.farm.capture import CaptureSettings, parse_size
