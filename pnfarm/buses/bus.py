@@ -229,7 +229,8 @@ class Bus(ABC):
 
     def injected_drive(self, device: Any, host: InjectionHost) -> InjectedDrive:
         """A drive of this bus as injections see it; ``device`` is the bus's own."""
-        return self._own("faults.drive", "injected_drive")(device, host)
+        drive: InjectedDrive = self._own("faults.drive", "injected_drive")(device, host)
+        return drive
 
 
 class LineSplitter(Protocol):
