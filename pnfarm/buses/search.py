@@ -47,5 +47,4 @@ class SearchBus(Bus):
 
     async def search(self, question: Question) -> SearchAnswer:
         """Ask who is there.  Raises :class:`~pnfarm.errors.EnvironmentError_` where this machine cannot."""
-        answer: SearchAnswer = await self._own("commands.scan", "search")(question)
-        return answer
+        return await self._own("commands.scan", "search")(question)

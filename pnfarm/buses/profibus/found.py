@@ -34,7 +34,8 @@ _US = 1_000
 
 def found(decoder: ProfibusDecoder) -> Iterator[FoundDrive | FoundStation]:
     """Drives first, then other slaves."""
-    slaves = [] if decoder.observed is None else decoder.observed.slaves
+    observed = decoder.shared.observed
+    slaves = [] if observed is None else observed.slaves
     return drives_first(_station(seen, decoder.polled_ns(seen.address)) for seen in slaves)
 
 

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, cast
 
-from pnfarm.buses.imports import ImportingBus
+from pnfarm.buses.imports import ImportingBus, ProjectBus
 from pnfarm.buses.search import SearchBus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from fastapi import FastAPI
 
     from pnfarm.buses.bus import DeviceServices, RouteHost
-    from pnfarm.buses.caex import CaexElement
     from pnfarm.buses.described import DescribedIdentity
-    from pnfarm.buses.imports import FoundDrive, FoundStation
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.device.drive import DriveSettings
     from pnfarm.drives.description.model import Model
@@ -26,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["PROFINET", "Profinet"]
 
 
-class Profinet(ImportingBus, SearchBus):
+class Profinet(ImportingBus, ProjectBus, SearchBus):
     """See the module's docstring."""
 
     name = "profinet"
@@ -34,11 +32,6 @@ class Profinet(ImportingBus, SearchBus):
     link_kinds = frozenset({"macvlan", "veth", "tap", "memory"})
     frame_families = ("cyclic", "dcp", "rpc", "alarm", "lldp", "ptcp", "snmp")
     description_key = "gsdml"
-
-    def of_project(self, root: CaexElement, folders: Sequence[Path], base: Path) -> Iterable[FoundDrive | FoundStation]:
-        from pnfarm.buses.profinet.project import of_project
-
-        return of_project(root, folders, base)
 
     def described_identity(self, path: Path, model: Model, own: Mapping[str, Any]) -> DescribedIdentity:
         from pnfarm.buses.profinet.gsdml_file import load_gsdml

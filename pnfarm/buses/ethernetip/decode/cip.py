@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from pnfarm.buses.ethernetip.controller.identity import parse_identification
 from pnfarm.buses.ethernetip.decode.identity import learn_identity
 from pnfarm.buses.ethernetip.decode.names import (
     CONNECTION_MANAGER,
@@ -255,14 +256,11 @@ def _reply_text(reply: MessageReply, request: MessageRequest | None, place: Plac
 
 def _identity(data: bytes) -> str:
     """Attributes 1 to 7 together."""
-    r = Reader(data)
     try:
-        vendor, device_type, product = r.u16le(), r.u16le(), r.u16le()
-        major, minor, status, serial = r.u8(), r.u8(), r.u16le(), r.u32le()
-        name = r.bytes(r.u8()).decode("latin-1")
+        found = parse_identification(data)
     except DecodeError:
         return octets_text(data)
     return (
-        f"{name!r} vendor {vendor} type {device_type} product {product} revision {major}.{minor} "
-        f"status 0x{status:04X} serial 0x{serial:08X}"
+        f"{found.name!r} vendor {found.vendor_id} type {found.device_type} product {found.product_code} "
+        f"revision {'.'.join(map(str, found.revision))} status 0x{found.status:04X} serial 0x{found.serial:08X}"
     )

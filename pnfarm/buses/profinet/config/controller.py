@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
+from pydantic import Field, PlainValidator, WithJsonSchema
 
 from pnfarm.buses.profinet.config.clock import MAX_DATA_HOLD_FACTOR
 from pnfarm.buses.profinet.config.values import Cycle
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
 from pnfarm.config.section import Section
-from pnfarm.config.values import Cidr, Duration, Gateway, Globs, NamePattern, OctetString
-from pnfarm.vocabulary.durations import format_duration
+from pnfarm.config.values import Cidr, Duration, Gateway, Globs, NamePattern, OctetString, between
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 __all__ = ["DEFAULT_READY_NS", "ForeignDevice", "ParameterRecord", "ProfinetController"]
 
@@ -81,13 +77,7 @@ class ForeignDevice(Section):
 LEAST_READY_NS, MOST_READY_NS = 1_000_000_000, 65_535_000_000_000
 
 
-def _within_ready_bounds(value: int) -> int:
-    if not LEAST_READY_NS <= value <= MOST_READY_NS:
-        raise Problem(f"is {format_duration(value)}", "1s to 65535s")
-    return value
-
-
-ReadyTime = Annotated[Duration, AfterValidator(_within_ready_bounds)]
+ReadyTime = Annotated[Duration, between(LEAST_READY_NS, MOST_READY_NS, "1s to 65535s")]
 
 
 class ProfinetController(IpController):
@@ -128,7 +118,3 @@ class ProfinetController(IpController):
     devices: list[ForeignDevice] = Field(
         default_factory=list, max_length=MAX_DRIVES, description="Further devices, each by its GSDML file."
     )
-
-    @property
-    def device_names(self) -> Sequence[str]:
-        return [device.name for device in self.devices]

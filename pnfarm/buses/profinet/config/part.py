@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.buses.profinet.config import checks
 from pnfarm.buses.profinet.config.controller import ProfinetController
 from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig, ProfinetDrives
@@ -12,62 +14,29 @@ from pnfarm.config.drive import AxisConfig
 from pnfarm.config.ip import check_addresses, nth_ip
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pnfarm.buses.farm_file import Claims, Expansion, PlacedGroup
+    from pnfarm.buses.farm_file import Expansion
     from pnfarm.config.drive import DriveConfig
-    from pnfarm.config.known import Known, ModelFacts
-    from pnfarm.vocabulary.issues import Location, Report
+    from pnfarm.config.known import ModelFacts
 
 __all__ = ["PROFINET_PART", "ProfinetPart"]
 
 _CLOCK = ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor")
 
 
-class ProfinetPart:
+class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
     """See the module's docstring."""
 
-    @property
-    def drives(self) -> type[ProfinetDrives]:
-        return ProfinetDrives
-
-    @property
-    def controller(self) -> type[ProfinetController]:
-        return ProfinetController
-
-    @property
-    def together(self) -> Mapping[str, Sequence[str]]:
-        return {
-            "ip": ("ip", "gateway"),
-            "cycle": _CLOCK,
-            "send_clock_factor": _CLOCK,
-            "reduction_ratio": _CLOCK,
-        }
-
-    @property
-    def judged_by_model(self) -> frozenset[str]:
-        return frozenset({"telegram", "cycle"})
-
-    def check_name(self, at: Location, name: str, report: Report) -> bool:
-        return checks.check_name(at, name, report)
-
-    def check_group(self, at: Location, group: ProfinetDrives, report: Report) -> None:
-        check_addresses(at, group, report)
-
-    def check_model(self, at: Location, group: ProfinetDrives, model: ModelFacts, report: Report) -> None:
-        checks.check_model(at, group, model, report)
-
-    def check_devices(self, controller: ProfinetController, claims: Claims, report: Report) -> None:
-        checks.check_devices(controller, claims, report)
-
-    def check_controller(
-        self,
-        controller: ProfinetController,
-        groups: Sequence[PlacedGroup[ProfinetDrives]],
-        known: Known,
-        report: Report,
-    ) -> None:
-        checks.check_controller(controller, groups, known, report)
+    drives = ProfinetDrives
+    controller = ProfinetController
+    together = MappingProxyType(
+        {"ip": ("ip", "gateway"), "cycle": _CLOCK, "send_clock_factor": _CLOCK, "reduction_ratio": _CLOCK}
+    )
+    judged_by_model = frozenset({"telegram", "cycle"})
+    check_name = staticmethod(checks.check_name)
+    check_group = staticmethod(check_addresses)
+    check_model = staticmethod(checks.check_model)
+    check_devices = staticmethod(checks.check_devices)
+    check_controller = staticmethod(checks.check_controller)
 
     def drive(
         self,

@@ -9,13 +9,7 @@ from pnfarm.buses.profinet.decode.channels import Channel, make_template, telegr
 from pnfarm.buses.profinet.decode.identity import learn_identity
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.cm.ar import IocrLayout, LayoutError, compute_layout, expected_submodules
-from pnfarm.protocols.profinet.wire.cm.connect import (
-    ArBlockReq,
-    ArBlockRes,
-    ArProperties,
-    ArServerBlock,
-    ArType,
-)
+from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArBlockRes, ArProperties, ArServerBlock, ArType
 from pnfarm.protocols.profinet.wire.cm.expected import (
     ExpectedApi,
     ExpectedSubmoduleBlockReq,
