@@ -1,7 +1,8 @@
 """What is fuzzed: every ``parse_*`` function of the code that reads octets of peers, found by its name and signature.
 
 A parser takes octets, a :class:`RawBlock` or a :class:`Reader` first; ``little_endian`` is tried both ways. A new
-parser needs no entry here, unless it has arguments of another kind: then this module says so at once.
+parser needs no entry here, unless it has arguments of another kind: then this module says so at once.  Beside them the
+way from a description file to the device that it describes.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from pnfarm.protocols.profinet.wire.any_block import _PARSERS
 from pnfarm.protocols.profinet.wire.block import RawBlock
 from pnfarm.wire.octets import Reader
 from tests.fuzz.mutate import variation, varied_xml
+from tests.fuzz.plugging import plug_everything
 
 __all__ = ["Parser", "parsers"]
 
@@ -243,4 +245,5 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
                 pool = [octets for layer in _suiting(module, name) for octets in layers.get(layer, ())] or everything
             title = f"{module.__name__.rsplit('.', 1)[-1]}.{name}{suffix}"
             found[title] = Parser(title, call, pool, varied_xml if name in DOCUMENTS else variation)
+    found["station.plug_station"] = Parser("station.plug_station", plug_everything, layers.get("gsdml", ()), varied_xml)
     return sorted(found.values(), key=lambda parser: parser.name)
