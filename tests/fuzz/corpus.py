@@ -387,6 +387,8 @@ def _descriptions() -> Iterator[tuple[str, bytes]]:
     for version in VERSIONS:
         yield "gsdml", gsdml_of(version).encode()
     yield "gsdml", (Path(__file__).parents[1] / "protocols" / "profinet" / "gsdml_miniature.xml").read_bytes()
+    for path in sorted((Path(__file__).parents[2] / "configs" / "gsdml").glob("*.xml")):
+        yield "gsdml", path.read_bytes()
 
 
 def _managers() -> Iterator[tuple[str, bytes]]:

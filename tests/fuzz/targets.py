@@ -1,8 +1,10 @@
 """What is fuzzed: every ``parse_*`` function of the code that reads octets of peers, found by its name and signature,
 and every class with a layout (:class:`Structure`).
 
+
 A parser takes octets, a :class:`RawBlock` or a :class:`Reader` first; ``little`` is tried both ways. A new
-parser needs no entry here, unless it has arguments of another kind: then this module says so at once.
+parser needs no entry here, unless it has arguments of another kind: then this module says so at once.  Beside them the
+way from a description file to the device that it describes.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from pnfarm.protocols.profinet.wire.block import Block, RawBlock
 from pnfarm.wire.layout import Structure
 from pnfarm.wire.octets import Reader
 from tests.fuzz.mutate import variation, varied_xml
+from tests.fuzz.plugging import plug_everything
 
 __all__ = ["Parser", "parsers"]
 
@@ -252,4 +255,5 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
             pool = suiting(module, kind.__name__)
             add(title, kind.parse, pool)
             add(f"{title}-little", lambda data, kind=kind: kind.parse(data, little_endian=True), pool)
+    found["station.plug_station"] = Parser("station.plug_station", plug_everything, layers.get("gsdml", ()), varied_xml)
     return sorted(found.values(), key=lambda parser: parser.name)
