@@ -16,16 +16,16 @@ from pnfarm.station.device import Device, SocketDevice
 
 #: Interface -> who gives it.
 INTERFACES: dict[type, str] = {
-    Bus: "The bus gives one, and it stands in `pnfarm/buses/registry.py`.",
+    Bus: "The bus has one, which is in `pnfarm/buses/registry.py`.",
     FarmFilePart: "The bus has one (`Bus.farm_file`).",
     Device: "The bus makes one for each drive.",
-    SocketBus: "A bus offers this besides if its stations have streams or datagrams of addresses of their own.",
-    SearchBus: "A bus offers this besides if its devices can be found on a wire: `pnfarm scan` asks it.",
-    SocketDevice: "A device on such a bus offers this besides; events and actions are in `pnfarm/wire/endpoint.py`.",
+    SocketBus: "A bus also offers this if its stations have streams or datagrams of addresses of their own.",
+    SearchBus: "A bus also offers this if its devices can be found on a wire: `pnfarm scan` asks it.",
+    SocketDevice: "A device on such a bus also offers this; events and actions are in `pnfarm/wire/endpoint.py`.",
     SocketCarrier: "The link has one (`ControllerHost.sockets` for a controller); the farm uses it for devices.",
     Segment: "The bus makes one for the drives of a farm.",
-    ControllerPlan: "The bus makes one of the farm file's `controller:`.",
-    Controller: "The bus makes one of the plan.",
+    ControllerPlan: "The bus makes one from the farm file's `controller:`.",
+    Controller: "The bus makes one from the plan.",
     FrameDecoder: "The bus makes one for each capture.",
     RouteHost: "The API gives it to the bus's routes.",
 }

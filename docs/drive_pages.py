@@ -64,13 +64,13 @@ def _telegrams(described: dict[str, Any]) -> list[str]:
     lines += [head, "|---|---|---|---|" + ("---|" if idents else "")]
     for one in telegrams:
         out, back = one["output"], one["input"]
-        mapped = "mapped: parameters say what the words are"
+        mapped = "mapped: parameters define the words"
         shown = (mapped, mapped) if one["free_mapping"] else (_words(out), _words(back))
         row = f"| {one['number']} | {_cell(shown[0])} | {_cell(shown[1])} | {2 * len(out)} / {2 * len(back)} |"
         if idents:
             row += f" `0x{one['module_ident']:X}` |"
         lines.append(row)
-    told = f"The drive begins with telegram {described['default_telegram']}, and takes what the controller plugs or its"
+    told = f"The drive starts with telegram {described['default_telegram']}, and takes what the controller plugs or its"
     more = "parameters select; `telegram:` of a drive in the farm file names another one."
     return [*lines, "", told, more, ""]
 

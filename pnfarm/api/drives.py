@@ -133,8 +133,8 @@ def add_drives(app: FastAPI, context: ApiContext) -> None:
     )
     async def get_parameters(
         name: str,
-        text: Annotated[str, Query(max_length=100, description="What the number, the name or the unit has.")] = "",
-        begin: Annotated[int, Query(alias="from", ge=0, description="Leave out so many of the first.")] = 0,
+        text: Annotated[str, Query(max_length=100, description="Text in the number, the name or the unit.")] = "",
+        begin: Annotated[int, Query(alias="from", ge=0, description="Skip this many.")] = 0,
         most: Annotated[int, Query(ge=1, le=MOST_PARAMETERS)] = 100,
     ) -> Json:
         station = context.station(name)

@@ -132,7 +132,7 @@ def add_faults(app: FastAPI, context: ApiContext) -> None:
     @app.post(
         f"{PREFIX}/faults/{{fault_id}}/renew",
         tags=tags,
-        summary="Begin a fault's time to live (ttl) anew",
+        summary="Restart a fault's time to live (ttl)",
         responses=one,
     )
     async def renew_fault(fault_id: str, request: Request) -> Json:

@@ -112,7 +112,7 @@ def add_scenario_routes(app: FastAPI, scenarios: Scenarios_, now: Callable[[], i
         scenario_id: str,
         cases_from: Annotated[
             int | None,
-            Query(ge=0, description="Only how far it is, and the cases that ended, but for so many of the first."),
+            Query(ge=0, description="Only its progress, and the ended cases after this many."),
         ] = None,
     ) -> Json:
         found = _known(scenario_id)

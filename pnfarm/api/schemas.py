@@ -102,7 +102,7 @@ class Drive(Schema):
     station_address: int | None = Field(description="Address on a serial line; null on a network.")
     powered: bool
     state: str = Field(description="S1..S5 of the PROFIdrive state machine; boot, or off.")
-    status: list[str] = Field(description="What holds of ready, enabled, in_operation, at_rest, homed, task_active ...")
+    status: list[str] = Field(description="Which hold of ready, enabled, in_operation, at_rest, homed, task_active ...")
     zsw1: str = Field(description="Status word 1 of PROFIdrive, hexadecimal; 0 on a bus without it.")
     zsw1_bits: list[str]
     stw1: str = Field(description="Control word 1 of PROFIdrive, hexadecimal; 0 on a bus without it.")
@@ -251,15 +251,19 @@ class LineView(Schema):
     name: str = Field(description="The name of the bus.")
     way: str = Field(description="pty, port, connect or listen.")
     where: str = Field(description="What the other end connects to.")
-    up: bool = Field(description="Whether somebody is at the other end, as far as the way can tell.")
+    up: bool = Field(description="Whether the line is connected, as far as the farm can detect it.")
     baud: int
     telegrams_received: int
     telegrams_sent: int
     octets_received: int
     octets_sent: int
     octets_lost: dict[str, int] = Field(description="Octets that could not be sent, by reason.")
-    interruptions: dict[str, int] = Field(description="How often the way broke or could not be opened, by reason.")
-    dropped: dict[str, int] = Field(description="What came and was no telegram, by reason; garbage counts octets.")
+    interruptions: dict[str, int] = Field(
+        description="How often the connection broke or could not be opened, by reason."
+    )
+    dropped: dict[str, int] = Field(
+        description="Received data that are not telegrams, by reason; garbage counts octets."
+    )
     counts: dict[str, int] = Field(description="Requests of some kinds: repeated, diagnosis, refused.")
     answers_withheld: int = Field(description="Answers that would have begun later than allowed.")
     reply_seconds_mean: float | None = Field(description="From a request's last octet to its answer, in this process.")
@@ -281,7 +285,7 @@ class StandingView(Schema):
     """The database of the drives' memory, and the lease of these drives in it."""
 
     memory: str = Field(description="The database, without password.")
-    memory_up: bool = Field(description="Whether what drives are told to save can be saved.")
+    memory_up: bool = Field(description="Whether the drives can save.")
     memory_reason: str = Field(description="Why not; empty if it can.")
     lease: str = Field(description="held, lost or waiting: without it being held, the drives are mute.")
     renewed_seconds_ago: float | None
@@ -433,7 +437,7 @@ class Clock(Schema):
     kind: Literal["farm", "hub"]
     farm: str
     pnfarm: str = Field(description="Version.")
-    instance: str = Field(description="Another one in each run: then event numbers and the farm's clock begin anew.")
+    instance: str = Field(description="Another one in each run: then event numbers and the farm's clock restart.")
     farm_seconds: float = Field(description="The farm's clock.")
     wall_seconds: float = Field(description="Seconds since the epoch, by this machine's clock.")
     newest_event: int = Field(description="Sequence number of the newest entry of the event log.")
@@ -464,7 +468,7 @@ _PROBLEM = PROBLEMS["default"]["content"]
 #: Status -> when it is answered.
 _WHEN = {
     "401": "The token is missing or wrong",
-    "403": "This client may not: a token that only reads, or a page of another origin",
+    "403": "Not permitted: a token that only reads, or a page of another origin",
     "404": "Nothing has this name, number or id",
     "409": "Not in the present state",
     "422": "The request is wrong; `errors` says field by field what is allowed",

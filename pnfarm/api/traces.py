@@ -68,7 +68,7 @@ def add_traces(app: FastAPI, context: ApiContext) -> None:
     @app.get(
         f"{PREFIX}/traces",
         tags=tags,
-        summary="Every trace and how far it is, without samples",
+        summary="Every trace and its progress, without samples",
         responses={200: {"model": Traces}},
     )
     async def get_traces() -> Json:
@@ -143,7 +143,7 @@ def add_traces(app: FastAPI, context: ApiContext) -> None:
     @app.delete(
         f"{PREFIX}/traces/{{trace_id}}",
         tags=tags,
-        summary="End a trace and forget its samples",
+        summary="End a trace and delete its samples",
         responses={200: {"model": TraceView}},
     )
     async def delete_trace(trace_id: str) -> Json:

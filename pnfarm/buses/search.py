@@ -45,5 +45,5 @@ class SearchBus(Protocol):
     """What a bus has besides if its devices can be found on a wire; one without this cannot be searched."""
 
     async def search(self, question: Question) -> SearchAnswer:
-        """Ask who is there.  Raises :class:`~pnfarm.errors.EnvironmentError_` where this machine cannot."""
+        """Search for devices.  Raises :class:`~pnfarm.errors.EnvironmentError_` where this machine cannot."""
         ...

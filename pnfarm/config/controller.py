@@ -81,7 +81,7 @@ class Program(Section):
     limit_ns: Annotated[Duration, AfterValidator(_within_limits)] = Field(
         default=1_000_000_000,
         alias="limit",
-        description="Longest duration of one call of that program; its axis is stopped behind it.",
+        description="Longest duration of one call of that program; its axis is stopped after it.",
     )
 
     call_time_ns: Annotated[Duration, AfterValidator(_call_time)] = Field(

@@ -142,13 +142,15 @@ class FarmCollector(Collector):
         self._memory_refused = Family(
             "pnfarm_memory_saves_refused_total",
             "counter",
-            "Saves that the database of the drives' memory did not take.",
+            "Saves that the database of the drives' memory did not accept.",
         )
         self._lease_held = Family(
-            "pnfarm_lease_held", "gauge", "Whether the drives may speak: 1 also without a lease, 0 while they are mute."
+            "pnfarm_lease_held", "gauge", "Whether the drives may send: 1 also without a lease, 0 while they are mute."
         )
         self._lease_renewed = Family(
-            "pnfarm_lease_renewed_seconds_ago", "gauge", "Since the newest renewal of the lease, 0 without a lease."
+            "pnfarm_lease_renewed_seconds_ago",
+            "gauge",
+            "Time since the newest renewal of the lease, 0 without a lease.",
         )
         for family in (
             self._memory_up, self._memory_losses, self._memory_refused, self._lease_held, self._lease_renewed,
@@ -194,9 +196,7 @@ class FarmCollector(Collector):
         self._states = {name: connection_numbers(name) for name in buses}
         states = "; ".join(", ".join(f"{n} {word}" for word, n in words.items()) for words in self._states.values())
         self._ar_state = drive("ar_state", "gauge", f"State of the connection (CMDEV): 0 none, {states}.")
-        self._exchanging = drive(
-            "ar_exchanging", "gauge", "1 while the connection is completely set up, whatever its bus calls that state."
-        )
+        self._exchanging = drive("ar_exchanging", "gauge", "1 while the connection is completely set up, on any bus.")
         self._ar_cycle = drive("ar_cycle_seconds", "gauge", "Cycle of the connection's IO data, 0 without one.")
         self._connects = drive("ar_connects_total", "counter", "Connections that reached DATA.")
         self._aborts = self._counted(

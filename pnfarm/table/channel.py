@@ -89,7 +89,7 @@ PPM = Layout(
         # each tick looks at these
         Field("active", "u1", "", "station", "set last when a row is ready, cleared first when it goes"),
         Field("state", "u1", "", "transmit", "IDLE, W_START or RUN"),
-        Field("framing", "u1", "", "station", "what stands around its data: FRAMING_*"),
+        Field("framing", "u1", "", "station", "header and trailer of its data: FRAMING_*"),
         Field("words", "u1", "", "station", "telegram words in the frame"),
         Field("next_ns", "i8", "ns", "transmit", "when the next frame is due"),
         Field(
@@ -112,7 +112,7 @@ PPM = Layout(
         Field("counter", "u2", "31.25 us", "transmit", "cycle counter of the last frame, or its sequence count"),
         Field("counter_step", "u2", "31.25 us", "station", "send clock factor x reduction ratio"),
         Field("data_status", "u1", "", "station", "APDU data status while nothing is impaired"),
-        Field("run_idle", "u1", "", "station", "1 = a run/idle header stands before the data"),
+        Field("run_idle", "u1", "", "station", "1 = a run/idle header is before the data"),
         Field("iops_count", "u1", "", "station", "provider status octets"),
         Field("iocs_count", "u1", "", "station", "consumer status octets"),
         Field("iops_offset", "u2", "octets", "station", "place of each provider status", (MAX_IOPS,)),
@@ -141,8 +141,8 @@ CPM = Layout(
             "station",
             "1 = it owns the drive's set points: valid, lost and the drive's own fault follow this channel",
         ),
-        Field("fed", "u1", "", "receive", "1 while its data stands in the process image"),
-        Field("framing", "u1", "", "station", "what stands around its data: FRAMING_*"),
+        Field("fed", "u1", "", "receive", "1 while its data is in the process image"),
+        Field("framing", "u1", "", "station", "header and trailer of its data: FRAMING_*"),
         Field("zeroes", "u1", "", "station", "1 = data of a provider in STOP or with bad IOPS count as zero"),
         Field("words", "u1", "", "station", "telegram words in the frame"),
         Field("iops_count", "u1", "", "station", "provider status octets"),
@@ -181,7 +181,7 @@ CPM = Layout(
             "bucket of the last interval, where the next one is looked for first",
         ),
         Field("jitter_bucket", "u1", "", "receive", "bucket of the last deviation, likewise"),
-        Field("run_idle", "u1", "", "station", "1 = a run/idle header stands before the data"),
+        Field("run_idle", "u1", "", "station", "1 = a run/idle header is before the data"),
         Field("iops_offset", "u2", "octets", "station", "place of each, from the first octet of IO data", (MAX_IOPS,)),
         Field("word_code", "u1", "", "station", "slot * 4 + part of each word", (MAX_WORDS,)),
         Field(

@@ -36,7 +36,7 @@ def hub(
             metavar="NAME:PORT",
             envvar="PNFARM_HUB_DISCOVER",
             show_envvar=False,
-            help="A name whose every address in DNS is a farm's; asked anew every 5 s.  Repeatable.",
+            help="A name whose every address in DNS is a farm's; resolved again every 5 s.  Repeatable.",
             show_default=False,
         ),
     ] = None,

@@ -110,7 +110,7 @@ def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[F
     except OSError as exc:
         raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
     except NotCaexError as exc:
-        raise ConfigError(f"{file} is no CAx data: {exc}") from exc
+        raise ConfigError(f"{file} is not CAx data: {exc}") from exc
     found = [
         one
         for bus in registry.BUSES.values()

@@ -159,7 +159,7 @@ def _check_file(file: Path) -> None:
     from pnfarm.errors import ConfigError
 
     if file.suffix.lower() not in _FORMS:
-        raise ConfigError(f"-o {file}: what to write is told by the name's end; allowed: {', '.join(_FORMS)}")
+        raise ConfigError(f"-o {file}: the end of the name selects the format; allowed: {', '.join(_FORMS)}")
     if not file.absolute().parent.is_dir():
         raise ConfigError(f"-o {file}: there is no folder {file.parent}")
 

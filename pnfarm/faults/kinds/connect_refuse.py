@@ -58,7 +58,7 @@ KINDS = (
         place=20,
         wire="Requests for a connection are answered with an error code.",
         reports=(
-            "The device stays failed; the diagnosis shows the connection as refused. A controller asks again and again."
+            "The device stays failed; the diagnosis shows the connection as refused. A controller tries repeatedly."
         ),
     ),
 )

@@ -35,7 +35,7 @@ KINDS = (
     InjectionKind(
         "corrupt",
         "frames",
-        "Bits of frames are inverted behind the frame check: the frame check sequence on the wire is right.",
+        "Bits of frames are inverted; the frame check sequence on the wire is still right.",
         "a frame that is changed",
         Corrupt,
         {
@@ -46,16 +46,16 @@ KINDS = (
             "whole": ParamSpec("yes or no", "Whether also in the addresses and the EtherType.", default=False),
             "mend": ParamSpec(
                 "yes or no",
-                "Whether the checksums of IPv4 and UDP of a cyclic frame are made right again, so that its receiver "
-                "takes the wrong data; a frame without such checksums is not changed by it.",
+                "Whether the checksums of IPv4 and UDP of a cyclic frame are corrected, so that its receiver "
+                "takes the wrong data; no effect on a frame without such checksums.",
                 default=False,
             ),
         },
         directions=EVERY_DIRECTION,
         takes=FRAMES,
-        wire="Inverted bits behind the EtherType, with `whole` in front of it as well.",
+        wire="Inverted bits after the EtherType, with `whole` before it as well.",
         reports=(
-            "Depends on the bit: wrong data, a frame that is discarded, or one that is nobody's. IP and UDP "
+            "Depends on the bit: wrong data, a discarded frame, or one without a receiver. IP and UDP "
             "discard by their checksums."
         ),
         place=50,

@@ -35,7 +35,7 @@ KINDS = (
     InjectionKind(
         "limit-switch",
         "drive",
-        "The axis is on a limit of its travel: no task goes further that way, and the drive warns if its manual "
+        "The axis is on a limit of its travel: no task moves further that way, and the drive warns if its manual "
         "names a warning.",
         "reaching the limit",
         LimitSwitch,
@@ -48,7 +48,7 @@ KINDS = (
         place=80,
         wire="The words and warnings that the drive's manual has for the switch; the velocity falls to 0.",
         reports=(
-            "Nothing by the bus: the program sees the drive's words. S7-1500: a positioning axis that watches its "
+            "The bus reports nothing: the program sees the drive's words. S7-1500: a positioning axis that watches its "
             "following error stops with technology alarm 521."
         ),
     ),

@@ -36,8 +36,8 @@ KINDS = (
     InjectionKind(
         "load",
         "drive",
-        "The machine puts more on the shaft, on top of the load of the farm file; several add up.  The drive's "
-        "controllers stay tuned for the load that they know.",
+        "The machine adds load to the shaft, on top of the load of the farm file; several add up.  The drive's "
+        "controllers stay tuned for the load without it.",
         "the change",
         AddedLoad,
         {
@@ -49,8 +49,8 @@ KINDS = (
         place=90,
         wire="Current and velocity change as far as the telegram has them.",
         reports=(
-            "Nothing by the bus. A positioning axis that watches its following error may stop (S7-1500: technology "
-            "alarm 521)."
+            "The bus reports nothing. A positioning axis that watches its following error may stop (S7-1500: "
+            "technology alarm 521)."
         ),
     ),
 )

@@ -102,7 +102,7 @@ KINDS = (
         takes=HELD | {"seed"},
         place=50,
         wire=(
-            "The frames end without a farewell; after the boot, LLDP (chassis), DCP, ARP and cyclic frames come from "
+            "The frames end without notice; after the boot, LLDP (chassis), DCP, ARP and cyclic frames come from "
             "the other MAC address, with the same station name and IP address."
         ),
         reports=(

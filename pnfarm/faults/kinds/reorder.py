@@ -47,7 +47,7 @@ KINDS = (
     InjectionKind(
         "reorder",
         "frames",
-        "Frames arrive behind later ones: a cyclic one half a cycle after the `distance`-th frame that "
+        "Frames arrive after later ones: a cyclic one half a cycle after the `distance`-th frame that "
         "follows, an acyclic one after `wait`.",
         "a frame that is held back",
         Reorder,
@@ -58,7 +58,7 @@ KINDS = (
         },
         directions=EVERY_DIRECTION,
         takes=FRAMES,
-        wire="Cyclic frames with an older cycle counter behind newer ones.",
+        wire="Cyclic frames with an older cycle counter after newer ones.",
         reports="A cyclic frame that was overtaken is discarded for its cycle counter: as one that is lost.",
         misfits=_check,
         place=40,

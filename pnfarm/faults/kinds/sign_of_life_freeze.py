@@ -11,7 +11,7 @@ from pnfarm.table.impairment import COUNT_FREEZE
 __all__ = ["KINDS", "REPORTS", "WIRE", "Freeze"]
 
 WIRE = (
-    "Bits 12 to 15 of ZSW2 (`out`) keep the count of the first frame that is hit; all else goes on. "
+    "Bits 12 to 15 of ZSW2 (`out`) keep the count of the first frame that is hit; all else continues. "
     "Afterwards the drive's own"
     " count is sent again. With `in`, the drive gets such an STW2."
 )
@@ -32,10 +32,10 @@ KINDS = (
     InjectionKind(
         "sign-of-life-freeze",
         "liveness",
-        "The sign of life stands: of the drive in ZSW2, or with direction `in` the controller's in STW2, "
+        "The sign of life freezes: of the drive in ZSW2, or with direction `in` the controller's in STW2, "
         "which the drive "
         "monitors.  When it ends, the true count follows.",
-        "a cyclic frame whose count stands",
+        "a cyclic frame whose count is frozen",
         Freeze,
         directions=("out", "in", "both"),
         takes=FRAMES,

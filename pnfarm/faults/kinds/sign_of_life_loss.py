@@ -11,8 +11,8 @@ KINDS = (
     InjectionKind(
         "sign-of-life-loss",
         "liveness",
-        "The sign of life stands: sign-of-life-freeze.",
-        "a cyclic frame whose count stands",
+        "The sign of life freezes: sign-of-life-freeze.",
+        "a cyclic frame whose count is frozen",
         Freeze,
         directions=("out", "in", "both"),
         takes=FRAMES,

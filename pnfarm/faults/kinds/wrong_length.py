@@ -43,7 +43,7 @@ KINDS = (
         "wrong-length",
         "cyclic",
         "The IO data of cyclic frames is longer or shorter than agreed. On Ethernet, a frame below 60 "
-        "octets is filled up by the network card.",
+        "octets is padded by the network card.",
         "a cyclic frame that is changed",
         WrongLength,
         {"by": ParamSpec("whole number", "Octets more, or below 0 fewer; not 0.", default=1, low=-1400, high=1400)},

@@ -101,7 +101,7 @@ def add_hub_farm(app: FastAPI, hub: Hub) -> None:
     @app.get(
         f"{PREFIX}/health",
         tags=tags,
-        summary="How each shard and all together do: whether it answers, its clock's offset, its own lateness",
+        summary="State of each shard and of all together: whether it answers, its clock's offset, its own lateness",
         responses={200: {"model": HubHealth}},
     )
     async def health() -> Json:

@@ -103,7 +103,7 @@ def add_hub_faults(app: FastAPI, hub: Hub, faults: Faults) -> None:
     @app.post(
         f"{PREFIX}/faults/{{fault_id}}/renew",
         tags=tags,
-        summary="Begin a fault's time to live (ttl) anew",
+        summary="Restart a fault's time to live (ttl)",
         responses=one,
     )
     async def renew_fault(fault_id: str, request: Request) -> Json:

@@ -103,7 +103,7 @@ def add_hub_traces(app: FastAPI, hub: Hub) -> None:
     @app.get(
         f"{PREFIX}/traces",
         tags=tags,
-        summary="Every trace of every shard and how far it is, without samples",
+        summary="Every trace of every shard and its progress, without samples",
         responses={200: {"model": HubTraces}},
     )
     async def get_traces() -> Json:
@@ -167,7 +167,7 @@ def add_hub_traces(app: FastAPI, hub: Hub) -> None:
     @app.delete(
         f"{PREFIX}/traces/{{trace_id}}",
         tags=tags,
-        summary="End a trace and forget its samples",
+        summary="End a trace and delete its samples",
         responses={200: {"model": TraceView}},
     )
     async def delete_trace(trace_id: str) -> Response:

@@ -84,7 +84,7 @@ KINDS = (
         reports=(
             "The message fails; after a wrong length or garbage nothing that follows can be read, and the scanner "
             "closes the TCP connection. Logix: the MSG instruction ends with an error; without a connection the "
-            "module stays faulted. CODESYS: the request ends with an error (all assumed). Cyclic data go on."
+            "module stays faulted. CODESYS: the request ends with an error (all assumed). Cyclic data continue."
         ),
     ),
 )

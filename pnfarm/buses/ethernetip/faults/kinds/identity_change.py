@@ -70,9 +70,9 @@ KINDS = (
     InjectionKind(
         "identity-change",
         "connection",
-        "Another product seems to stand there: vendor, device type, product code, revision or serial number differ.  A "
-        "connection that stands goes on, a new one whose electronic key names the right product is refused.  Left "
-        "out all, the product code is one more.",
+        "The drive looks like another product: vendor, device type, product code, revision or serial number differ.  A "
+        "connection that exists continues, a new one whose electronic key names the right product is refused.  "
+        "Without any of these the product code is one higher.",
         "the change",
         IdentityChange,
         {

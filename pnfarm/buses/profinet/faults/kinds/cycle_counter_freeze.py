@@ -21,9 +21,9 @@ KINDS = (
     InjectionKind(
         "cycle-counter-freeze",
         "cyclic",
-        "The cycle counter stands, so that controllers take the frames for old ones and discard them; the "
+        "The cycle counter freezes, so that controllers take the frames for old ones and discard them; the "
         "watchdog expires.",
-        "a cyclic frame whose counter stands",
+        "a cyclic frame whose counter is frozen",
         CounterFreeze,
         directions=("out",),
         takes=FRAMES,

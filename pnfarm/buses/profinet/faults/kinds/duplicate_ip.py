@@ -37,8 +37,8 @@ KINDS = (
         "duplicate-ip",
         "link",
         "A second station at the drive's port has the drive's IP address: it announces it by ARP, answers ARP and "
-        "ping, and defends it as RFC 5227 says.  RPC to its MAC address is not answered; a connection that stands "
-        "goes on, because cyclic frames need no IP address.",
+        "ping, and defends it as RFC 5227 says.  RPC to its MAC address is not answered; an existing connection "
+        "continues, because cyclic frames need no IP address.",
         "a frame of the second station",
         SecondHost,
         {"mac": MAC, "every": ParamSpec("duration", "From one announcement to the next.", default="10s")},
@@ -50,7 +50,7 @@ KINDS = (
             "request, and the drive's own announcement in defence."
         ),
         reports=(
-            "A connection that stands goes on. Whoever learns the second MAC address by ARP reaches no drive: records "
+            "An existing connection continues. Whoever learns the second MAC address by ARP reaches no drive: records "
             "and new connections time out as long as it is in the ARP table (assumed). The drive's answer to DCP Get "
             "says that its address is in conflict."
         ),
