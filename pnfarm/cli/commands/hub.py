@@ -53,7 +53,7 @@ def hub(
             metavar="TOKEN",
             envvar="PNFARM_HUB_API_TOKEN",
             show_envvar=False,
-            help="Bearer token of the hub's API; beyond loopback one is made up, and logged, unless it is given.",
+            help="Bearer token of the hub's API; beyond loopback one is generated and logged unless it is given.",
         ),
     ] = None,
     read_token: Annotated[
@@ -77,7 +77,7 @@ def hub(
         ),
     ] = None,
 ) -> None:
-    """Answer the API of several farms as of one, in the foreground until Ctrl-C (docs/hub.md).
+    """Serve the API of several farms as one, in the foreground until Ctrl-C (docs/hub.md).
 
     Options override environment variables: PNFARM_HUB_SHARD and PNFARM_HUB_DISCOVER (several values with spaces
     between them), PNFARM_HUB_API, PNFARM_HUB_API_TOKEN, PNFARM_HUB_API_READ_TOKEN and PNFARM_HUB_SHARD_TOKEN; for the

@@ -47,7 +47,7 @@ def importing(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace FARM if it is there.")] = False,
 ) -> None:
-    """Make a farm file of a capture or a TIA project's CAx data: what no model stands for is listed in comments."""
+    """Make a farm file from a capture or a TIA project's CAx data; devices without a model are listed in comments."""
     from pnfarm.errors import ConfigError
     from pnfarm.farm.file.found import farm_name, write_farm
     from pnfarm.terminal.output import print_line

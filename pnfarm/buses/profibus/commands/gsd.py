@@ -15,7 +15,7 @@ def gsd(
     directory: Annotated[
         Path,
         typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder for the file, made if need be; - prints it.", allow_dash=True
+            "--output", "-o", metavar="DIR", help="Folder for the file, made if needed; - prints it.", allow_dash=True
         ),
     ] = Path(),
 ) -> None:
