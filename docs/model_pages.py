@@ -38,7 +38,7 @@ def behaviour() -> str:
         described = model(name)
         lines += [f"## {name}", "", f"{described.title}: {described.manual}, {described.edition}.", ""]
         lines += [
-            "| point | left open | reading | the drive then | why the default | section |",
+            "| point | left open | reading | the drive then | reason of the default | section |",
             "|---|---|---|---|---|---|",
         ]
         for point in described.behaviour:
