@@ -74,7 +74,7 @@ class Segment(Protocol):
     def audience(self, frame: bytes, besides: Collection[int] = ()) -> Sequence[int] | None:
         """Ports that a group-addressed frame can concern, None for any: the others get no copy.
 
-        It is looked at once, for all devices; what :meth:`admits` would have counted for the others counts there
+        It is asked once, for all devices; what :meth:`admits` would have counted for the others counts there
         nevertheless, except for the ports ``besides``, which get it anyway.
         """
 
@@ -141,7 +141,7 @@ class Bus(ABC):
         """Whether its drives are a :class:`~pnfarm.station.device.SocketDevice`.
 
         On a link with interfaces, the kernel then answers for the addresses of drives and controller: no IPv4 comes
-        to :meth:`~pnfarm.station.device.Device.receive`, and ARP comes to be heard, not to be answered.
+        to :meth:`~pnfarm.station.device.Device.receive`, and ARP is received, but not answered there.
         """
         return False
 

@@ -68,7 +68,7 @@ class Program(Section):
     limit_ns: Annotated[Duration, between(LEAST_LIMIT_NS, MOST_LIMIT_NS, "1ms to 60s")] = Field(
         default=1_000_000_000,
         alias="limit",
-        description="Longest duration of one call of that program; its axis is stopped behind it.",
+        description="Longest duration of one call of that program; its axis is stopped after it.",
     )
 
     call_time_ns: Annotated[Duration, between(LEAST_CALL_NS, MOST_CALL_NS, "0ns, or 1us to 1s", zero=True)] = Field(

@@ -271,7 +271,7 @@ class Hub(Context):
         if not (
             sane and isinstance(instance, str) and _INSTANCE.fullmatch(instance) and isinstance(about["farm"], str)
         ):
-            raise AwayError(f"{shard.label} does not answer as a farm does: its clock is none", slug="garbage")
+            raise AwayError(f"{shard.label} does not answer as a farm does: its clock is not valid", slug="garbage")
         shard.clock.note(asked, round(seconds * 1e9), answered)
         return about
 

@@ -130,7 +130,7 @@ class Line(BlockingFace[Drive]):
     ) -> float:
         """Let time pass until the condition holds; returns how long that took, in seconds.
 
-        It is looked at behind each event and ``every`` so many seconds.  Raises :class:`NotInTime`.
+        It is checked after each event and ``every`` so many seconds.  Raises :class:`NotInTime`.
         """
         self._check_open()
         if within < 0 or every <= 0:
@@ -165,7 +165,7 @@ class Line(BlockingFace[Drive]):
     # -- faults
 
     def inject(self, kind: str, on: str | list[str] = "all", **options: Any) -> Fault:
-        """Break drives: ``inject("loss", on="axis-*", probability=0.1)``, ``inject("drive-fault", fault=702)``.
+        """Inject a fault: ``inject("loss", on="axis-*", probability=0.1)``, ``inject("drive-fault", fault=702)``.
 
         ``options`` are the common fields (``count``, ``for_`` and ``after`` in seconds, ``probability``, ``seed``,
         ``direction``, ``cycles``, ``after_cycles``) and the parameters of the kind (``pnfarm fault kinds``).

@@ -302,7 +302,7 @@ class _Parser:
             case "end":
                 raise ConditionError("ends where a name or a value is needed", token.column)
             case _:
-                raise ConditionError(f"{shown(token.text)} stands where a name or a value is needed", token.column)
+                raise ConditionError(f"{shown(token.text)} is where a name or a value is needed", token.column)
 
     @staticmethod
     def _number(token: _Token) -> Number:

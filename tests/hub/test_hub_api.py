@@ -83,7 +83,7 @@ def test_what_is_a_drives_own_goes_to_the_shard_that_has_it(world):
                 200,
                 json={"kind": "farm", "farm": "x", "instance": "../", "farm_seconds": 1e99, "pnfarm": "1"},
             ),
-            "its clock is none",
+            "its clock is not valid",
         ),
     ],
 )

@@ -49,7 +49,7 @@ def _station(seen: SeenSlave, cycle_ns: int) -> FoundDrive | FoundStation:
     if seen.address <= HIGHEST_ADDRESS:
         keys["address"] = seen.address
     else:
-        notes.append(f"it had address {seen.address}, which is that of a slave that nobody gave one")
+        notes.append(f"it had address {seen.address}, the default of a slave without an address")
     return FoundDrive(f"drive-{seen.address}", known.name, keys, (*notes, *facts), line=LINE)
 
 
@@ -76,5 +76,5 @@ def _like(seen: SeenSlave) -> Iterator[str]:
     for model, telegram in models_with_identifiers(seen.identifiers):
         yield (
             f"telegram {telegram} of {model} has the same identifiers: {{model: {model}, "
-            f"identity: {{device: 0x{seen.ident:04X}}}}} would stand for it if it is one"
+            f"identity: {{device: 0x{seen.ident:04X}}}}} would replace it if it is one"
         )

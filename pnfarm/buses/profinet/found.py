@@ -149,7 +149,7 @@ def _identity(
         telegram = _telegram(drive_model, api, data)
         if telegram is None:
             told = f"slot {api.slot}, module 0x{api.module_ident:08X}: {'/'.join(map(str, _lengths(data)))} octets"
-            notes.append(f"{told} in and out are no telegram that could be told")
+            notes.append(f"{told} in and out match no telegram")
             continue
         notes.append(f"telegram {telegram.number} in slot {api.slot}")
         if all(module.ident != api.module_ident for module in telegram.modules):

@@ -22,7 +22,7 @@ def doctor(
     file: Annotated[
         Path | None,
         typer.Argument(
-            help="Farm file to judge on this machine: its interface, address and folder, the processor time of its "
+            help="Farm file to check on this machine: its interface, address and folder, the processor time of its "
             "drives, its serial lines, whose ports must not be in use.",
             metavar="[FILE]",
             show_default=False,

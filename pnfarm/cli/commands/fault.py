@@ -134,7 +134,7 @@ def add(
     ] = None,
     most: Annotated[int | None, typer.Option(help="At most so many of the drives, by the seed.")] = None,
     rate: Annotated[
-        str | None, typer.Option(metavar="RATE", help="Begin again and again at random, so often, such as 2/min.")
+        str | None, typer.Option(metavar="RATE", help="Begin repeatedly at random, at this rate, such as 2/min.")
     ] = None,
     times: Annotated[int | None, typer.Option(help="With --rate: begin so often on each drive.")] = None,
     ttl: Annotated[

@@ -140,7 +140,7 @@ def _line_text(line: dict[str, Any]) -> str:
     dropped = sum(line["dropped"].values())
     reply = line["reply_seconds_mean"]
     return (
-        f"line {line['name']}: {line['way']} {line['where']}, {'up' if line['up'] else 'nobody at the other end'}, "
+        f"line {line['name']}: {line['way']} {line['where']}, {'up' if line['up'] else 'no client connected'}, "
         f"{line['baud']} bit/s, {line['telegrams_received']} telegrams received, {line['telegrams_sent']} sent"
         + (f", {dropped} wrong" if dropped else "")
         + (f", {line['answers_withheld']} answers withheld as too late" if line["answers_withheld"] else "")

@@ -50,7 +50,10 @@ OwnOption = Annotated[int, typer.Option("--own-address", metavar="N", help="With
 ModelOption = Annotated[
     str | None,
     typer.Option(
-        "--model", metavar="MODEL", help="With --line: whose names and types of parameters count.", show_default=False
+        "--model",
+        metavar="MODEL",
+        help="With --line: the model whose parameter names and types are used.",
+        show_default=False,
     ),
 ]
 

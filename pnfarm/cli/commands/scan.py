@@ -53,7 +53,7 @@ def scan(
     no_lldp: Annotated[bool, typer.Option("--no-lldp", help="Do not listen for LLDP.")] = False,
     output: FormatOption = Format.TABLE,
 ) -> None:
-    """Find devices on the wire (name, type, addresses, identity), and neighbours at its other end by LLDP."""
+    """Find devices on the wire (name, type, addresses, identity), and neighbours by LLDP."""
     import anyio
 
     from pnfarm.buses.search import Question

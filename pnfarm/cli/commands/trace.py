@@ -153,7 +153,7 @@ def _check_file(file: Path) -> None:
     """Before anything is recorded, so that no recording is lost to a misspelt name."""
 
     if file.suffix.lower() not in _FORMS:
-        raise ConfigError(f"-o {file}: what to write is told by the name's end; allowed: {', '.join(_FORMS)}")
+        raise ConfigError(f"-o {file}: the end of the name selects the format; allowed: {', '.join(_FORMS)}")
     if not file.absolute().parent.is_dir():
         raise ConfigError(f"-o {file}: there is no folder {file.parent}")
 

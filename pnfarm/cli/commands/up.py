@@ -166,7 +166,7 @@ def capture_settings(
 
     if path is None:
         if drives or only or size is not None or files is not None:
-            raise ConfigError("say where the capture goes: --pcap OUT.pcapng")
+            raise ConfigError("name the capture's file: --pcap OUT.pcapng")
         return None
     octets = None if size is None else parse_size(size)
     return CaptureSettings(path, tuple(drives or ()), tuple(only or ()), octets, files)

@@ -333,5 +333,5 @@ def _fault(shard: Shard, answer: Answer) -> dict[str, Any]:
     try:
         at_hub(found, lambda seconds: seconds + 0.0)
     except (KeyError, TypeError, AttributeError) as exc:
-        raise AwayError(f"{shard.label} tells a fault as no farm does", slug="garbage") from exc
+        raise AwayError(f"{shard.label} reports a fault as no farm does", slug="garbage") from exc
     return found

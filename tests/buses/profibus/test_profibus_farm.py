@@ -306,12 +306,12 @@ def test_a_rate_that_profibus_lacks_is_refused_with_those_that_it_has(link, plac
     text = f"farm: dp\nlink: {link}\ndrives:\n  - {{name: a, model: moog-msd-dp, address: 5}}\n"
     with pytest.raises(FarmFileError) as caught:
         parse_farm(text)
-    assert f"{place}: 10000 bit/s is no rate of PROFIBUS; allowed: 9600, 19200, 31250, 45450," in str(caught.value)
+    assert f"{place}: 10000 bit/s is not a rate of PROFIBUS; allowed: 9600, 19200, 31250, 45450," in str(caught.value)
 
 
 def test_a_line_cannot_connect_to_port_0():
     text = "farm: dp\nlink: {kind: serial, connect: 'plc:0'}\ndrives:\n  - {name: a, model: moog-msd-dp, address: 5}\n"
-    with pytest.raises(FarmFileError, match=r"link\.connect: is 'plc:0', and port 0 is nobody's"):
+    with pytest.raises(FarmFileError, match=r"link\.connect: is 'plc:0', and port 0 is reserved"):
         parse_farm(text)
 
 

@@ -102,7 +102,7 @@ def test_slaves_of_a_capture_become_drives_that_the_same_master_connects(capsys,
 
 
 def test_a_slave_with_an_ident_number_of_no_model_is_listed_with_the_model_that_could_stand_for_it(capsys, capture):
-    seen = plain(imported(capsys, capture).partition("which no model stands for")[2])
+    seen = plain(imported(capsys, capture).partition("Other stations, without a model")[2])
     assert "station 40: address 40, ident 0x0777" in seen
     assert "telegram 1 of moog-msd-dp has the same identifiers" in seen
     assert "identity: {device: 0x0777}" in seen

@@ -42,7 +42,7 @@ class ProfinetDrives(IpDrives):
     )
     hello: bool = Field(
         default=False,
-        description="Whether the drive says DCP Hello at power-on; a controller's fast start-up record overrides it.",
+        description="Whether the drive sends DCP Hello at power-on; a controller's fast start-up record overrides it.",
     )
     cycle_ns: Cycle | None = Field(
         default=None, alias="cycle", description="Cycle at which the built-in controller runs these drives."
