@@ -28,6 +28,8 @@ __all__ = ["ApiContext", "Context"]
 class Context:
     """Of a farm's API, or of a hub."""
 
+    #: ``farm`` or ``hub``.
+    kind: str = "farm"
     #: Another one in each run.
     instance: str = field(default_factory=lambda: secrets.token_hex(4))
     closing: bool = False
@@ -54,10 +56,6 @@ class ApiContext(Context):
     poke: Callable[[], None]
     messages: Messages = field(default_factory=Messages)
     rendering: anyio.Lock = field(default_factory=anyio.Lock)
-
-    @property
-    def kind(self) -> str:
-        return "farm"
 
     def axis(self, name: str) -> Axis:
         """Raises :class:`NotFoundError`."""

@@ -14,7 +14,7 @@ from pnfarm.terminal import client
 from pnfarm.terminal.settings import DEFAULT_URL
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
 
 __all__ = ["complete_benchmark", "complete_drive", "complete_fault", "complete_kind", "complete_model"]
@@ -59,29 +59,19 @@ def complete_benchmark(incomplete: str) -> list[tuple[str, str]]:
 
 def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Drives of the running farm."""
-
-    def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
-        return ((one["name"], f"{one['model']}, {one['state']}") for one in farm.get("drives")["drives"])
-
-    return _of_farm(ctx, incomplete, words)
+    return _of_farm(ctx, incomplete, "drives", "name", "model")
 
 
 def complete_fault(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Faults of the running farm."""
-
-    def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
-        return ((one["id"], f"{one['kind']}, {one['state']}") for one in farm.get("faults")["faults"])
-
-    return _of_farm(ctx, incomplete, words)
+    return _of_farm(ctx, incomplete, "faults", "id", "kind")
 
 
-def _of_farm(
-    ctx: typer.Context, incomplete: str, words: Callable[[client.FarmClient], Iterable[tuple[str, str]]]
-) -> list[tuple[str, str]]:
-
+def _of_farm(ctx: typer.Context, incomplete: str, path: str, word: str, kind: str) -> list[tuple[str, str]]:
     try:
         with client.FarmClient(ctx.params.get("api") or DEFAULT_URL, ctx.params.get("token")) as farm:
-            return _fitting(words(farm), incomplete)
+            found = farm.get(path)[path]
     except PnfarmError:
         # a shell that completes has no place for a message
         return []
+    return _fitting(((one[word], f"{one[kind]}, {one['state']}") for one in found), incomplete)

@@ -100,7 +100,7 @@ class Hub(Context):
         transport: Callable[[str], httpx.AsyncBaseTransport] | None = None,
         request_seconds: float = REQUEST_SECONDS,
     ) -> None:
-        super().__init__()
+        super().__init__(kind="hub")
         self.now = now
         self.wall = wall
         self.sleep = sleep
@@ -153,10 +153,6 @@ class Hub(Context):
         now = self.now()
         head = {"time": self.wall(), "farm_seconds": now / 1e9, "drive": "", "event": event.text}
         self.log.take(self.instance, self._own, now, {**event.details(), **head})
-
-    @property
-    def kind(self) -> str:
-        return "hub"
 
     def note(self, *events: Event) -> None:
         """A client changed something."""

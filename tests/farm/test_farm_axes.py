@@ -68,7 +68,7 @@ class Line:
 @pytest.fixture
 def line():
     made = Line().connected()
-    yield made
+    return made
 
 
 def test_one_connection_carries_every_axis_and_each_runs(line):
@@ -104,13 +104,9 @@ def test_a_lost_controller_faults_every_axis_that_it_fed(line):
 def test_a_fault_of_the_node_hits_it_once_and_one_of_an_axis_hits_the_axis(line):
     cable = line.farm.injections.inject({"kind": "link-down", "on": ["cu.*", "cu"], "for": "10ms"}, line.world.now)
     assert list(cable.runs) == ["cu"]
-    fault = line.farm.injections.inject(
-        {"kind": "drive-fault", "on": ["cu"], "params": {"fault": 417}}, line.world.now
-    )
+    fault = line.farm.injections.inject({"kind": "drive-fault", "on": ["cu"], "params": {"fault": 417}}, line.world.now)
     assert list(fault.runs) == ["cu.x", "cu.y", "cu.z"]
-    own = line.farm.injections.inject(
-        {"kind": "drive-fault", "on": ["cu.x"], "params": {"fault": 417}}, line.world.now
-    )
+    own = line.farm.injections.inject({"kind": "drive-fault", "on": ["cu.x"], "params": {"fault": 417}}, line.world.now)
     assert list(own.runs) == ["cu.x"]
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pnfarm.cli.farm_file import counted
 from pnfarm.errors import ConfigError
 from pnfarm.terminal.output import print_line
 from pnfarm.terminal.working import working
@@ -77,16 +78,11 @@ def importing(
         raise ConfigError(f"{output} is there already: give --force to replace it, or another name") from None
     except OSError as exc:
         raise ConfigError(f"{output} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
-    counts = (f"{len(found)} {what}{'' if len(found) == 1 else 's'}" for found, what in _counted(drives, others))
-    print_line(f"{output}: {', '.join(counts)} in comments")
+    print_line(f"{output}: {counted(len(drives), 'drive')}, {counted(len(others), 'other station')} in comments")
     if drives:
         print_line(f"next: pnfarm validate {output}")
     else:
         print_line("next: read its comments, choose a model (`pnfarm models`), and add `drives:`")
-
-
-def _counted(drives: Sequence[FoundDrive], others: Sequence[FoundStation]) -> tuple[tuple[Sequence[object], str], ...]:
-    return (drives, "drive"), (others, "other station")
 
 
 def _is_project(file: Path) -> bool:

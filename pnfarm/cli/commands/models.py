@@ -97,7 +97,6 @@ def _matches(row: dict[str, Any], glob: str) -> bool:
 
 
 def _print_parameters(rows: list[dict[str, Any]]) -> None:
-
     columns = (">PNU", "NAME", "TYPE", ">DEFAULT", "UNIT", "SCALE", "ACCESS", "EFFECT", "~SOURCE", "~NOTE")
     keys = ("pnu", "name", "type", "default", "unit", "scale", "access", "effect", "source", "note")
     print_table(columns, [tuple(row[key] for key in keys) for row in rows])
@@ -167,7 +166,6 @@ def _print(found: dict[str, Any]) -> None:
 
 
 def _print_telegrams(found: dict[str, Any]) -> None:
-
     print_line()
     if any(telegram["identifiers"] for telegram in found["telegrams"]):
         print_table(("TELEGRAM", "IDENTIFIERS", ">IN", ">OUT", "~SOURCE"), _identifier_rows(found))
@@ -235,10 +233,7 @@ def _module_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:
 
 def _sources(rows: list[dict[str, Any]], most: int = 4) -> list[str]:
     """The sources of many rows with their counts, the most frequent first."""
-    counts: dict[str, int] = {}
-    for row in rows:
-        counts[row["source"]] = counts.get(row["source"], 0) + 1
-    ranked = sorted(counts.items(), key=lambda item: -item[1])
+    ranked = Counter(row["source"] for row in rows).most_common()
     shown = [f"{source} ({count})" for source, count in ranked[:most]]
     return [*shown, f"and {len(ranked) - most} more"] if len(ranked) > most else shown
 

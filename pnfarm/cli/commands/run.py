@@ -171,7 +171,6 @@ def _variables(given: list[str]) -> dict[str, Any]:
 
 def _check_writable(path: Path) -> None:
     """Before a run of minutes, not after it.  Raises :class:`ConfigError`."""
-
     if path.is_dir() or not path.parent.is_dir():
         what = "is a folder" if path.is_dir() else f"is in {path.parent}, which is not a folder"
         raise ConfigError(f"{path} {what}; give the name of a file in a folder that exists")

@@ -81,7 +81,6 @@ def scan(
 
 def _wanted(names: Sequence[str]) -> list[str]:
     """The buses to search, each once."""
-
     known = registry.searches()
     for name in names:
         if name not in known:
@@ -90,7 +89,6 @@ def _wanted(names: Sequence[str]) -> list[str]:
 
 
 def _address(text: str) -> IPv4Address:
-
     try:
         return IPv4Address(text)
     except ValueError as exc:

@@ -194,13 +194,8 @@ def _overridden(context: typer.Context, config: FarmConfig) -> FarmConfig:
 
 def _secret(config: FarmConfig) -> dict[str, str]:
     """The file's keys of the API's tokens."""
-    section = config.api
-    given = (
-        {}
-        if section is None
-        else {"token": section.token, "token_file": section.token_file, "read_token": section.read_token}
-    )
-    return {key: value for key, value in given.items() if value is not None}
+    keys = ("token", "token_file", "read_token")
+    return {key: value for key in keys if (value := getattr(config.api, key, None)) is not None}
 
 
 def _bracketed(host: str) -> str:
@@ -249,7 +244,6 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
 @contextlib.contextmanager
 def _starting(drives: int) -> Iterator[None]:
     """Say that many drives take a while."""
-
     if drives < MANY_DRIVES:
         yield
         return

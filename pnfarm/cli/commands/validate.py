@@ -85,7 +85,6 @@ def schema(
     of: Annotated[SchemaOf, typer.Argument(metavar="farm|scenario", help="Kind of file.", show_default=False)],
 ) -> None:
     """Print the JSON Schema of the farm file or the scenario file, for editors."""
-
     if of is SchemaOf.SCENARIO:
         from pnfarm.scenario.definition.schema import scenario_schema
 
