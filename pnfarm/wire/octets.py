@@ -2,8 +2,7 @@
 
 The two classes under every codec.  A :class:`Reader` never reads beyond its window and raises
 :class:`~pnfarm.errors.DecodeError` (reason ``short``) instead; it only moves forward, so that no
-parser built on it can loop over the same byte.  Numbers are big-endian (network order) unless it is
-``little``, or their name ends in ``le``.
+parser built on it can loop over the same byte.  Numbers are big-endian (network order) unless it is ``little``.
 """
 
 from __future__ import annotations
@@ -73,15 +72,6 @@ class Reader:
     def i32(self) -> int:
         return int.from_bytes(self._data[(p := self._take(4)) : p + 4], self._order, signed=True)
 
-    def u16le(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(2)) : p + 2], "little")
-
-    def u32le(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(4)) : p + 4], "little")
-
-    def u64le(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(8)) : p + 8], "little")
-
     def f32(self) -> float:
         (value,) = struct.unpack(">f", self._data[(p := self._take(4)) : p + 4])
         return float(value)
@@ -133,11 +123,9 @@ class Writer:
     def __len__(self) -> int:
         return len(self._buf)
 
-    def _put(
-        self, value: int, width: int, order: Literal["little", "big"] | None = None, signed: bool = False
-    ) -> Writer:
+    def _put(self, value: int, width: int, signed: bool = False) -> Writer:
         try:
-            self._buf += value.to_bytes(width, order or ("little" if self.little else "big"), signed=signed)
+            self._buf += value.to_bytes(width, "little" if self.little else "big", signed=signed)
         except OverflowError as exc:
             raise ValueError(f"{value} does not fit in {width} octets") from exc
         return self
@@ -159,15 +147,6 @@ class Writer:
 
     def i32(self, value: int) -> Writer:
         return self._put(value, 4, signed=True)
-
-    def u16le(self, value: int) -> Writer:
-        return self._put(value, 2, "little")
-
-    def u32le(self, value: int) -> Writer:
-        return self._put(value, 4, "little")
-
-    def u64le(self, value: int) -> Writer:
-        return self._put(value, 8, "little")
 
     def f32(self, value: float) -> Writer:
         self._buf += struct.pack(">f", value)

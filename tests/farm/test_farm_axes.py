@@ -67,8 +67,7 @@ class Line:
 
 @pytest.fixture
 def line():
-    made = Line().connected()
-    return made
+    return Line().connected()
 
 
 def test_one_connection_carries_every_axis_and_each_runs(line):

@@ -41,8 +41,8 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     template = channel.template
     data, header = pdu.data, None
     if template is not None and template.header:
-        r = Reader(data)
-        header, data = r.u32le(), r.rest()
+        r = Reader(data, little=True)
+        header, data = r.u32(), r.rest()
     if template is not None and len(data) != template.octets:
         yield from channel.limited("wrong length", f"{len(data)} octets, {template.octets} expected")
         return
