@@ -22,7 +22,7 @@ from pnfarm.buses.ethernetip.decode.shared import Asked
 from pnfarm.captures.packet import Description
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.status import GeneralStatus, Service, status_text
-from pnfarm.protocols.enip.wire.forward_open import parse_unconnected_send
+from pnfarm.protocols.enip.wire.forward_open import UnconnectedSend
 from pnfarm.protocols.enip.wire.message import (
     REPLY,
     MessageReply,
@@ -72,7 +72,7 @@ def message(
 def _request(request: MessageRequest, key: AskedKey, route: Route, shared: Shared) -> Iterator[Description]:
     place = place_of(request.path)
     if request.service == Service.UNCONNECTED_SEND and _of_manager(place):
-        sent = parse_unconnected_send(request.data)
+        sent = UnconnectedSend.parse(request.data)
         inner = parse_request(sent.message)
         shared.ask(key, _asked(inner, routed=True))
         text = f"by {path_text(sent.route)}" if sent.route else "to this device itself"
@@ -164,8 +164,8 @@ def _request_text(
 
 
 def _attribute_list(data: bytes) -> list[int]:
-    r = Reader(data)
-    return [r.u16le() for _ in range(r.u16le())]
+    r = Reader(data, little=True)
+    return [r.u16() for _ in range(r.u16())]
 
 
 # -- replies
@@ -240,8 +240,8 @@ def _learn(reply: MessageReply, place: Place | None, route: Route, shared: Share
         return
     if (place.class_id, place.instance) != (IDENTITY, 1) or len(reply.data) < 6:
         return
-    r = Reader(reply.data)
-    learn_identity(shared.stations, route.device_mac, r.u16le(), r.u16le(), r.u16le())
+    r = Reader(reply.data, little=True)
+    learn_identity(shared.stations, route.device_mac, r.u16(), r.u16(), r.u16())
 
 
 def _reply_text(reply: MessageReply, request: MessageRequest | None, place: Place | None, model: Model | None) -> str:
