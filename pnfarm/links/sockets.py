@@ -36,7 +36,7 @@ class SocketCarrier(Protocol):
         """Whether ARP requests for the addresses are answered here."""
 
     def set_user(self, user: SocketUser) -> None:
-        """Set who is told what arrives."""
+        """Set the receiver of what arrives."""
 
     def serve(self, port: int, services: Services) -> None:
         """Give the port its address and open what it listens to; what it had before is withdrawn.
@@ -45,10 +45,10 @@ class SocketCarrier(Protocol):
         """
 
     def withdraw(self, port: int) -> None:
-        """Take address and sockets away at once and in silence, as if the supply were gone: no peer is told."""
+        """Take address and sockets away at once and in silence, as if the supply were gone: the peers get no notice."""
 
     def connect(self, port: int, peer: Peer) -> int:
-        """Begin to open a stream from the port's address; it is told as opened, as closed, or never answered."""
+        """Begin to open a stream from the port's address; it is reported as opened, as closed, or never answered."""
 
     def refuse(self, port: int, *, refused: bool) -> None:
         """Refuse every further stream of a port that serves, or take them again; those that are open stay."""

@@ -78,7 +78,7 @@ class Clock(Schema):
     kind: Literal["farm", "hub"]
     farm: str
     pnfarm: str = Field(description="Version.")
-    instance: str = Field(description="Another one in each run: then event numbers and the farm's clock begin anew.")
+    instance: str = Field(description="Another one in each run: then event numbers and the farm's clock restart.")
     farm_seconds: float = Field(description="The farm's clock.")
     wall_seconds: float = Field(description="Seconds since the epoch, by this machine's clock.")
     newest_event: int = Field(description="Sequence number of the newest entry of the event log.")

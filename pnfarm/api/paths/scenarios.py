@@ -192,7 +192,7 @@ def add_scenarios(path: Paths, scenarios: KeptScenarios, now: Callable[[], int])
         scenario_id: str,
         cases_from: Annotated[
             int | None,
-            Query(ge=0, description="Only how far it is, and the cases that ended, but for so many of the first."),
+            Query(ge=0, description="Only its progress, and the ended cases after this many."),
         ] = None,
     ) -> Json:
         """One scenario: verdict, cases, timeline; while it runs, what there is so far."""

@@ -52,7 +52,7 @@ def importing(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace FARM if it is there.")] = False,
 ) -> None:
-    """Make a farm file of a capture or a TIA project's CAx data: what no model stands for is listed in comments."""
+    """Make a farm file from a capture or a TIA project's CAx data; devices without a model are listed in comments."""
     from pnfarm.farm.file.found import farm_name, write_farm
 
     folder = Path.cwd() if output is None else output.resolve().parent
@@ -106,7 +106,7 @@ def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[F
     except OSError as exc:
         raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
     except NotCaexError as exc:
-        raise ConfigError(f"{file} is no CAx data: {exc}") from exc
+        raise ConfigError(f"{file} is not CAx data: {exc}") from exc
     found = [
         one
         for bus in registry.BUSES.values()

@@ -36,7 +36,5 @@ KIND = InjectionKind(
     takes=EACH,
     place=20,
     wire="Requests for a connection are answered with an error code.",
-    reports=(
-        "The device stays failed; the diagnosis shows the connection as refused. A controller asks again and again."
-    ),
+    reports=("The device stays failed; the diagnosis shows the connection as refused. A controller tries repeatedly."),
 )

@@ -25,5 +25,5 @@ KIND = InjectionKind(
     takes=HELD,
     place=120,
     wire="The input's bits in the drive's words and parameters, as far as its telegram has them.",
-    reports="Nothing by the bus.",
+    reports="The bus reports nothing.",
 )

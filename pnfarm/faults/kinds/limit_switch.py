@@ -32,6 +32,6 @@ KIND = InjectionKind(
     takes=HELD,
     place=80,
     wire="The words and warnings that the drive's manual has for the switch; the velocity falls to 0.",
-    reports="Nothing by the bus: the program sees the drive's words. S7-1500: a positioning axis that watches its "
+    reports="The bus reports nothing: the program sees the drive's words. S7-1500: a positioning axis that watches its "
     "following error stops with technology alarm 521.",
 )

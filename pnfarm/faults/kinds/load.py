@@ -34,6 +34,6 @@ KIND = InjectionKind(
     takes=HELD,
     place=90,
     wire="Current and velocity change as far as the telegram has them.",
-    reports="Nothing by the bus. A positioning axis that watches its following error may stop (S7-1500: technology "
+    reports="The bus reports nothing. A positioning axis that watches its following error may stop (S7-1500: "
     "alarm 521).",
 )

@@ -36,5 +36,5 @@ KIND = InjectionKind(
     takes=HELD,
     place=110,
     wire="ZSW1.6 (switching on inhibited) is set, ZSW1.0 to 1.2 fall.",
-    reports="Nothing by the bus: the PLC program sees it in ZSW1.",
+    reports="The bus reports nothing: the PLC program sees it in ZSW1.",
 )

@@ -41,6 +41,6 @@ KIND = InjectionKind(
     takes=HELD,
     place=105,
     wire="The actual velocity (NIST_A, NIST_B) reaches the set point later; so do ZSW1.8 and ZSW1.10.",
-    reports="Nothing by the bus. A program that waits for ZSW1.10 or a position waits longer. A technology object that "
-    "makes the ramps itself and watches the following error stops the axis (S7-1500: technology alarm 521).",
+    reports="The bus reports nothing. A program that waits for ZSW1.10 or a position waits longer. A technology object "
+    "that makes the ramps and watches its following error stops the axis (S7-1500: technology alarm 521).",
 )

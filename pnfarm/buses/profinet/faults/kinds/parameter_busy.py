@@ -27,5 +27,5 @@ KIND = InjectionKind(
     takes=EACH,
     place=20,
     wire="Reads of the parameter response are answered with the PNIO status of a state conflict (B5).",
-    reports="Nothing by the bus: the program reads again until its job times out.",
+    reports="The bus reports nothing: the program reads again until its job times out.",
 )
