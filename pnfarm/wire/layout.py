@@ -38,7 +38,7 @@ from typing import (
     dataclass_transform,
     get_args,
     get_origin,
-)  # fmt: skip
+)
 from uuid import UUID
 
 from pnfarm.wire.octets import Reader, Writer
@@ -48,10 +48,35 @@ if TYPE_CHECKING:
     from dataclasses import Field
 
 __all__ = [
-    "Align", "Codec", "Count", "Fixed", "Int16", "Int32", "Ip", "Length", "List8", "List16", "ListOfRest", "Mac",
-    "Octets8", "Octets16", "Outside", "Pad", "Rest", "RestBut", "Structure", "UInt8", "UInt16", "UInt32", "UInt64",
-    "Uuid", "When", "converted", "octets", "padded",
-]  # fmt: skip
+    "Align",
+    "Codec",
+    "Count",
+    "Fixed",
+    "Int16",
+    "Int32",
+    "Ip",
+    "Length",
+    "List8",
+    "List16",
+    "ListOfRest",
+    "Mac",
+    "Octets8",
+    "Octets16",
+    "Outside",
+    "Pad",
+    "Rest",
+    "RestBut",
+    "Structure",
+    "UInt8",
+    "UInt16",
+    "UInt32",
+    "UInt64",
+    "Uuid",
+    "When",
+    "converted",
+    "octets",
+    "padded",
+]
 
 T = TypeVar("T")
 _Values: TypeAlias = "dict[str, Any]"

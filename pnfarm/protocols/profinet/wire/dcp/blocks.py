@@ -23,17 +23,45 @@ from pnfarm.wire.layout import (
     UInt8,
     UInt16,
     converted,
-)  # fmt: skip
+)
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "IP_CONFLICT", "IP_NOT_SET", "IP_SET", "IP_SET_BY_DHCP", "PERMANENT", "SIGNAL_FLASH_ONCE", "AliasBlock",
-    "AllSelectorBlock", "Block", "BlockError", "DeviceIdBlock", "DeviceInitiativeBlock", "DeviceInstanceBlock",
-    "DeviceOptionsBlock", "DeviceRoleBlock", "DhcpBlock", "FactoryResetBlock", "FullIpSuiteBlock", "IpParameterBlock",
-    "MacBlock", "NameBlock", "OemDeviceIdBlock", "OptionId", "ResetMode", "ResetToFactoryBlock", "ResponseBlock",
-    "RsiPropertiesBlock", "SignalBlock", "StandardGatewayBlock", "StartBlock", "StationTypeBlock", "StopBlock",
-    "UnknownBlock", "shape_block",
-]  # fmt: skip
+    "IP_CONFLICT",
+    "IP_NOT_SET",
+    "IP_SET",
+    "IP_SET_BY_DHCP",
+    "PERMANENT",
+    "SIGNAL_FLASH_ONCE",
+    "AliasBlock",
+    "AllSelectorBlock",
+    "Block",
+    "BlockError",
+    "DeviceIdBlock",
+    "DeviceInitiativeBlock",
+    "DeviceInstanceBlock",
+    "DeviceOptionsBlock",
+    "DeviceRoleBlock",
+    "DhcpBlock",
+    "FactoryResetBlock",
+    "FullIpSuiteBlock",
+    "IpParameterBlock",
+    "MacBlock",
+    "NameBlock",
+    "OemDeviceIdBlock",
+    "OptionId",
+    "ResetMode",
+    "ResetToFactoryBlock",
+    "ResponseBlock",
+    "RsiPropertiesBlock",
+    "SignalBlock",
+    "StandardGatewayBlock",
+    "StartBlock",
+    "StationTypeBlock",
+    "StopBlock",
+    "UnknownBlock",
+    "shape_block",
+]
 
 OPTION_IP = 0x01
 OPTION_DEVICE = 0x02

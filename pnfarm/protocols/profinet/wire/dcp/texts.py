@@ -12,6 +12,7 @@ from pnfarm.protocols.profinet.wire.dcp.blocks import (
     BlockError,
     OptionId,
 )
+from pnfarm.wire.code import words_of
 
 __all__ = ["describe_block_error", "describe_option"]
 
@@ -54,4 +55,4 @@ def describe_option(option_id: OptionId) -> str:
 
 def describe_block_error(error: int) -> str:
     """The text of a BlockError, its number where there is none."""
-    return BlockError.words_of(error, f"error {error}") if error else "error 0"
+    return words_of(BlockError, error, f"error {error}") if error else "error 0"

@@ -21,13 +21,25 @@ from pnfarm.wire.layout import (
     Uuid,
     converted,
     padded,
-)  # fmt: skip
+)
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "IM_TEXT_SIZES", "ApiData", "ArData", "ArDataEntry", "ArDataIocr", "IdentificationApi", "IdentificationData",
-    "IdentificationSlot", "Im0", "ImText", "RecordInputData", "RecordOutputData", "SubstituteValue", "SubstitutionMode",
-]  # fmt: skip
+    "IM_TEXT_SIZES",
+    "ApiData",
+    "ArData",
+    "ArDataEntry",
+    "ArDataIocr",
+    "IdentificationApi",
+    "IdentificationData",
+    "IdentificationSlot",
+    "Im0",
+    "ImText",
+    "RecordInputData",
+    "RecordOutputData",
+    "SubstituteValue",
+    "SubstitutionMode",
+]
 
 _FILTER_TYPES = (
     BlockType.IM0_FILTER_DATA_SUBMODULE,
