@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar
 
 from pnfarm.protocols.profinet.wire.block import VERSION_1_0, VERSION_1_1, Block, BlockType
 from pnfarm.wire.code import Code
-from pnfarm.wire.layout import Codec, Outside, Pad, Rest, Structure, UInt16, UInt32, When, converted
+from pnfarm.wire.layout import Codec, Fixed, Outside, Pad, Rest, Structure, UInt16, UInt32, When
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
@@ -117,7 +117,7 @@ class ChannelProperties:
         )
 
 
-_Properties = Annotated[ChannelProperties, converted("H", ChannelProperties.from_int)]
+_Properties = Annotated[ChannelProperties, Fixed("H", ChannelProperties.from_int, int)]
 
 
 class ChannelDiagnosis(Structure):
