@@ -264,7 +264,7 @@ class GlobalControl(Sized, sizes=range(2, 3), text="Global_Control of {} octets"
 # -- Set_Slave_Add (8.3.8) --------------------------------------------------------------------------------------------
 
 
-class SetAddress(Sized, sizes=range(4, 256), text="Set_Slave_Add of {} octets", reason="short"):
+class SetAddress(Sized, sizes=range(4, 1 << 16), text="Set_Slave_Add of {} octets", reason="short"):
     """``locks``: no other change of the address afterwards (No_Add_Chg)."""
 
     address: UInt8

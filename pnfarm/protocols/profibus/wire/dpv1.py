@@ -195,7 +195,11 @@ def parse_initiate(data: bytes) -> Initiate:
 
 
 class InitiateAnswer(
-    Sized, function=Function.INITIATE, sizes=range(8, 256), text="{} octets are no answer to Initiate", reason="short"
+    Sized,
+    function=Function.INITIATE,
+    sizes=range(8, 1 << 16),
+    text="{} octets are no answer to Initiate",
+    reason="short",
 ):
     """``longest``: octets of user data of one PDU (Max_Len_Data_Unit)."""
 
@@ -206,7 +210,7 @@ class InitiateAnswer(
     tail: Rest = b"\x00\x02\x00\x02\x00\x00\x00\x00"
 
 
-class Abort(Sized, function=Function.ABORT, sizes=range(3, 256), text="{} octets are no Abort", reason="short"):
+class Abort(Sized, function=Function.ABORT, sizes=range(3, 1 << 16), text="{} octets are no Abort", reason="short"):
     """A connection ends; ``reason``: instance and code."""
 
     subnet: UInt8
