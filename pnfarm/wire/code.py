@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Self
 
-__all__ = ["Code"]
+__all__ = ["Code", "words_of"]
 
 
 class Code(IntEnum):
@@ -19,11 +19,6 @@ class Code(IntEnum):
         code.text = text
         return code
 
-    @property
-    def words(self) -> str:
-        """The text, or the name in lower case."""
-        return self.text or self.name.lower().replace("_", " ")
-
     @classmethod
     def find(cls, value: int) -> Self | None:
         """The member of this number, if there is one."""
@@ -31,7 +26,13 @@ class Code(IntEnum):
         return found if isinstance(found, cls) else None
 
     @classmethod
-    def words_of(cls, value: int, otherwise: str) -> str:
-        """Words for any number."""
+    def text_of(cls, value: int) -> str:
+        """The text of any number, empty where there is none."""
         found = cls.find(value)
-        return otherwise if found is None else found.words
+        return "" if found is None else found.text
+
+
+def words_of(kind: type[IntEnum], value: int, otherwise: str) -> str:
+    """A number in words: its text, or its name in lower case; ``otherwise`` for one without a name."""
+    found = kind._value2member_map_.get(value)
+    return otherwise if found is None else getattr(found, "text", "") or found.name.lower().replace("_", " ")

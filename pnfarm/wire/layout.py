@@ -38,7 +38,7 @@ from typing import (
     dataclass_transform,
     get_args,
     get_origin,
-)  # fmt: skip
+)
 from uuid import UUID
 
 from pnfarm.wire.octets import Reader, Writer
@@ -48,10 +48,32 @@ if TYPE_CHECKING:
     from dataclasses import Field
 
 __all__ = [
-    "Align", "Codec", "Count", "Fixed", "Int16", "Int32", "Ip", "Length", "List8", "List16", "ListOfRest", "Mac",
-    "Octets8", "Octets16", "Outside", "Pad", "Rest", "RestBut", "Structure", "UInt8", "UInt16", "UInt32", "UInt64",
-    "Uuid", "When", "converted", "octets", "padded",
-]  # fmt: skip
+    "Align",
+    "Codec",
+    "Count",
+    "Fixed",
+    "Ip",
+    "Length",
+    "List8",
+    "List16",
+    "ListOfRest",
+    "Mac",
+    "Octets8",
+    "Octets16",
+    "Outside",
+    "Pad",
+    "Rest",
+    "RestBut",
+    "Structure",
+    "UInt8",
+    "UInt16",
+    "UInt32",
+    "UInt64",
+    "Uuid",
+    "When",
+    "octets",
+    "padded",
+]
 
 T = TypeVar("T")
 _Values: TypeAlias = "dict[str, Any]"
@@ -79,9 +101,6 @@ class Fixed:
     form: str
     load: Callable[..., Any] | None = None
     store: Callable[[Any], Any] | None = None
-    #: The same of little-endian octets.
-    load_little: Callable[..., Any] | None = None
-    store_little: Callable[[Any], Any] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,10 +250,9 @@ class _Run:
         self.plain = True
 
     def add(self, name: str, fixed: Fixed, pad: int) -> None:
-        little = self.layout.format[0] == "<"
-        form = self.layout.format[1:]
+        little, form = self.layout.format[0] == "<", self.layout.format[1:]
         begin, count = _values_in(form), _values_in(fixed.form)
-        load, store = (fixed.load_little, fixed.store_little) if little else (fixed.load, fixed.store)
+        load, store = fixed.load, fixed.store
         self.layout = _struct(form + (f"{pad}x" if pad else "") + fixed.form, little)
         self.names += (name,)
         self.parts.append((name, begin if count == 1 else slice(begin, begin + count), load, store))
@@ -369,6 +387,8 @@ def _codec(kind: Any, little: bool) -> tuple[Fixed | Codec, list[Any]]:
     for mark in marks:
         if isinstance(mark, Fixed | Codec):
             return mark, marks
+        if mark is _UUIDS:
+            return _UUIDS[little], marks
         if isinstance(mark, Count):
             item = _codec(get_args(kind)[0], little)[0]
             items = _FixedItems(mark, item, little) if isinstance(item, Fixed) else _Items(mark, item)
@@ -413,7 +433,7 @@ class _Plan:
                 return raw if many else raw[0]
 
             stored = attrgetter(*run.names) if run.plain else store
-            self.fixed = Fixed(run.layout.format[1:], load, stored, load, stored)
+            self.fixed = Fixed(run.layout.format[1:], load, stored)
 
     def _add(self, one: Field[Any], little: bool) -> None:
         if _Outside in get_args(one.type):
@@ -508,7 +528,7 @@ def octets(count: int) -> Fixed:
             raise ValueError(f"{len(value)} octets where {count} are expected")
         return value
 
-    return Fixed(f"{count}s", store=store, store_little=store)
+    return Fixed(f"{count}s", None, store)
 
 
 def padded(count: int, fill: bytes = b" ") -> Fixed:
@@ -517,12 +537,7 @@ def padded(count: int, fill: bytes = b" ") -> Fixed:
     def store(value: bytes) -> bytes:
         return value.ljust(count, fill)[:count]
 
-    return Fixed(f"{count}s", store=store, store_little=store)
-
-
-def converted(form: str, load: Callable[..., Any], store: Callable[[Any], Any] = int) -> Fixed:
-    """One number, or several, that stands for something else, in either byte order."""
-    return Fixed(form, load, store, load, store)
+    return Fixed(f"{count}s", None, store)
 
 
 def _mac_octets(value: bytes) -> bytes:
@@ -531,19 +546,20 @@ def _mac_octets(value: bytes) -> bytes:
     return value
 
 
-_big_uuid = lru_cache(4096)(lambda value: UUID(bytes=value))
-_little_uuid = lru_cache(4096)(lambda value: UUID(bytes_le=value))
+#: By byte order: a UUID has numbers in it.
+_UUIDS = (
+    Fixed("16s", lru_cache(4096)(lambda value: UUID(bytes=value)), attrgetter("bytes")),
+    Fixed("16s", lru_cache(4096)(lambda value: UUID(bytes_le=value)), attrgetter("bytes_le")),
+)
 
 UInt8: TypeAlias = Annotated[int, Fixed("B")]
 UInt16: TypeAlias = Annotated[int, Fixed("H")]
 UInt32: TypeAlias = Annotated[int, Fixed("I")]
 UInt64: TypeAlias = Annotated[int, Fixed("Q")]
-Int16: TypeAlias = Annotated[int, Fixed("h")]
-Int32: TypeAlias = Annotated[int, Fixed("i")]
-Mac: TypeAlias = Annotated[bytes, Fixed("6s", None, _mac_octets, None, _mac_octets)]
+Mac: TypeAlias = Annotated[bytes, Fixed("6s", None, _mac_octets)]
 #: Addresses of one network come again and again.
-Ip: TypeAlias = Annotated[IPv4Address, converted("I", lru_cache(4096)(IPv4Address))]
-Uuid: TypeAlias = Annotated[UUID, Fixed("16s", _big_uuid, attrgetter("bytes"), _little_uuid, attrgetter("bytes_le"))]
+Ip: TypeAlias = Annotated[IPv4Address, Fixed("I", lru_cache(4096)(IPv4Address), int)]
+Uuid: TypeAlias = Annotated[UUID, _UUIDS]
 #: Octets behind their number, and all octets up to the end.
 Octets8: TypeAlias = Annotated[bytes, Length("B")]
 Octets16: TypeAlias = Annotated[bytes, Length("H")]

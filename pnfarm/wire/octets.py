@@ -63,15 +63,6 @@ class Reader:
     def u32(self) -> int:
         return int.from_bytes(self._data[(p := self._take(4)) : p + 4], self._order)
 
-    def u64(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(8)) : p + 8], self._order)
-
-    def i16(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(2)) : p + 2], self._order, signed=True)
-
-    def i32(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(4)) : p + 4], self._order, signed=True)
-
     def f32(self) -> float:
         (value,) = struct.unpack(">f", self._data[(p := self._take(4)) : p + 4])
         return float(value)
@@ -123,9 +114,9 @@ class Writer:
     def __len__(self) -> int:
         return len(self._buf)
 
-    def _put(self, value: int, width: int, signed: bool = False) -> Writer:
+    def _put(self, value: int, width: int) -> Writer:
         try:
-            self._buf += value.to_bytes(width, "little" if self.little else "big", signed=signed)
+            self._buf += value.to_bytes(width, "little" if self.little else "big")
         except OverflowError as exc:
             raise ValueError(f"{value} does not fit in {width} octets") from exc
         return self
@@ -138,15 +129,6 @@ class Writer:
 
     def u32(self, value: int) -> Writer:
         return self._put(value, 4)
-
-    def u64(self, value: int) -> Writer:
-        return self._put(value, 8)
-
-    def i16(self, value: int) -> Writer:
-        return self._put(value, 2, signed=True)
-
-    def i32(self, value: int) -> Writer:
-        return self._put(value, 4, signed=True)
 
     def f32(self, value: float) -> Writer:
         self._buf += struct.pack(">f", value)
@@ -166,13 +148,6 @@ class Writer:
     def align(self, width: int) -> Writer:
         """Pad with zeros to the next multiple of ``width`` from this writer's start."""
         return self.zeros(-len(self._buf) % width)
-
-    def patch_u16(self, position: int, value: int) -> Writer:
-        """Overwrite two octets already written (a length that is known only at the end)."""
-        if not 0 <= position <= len(self._buf) - 2:
-            raise ValueError(f"position {position} lies outside of {len(self._buf)} octets")
-        self._buf[position : position + 2] = value.to_bytes(2, "big")
-        return self
 
     def getvalue(self) -> builtins.bytes:
         return builtins.bytes(self._buf)

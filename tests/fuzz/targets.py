@@ -179,9 +179,11 @@ def _calls(function):
         "bytes": lambda data: data,
         "bytes | bytearray | memoryview": lambda data: data,
         "Reader": Reader,
+        "RawBlock": lambda data: _raw_block(int.from_bytes(data[:2], "big"), data[2:]),
     }
-    if str(first.annotation) in kinds:
-        shapes = [("", kinds[str(first.annotation)])]
+    wanted = getattr(first.annotation, "__name__", str(first.annotation))
+    if wanted in kinds:
+        shapes = [("", kinds[wanted])]
     else:
         raise TypeError(f"{function.__module__}.{function.__name__} takes {first.annotation}: say how to feed it")
     options = [("", {})]

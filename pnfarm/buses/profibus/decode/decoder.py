@@ -27,7 +27,7 @@ from pnfarm.captures.decoder import LineDecoder
 from pnfarm.captures.packet import Description, Packet
 from pnfarm.captures.stations import Bounded
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profibus.wire.dp import parse_diagnosis, parse_global_control, parse_parameters, parse_set_address
+from pnfarm.protocols.profibus.wire.dp import Diagnosis, GlobalControl, Parameters, SetAddress
 from pnfarm.protocols.profibus.wire.telegram import (
     BROADCAST,
     FCB,
@@ -268,7 +268,7 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
     def _command(self, telegram: Telegram, service: str) -> Iterator[Description]:
         """A request that gets no answer, or one of a function that slaves lack."""
         if service == "Global_Control":
-            control = parse_global_control(telegram.data)
+            control = GlobalControl.parse(telegram.data)
             yield from limited(self._told, f"{service} {int(control.command)}", control_text(control))
         elif telegram.dsap is not None:
             yield from limited(self._told, f"{service}.req", telegram.data.hex(" "))
@@ -279,7 +279,7 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
         data, text = telegram.data, ""
         match telegram.dsap:
             case Sap.SET_PARAMETERS:
-                parameters = parse_parameters(data)
+                parameters = Parameters.parse(data)
                 text = parameters_text(parameters)
                 slave.watchdog_ns = parameters.watchdog_ns()
                 if self.shared.observed is not None and is_set_up(parameters):
@@ -297,7 +297,7 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
                     self.shared.observed.configured(telegram.destination, data)
                 text = configuration_text(data, slave.model)
             case Sap.SET_SLAVE_ADDRESS:
-                text = address_text(parse_set_address(data))
+                text = address_text(SetAddress.parse(data))
             case _:
                 text = data.hex(" ")
         yield from limited(slave.told, f"{service}.req", text)
@@ -353,7 +353,7 @@ class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
             self.shared.observed.answered(asked.telegram.destination)
 
     def _diagnosis(self, telegram: Telegram, slave: _Slave) -> Iterator[Description]:
-        diagnosis = parse_diagnosis(telegram.data)
+        diagnosis = Diagnosis.parse(telegram.data)
         if self.shared.observed is not None:
             self.shared.observed.diagnosed(telegram.source, diagnosis)
         if slave.model is None:

@@ -15,10 +15,23 @@ from pnfarm.wire.layout import Codec, Ip, Outside, Rest, Structure, UInt16, UInt
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "AF_INET", "ANY_ADDRESS", "CommonPacket", "ConnectedAddress", "ConnectedData", "IdentityItem", "Item", "ItemType",
-    "NullAddress", "SequencedAddress", "ServiceItem", "SocketAddress", "UnconnectedData", "UnknownItem", "emit_items",
+    "AF_INET",
+    "ANY_ADDRESS",
+    "CommonPacket",
+    "ConnectedAddress",
+    "ConnectedData",
+    "IdentityItem",
+    "Item",
+    "ItemType",
+    "NullAddress",
+    "SequencedAddress",
+    "ServiceItem",
+    "SocketAddress",
+    "UnconnectedData",
+    "UnknownItem",
+    "emit_items",
     "parse_items",
-]  # fmt: skip
+]
 
 AF_INET: Final = 2
 ANY_ADDRESS: Final = IPv4Address(0)

@@ -5,7 +5,7 @@ from operator import attrgetter
 from typing import Annotated, Final
 
 from pnfarm.protocols.enip.wire.item import Item, ItemType
-from pnfarm.wire.layout import Octets8, Pad, UInt8, UInt16, UInt32, converted
+from pnfarm.wire.layout import Fixed, Octets8, Pad, UInt8, UInt16, UInt32
 from pnfarm.wire.octets import Writer
 
 __all__ = ["CIP_OVER_TCP", "CIP_OVER_UDP", "COMMUNICATIONS", "IdentityItem", "ServiceItem"]
@@ -17,7 +17,7 @@ COMMUNICATIONS: Final = b"Communications\0\0"
 
 #: Parts of a socket address are in network order.
 _NETWORK_U16 = Annotated[
-    int, converted("2s", lambda octets: int.from_bytes(octets, "big"), lambda value: Writer().u16(value).getvalue())
+    int, Fixed("2s", lambda octets: int.from_bytes(octets, "big"), lambda value: Writer().u16(value).getvalue())
 ]
 
 
@@ -32,7 +32,7 @@ class IdentityItem(
     ``name`` are octets, at most 255 (ISO 8859-1).
     """
 
-    address: Annotated[IPv4Address, converted("4s", IPv4Address, attrgetter("packed"))]
+    address: Annotated[IPv4Address, Fixed("4s", IPv4Address, attrgetter("packed"))]
     vendor_id: Annotated[UInt16, Pad(8)]
     device_type: UInt16
     product_code: UInt16
@@ -57,4 +57,4 @@ class ServiceItem(Item, types=(ItemType.SERVICES,), wire="version capabilities n
 
     capabilities: UInt16 = CIP_OVER_TCP | CIP_OVER_UDP
     version: UInt16 = 1
-    name: Annotated[bytes, converted("16s", bytes, _service_name)] = COMMUNICATIONS
+    name: Annotated[bytes, Fixed("16s", bytes, _service_name)] = COMMUNICATIONS

@@ -10,7 +10,7 @@ from typing import Annotated, Final
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.wire.epath import Segment, emit_epath
-from pnfarm.wire.layout import Length, List8, Rest, Structure, UInt8, UInt16, converted
+from pnfarm.wire.layout import Fixed, Length, List8, Rest, Structure, UInt8, UInt16
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
@@ -39,7 +39,7 @@ class MessageRequest(Structure, little=True):
 class MessageReply(Structure, little=True):
     """``service`` is the request's, without bit 7; ``extended`` are the words behind the general status."""
 
-    service: Annotated[int, converted("Bx", lambda octet: octet & ~REPLY, lambda service: service | REPLY)]
+    service: Annotated[int, Fixed("Bx", lambda octet: octet & ~REPLY, lambda service: service | REPLY)]
     status: UInt8 = 0
     extended: List8[UInt16] = ()
     data: Rest = b""

@@ -16,9 +16,18 @@ from pnfarm.wire.layout import Align, Codec, Rest, Structure, UInt16
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "ALIGNED", "BLOCK_HEADER_SIZE", "RESPONSE", "VERSION_1_0", "VERSION_1_1", "Block", "BlockType", "Blocks",
-    "RawBlock", "expect_padding", "split_blocks",
-]  # fmt: skip
+    "ALIGNED",
+    "BLOCK_HEADER_SIZE",
+    "RESPONSE",
+    "VERSION_1_0",
+    "VERSION_1_1",
+    "Block",
+    "BlockType",
+    "Blocks",
+    "RawBlock",
+    "expect_padding",
+    "split_blocks",
+]
 
 BLOCK_HEADER_SIZE = 6
 #: BlockVersionHigh << 8 | BlockVersionLow.

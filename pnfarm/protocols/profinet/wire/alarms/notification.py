@@ -13,15 +13,31 @@ from typing import Annotated, Any, Self
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.block import VERSION_1_0, Block, RawBlock
 from pnfarm.protocols.profinet.wire.rpc.pdu import OK, PnioStatus
-from pnfarm.wire.code import Code
+from pnfarm.wire.code import Code, words_of
 from pnfarm.wire.layout import Codec, Outside, UInt16, UInt32
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "ALARM_ACK_HIGH", "ALARM_ACK_LOW", "ALARM_NOTIFICATION_HIGH", "ALARM_NOTIFICATION_LOW", "SEQUENCE_MASK", "AlarmAck",
-    "AlarmItem", "AlarmNotification", "AlarmSpecifier", "AlarmType", "Usi", "acknowledge", "alarm_type_text",
-    "describe_alarm", "describe_item", "describe_place", "emit_alarm_items", "parse_alarm", "parse_alarm_items",
-]  # fmt: skip
+    "ALARM_ACK_HIGH",
+    "ALARM_ACK_LOW",
+    "ALARM_NOTIFICATION_HIGH",
+    "ALARM_NOTIFICATION_LOW",
+    "SEQUENCE_MASK",
+    "AlarmAck",
+    "AlarmItem",
+    "AlarmNotification",
+    "AlarmSpecifier",
+    "AlarmType",
+    "Usi",
+    "acknowledge",
+    "alarm_type_text",
+    "describe_alarm",
+    "describe_item",
+    "describe_place",
+    "emit_alarm_items",
+    "parse_alarm",
+    "parse_alarm_items",
+]
 
 # BlockType
 ALARM_NOTIFICATION_HIGH = 0x0001
@@ -239,8 +255,8 @@ def parse_alarm(data: bytes) -> AlarmNotification | AlarmAck:
 
 def alarm_type_text(alarm_type: int) -> str:
     """E.g. ``diagnosis appears``; unknown ones by their number."""
-    if (known := AlarmType.find(alarm_type)) is not None:
-        return known.text
+    if known := AlarmType.text_of(alarm_type):
+        return known
     if alarm_type in _MANUFACTURER_TYPES:
         return f"manufacturer's alarm 0x{alarm_type:04X}"
     if alarm_type in _PROFILE_TYPES:
@@ -251,7 +267,7 @@ def alarm_type_text(alarm_type: int) -> str:
 def describe_item(item: AlarmItem) -> str:
     """E.g. ``ext channel diagnosis 0004 2801 0001 0000 0000 0000``."""
     octets = item.data.hex(" ", 2).upper()
-    return f"{Usi.words_of(item.usi, f'USI 0x{item.usi:04X}')} {octets}".rstrip()
+    return f"{words_of(Usi, item.usi, f'USI 0x{item.usi:04X}')} {octets}".rstrip()
 
 
 def describe_place(alarm: AlarmNotification | AlarmAck) -> str:

@@ -16,9 +16,21 @@ from pnfarm.wire.layout import Octets16, Structure, UInt8, UInt16
 from pnfarm.wire.octets import Reader
 
 __all__ = [
-    "FIRST_ACK", "FIRST_SEND", "RTA_VERSION", "TACK", "WINDOW_SIZE", "RtaErrorPdu", "RtaPdu", "RtaType", "error_of",
-    "error_pdu", "next_sequence", "parse_rta", "parse_rta_error", "rta_error",
-]  # fmt: skip
+    "FIRST_ACK",
+    "FIRST_SEND",
+    "RTA_VERSION",
+    "TACK",
+    "WINDOW_SIZE",
+    "RtaErrorPdu",
+    "RtaPdu",
+    "RtaType",
+    "error_of",
+    "error_pdu",
+    "next_sequence",
+    "parse_rta",
+    "parse_rta_error",
+    "rta_error",
+]
 
 
 class RtaType(IntEnum):

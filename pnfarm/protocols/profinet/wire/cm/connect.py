@@ -7,11 +7,26 @@ from pnfarm.protocols.profinet.wire.block import VERSION_1_0, Block, BlockType
 from pnfarm.wire.layout import Mac, Octets16, Outside, Rest, UInt16, UInt32, Uuid
 
 __all__ = [
-    "ALARM_TAG_HEADER_HIGH", "ALARM_TAG_HEADER_LOW", "CM_INITIATOR_OBJECT_UUID_PREFIX", "STARTUP_ADVANCED",
-    "STARTUP_LEGACY", "AlarmCrBlockReq", "AlarmCrBlockRes", "ArBlockReq", "ArBlockRes", "ArProperties",
-    "ArRpcBlockReq", "ArRpcBlockRes", "ArServerBlock", "ArType", "ArVendorBlockReq", "ArVendorBlockRes", "McrBlockReq",
-    "PrmServerBlockReq", "PrmServerBlockRes",
-]  # fmt: skip
+    "ALARM_TAG_HEADER_HIGH",
+    "ALARM_TAG_HEADER_LOW",
+    "CM_INITIATOR_OBJECT_UUID_PREFIX",
+    "STARTUP_ADVANCED",
+    "STARTUP_LEGACY",
+    "AlarmCrBlockReq",
+    "AlarmCrBlockRes",
+    "ArBlockReq",
+    "ArBlockRes",
+    "ArProperties",
+    "ArRpcBlockReq",
+    "ArRpcBlockRes",
+    "ArServerBlock",
+    "ArType",
+    "ArVendorBlockReq",
+    "ArVendorBlockRes",
+    "McrBlockReq",
+    "PrmServerBlockReq",
+    "PrmServerBlockRes",
+]
 
 
 class ArType(IntEnum):

@@ -9,10 +9,22 @@ from pnfarm.protocols.profinet.wire.block import VERSION_1_0, Block, BlockType
 from pnfarm.wire.layout import Count, List16, Outside, Structure, UInt8, UInt16, UInt32
 
 __all__ = [
-    "ArInfo", "DataDescription", "DataDirection", "DiffApi", "DiffModule", "DiffSubmodule", "ExpectedApi",
-    "ExpectedSubmodule", "ExpectedSubmoduleBlockReq", "IdentInfo", "ModuleDiffBlock", "ModuleState",
-    "SubmoduleProperties", "SubmoduleType", "submodule_state",
-]  # fmt: skip
+    "ArInfo",
+    "DataDescription",
+    "DataDirection",
+    "DiffApi",
+    "DiffModule",
+    "DiffSubmodule",
+    "ExpectedApi",
+    "ExpectedSubmodule",
+    "ExpectedSubmoduleBlockReq",
+    "IdentInfo",
+    "ModuleDiffBlock",
+    "ModuleState",
+    "SubmoduleProperties",
+    "SubmoduleType",
+    "submodule_state",
+]
 
 
 class SubmoduleType(IntEnum):

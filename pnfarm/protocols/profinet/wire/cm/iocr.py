@@ -8,9 +8,18 @@ from pnfarm.wire.ethernet import ETHERTYPE_PROFINET
 from pnfarm.wire.layout import List16, Mac, Outside, Structure, UInt16, UInt32
 
 __all__ = [
-    "ETHERTYPE_PROFINET", "FRAME_ID_ASSIGN", "FRAME_SEND_OFFSET_ANY", "IOCR_TAG_HEADER", "MULTICAST_MAC_NONE",
-    "FrameSlot", "IocrApi", "IocrBlockReq", "IocrBlockRes", "IocrType", "RtClass",
-]  # fmt: skip
+    "ETHERTYPE_PROFINET",
+    "FRAME_ID_ASSIGN",
+    "FRAME_SEND_OFFSET_ANY",
+    "IOCR_TAG_HEADER",
+    "MULTICAST_MAC_NONE",
+    "FrameSlot",
+    "IocrApi",
+    "IocrBlockReq",
+    "IocrBlockRes",
+    "IocrType",
+    "RtClass",
+]
 
 #: FrameID of an output CR in a request: the device is to choose.
 FRAME_ID_ASSIGN = 0xFFFF

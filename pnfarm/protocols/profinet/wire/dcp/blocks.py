@@ -14,6 +14,7 @@ from pnfarm.wire.code import Code
 from pnfarm.wire.layout import (
     Codec,
     Count,
+    Fixed,
     Ip,
     ListOfRest,
     Mac,
@@ -22,18 +23,45 @@ from pnfarm.wire.layout import (
     Structure,
     UInt8,
     UInt16,
-    converted,
-)  # fmt: skip
+)
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "IP_CONFLICT", "IP_NOT_SET", "IP_SET", "IP_SET_BY_DHCP", "PERMANENT", "SIGNAL_FLASH_ONCE", "AliasBlock",
-    "AllSelectorBlock", "Block", "BlockError", "DeviceIdBlock", "DeviceInitiativeBlock", "DeviceInstanceBlock",
-    "DeviceOptionsBlock", "DeviceRoleBlock", "DhcpBlock", "FactoryResetBlock", "FullIpSuiteBlock", "IpParameterBlock",
-    "MacBlock", "NameBlock", "OemDeviceIdBlock", "OptionId", "ResetMode", "ResetToFactoryBlock", "ResponseBlock",
-    "RsiPropertiesBlock", "SignalBlock", "StandardGatewayBlock", "StartBlock", "StationTypeBlock", "StopBlock",
-    "UnknownBlock", "shape_block",
-]  # fmt: skip
+    "IP_CONFLICT",
+    "IP_NOT_SET",
+    "IP_SET",
+    "IP_SET_BY_DHCP",
+    "PERMANENT",
+    "SIGNAL_FLASH_ONCE",
+    "AliasBlock",
+    "AllSelectorBlock",
+    "Block",
+    "BlockError",
+    "DeviceIdBlock",
+    "DeviceInitiativeBlock",
+    "DeviceInstanceBlock",
+    "DeviceOptionsBlock",
+    "DeviceRoleBlock",
+    "DhcpBlock",
+    "FactoryResetBlock",
+    "FullIpSuiteBlock",
+    "IpParameterBlock",
+    "MacBlock",
+    "NameBlock",
+    "OemDeviceIdBlock",
+    "OptionId",
+    "ResetMode",
+    "ResetToFactoryBlock",
+    "ResponseBlock",
+    "RsiPropertiesBlock",
+    "SignalBlock",
+    "StandardGatewayBlock",
+    "StartBlock",
+    "StationTypeBlock",
+    "StopBlock",
+    "UnknownBlock",
+    "shape_block",
+]
 
 OPTION_IP = 0x01
 OPTION_DEVICE = 0x02
@@ -85,18 +113,19 @@ class OptionId(NamedTuple):
 
 
 class Block(Structure):
-    """One block with the value's octets, without length, info and padding; ``option`` and suboption name its kind.
+    """One block with the value's octets, without length, info and padding; option and suboption name its kind.
 
     ``info`` is its BlockInfo (responses, Hello) or BlockQualifier (Set), unused in filters.
     """
 
     ID: ClassVar[OptionId]
+    CALLED: ClassVar[str]
     KINDS: ClassVar[dict[OptionId, type["Block"]]] = {}
 
-    def __init_subclass__(cls, *, option: tuple[int, int] | None = None, **more: Any) -> None:
+    def __init_subclass__(cls, *, option: tuple[int, int] | None = None, called: str = "", **more: Any) -> None:
         super().__init_subclass__(**more)
         if option is not None:
-            cls.ID = OptionId(*option)
+            cls.ID, cls.CALLED = OptionId(*option), called
             cls.KINDS[cls.ID] = cls
 
     @property
@@ -121,7 +150,7 @@ class _Latin1(Codec):
 
 
 _Text = Annotated[str, _Latin1()]
-_Option = Annotated[OptionId, converted("BB", OptionId, tuple)]
+_Option = Annotated[OptionId, Fixed("BB", OptionId, tuple)]
 
 
 class UnknownBlock(Block):
@@ -137,14 +166,14 @@ class UnknownBlock(Block):
         return OptionId(self.option, self.suboption)
 
 
-class MacBlock(Block, option=(OPTION_IP, 1)):
+class MacBlock(Block, option=(OPTION_IP, 1), called="MAC address"):
     """IP / MAC address."""
 
     mac: Mac
     info: Outside[int] = 0
 
 
-class IpParameterBlock(Block, option=(OPTION_IP, 2)):
+class IpParameterBlock(Block, option=(OPTION_IP, 2), called="IP parameter"):
     """IP / IP parameter."""
 
     address: Ip
@@ -153,7 +182,7 @@ class IpParameterBlock(Block, option=(OPTION_IP, 2)):
     info: Outside[int] = 0
 
 
-class FullIpSuiteBlock(Block, option=(OPTION_IP, 3)):
+class FullIpSuiteBlock(Block, option=(OPTION_IP, 3), called="full IP suite"):
     """IP / full IP suite: with four name servers, 0.0.0.0 for none."""
 
     address: Ip
@@ -163,21 +192,21 @@ class FullIpSuiteBlock(Block, option=(OPTION_IP, 3)):
     info: Outside[int] = 0
 
 
-class StationTypeBlock(Block, option=(OPTION_DEVICE, 1)):
+class StationTypeBlock(Block, option=(OPTION_DEVICE, 1), called="type of station"):
     """Device properties / manufacturer specific: the type of station in plain text."""
 
     station_type: _Text
     info: Outside[int] = 0
 
 
-class NameBlock(Block, option=(OPTION_DEVICE, 2)):
+class NameBlock(Block, option=(OPTION_DEVICE, 2), called="name of station"):
     """Device properties / name of station; empty for no name."""
 
     name: _Text
     info: Outside[int] = 0
 
 
-class DeviceIdBlock(Block, option=(OPTION_DEVICE, 3)):
+class DeviceIdBlock(Block, option=(OPTION_DEVICE, 3), called="device ID"):
     """Device properties / device ID."""
 
     vendor_id: UInt16
@@ -185,7 +214,7 @@ class DeviceIdBlock(Block, option=(OPTION_DEVICE, 3)):
     info: Outside[int] = 0
 
 
-class DeviceRoleBlock(Block, option=(OPTION_DEVICE, 4)):
+class DeviceRoleBlock(Block, option=(OPTION_DEVICE, 4), called="device role"):
     """Device properties / role, a bit set: 1 IO device, 2 controller, 4 multidevice, 8 supervisor."""
 
     role: UInt8
@@ -193,21 +222,21 @@ class DeviceRoleBlock(Block, option=(OPTION_DEVICE, 4)):
     reserved: UInt8 = 0
 
 
-class DeviceOptionsBlock(Block, option=(OPTION_DEVICE, 5)):
+class DeviceOptionsBlock(Block, option=(OPTION_DEVICE, 5), called="device options"):
     """Device properties / options: the blocks that the device supports."""
 
     options: ListOfRest[_Option]
     info: Outside[int] = 0
 
 
-class AliasBlock(Block, option=(OPTION_DEVICE, 6)):
+class AliasBlock(Block, option=(OPTION_DEVICE, 6), called="alias name"):
     """Device properties / alias name: ``<port>.<station name>`` of a neighbour."""
 
     alias: _Text
     info: Outside[int] = 0
 
 
-class DeviceInstanceBlock(Block, option=(OPTION_DEVICE, 7)):
+class DeviceInstanceBlock(Block, option=(OPTION_DEVICE, 7), called="device instance"):
     """Device properties / device instance."""
 
     high: UInt8
@@ -215,7 +244,7 @@ class DeviceInstanceBlock(Block, option=(OPTION_DEVICE, 7)):
     info: Outside[int] = 0
 
 
-class OemDeviceIdBlock(Block, option=(OPTION_DEVICE, 8)):
+class OemDeviceIdBlock(Block, option=(OPTION_DEVICE, 8), called="OEM device ID"):
     """Device properties / OEM device ID."""
 
     vendor_id: UInt16
@@ -223,14 +252,14 @@ class OemDeviceIdBlock(Block, option=(OPTION_DEVICE, 8)):
     info: Outside[int] = 0
 
 
-class StandardGatewayBlock(Block, option=(OPTION_DEVICE, 9)):
+class StandardGatewayBlock(Block, option=(OPTION_DEVICE, 9), called="standard gateway"):
     """Device properties / standard gateway: how "no gateway" is written; 0: as the device's own address."""
 
     value: UInt16
     info: Outside[int] = 0
 
 
-class RsiPropertiesBlock(Block, option=(OPTION_DEVICE, 10)):
+class RsiPropertiesBlock(Block, option=(OPTION_DEVICE, 10), called="RSI properties"):
     """Device properties / RSI properties: a bit set; a device that is reached over RPC alone has no such block."""
 
     properties: UInt16
@@ -249,26 +278,26 @@ class DhcpBlock(Block):
         return OptionId(OPTION_DHCP, self.suboption)
 
 
-class StartBlock(Block, option=(OPTION_CONTROL, 1)):
+class StartBlock(Block, option=(OPTION_CONTROL, 1), called="start transaction"):
     """Control / start of a transaction; the qualifier is the transaction's."""
 
     info: Outside[int] = 0
 
 
-class StopBlock(Block, option=(OPTION_CONTROL, 2)):
+class StopBlock(Block, option=(OPTION_CONTROL, 2), called="end transaction"):
     """Control / end of a transaction, with the qualifier of its start."""
 
     info: Outside[int] = 0
 
 
-class SignalBlock(Block, option=(OPTION_CONTROL, 3)):
+class SignalBlock(Block, option=(OPTION_CONTROL, 3), called="signal"):
     """Control / signal: flash a lamp, three seconds at 1 Hz."""
 
     value: UInt16 = SIGNAL_FLASH_ONCE
     info: Outside[int] = 0
 
 
-class ResponseBlock(Block, option=(OPTION_CONTROL, 4)):
+class ResponseBlock(Block, option=(OPTION_CONTROL, 4), called="response"):
     """Control / response: the result of one block of the request. It has no block info."""
 
     subject: _Option
@@ -276,13 +305,13 @@ class ResponseBlock(Block, option=(OPTION_CONTROL, 4)):
     info: Outside[None] = None
 
 
-class FactoryResetBlock(Block, option=(OPTION_CONTROL, 5)):
+class FactoryResetBlock(Block, option=(OPTION_CONTROL, 5), called="reset of factory settings"):
     """Control / reset of factory settings, the old service without modes."""
 
     info: Outside[int] = 0
 
 
-class ResetToFactoryBlock(Block, option=(OPTION_CONTROL, 6)):
+class ResetToFactoryBlock(Block, option=(OPTION_CONTROL, 6), called="reset to factory"):
     """Control / reset to factory; the mode is in bits 1 to 15 of the qualifier, see :class:`ResetMode`."""
 
     info: Outside[int] = ResetMode.COMMUNICATION << 1
@@ -293,14 +322,14 @@ class ResetToFactoryBlock(Block, option=(OPTION_CONTROL, 6)):
         return self.info >> 1
 
 
-class DeviceInitiativeBlock(Block, option=(OPTION_INITIATIVE, 1)):
+class DeviceInitiativeBlock(Block, option=(OPTION_INITIATIVE, 1), called="device initiative"):
     """Device initiative: 1 when the device sends Hello at power-on."""
 
     value: UInt16
     info: Outside[int] = 0
 
 
-class AllSelectorBlock(Block, option=(OPTION_ALL, 0xFF)):
+class AllSelectorBlock(Block, option=(OPTION_ALL, 0xFF), called="all selector"):
     """All selector: every device answers. Some peers send two octets with it."""
 
     data: Rest = b""

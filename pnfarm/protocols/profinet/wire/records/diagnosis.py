@@ -11,14 +11,29 @@ from enum import IntEnum
 from typing import Annotated, Any, ClassVar
 
 from pnfarm.protocols.profinet.wire.block import VERSION_1_0, VERSION_1_1, Block, BlockType
-from pnfarm.wire.layout import Codec, Outside, Pad, Rest, Structure, UInt16, UInt32, When, converted
+from pnfarm.wire.code import Code
+from pnfarm.wire.layout import Codec, Fixed, Outside, Pad, Rest, Structure, UInt16, UInt32, When
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "WHOLE_SUBMODULE", "ChannelDiagnosis", "ChannelProperties", "ChannelSpecifier", "DiagnosisData", "DiagnosisItem",
-    "Direction", "ExtChannelDiagnosis", "Maintenance", "MaintenanceItem", "MaintenanceStatus",
-    "QualifiedChannelDiagnosis", "Qualifier", "UserItem", "Usi", "emit_items", "parse_items",
-]  # fmt: skip
+    "WHOLE_SUBMODULE",
+    "ChannelDiagnosis",
+    "ChannelProperties",
+    "ChannelSpecifier",
+    "DiagnosisData",
+    "DiagnosisItem",
+    "Direction",
+    "ExtChannelDiagnosis",
+    "Maintenance",
+    "MaintenanceItem",
+    "MaintenanceStatus",
+    "QualifiedChannelDiagnosis",
+    "Qualifier",
+    "UserItem",
+    "Usi",
+    "emit_items",
+    "parse_items",
+]
 
 #: ChannelNumber: the submodule as such, not one of its channels 0 to 0x7FFF.
 WHOLE_SUBMODULE = 0x8000
@@ -35,22 +50,22 @@ class Usi(IntEnum):
     MAINTENANCE = 0x8100
 
 
-class Maintenance(IntEnum):
+class Maintenance(Code):
     """ChannelProperties.Maintenance, bits 9 and 10: the severity; a qualified item has it in its qualifier."""
 
     FAULT = 0
-    REQUIRED = 1
-    DEMANDED = 2
+    REQUIRED = 1, "maintenance required"
+    DEMANDED = 2, "maintenance demanded"
     QUALIFIED = 3
 
 
-class ChannelSpecifier(IntEnum):
+class ChannelSpecifier(Code):
     """ChannelProperties.Specifier, bits 11 and 12."""
 
-    ALL_DISAPPEAR = 0
+    ALL_DISAPPEAR = 0, "all gone"
     APPEARS = 1
     DISAPPEARS = 2
-    DISAPPEARS_OTHERS_REMAIN = 3
+    DISAPPEARS_OTHERS_REMAIN = 3, "disappears, others remain"
 
 
 class Direction(IntEnum):
@@ -102,7 +117,7 @@ class ChannelProperties:
         )
 
 
-_Properties = Annotated[ChannelProperties, converted("H", ChannelProperties.from_int)]
+_Properties = Annotated[ChannelProperties, Fixed("H", ChannelProperties.from_int, int)]
 
 
 class ChannelDiagnosis(Structure):

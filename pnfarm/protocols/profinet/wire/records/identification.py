@@ -8,6 +8,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.block import ALIGNED, VERSION_1_0, VERSION_1_1, Block, BlockType, RawBlock
 from pnfarm.wire.layout import (
     Count,
+    Fixed,
     List16,
     Octets8,
     Octets16,
@@ -19,15 +20,26 @@ from pnfarm.wire.layout import (
     UInt16,
     UInt32,
     Uuid,
-    converted,
     padded,
-)  # fmt: skip
+)
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "IM_TEXT_SIZES", "ApiData", "ArData", "ArDataEntry", "ArDataIocr", "IdentificationApi", "IdentificationData",
-    "IdentificationSlot", "Im0", "ImText", "RecordInputData", "RecordOutputData", "SubstituteValue", "SubstitutionMode",
-]  # fmt: skip
+    "IM_TEXT_SIZES",
+    "ApiData",
+    "ArData",
+    "ArDataEntry",
+    "ArDataIocr",
+    "IdentificationApi",
+    "IdentificationData",
+    "IdentificationSlot",
+    "Im0",
+    "ImText",
+    "RecordInputData",
+    "RecordOutputData",
+    "SubstituteValue",
+    "SubstitutionMode",
+]
 
 _FILTER_TYPES = (
     BlockType.IM0_FILTER_DATA_SUBMODULE,
@@ -53,7 +65,7 @@ class Im0(Block, types=BlockType.IM0):
     serial_number: Annotated[bytes, padded(16)]
     hardware_revision: UInt16
     software_revision: Annotated[
-        tuple[str, int, int, int], converted("BBBB", _software_revision, lambda value: (ord(value[0]), *value[1:]))
+        tuple[str, int, int, int], Fixed("BBBB", _software_revision, lambda value: (ord(value[0]), *value[1:]))
     ]
     revision_counter: UInt16 = 0
     profile_id: UInt16 = 0

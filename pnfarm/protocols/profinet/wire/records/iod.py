@@ -15,11 +15,25 @@ from pnfarm.wire.layout import Outside, Pad, Structure, UInt16, UInt32, Uuid, Wh
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "API_NONE", "INDEX_MULTIPLE_WRITE", "IOD_HEADER_SIZE", "NIL_UUID", "IodReadReqHeader", "IodReadResHeader",
-    "IodWriteReqHeader", "IodWriteResHeader", "RecordRead", "RecordWrite", "WriteRequest",
-    "emit_multiple_write_request", "emit_read_response", "emit_write_request", "emit_write_response",
-    "parse_read_response", "parse_write_request", "parse_write_response",
-]  # fmt: skip
+    "API_NONE",
+    "INDEX_MULTIPLE_WRITE",
+    "IOD_HEADER_SIZE",
+    "NIL_UUID",
+    "IodReadReqHeader",
+    "IodReadResHeader",
+    "IodWriteReqHeader",
+    "IodWriteResHeader",
+    "RecordRead",
+    "RecordWrite",
+    "WriteRequest",
+    "emit_multiple_write_request",
+    "emit_read_response",
+    "emit_write_request",
+    "emit_write_response",
+    "parse_read_response",
+    "parse_write_request",
+    "parse_write_response",
+]
 
 IOD_HEADER_SIZE = 64
 _HEADER_LENGTH = 60

@@ -16,15 +16,22 @@ from pnfarm.protocols.profinet.wire.block import (
     Block,
     Blocks,
     RawBlock,
-)  # fmt: skip
+)
 from pnfarm.protocols.profinet.wire.records.pdev_port import LinkStateLink, LinkStatePort, PdevBlockType, read_sub_block
 from pnfarm.wire.layout import Count, Ip, Mac, Octets8, Outside, Pad, Structure, UInt8, UInt16, UInt32
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "InterfaceAdjust", "InterfaceDataReal", "MediaType", "MultipleBlock", "PeerReal", "PortDataAdjust", "PortDataCheck",
-    "PortDataReal", "PortStatistic",
-]  # fmt: skip
+    "InterfaceAdjust",
+    "InterfaceDataReal",
+    "MediaType",
+    "MultipleBlock",
+    "PeerReal",
+    "PortDataAdjust",
+    "PortDataCheck",
+    "PortDataReal",
+    "PortStatistic",
+]
 
 #: First octet of the type of every block that a port's record holds.
 _SUB_BLOCKS = 0x02

@@ -12,11 +12,26 @@ from pnfarm.wire.layout import List8, Octets8, Outside, Structure, UInt8, UInt16
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
-    "AdjustDcpBoundary", "AdjustDomainBoundary", "AdjustLinkState", "AdjustMauType", "AdjustMulticastBoundary",
-    "AdjustPeerToPeerBoundary", "AdjustPreambleLength", "CheckLineDelay", "CheckLinkState", "CheckMauType",
-    "CheckMauTypeDifference", "CheckPeers", "CheckSyncDifference", "ExpectedPeer", "LinkStateLink", "LinkStatePort",
-    "PdevBlockType", "SubBlock", "read_sub_block",
-]  # fmt: skip
+    "AdjustDcpBoundary",
+    "AdjustDomainBoundary",
+    "AdjustLinkState",
+    "AdjustMauType",
+    "AdjustMulticastBoundary",
+    "AdjustPeerToPeerBoundary",
+    "AdjustPreambleLength",
+    "CheckLineDelay",
+    "CheckLinkState",
+    "CheckMauType",
+    "CheckMauTypeDifference",
+    "CheckPeers",
+    "CheckSyncDifference",
+    "ExpectedPeer",
+    "LinkStateLink",
+    "LinkStatePort",
+    "PdevBlockType",
+    "SubBlock",
+    "read_sub_block",
+]
 
 
 class PdevBlockType(IntEnum):

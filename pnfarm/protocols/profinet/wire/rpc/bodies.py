@@ -6,7 +6,7 @@ Integers follow the header's data representation, as everywhere in connectionles
 from typing import Annotated
 
 from pnfarm.errors import DecodeError
-from pnfarm.wire.layout import List16, Pad, Structure, UInt8, UInt16, UInt32, converted
+from pnfarm.wire.layout import Fixed, List16, Pad, Structure, UInt8, UInt16, UInt32
 from pnfarm.wire.octets import Reader
 
 __all__ = ["CancelAckBody", "CancelBody", "FackBody", "parse_cancel", "parse_cancel_ack", "parse_fack"]
@@ -60,7 +60,7 @@ class CancelAckBody(Structure, wire="version cancel_id accepting"):
     """The answer to a cancel: which one, and whether the call can still be cancelled."""
 
     cancel_id: UInt32
-    accepting: Annotated[bool, converted("B", bool)]
+    accepting: Annotated[bool, Fixed("B", bool, int)]
     version: UInt32 = 0
 
 
