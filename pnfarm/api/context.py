@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["ApiContext", "Context"]
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True, eq=False)
 class Context:
     """Of a farm's API, or of a hub."""
 
@@ -46,7 +46,7 @@ class Context:
             wake()
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True, eq=False)
 class ApiContext(Context):
     """``now`` reads the farm's clock; ``poke`` makes the runtime handle a handler's change at once."""
 

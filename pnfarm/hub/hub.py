@@ -127,8 +127,7 @@ class Hub(Context):
 
     async def drop(self, shard: Shard) -> None:
         """A shard that is no longer known."""
-        found = self._clients.pop(shard.url, None)
-        if found is not None:
+        if (found := self._clients.pop(shard.url, None)) is not None:
             await found.close()
 
     async def aclose(self) -> None:

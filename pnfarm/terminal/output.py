@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 __all__ = [
-    "console", "make_table", "number", "print_found", "print_json", "print_line", "print_next", "print_table",
-    "seconds",
+    "console", "make_table", "number", "print_found", "print_json", "print_line", "print_next",
+    "print_section", "print_table", "seconds",
 ]  # fmt: skip
 
 _T = TypeVar("_T")
@@ -96,6 +96,12 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Non
         out.print(table)
     for line in capture.get().splitlines():
         print_line(line.rstrip())
+
+
+def print_section(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """A blank line, then the table."""
+    print_line()
+    print_table(columns, rows)
 
 
 def seconds(value: float | None) -> str:

@@ -233,6 +233,20 @@ def test_a_trace_is_on_drives_of_one_shard(world):
     assert_problem(world.get(f"traces/{trace}"), 503, "not known is the rest")
 
 
+def test_conditions_and_tags_pass_between_a_client_and_the_shard():
+    world = HubWorld(("axis-{n:02}", 1))
+    conditions = []
+
+    def answer(request):
+        conditions.append(request.headers.get("if-match"))
+        return httpx.Response(412, json={"detail": "changed meanwhile"}, headers={"ETag": '"2"'})
+
+    world[1].trouble = answer
+    refused = world.request("PUT", "drives/axis-01/params/1", json={"value": 1}, headers={"If-Match": '"1"'})
+    assert (refused.status_code, refused.headers["etag"]) == (412, '"2"')
+    assert conditions == ['"1"']
+
+
 def test_access_is_checked_as_a_farm_checks_it():
     world = HubWorld(("axis-{n:02}", 1), token="a-long-secret", read_token="another-long-secret")
     assert_problem(world.get("drives"), 401, "token")

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.terminal.output import print_json, print_line, print_next, print_table
+from pnfarm.terminal.output import print_json, print_line, print_next, print_section, print_table
 from pnfarm.terminal.settings import Format, FormatOption, ShardOption
 
 __all__ = ["doctor"]
@@ -50,8 +50,7 @@ def doctor(
         print_table(("", "WHAT", "~FINDING"), rows)
         remedies = [finding for finding in findings if finding.remedy]
         if remedies:
-            print_line()
-            print_table(("WHAT", "~HOW TO FIX IT"), [(finding.name, finding.remedy) for finding in remedies])
+            print_section(("WHAT", "~HOW TO FIX IT"), [(finding.name, finding.remedy) for finding in remedies])
         print_line()
         print_line(_verdict(len(missing), file))
         if not missing:

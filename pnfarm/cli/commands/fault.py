@@ -9,7 +9,7 @@ import typer
 from pnfarm.cli.completion import complete_drive, complete_fault, complete_kind
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.terminal import client
-from pnfarm.terminal.output import print_found, print_json, print_line, print_next, print_table
+from pnfarm.terminal.output import print_found, print_json, print_line, print_next, print_section, print_table
 from pnfarm.terminal.partial import raise_for_missing
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 from pnfarm.vocabulary.quoting import did_you_mean, shortened
@@ -81,8 +81,7 @@ def _print_kind(kind: dict[str, Any]) -> None:
              f"{spec['doc']} Allowed: {spec['allowed']}." + (f" [{spec['unit']}]" if spec["unit"] else ""))
             for name, spec in kind["params"].items()
         ]  # fmt: skip
-        print_line()
-        print_table(("PARAMETER", "DEFAULT", "~MEANING"), params)
+        print_section(("PARAMETER", "DEFAULT", "~MEANING"), params)
     needed = [name for name, spec in kind["params"].items() if spec["required"]]
     given = "".join(f" -p {name}=..." for name in needed)
     print_line()

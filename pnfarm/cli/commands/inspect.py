@@ -11,7 +11,7 @@ import typer
 from pnfarm.cli.completion import complete_drive
 from pnfarm.errors import ConfigError
 from pnfarm.terminal import client
-from pnfarm.terminal.output import number, print_found, print_line, print_table, seconds
+from pnfarm.terminal.output import number, print_found, print_line, print_section, print_table, seconds
 from pnfarm.terminal.partial import raise_for_missing
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
 
@@ -168,13 +168,11 @@ def _one(drive: dict[str, Any]) -> None:
         rows[place:place] = [("frames discarded", number(sum(discards.values())))]
     print_table(("FIELD", "~VALUE"), rows)
     if discards:
-        print_line()
         most = sorted(discards.items(), key=lambda entry: (-entry[1], entry[0]))
         table = [(number(count), reason, discard_text(reason)) for reason, count in most]
-        print_table((">DISCARDED", "REASON", "~WHAT IT MEANS"), table)
+        print_section((">DISCARDED", "REASON", "~WHAT IT MEANS"), table)
     _print_relations(relations)
-    print_line()
-    print_table(("CONTROLLER DID", "~VALUE"), _controller_rows(controller))
+    print_section(("CONTROLLER DID", "~VALUE"), _controller_rows(controller))
     if events:
         print_line()
         for entry in events[-LAST_EVENTS:]:

@@ -6,7 +6,7 @@ import contextlib
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer  # noqa: TC002 - typer reads the annotations
 
@@ -152,7 +152,7 @@ def up(
     # they are read from the context
     del api, token, read_token, parent, state, cpu, fifo, mlockall
     require_address_space(ENGINE)
-    config = _overridden(context, read(file))
+    config = _overridden(context, read(file), context.params)
     check_impairments(config)
     capture = capture_settings(pcap, pcap_drives, pcap_only, pcap_size, pcap_files)
     anyio.run(_run, config, shard_option(context, shard), capture, backend_options=LOOKING)
@@ -172,10 +172,10 @@ def capture_settings(
     return CaptureSettings(path, tuple(drives or ()), tuple(only or ()), octets, files)
 
 
-def _overridden(context: typer.Context, config: FarmConfig) -> FarmConfig:
+def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, Any]) -> FarmConfig:
     """The file's settings, overridden by environment and flags; an error names the source of the wrong value."""
     for name, (key, flag, variable) in _SETTINGS.items():
-        if (value := context.params[name]) is None:
+        if (value := given.get(name)) is None:
             continue
         source = context.get_parameter_source(name)
         origin = variable if source is not None and source.name == "ENVIRONMENT" else flag
