@@ -138,13 +138,15 @@ class Effect(ABC):  # noqa: B024 - what an effect overrides is its own choice
 
 
 class ChanceEffect(Effect):
-    """Each occurrence with ``probability``, up to ``count``; one that ends by itself has one without count and for."""
+    """Each occurrence with ``probability``, up to ``count``; ``once``: without count and for one."""
+
+    once = False
 
     def prepare(self) -> None:
         spec = self.spec
         self._probability = 1.0 if spec.probability is None else spec.probability
         self._random = SplitMix64(seed_of(spec, self.drive.name))
-        self._count = 1 if self.ends_by_itself and not (spec.count or spec.for_ns) else spec.count
+        self._count = 1 if self.once and not (spec.count or spec.for_ns) else spec.count
 
     @property
     def exhausted(self) -> bool:

@@ -13,7 +13,7 @@ class SessionDrop(ChanceEffect):
     """Each stream once the drive has answered on it; without ``count`` and ``for`` one."""
 
     sockets = SOCKETS
-    ends_by_itself = True
+    once = ends_by_itself = True
     _passed: frozenset[int] = frozenset()
 
     def begin(self, now: int) -> None:
