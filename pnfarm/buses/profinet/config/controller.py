@@ -57,13 +57,16 @@ class ForeignDevice(Section):
     name: NamePattern = Field(description="Its station name.")
     gsdml: str = Field(min_length=1, description="Its GSDML file, relative to this file.")
     dap: str | None = Field(
-        default=None, description="ID of the access point; left out where the GSDML file has one only."
+        default=None,
+        description="ID, order number or name of the access point; left out where the GSDML file has one only.",
     )
     modules: dict[_Place, str | None] = Field(
-        default_factory=dict, description="Slot: ID of the module in it; null for an empty slot.", examples=[{1: "DI8"}]
+        default_factory=dict,
+        description="Slot: ID, order number, name or ident of the module in it; null for an empty slot.",
+        examples=[{1: "DI8"}],
     )
     submodules: dict[_Place, dict[_Place, str | None]] = Field(
-        default_factory=dict, description="Slot: mapping of subslot to the ID of the submodule in it."
+        default_factory=dict, description="Slot: mapping of subslot to the submodule in it, in the same way."
     )
     ip: Cidr | None = Field(default=None, description="Its address; left out, the next free one of the controller's.")
     gateway: Gateway | None = Field(default=None, description="Router of the subnet.")
