@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import typer  # noqa: TC002 - typer reads the annotations
 
 from pnfarm.errors import PnfarmError
+from pnfarm.terminal import client
+from pnfarm.terminal.settings import DEFAULT_URL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from pnfarm.terminal.client import FarmClient
 
 __all__ = ["complete_benchmark", "complete_drive", "complete_fault", "complete_kind", "complete_model"]
 
@@ -59,7 +60,7 @@ def complete_benchmark(incomplete: str) -> list[tuple[str, str]]:
 def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Drives of the running farm."""
 
-    def words(farm: FarmClient) -> Iterable[tuple[str, str]]:
+    def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
         return ((one["name"], f"{one['model']}, {one['state']}") for one in farm.get("drives")["drives"])
 
     return _of_farm(ctx, incomplete, words)
@@ -68,20 +69,18 @@ def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]
 def complete_fault(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Faults of the running farm."""
 
-    def words(farm: FarmClient) -> Iterable[tuple[str, str]]:
+    def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
         return ((one["id"], f"{one['kind']}, {one['state']}") for one in farm.get("faults")["faults"])
 
     return _of_farm(ctx, incomplete, words)
 
 
 def _of_farm(
-    ctx: typer.Context, incomplete: str, words: Callable[[FarmClient], Iterable[tuple[str, str]]]
+    ctx: typer.Context, incomplete: str, words: Callable[[client.FarmClient], Iterable[tuple[str, str]]]
 ) -> list[tuple[str, str]]:
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.settings import DEFAULT_URL
 
     try:
-        with FarmClient(ctx.params.get("api") or DEFAULT_URL, ctx.params.get("token")) as farm:
+        with client.FarmClient(ctx.params.get("api") or DEFAULT_URL, ctx.params.get("token")) as farm:
             return _fitting(words(farm), incomplete)
     except PnfarmError:
         # a shell that completes has no place for a message

@@ -1,7 +1,8 @@
 """The program ``pnfarm``: its commands, its global options, its exit codes.
 
-A command's module imports at the top only what its help needs; the rest is imported when the command runs, so
-that ``pnfarm --help`` is fast, and ``demo`` and ``bench`` can enter a namespace before any thread exists.
+A command's module imports at the top only what its help needs, and the building blocks of commands, which import next
+to nothing; the rest is imported when the command runs, so that ``pnfarm --help`` is fast, and ``demo`` and ``bench``
+can enter a namespace before any thread exists.
 """
 
 from __future__ import annotations

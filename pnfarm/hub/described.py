@@ -141,8 +141,7 @@ DESCRIBED = {
     "clock": Described("The hub's clock, which its seconds are of, and this machine's"),
     "readyz": Described("Whether every shard answers and is ready, and no drive is claimed twice", {200: HubReady}),
     "get_health": Described(
-        "How each shard and all together do: whether it answers, its clock's offset, its own lateness",
-        {200: HubHealth},
+        "How each shard and all together do: whether it answers, its clock's offset, its own lateness", {200: HubHealth}
     ),
     "get_doctor": Described("What `pnfarm doctor` finds on the machine of each shard", {200: HubFindings}),
     "get_reactions": Described("", {200: HubReactions}),

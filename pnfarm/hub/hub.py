@@ -66,7 +66,9 @@ def read(shard: Shard, answer: Answer, *keys: str) -> dict[str, Any]:
 
 def passed_on(answer: Answer) -> Response:
     """A shard's answer as it is."""
-    return Response(answer.body, answer.status, media_type=answer.media_type or "application/octet-stream")
+    headers = {} if answer.tag is None else {"ETag": answer.tag}
+    media_type = answer.media_type or "application/octet-stream"
+    return Response(answer.body, answer.status, headers=headers, media_type=media_type)
 
 
 class RefusedError(ConfigError):
@@ -164,21 +166,14 @@ class Hub(Context):
     # -- asking
 
     async def ask(
-        self,
-        shard: Shard,
-        method: str,
-        path: str,
-        *,
-        body: Mapping[str, Any] | bytes | None = None,
-        query: Mapping[str, Any] | str | None = None,
-        seconds: float | None = None,
+        self, shard: Shard, method: str, path: str, *, seconds: float | None = None, **options: Any
     ) -> Answer:
-        """One request; ``path`` below ``/api/v1``.  Raises :class:`AwayError`, for one that is away at once."""
+        """As :meth:`ShardClient.ask`; ``path`` below ``/api/v1``.  Raises :class:`AwayError`, of one away at once."""
         if not shard.asked:
             raise shard.away()
         patience = self._request_seconds if seconds is None else seconds
         try:
-            return await self.client(shard).ask(method, f"{PREFIX}/{path}", body=body, query=query, seconds=patience)
+            return await self.client(shard).ask(method, f"{PREFIX}/{path}", seconds=patience, **options)
         except AwayError as exc:
             shard.errors[exc.slug] += 1
             raise

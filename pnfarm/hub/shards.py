@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass, field
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.errors import ConfigError, EnvironmentError_
@@ -81,6 +81,13 @@ class Shard:
     def told(self) -> dict[str, Any]:
         """An entry of ``unreachable``."""
         return {"shard": self.label, "reason": self.reason, "since": self.since_wall}
+
+
+class KnownDrive(NamedTuple):
+    """A drive's names, and those of its model."""
+
+    names: tuple[str, ...]
+    models: tuple[str, ...]
 
 
 def no_steps(path: str) -> None:
@@ -201,9 +208,9 @@ class Shards:
         return {name: found[name] for name in self._order}
 
     @property
-    def known_as(self) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
-        """Of every drive its names and its model's, by which globs mean it."""
-        return {name: (_names(view), _models(str(view["model"]))) for name, view in self.views.items()}
+    def known_as(self) -> dict[str, KnownDrive]:
+        """Every drive, as globs see it."""
+        return {name: KnownDrive(_names(view), _models(str(view["model"]))) for name, view in self.views.items()}
 
     def own_name(self, name: str) -> str:
         """A drive's name in its farm file.  Raises as :meth:`known`."""

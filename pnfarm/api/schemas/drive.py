@@ -105,10 +105,8 @@ class Drive(Schema):
     )
     faults_injected: list[str] = Field(description="Ids of the active injected faults.")
     fault_memory: list[list[KeptFault]] = Field(
-        default_factory=list,
-        description="The fault buffer by situation, newest first; only for a single drive.",
+        default_factory=list, description="The fault buffer by situation, newest first; only for a single drive."
     )
     events: list[LogEntry] = Field(
-        default_factory=list,
-        description="Last events, oldest first; only for a single drive, not in a list of drives.",
+        default_factory=list, description="Last events, oldest first; only for a single drive, not in a list of drives."
     )

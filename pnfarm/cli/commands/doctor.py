@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from pnfarm.errors import EnvironmentError_
+from pnfarm.terminal.output import print_json, print_line, print_next, print_table
 from pnfarm.terminal.settings import Format, FormatOption, ShardOption
 
 __all__ = ["doctor"]
@@ -31,9 +33,7 @@ def doctor(
 ) -> None:
     """Check whether this machine can run a farm, and show how to fix what is missing."""
     from pnfarm.cli.farm_file import read, shard_option
-    from pnfarm.errors import EnvironmentError_
     from pnfarm.farm.doctor.machine import examine
-    from pnfarm.terminal.output import print_json, print_line, print_next, print_table
 
     config = None if file is None else read(file)
     findings = examine()

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from pnfarm.cli.completion import complete_drive, complete_fault, complete_kind
+from pnfarm.errors import ConfigError, PnfarmError
+from pnfarm.terminal import client
+from pnfarm.terminal.output import print_json, print_line, print_next, print_table
+from pnfarm.terminal.partial import raise_for_missing
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pnfarm.terminal.client import FarmClient
+from pnfarm.vocabulary.quoting import did_you_mean, shortened
 
 __all__ = ["app"]
 
@@ -35,9 +35,6 @@ def kinds(
 ) -> None:
     """List all kinds of fault with their parameters, or show one: what it does, on the wire and to a controller."""
     from pnfarm.buses.registry import fault_kinds
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.output import print_json, print_table
-    from pnfarm.vocabulary.quoting import did_you_mean
 
     if kind is not None:
         known = fault_kinds()
@@ -61,7 +58,6 @@ def kinds(
 
 
 def _print_kind(kind: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import print_json, print_line, print_table
 
     if output is Format.JSON:
         print_json(kind)
@@ -102,10 +98,7 @@ def add(
     kind: Annotated[
         str,
         typer.Argument(
-            metavar="KIND",
-            help="One of `pnfarm fault kinds`.",
-            show_default=False,
-            autocompletion=complete_kind,
+            metavar="KIND", help="One of `pnfarm fault kinds`.", show_default=False, autocompletion=complete_kind
         ),
     ],
     on: Annotated[
@@ -161,10 +154,6 @@ def add(
     token: TokenOption = None,
 ) -> None:
     """Inject a fault."""
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json, print_line, print_next
-    from pnfarm.terminal.partial import raise_for_missing
 
     body: dict[str, Any] = {"kind": kind, "on": on, "params": dict(map(_parameter, param or []))}
     wanted = {
@@ -187,7 +176,7 @@ def add(
     body |= {key: value for key, value in wanted.items() if value is not None}
     if hold and dry_run:
         raise ConfigError("--dry-run injects nothing that --hold could keep: leave one of them out")
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         if dry_run:
             reach = farm.post("faults", body=body, query={"dry_run": "true"})
             _print_reach(reach, output)
@@ -197,7 +186,7 @@ def add(
         if output is Format.JSON:
             print_json(fault)
         else:
-            print_line(f"{fault['id']}: {fault['kind']} {fault['state']} on {_shortened(list(fault['drives']))}")
+            print_line(f"{fault['id']}: {fault['kind']} {fault['state']} on {shortened(list(fault['drives']))}")
             if not hold:
                 print_next(
                     f"pnfarm fault list {fault['id']} shows its evidence, pnfarm fault clear {fault['id']} ends it"
@@ -223,11 +212,8 @@ def show(
     token: TokenOption = None,
 ) -> None:
     """List the pending and active faults, or one fault, with their evidence."""
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json
-    from pnfarm.terminal.partial import raise_for_missing
 
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         found = farm.get("faults") if fault_id is None else {"faults": [farm.get("faults", fault_id)]}
     if output is Format.JSON:
         print_json(found)
@@ -237,7 +223,6 @@ def show(
 
 
 def _print_faults(found: dict[str, Any]) -> None:
-    from pnfarm.terminal.output import print_line, print_table
 
     if not found["faults"]:
         known = " on the shards that answer" if found.get("partial") else ""
@@ -252,7 +237,7 @@ def _print_faults(found: dict[str, Any]) -> None:
             fault["evidence"]["checks"],
             fault["evidence"]["activations"],
             _confirmation(fault["evidence"]),
-            _shortened(list(fault["drives"])),
+            shortened(list(fault["drives"])),
         )
         for fault in found["faults"]
     ]
@@ -272,20 +257,17 @@ def clear(
     token: TokenOption = None,
 ) -> None:
     """Clear a fault, or all of them; the drives return to normal."""
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json, print_line
-    from pnfarm.terminal.partial import raise_for_missing
 
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         found = farm.post("reset") if fault_id is None else farm.delete("faults", fault_id)
     if output is Format.JSON:
         print_json(found)
     else:
         cleared = found["cleared"] if fault_id is None else [found["id"]]
         none = "no fault was active" + (" on the shards that answer" if found.get("partial") else "")
-        print_line(f"cleared {_shortened(cleared)}" if cleared else none)
+        print_line(f"cleared {shortened(cleared)}" if cleared else none)
         for fault in found.get("faults", []):
-            print_line(f"  {fault['id']}: {fault['kind']} on {_shortened(list(fault['drives']))}")
+            print_line(f"  {fault['id']}: {fault['kind']} on {shortened(list(fault['drives']))}")
     raise_for_missing(found)
 
 
@@ -305,7 +287,6 @@ def _confirmation(evidence: dict[str, Any]) -> str:
 
 
 def _print_reach(found: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import print_json, print_line, print_table
 
     if output is Format.JSON:
         print_json(found)
@@ -323,13 +304,11 @@ def _print_reach(found: dict[str, Any], output: Format) -> None:
     print_line(f"{what}{refused}{again}")
 
 
-def _keep(farm: FarmClient, fault: dict[str, Any]) -> None:
+def _keep(farm: client.FarmClient, fault: dict[str, Any]) -> None:
     """Renew a fault's time to live until it ends or this command is stopped, then clear it."""
     import signal
     import threading
 
-    from pnfarm.errors import PnfarmError
-    from pnfarm.terminal.output import print_line
     from pnfarm.vocabulary.durations import parse_duration
 
     stop = threading.Event()
@@ -352,7 +331,6 @@ def _keep(farm: FarmClient, fault: dict[str, Any]) -> None:
 
 
 def _parameter(text: str) -> tuple[str, Any]:
-    from pnfarm.errors import ConfigError
 
     key, equals, value = text.partition("=")
     if not equals or not key:
@@ -372,8 +350,3 @@ def _scalar(text: str) -> int | float | bool | str:
         # "nan" and "inf" are text, as in JSON
         return value if abs(value) < float("inf") else text
     return text
-
-
-def _shortened(names: Sequence[str], most: int = 8) -> str:
-    rest = len(names) - most
-    return " ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

@@ -7,6 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pnfarm.errors import ConfigError
+from pnfarm.terminal.output import print_line
+from pnfarm.terminal.working import working
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -48,9 +52,7 @@ def importing(
     force: Annotated[bool, typer.Option("--force", help="Replace FARM if it is there.")] = False,
 ) -> None:
     """Make a farm file of a capture or a TIA project's CAx data: what no model stands for is listed in comments."""
-    from pnfarm.errors import ConfigError
     from pnfarm.farm.file.found import farm_name, write_farm
-    from pnfarm.terminal.output import print_line
 
     folder = Path.cwd() if output is None else output.resolve().parent
     if _is_project(file):
@@ -89,7 +91,6 @@ def _counted(drives: Sequence[FoundDrive], others: Sequence[FoundStation]) -> tu
 
 def _is_project(file: Path) -> bool:
     from pnfarm.buses.caex import is_project
-    from pnfarm.errors import ConfigError
 
     try:
         with file.open("rb") as begin:
@@ -102,7 +103,6 @@ def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[F
     from pnfarm.buses import registry
     from pnfarm.buses.caex import MAX_OCTETS, NotCaexError, parse_caex
     from pnfarm.buses.imports import ProjectBus
-    from pnfarm.errors import ConfigError
     from pnfarm.vocabulary.regular_file import read_regular
 
     try:
@@ -132,7 +132,6 @@ def _of_capture(file: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
     from pnfarm.buses import registry
     from pnfarm.buses.imports import ImportingBus
     from pnfarm.captures.reading import FrameReader
-    from pnfarm.terminal.working import working
 
     decoder = registry.decoder()
     importing_buses = {key: bus for key, bus in registry.BUSES.items() if isinstance(bus, ImportingBus)}

@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pnfarm.cli.completion import complete_drive
+from pnfarm.errors import ConfigError
+from pnfarm.terminal import client
+from pnfarm.terminal.output import number, print_json, print_line, print_table, seconds
+from pnfarm.terminal.partial import raise_for_missing
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
 
 if TYPE_CHECKING:
@@ -39,13 +43,10 @@ def inspect(
     token: TokenOption = None,
 ) -> None:
     """Show the drives of the running farm: state, telegram, controller, cycle, last fault."""
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.partial import raise_for_missing
 
     if not follow and not events:
         raise ConfigError("--no-follow needs --events")
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         if name is not None:
             drive = farm.get("drives", name)
             name = str(drive["name"])
@@ -62,7 +63,6 @@ def inspect(
 
 
 def _follow(entries: Iterable[dict[str, Any]], output: Format) -> None:
-    from pnfarm.terminal.output import print_line
 
     try:
         for entry in entries:
@@ -84,7 +84,6 @@ def _event_line(entry: dict[str, Any]) -> str:
 
 
 def _data(key: str, value: Any) -> str:
-    from pnfarm.terminal.output import seconds
 
     if key.endswith("_seconds") and isinstance(value, int | float):
         return seconds(float(value))
@@ -92,7 +91,6 @@ def _data(key: str, value: Any) -> str:
 
 
 def _all(view: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import number, print_json, print_line, print_table, seconds
 
     drives = view["drives"]
     if output is Format.JSON:
@@ -125,7 +123,6 @@ def _all(view: dict[str, Any], output: Format) -> None:
 
 def _standing_text(standing: dict[str, Any]) -> str:
     """The memory's database and the lease in words."""
-    from pnfarm.terminal.output import seconds
 
     memory = "up" if standing["memory_up"] else f"away ({standing['memory_reason']})"
     ago, other = standing["renewed_seconds_ago"], standing["held_by"]
@@ -139,7 +136,6 @@ def _standing_text(standing: dict[str, Any]) -> str:
 
 def _line_text(line: dict[str, Any]) -> str:
     """A serial line in words."""
-    from pnfarm.terminal.output import seconds
 
     dropped = sum(line["dropped"].values())
     reply = line["reply_seconds_mean"]
@@ -170,7 +166,6 @@ def _last_fault(drive: dict[str, Any]) -> str:
 
 def _one(drive: dict[str, Any], controller: dict[str, Any], output: Format) -> None:
     from pnfarm.farm.views.discard_texts import discard_text
-    from pnfarm.terminal.output import number, print_json, print_line, print_table
 
     if output is Format.JSON:
         print_json({**drive, "controller_record": controller})
@@ -200,7 +195,6 @@ def _one(drive: dict[str, Any], controller: dict[str, Any], output: Format) -> N
 
 def _print_relations(relations: list[dict[str, Any]]) -> None:
     """What was agreed for each connection, and what is where in its frames."""
-    from pnfarm.terminal.output import number, print_line, print_table, seconds
 
     for one in relations:
         channels = one.pop("channels")
@@ -223,7 +217,6 @@ def _print_relations(relations: list[dict[str, Any]]) -> None:
 
 def _controller_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
     """What the controller did, and its newest start-up and reaction."""
-    from pnfarm.terminal.output import number, seconds
 
     def mean(distribution: dict[str, Any]) -> str:
         value = distribution["mean_seconds"]
@@ -262,7 +255,6 @@ def _controller_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _cell(key: str, value: Any) -> str:
-    from pnfarm.terminal.output import seconds
 
     match value:
         case None:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pnfarm.cli.completion import complete_model
+from pnfarm.errors import ConfigError
+from pnfarm.terminal.output import print_json, print_line, print_table
 from pnfarm.terminal.settings import Format, FormatOption
 
 if TYPE_CHECKING:
@@ -49,16 +51,13 @@ def models(
     farm: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE",
-            help="Farm file whose `parameter_lists` add parameters to the model.",
-            show_default=False,
+            metavar="FILE", help="Farm file whose `parameter_lists` add parameters to the model.", show_default=False
         ),
     ] = None,
 ) -> None:
     """List the drive models, or show one with the source of each value."""
     from pnfarm.drives import catalogue
     from pnfarm.drives.description.as_json import as_json
-    from pnfarm.errors import ConfigError
 
     if model is None:
         if parameters is not None:
@@ -73,8 +72,6 @@ def models(
         if not found["parameters"]:
             raise ConfigError(f"{found['name']} has no parameter {parameters!r}; '*' shows all of them")
     if output is Format.JSON:
-        from pnfarm.terminal.output import print_json
-
         print_json(found if parameters is None else found["parameters"])
     elif parameters is not None:
         _print_parameters(found["parameters"])
@@ -100,7 +97,6 @@ def _matches(row: dict[str, Any], glob: str) -> bool:
 
 
 def _print_parameters(rows: list[dict[str, Any]]) -> None:
-    from pnfarm.terminal.output import print_table
 
     columns = (">PNU", "NAME", "TYPE", ">DEFAULT", "UNIT", "SCALE", "ACCESS", "EFFECT", "~SOURCE", "~NOTE")
     keys = ("pnu", "name", "type", "default", "unit", "scale", "access", "effect", "source", "note")
@@ -109,7 +105,6 @@ def _print_parameters(rows: list[dict[str, Any]]) -> None:
 
 def _list(output: Format) -> None:
     from pnfarm.drives import catalogue
-    from pnfarm.terminal.output import print_json, print_table
 
     entries = catalogue.models().values()
     if output is Format.JSON:
@@ -122,7 +117,6 @@ def _list(output: Format) -> None:
 
 def _print(found: dict[str, Any]) -> None:
     from pnfarm.drives.parameters.effects import EFFECTS
-    from pnfarm.terminal.output import print_line, print_table
 
     print_line(f"{found['name']}: {found['title']} ({found['maker']}, {found['bus']})")
     print_line(f"manual: {found['manual']}, {found['edition']}")
@@ -173,7 +167,6 @@ def _print(found: dict[str, Any]) -> None:
 
 
 def _print_telegrams(found: dict[str, Any]) -> None:
-    from pnfarm.terminal.output import print_line, print_table
 
     print_line()
     if any(telegram["identifiers"] for telegram in found["telegrams"]):

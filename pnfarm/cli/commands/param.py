@@ -7,6 +7,9 @@ from typing import Annotated, Any
 import typer
 
 from pnfarm.cli.completion import complete_drive
+from pnfarm.errors import ConfigError
+from pnfarm.terminal import client
+from pnfarm.terminal.output import print_json, print_line
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 __all__ = ["app"]
@@ -65,14 +68,13 @@ def get(
     token: TokenOption = None,
 ) -> None:
     """Read a parameter, of a drive of the running farm or of any station on a line."""
-    from pnfarm.terminal.client import FarmClient
 
     if line is not None:
         from pnfarm.cli.param_line import ask
 
         _show(ask(line, name, pnu, None, baud=baud, own=own, model=model), output)
         return
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         _show(farm.get("drives", name, "params", pnu), output)
 
 
@@ -93,7 +95,6 @@ def put(
     token: TokenOption = None,
 ) -> None:
     """Write a parameter and print the value that the drive then has."""
-    from pnfarm.terminal.client import FarmClient
 
     wanted = _number(value)
     if line is not None:
@@ -101,12 +102,11 @@ def put(
 
         _show(ask(line, name, pnu, wanted, baud=baud, own=own, model=model), output)
         return
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         _show(farm.put("drives", name, "params", pnu, body={"value": wanted}), output)
 
 
 def _number(text: str) -> int:
-    from pnfarm.errors import ConfigError
 
     try:
         return int(text, 0)
@@ -120,7 +120,6 @@ def _number(text: str) -> int:
 
 
 def _show(found: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import print_json, print_line
 
     if output is Format.JSON:
         print_json(found)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pnfarm.buses import registry
+from pnfarm.errors import ConfigError
+from pnfarm.terminal.output import print_json, print_line
 from pnfarm.terminal.settings import Format, FormatOption
 
 if TYPE_CHECKING:
@@ -55,7 +57,6 @@ def scan(
     import anyio
 
     from pnfarm.buses.search import Question
-    from pnfarm.terminal.output import print_json, print_line
 
     searches = registry.searches()
     wanted = _wanted(bus or ())
@@ -80,7 +81,6 @@ def scan(
 
 def _wanted(names: Sequence[str]) -> list[str]:
     """The buses to search, each once."""
-    from pnfarm.errors import ConfigError
 
     known = registry.searches()
     for name in names:
@@ -90,7 +90,6 @@ def _wanted(names: Sequence[str]) -> list[str]:
 
 
 def _address(text: str) -> IPv4Address:
-    from pnfarm.errors import ConfigError
 
     try:
         return IPv4Address(text)

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pnfarm.errors import ConfigError, RemoteError
+from pnfarm.terminal import client
+from pnfarm.terminal.output import print_json, print_line, print_table
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
 
 if TYPE_CHECKING:
-    from pnfarm.terminal.client import FarmClient
     from pnfarm.trace import Recording
 
 __all__ = ["trace"]
@@ -66,14 +68,11 @@ def trace(
     token: TokenOption = None,
 ) -> None:
     """Record signals of drives of the running farm, cycle by cycle, around a trigger."""
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json, print_line
 
     for file in files or []:
         _check_file(file)
     most = _seconds(within)
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         if listed:
             _list(farm, drives, output)
             return
@@ -104,7 +103,6 @@ def trace(
 
 
 def _seconds(text: str | None) -> float | None:
-    from pnfarm.errors import ConfigError
     from pnfarm.vocabulary.durations import read_duration
     from pnfarm.vocabulary.problem import Problem
 
@@ -114,9 +112,8 @@ def _seconds(text: str | None) -> float | None:
         raise ConfigError(f"--within {problem}") from problem
 
 
-def _recorded(farm: FarmClient, body: dict[str, Any], most: float | None) -> Recording:
+def _recorded(farm: client.FarmClient, body: dict[str, Any], most: float | None) -> Recording:
     """Start the trace, wait for its end, read it; it is deleted whatever happens."""
-    from pnfarm.errors import RemoteError
     from pnfarm.trace.recording import Recording
 
     started = farm.post("traces", body=body)
@@ -137,9 +134,7 @@ def _recorded(farm: FarmClient, body: dict[str, Any], most: float | None) -> Rec
         farm.delete("traces", trace_id)
 
 
-def _list(farm: FarmClient, drives: list[str], output: Format) -> None:
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.output import print_json, print_table
+def _list(farm: client.FarmClient, drives: list[str], output: Format) -> None:
     from pnfarm.vocabulary.globs import means
 
     known = farm.get("drives")["drives"]
@@ -156,7 +151,6 @@ def _list(farm: FarmClient, drives: list[str], output: Format) -> None:
 
 def _check_file(file: Path) -> None:
     """Before anything is recorded, so that no recording is lost to a misspelt name."""
-    from pnfarm.errors import ConfigError
 
     if file.suffix.lower() not in _FORMS:
         raise ConfigError(f"-o {file}: what to write is told by the name's end; allowed: {', '.join(_FORMS)}")
@@ -167,7 +161,6 @@ def _check_file(file: Path) -> None:
 def _write(file: Path, recording: Recording) -> None:
     import json
 
-    from pnfarm.errors import ConfigError
     from pnfarm.trace.plot import as_html, as_svg
 
     match file.suffix.lower():

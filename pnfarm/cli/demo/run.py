@@ -57,6 +57,8 @@ SCENARIO_TRIES = 3
 STRETCH_NS = 50_000_000
 #: The controllers' event, on every bus.
 CONNECTION_LOST = "connection lost"
+#: Of the live table; those with > are to the right.
+_COLUMNS = ("drive", "model", "state", ">set point", ">speed", ">current", ">cycle", ">sent", ">received", "fault")
 
 
 class Demo:
@@ -334,20 +336,8 @@ class Demo:
 
     def _picture(self) -> Group:
         table = Table(title="pnfarm demo", title_justify="left", expand=False)
-        for column in (
-            "drive",
-            "model",
-            "state",
-            "set point",
-            "speed",
-            "current",
-            "cycle",
-            "sent",
-            "received",
-            "fault",
-        ):
-            right = column in {"set point", "speed", "current", "cycle", "sent", "received"}
-            table.add_column(column, justify="right" if right else "left", no_wrap=True)
+        for column in _COLUMNS:
+            table.add_column(column.lstrip(">"), justify="right" if column[0] == ">" else "left", no_wrap=True)
         now = self._now()
         for station in self._farm.axes[:24]:
             seen = drive_snapshot(self._farm, station, now, injected={})

@@ -47,14 +47,6 @@ _REFUSED = (HTTPStatus.BAD_REQUEST, HTTPStatus.INTERNAL_SERVER_ERROR)
 
 
 @dataclass(frozen=True, slots=True)
-class _Known:
-    """A drive as globs see it."""
-
-    names: tuple[str, ...]
-    models: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class _Plan:
     """Whom a fault hits: drives by shard; those of shards that are away."""
 
@@ -78,7 +70,7 @@ class HubFaults:
         hub.check_any()
         spec = seeded(fault_kinds().parse(fields))
         try:
-            names, left_out = chosen(spec, {name: _Known(*found) for name, found in hub.shards.known_as.items()})
+            names, left_out = chosen(spec, hub.shards.known_as)
         except InjectionError as exc:
             if away := [shard.label for shard in hub.shards.unreachable if not shard.drives]:
                 raise AwayError(f"{exc}; not known are the drives of {', '.join(away)}") from exc
