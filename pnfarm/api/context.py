@@ -10,7 +10,8 @@ import anyio
 
 from pnfarm.api.messages import Messages
 from pnfarm.farm.views.snapshot import drive_snapshot
-from pnfarm.web.errors import named_by_path
+from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
+from pnfarm.web.errors import NotFoundError, named_by_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -68,6 +69,21 @@ class ApiContext(Context):
         """By its own name or by an axis's; raises :class:`NotFoundError`."""
         with named_by_path():
             return self.core.station(name)
+
+    def device(self, name: str) -> Station:
+        """A station without axes; raises :class:`NotFoundError`."""
+        found = next(
+            (station for station in self.core.stations if name in {station.configured_name, station.device.name}), None
+        )
+        if found is None or found.axes:
+            known = [station.configured_name for station in self.core.stations if not station.axes]
+            why = (
+                f"{name} is a drive"
+                if found is not None
+                else f"there is no device {shown(name)}{did_you_mean(name, known)}"
+            )
+            raise NotFoundError(f"{why}; devices of this farm: {shortened(known) or 'none'}")
+        return found
 
     def view(self, axis: Axis) -> dict[str, Any]:
         """One drive as it is now."""

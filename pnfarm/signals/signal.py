@@ -129,12 +129,16 @@ class Signal:
             raise Problem(f"{shown(value)} is not a number", "a number")
         if self.scale == 1:
             return value
+        try:
+            exact = value / self.scale
+        except OverflowError as error:
+            raise Problem(f"{shown(value)} is too large", "a number with fewer digits") from error
         if self.type.kind == "float":
-            return value / self.scale
+            return exact
         low, high = sorted(limit * self.scale for limit in self.type.limits)
-        if not math.isfinite(value):
+        if not math.isfinite(exact):
             raise Problem(f"{shown(value)} is not a finite number", f"{low:g} to {high:g}")
-        raw = round(value / self.scale)
+        raw = round(exact)
         least, most = self.type.limits
         if not least <= raw <= most:
             raise Problem(f"{shown(value)} is outside of {self.type.name} scaled by {self.scale:g}",

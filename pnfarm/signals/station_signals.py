@@ -116,6 +116,8 @@ class StationSignals:
         signal = self.signal(name)
         if signal.direction == "output":
             raise Problem("is an output: the controller alone writes it", self._inputs_in_words())
+        if not isinstance(value, bool | int | float | str | bytes):
+            raise Problem(f"is {shown(value)}", f"a value of type {signal.type.name}")
         data = memoryview(octets)[self._places[signal.slot, signal.subslot, "input"] :]
         signal.write(data, signal.parse(value) if isinstance(value, str) else value)
 

@@ -20,11 +20,12 @@ SIGNALS = {
 PLACES = {(1, 1, "input"): 0, (3, 1, "input"): 1, (2, 1, "output"): 0, (4, 1, "output"): 1}
 
 
-def island(*, inputs: bool = True, rows=None) -> StationSignals:
-    """Its signals; ``rows`` are columns with a row of plain data, new ones unless given."""
-    found = rows if rows is not None else allocate(images=1, axes=1, channels=1, plain=1, pieces=1)
+def island(*, inputs: bool = True, more=None) -> StationSignals:
+    """Its signals, and ``more`` in the second submodule."""
+    found = allocate(images=1, axes=1, channels=1, plain=1, pieces=1)
+    wanted = {**SIGNALS, **{name: (place, 6, 0) for name, place in (more or {}).items()}}
     known = {
-        name: place_signal(name, SignalPlace.model_validate(place), i, o) for name, (place, i, o) in SIGNALS.items()
+        name: place_signal(name, SignalPlace.model_validate(place), i, o) for name, (place, i, o) in wanted.items()
     }
     kept = {name: one for name, one in known.items() if inputs or one.direction == "output"}
     provided = ProvidedData(found.provided, 0, 7, 2) if inputs else None
