@@ -17,7 +17,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
 
-__all__ = ["complete_benchmark", "complete_drive", "complete_fault", "complete_kind", "complete_model"]
+__all__ = [
+    "complete_benchmark",
+    "complete_drive",
+    "complete_fault",
+    "complete_kind",
+    "complete_model",
+    "complete_signal",
+]
 
 #: Of the help beside a word, characters.
 _LONGEST = 70
@@ -62,6 +69,20 @@ def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]
 
     def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
         return ((one["name"], f"{one['model']}, {one['state']}") for one in farm.get("drives")["drives"])
+
+    return _of_farm(ctx, incomplete, words)
+
+
+def complete_signal(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """Devices of the running farm; behind a device and a dot its signals."""
+
+    def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
+        for device in farm.get("devices")["devices"]:
+            name = device["name"]
+            yield name, str(device["description"] or device["bus"])
+            if incomplete.startswith(f"{name}."):
+                for signal in farm.get("devices", name)["signals"]:
+                    yield f"{name}.{signal['name']}", f"{signal['direction']}, {signal['type']}"
 
     return _of_farm(ctx, incomplete, words)
 
