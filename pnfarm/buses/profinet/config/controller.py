@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
+from pydantic import AfterValidator, Field
 
 from pnfarm.buses.profinet.config.clock import MAX_DATA_HOLD_FACTOR
+from pnfarm.buses.profinet.config.device import Place
 from pnfarm.buses.profinet.config.values import Cycle
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
@@ -15,7 +15,6 @@ from pnfarm.config.section import Section
 from pnfarm.config.values import Cidr, Duration, Gateway, Globs, NamePattern, OctetString
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.problem import Problem
-from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,21 +39,6 @@ class ParameterRecord(Section):
     on: Globs | None = Field(default=None, description="Which drives; left out, all.")
 
 
-def _read_place(value: Any) -> int:
-    """A key: YAML's keys come as texts."""
-    text = str(value)
-    number = int(text) if re.fullmatch(r"[0-9]{1,5}", text) else -1
-    if re.fullmatch(r"0[xX][0-9a-fA-F]{1,4}", text):
-        number = int(text, 16)
-    if not 0 <= number <= _U16:
-        raise Problem(f"{shown(value)} is not a slot or subslot", "a number from 0 to 65535")
-    return number
-
-
-#: A slot or a subslot as the key of a mapping.
-_Place = Annotated[int, PlainValidator(_read_place), WithJsonSchema({"type": "integer", "minimum": 0, "maximum": _U16})]
-
-
 class ForeignDevice(Section):
     """A device that no model describes: its maker's GSDML file does."""
 
@@ -63,10 +47,10 @@ class ForeignDevice(Section):
     dap: str | None = Field(
         default=None, description="ID of the access point; left out where the GSDML file has one only."
     )
-    modules: dict[_Place, str | None] = Field(
+    modules: dict[Place, str | None] = Field(
         default_factory=dict, description="Slot: ID of the module in it; null for an empty slot.", examples=[{1: "DI8"}]
     )
-    submodules: dict[_Place, dict[_Place, str | None]] = Field(
+    submodules: dict[Place, dict[Place, str | None]] = Field(
         default_factory=dict, description="Slot: mapping of subslot to the ID of the submodule in it."
     )
     ip: Cidr | None = Field(default=None, description="Its address; left out, the next free one of the controller's.")
