@@ -10,8 +10,7 @@ import anyio
 
 from pnfarm.api.messages import Messages
 from pnfarm.farm.views.snapshot import drive_snapshot
-from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
-from pnfarm.web.errors import NotFoundError, named_by_path
+from pnfarm.web.errors import named_by_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -72,18 +71,8 @@ class ApiContext(Context):
 
     def device(self, name: str) -> Station:
         """A station without axes; raises :class:`NotFoundError`."""
-        found = next(
-            (station for station in self.core.stations if name in {station.configured_name, station.device.name}), None
-        )
-        if found is None or found.axes:
-            known = [station.configured_name for station in self.core.stations if not station.axes]
-            why = (
-                f"{name} is a drive"
-                if found is not None
-                else f"there is no device {shown(name)}{did_you_mean(name, known)}"
-            )
-            raise NotFoundError(f"{why}; devices of this farm: {shortened(known) or 'none'}")
-        return found
+        with named_by_path():
+            return self.core.device(name)
 
     def view(self, axis: Axis) -> dict[str, Any]:
         """One drive as it is now."""

@@ -50,6 +50,7 @@ from pnfarm.table import engine_row
 from pnfarm.table.access.fresh_rows import FreshRows, Same
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.trace import TraceManager
+from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -350,6 +351,15 @@ class FarmCore:
             names = ", ".join(axis.configured_name for axis in station.axes) or "none"
             raise ConfigError(f"{name} is no single axis; its axes: {names}")
         return station.axes[0]
+
+    def device(self, name: str) -> Station:
+        """A station without axes, by the names of :meth:`station`; raises :class:`ConfigError`."""
+        found = next((s for s in self.stations if name in {s.configured_name, s.device.name}), None)
+        if found is not None and not found.axes:
+            return found
+        known = [station.configured_name for station in self.stations if not station.axes]
+        why = f"there is no device {shown(name)}{did_you_mean(name, known)}" if found is None else f"{name} is a drive"
+        raise ConfigError(f"{why}; devices of farm {self.name}: {shortened(known) or 'none'}")
 
     # -- frames and time ---------------------------------------------------------------------------------------------
 

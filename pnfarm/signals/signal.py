@@ -73,6 +73,12 @@ class Signal:
         else:
             octets[self.octet] &= ~(1 << self.bit) & 0xFF
 
+    def taken(self, value: Value) -> Value:
+        """The value as it is read back when it has been written; a text is parsed.  :class:`Problem` as there."""
+        octets = bytearray(self.end)
+        self.write(octets, self.parse(value) if isinstance(value, str) else value)
+        return self.read(octets)
+
     def parse(self, text: str) -> Value:
         """A user's text as a value: ``true``, ``off``, ``12.5``, ``0x1F``, ``00 ff``; :class:`Problem` otherwise.
 

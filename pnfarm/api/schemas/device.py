@@ -66,6 +66,7 @@ class SignalView(Schema):
     direction: Literal["input", "output"] = Field(description="The controller's: an input goes to it.")
     type: str = Field(description="bool, int16, float32, octets[4] ...")
     unit: str
+    scale: float = Field(description="In units, of one step of the raw number.")
     place: str = Field(description="slot.subslot.octet, and .bit of a bit.")
     value: bool | int | float | str = Field(description="In its unit; octets are hexadecimal.")
     shown: str = Field(description="The same as text, as a write takes it.")

@@ -73,12 +73,14 @@ class Profinet(ImportingBus, SearchBus):
 
     def described_device(self, station: Station, services: DeviceServices) -> ProfinetDevice:
         from pnfarm.buses.profinet.described.kind import DescribedKind
+        from pnfarm.buses.profinet.described.summary import station_description
         from pnfarm.buses.profinet.device.device import ProfinetDevice
 
         kind = DescribedKind(
             station, cast("DescribedSettings", station.config), services.channels.columns, services.plain_row
         )
         station.signals = kind.signals
+        station.description = station_description(kind.described.plugged)
         return ProfinetDevice(station, services, kind, kind.described.plugged.number_of_ars)
 
     def commands(self) -> Iterable[Command]:

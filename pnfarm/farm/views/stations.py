@@ -20,7 +20,7 @@ __all__ = ["device_snapshot", "json_value", "signals_snapshot", "station_snapsho
 def json_value(value: Value) -> bool | int | float | str:
     """As JSON has it: octets in hexadecimal, numbers that are not finite as text."""
     match value:
-        case bytes() | bytearray():
+        case bytes():
             return value.hex(" ")
         case float() if not math.isfinite(value):
             return str(value)
@@ -81,6 +81,7 @@ def signals_snapshot(signals: PlainSignals) -> list[dict[str, Any]]:
             "direction": signal.direction,
             "type": signal.type.name,
             "unit": signal.unit,
+            "scale": signal.scale,
             "place": signal.place,
             "value": json_value(value),
             "shown": signal.show(value),
