@@ -56,6 +56,8 @@ def page() -> str:
         "  `read_token` of the farm file, requests may only read (403 otherwise).",
         "- **Streams** (`events`, `live`) are server-sent events; `follow=false` answers once and ends. A client that",
         "  does not read loses old events, and does not slow the farm down.",
+        "- **Conditions**: the signals of a device have an `ETag`; `If-Match` and `If-None-Match` use it",
+        "  ([signals.md](signals.md)).",
         "- **Library**: `pnfarm.Farm.connect(URL)` in Python ([testing.md](testing.md)).",
         "",
         "A `?` marks optional arguments.",

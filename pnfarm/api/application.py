@@ -11,6 +11,7 @@ from pnfarm.api.access.guard import Guard
 from pnfarm.api.access.throttle import Throttle
 from pnfarm.api.changes import Changes
 from pnfarm.api.page import add_page
+from pnfarm.api.paths.devices import add_stations
 from pnfarm.api.paths.drives import add_drives
 from pnfarm.api.paths.farm import add_farm
 from pnfarm.api.paths.faults import add_faults
@@ -25,6 +26,7 @@ from pnfarm.web.paths import Paths
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from pnfarm.api.paths.devices import StationsHost
     from pnfarm.api.paths.drives import DrivesHost
     from pnfarm.api.paths.farm import FarmHost
     from pnfarm.api.paths.faults import FaultsHost
@@ -44,6 +46,9 @@ class Hosts:
     drives: DrivesHost
     #: Adds what is below one drive.
     add_drive: Callable[[FastAPI], None]
+    stations: StationsHost
+    #: Adds what is below one device.
+    add_device: Callable[[FastAPI], None]
     faults: FaultsHost
     scenarios: KeptScenarios
     traces: TracesHost
@@ -79,6 +84,8 @@ def make_api(
 
     add_drives(path("drives"), hosts.drives)
     hosts.add_drive(app)
+    add_stations(path("devices"), hosts.stations)
+    hosts.add_device(app)
     add_faults(path("faults"), host, hosts.faults)
     add_scenarios(path("scenarios"), hosts.scenarios, host.now)
     add_traces(path("traces"), hosts.traces)

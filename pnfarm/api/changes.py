@@ -23,6 +23,7 @@ __all__ = [
     "PowerCycleRequested",
     "PowerOffRequested",
     "PowerOnRequested",
+    "SignalsWritten",
     "changes_nothing",
     "who",
 ]
@@ -65,6 +66,13 @@ class ParameterWritten(_Change):
 
     parameter: str
     value: int
+
+
+@event("signals written by a client")
+class SignalsWritten(_Change):
+    """A client wrote signals of a device."""
+
+    signals: str
 
 
 @event("power cycle requested")

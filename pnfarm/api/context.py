@@ -67,6 +67,11 @@ class ApiContext(Context):
         with named_by_path():
             return self.core.station(name)
 
+    def device(self, name: str) -> Station:
+        """A station without axes; raises :class:`NotFoundError`."""
+        with named_by_path():
+            return self.core.device(name)
+
     def view(self, axis: Axis) -> dict[str, Any]:
         """One drive as it is now."""
         return drive_snapshot(self.core, axis, self.now())

@@ -54,6 +54,7 @@ class DeviceServices:
     ``lateness``: how late the farm itself was; ``lldp``: whether the drives speak LLDP.  ``next_hop(port, address)``:
     the MAC address to which a drive's frames for an IPv4 address go, None while it is not known, and ``answers_arp``:
     whether the link answers ARP for a drive's address, so that its device must not; both only for buses with sockets.
+    ``plain_row``: the row of plain data of a station that has such.
     """
 
     channels: ChannelTable
@@ -63,6 +64,7 @@ class DeviceServices:
     lldp: bool = True
     next_hop: Callable[[int, IPv4Address], bytes | None] = lambda _port, _address: None
     answers_arp: bool = False
+    plain_row: int = 0
 
 
 class Segment(Protocol):
@@ -190,12 +192,21 @@ class Bus(ABC):
         """The shared state of the farm's devices on this bus; ``devices`` are the bus's own."""
         return self._own("device.segment", f"{self.prefix}Segment")(devices)
 
-    def plan(self, section: Any, drives: Sequence[Any], models: Sequence[Model], folder: Path | None) -> ControllerPlan:
-        """What the farm file's controller is to do with the drives of this bus; section and drives are the bus's own.
+    def plan(
+        self,
+        section: Any,
+        drives: Sequence[Any],
+        models: Sequence[Model],
+        folder: Path | None,
+        devices: Sequence[Any] = (),
+    ) -> ControllerPlan:
+        """What the farm file's controller is to do with the drives and devices of this bus, which are the bus's own, as
+        the section is.
 
         Files that the section names are relative to ``folder``.  Raises :class:`ConfigError`.
         """
-        return self._own("controller.plan", "plan_controller")(section, drives, models, folder)
+        further = (devices,) if devices else ()
+        return self._own("controller.plan", "plan_controller")(section, drives, models, folder, *further)
 
     def controller(self, plan: Any, host: ControllerHost) -> Controller:
         """The controller that carries out a plan of this bus."""

@@ -14,10 +14,19 @@ from pnfarm.terminal import client
 from pnfarm.terminal.settings import DEFAULT_URL
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
+
+    Words = Callable[[client.FarmClient], Iterable[tuple[str, str]]]
 
 
-__all__ = ["complete_benchmark", "complete_drive", "complete_fault", "complete_kind", "complete_model"]
+__all__ = [
+    "complete_benchmark",
+    "complete_drive",
+    "complete_fault",
+    "complete_kind",
+    "complete_model",
+    "complete_signal",
+]
 
 #: Of the help beside a word, characters.
 _LONGEST = 70
@@ -59,19 +68,38 @@ def complete_benchmark(incomplete: str) -> list[tuple[str, str]]:
 
 def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Drives of the running farm."""
-    return _of_farm(ctx, incomplete, "drives", "name", "model")
+    return _of_farm(ctx, incomplete, _listed("drives", "name", "model"))
+
+
+def complete_signal(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """Devices of the running farm; behind a device and a dot its signals."""
+
+    def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
+        for device in farm.get("devices")["devices"]:
+            name = device["name"]
+            yield name, str(device["description"] or device["bus"])
+            if incomplete.startswith(f"{name}."):
+                for signal in farm.get("devices", name)["signals"]:
+                    yield f"{name}.{signal['name']}", f"{signal['direction']}, {signal['type']}"
+
+    return _of_farm(ctx, incomplete, words)
 
 
 def complete_fault(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Faults of the running farm."""
-    return _of_farm(ctx, incomplete, "faults", "id", "kind")
+    return _of_farm(ctx, incomplete, _listed("faults", "id", "kind"))
 
 
-def _of_farm(ctx: typer.Context, incomplete: str, path: str, word: str, kind: str) -> list[tuple[str, str]]:
+def _listed(path: str, word: str, kind: str) -> Words:
+    """The entries of a list of the API."""
+    return lambda farm: [(one[word], f"{one[kind]}, {one['state']}") for one in farm.get(path)[path]]
+
+
+def _of_farm(ctx: typer.Context, incomplete: str, words: Words) -> list[tuple[str, str]]:
     try:
         with client.FarmClient(ctx.params.get("api") or DEFAULT_URL, ctx.params.get("token")) as farm:
-            found = farm.get(path)[path]
+            found = list(words(farm))
     except PnfarmError:
         # a shell that completes has no place for a message
         return []
-    return _fitting(((one[word], f"{one[kind]}, {one['state']}") for one in found), incomplete)
+    return _fitting(found, incomplete)

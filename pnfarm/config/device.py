@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, Any, Literal, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema, model_validator
 
+from pnfarm.config.drive import MAX_DRIVES
+from pnfarm.config.impairment import Impairment
 from pnfarm.config.section import Section
+from pnfarm.config.values import NamePattern
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ValueType, read_type
 
-__all__ = ["SignalPlace", "SignalSetting", "read_place"]
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.config.drive import Claim
+
+__all__ = ["DeviceConfig", "DeviceGroup", "SignalPlace", "SignalSetting", "read_place"]
 
 _PLACE = re.compile(r"([0-9]{1,5})\.([0-9]{1,5})\.([0-9]{1,4})(?:\.([0-7]))?")
 _ALLOWED = "slot.subslot.octet or slot.subslot.octet.bit, such as 3.1.0 or 1.1.0.3"
@@ -100,3 +109,60 @@ def _open_place(value: Any) -> Any:
 
 #: A value of the key `signals`: ``1.1.0.3``, or a mapping.
 SignalSetting = Annotated[SignalPlace, BeforeValidator(_open_place, json_schema_input_type=PlaceText | SignalPlace)]
+
+SignalName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,79}$")]
+
+
+class DeviceGroup(Section):
+    """One device, or `count` alike; its maker's file describes it."""
+
+    first_keys: ClassVar[tuple[str, ...]] = ("name", "count", "start")
+    #: What messages call them.
+    members: ClassVar[str] = "devices"
+
+    name: NamePattern = Field(description="Station name; {n} counts, {n:02} with leading zeros.")
+    count: int = Field(default=1, ge=1, le=MAX_DRIVES, description="Number of devices.")
+    start: int = Field(default=1, ge=0, le=1_000_000, description="First number for {n}.")
+    signals: dict[SignalName, SignalSetting] = Field(
+        default_factory=dict,
+        description="Names of values in its data, beside those that its file has: slot.subslot.octet.bit, or a mapping "
+        "with `at`, type, unit and scale.",
+        examples=[{"part_present": "1.1.0.3"}],
+    )
+    limits: Literal["strict", "lax"] = Field(
+        default="strict",
+        description="strict: refuse what the file does not permit; lax: permit every cycle, and keep parameter records "
+        "that are wrong with a warning.",
+    )
+    impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
+
+    @property
+    def is_described(self) -> bool:
+        """Whether its file was read, without errors."""
+        return False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceConfig:
+    """One device as the farm file configures it; a bus's devices have more.
+
+    ``index`` counts through the farm's devices from 0; ``group`` is the entry of ``devices:`` that it comes from.
+    ``kinds``: what it is, by the names of its file.  ``mac`` is that of its port.
+    """
+
+    index: int
+    group: int
+    name: str
+    bus: str
+    kinds: tuple[str, ...]
+    strict: bool
+    impair: tuple[Impairment, ...]
+    mac: bytes = b""
+
+    def claims(self) -> Sequence[Claim]:
+        """Values that no other station of the farm may have, besides its name."""
+        return ()
+
+    def addresses(self) -> Sequence[str]:
+        """Its addresses on its bus, as text for a table: hardware address, address."""
+        return "", ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
@@ -43,6 +43,9 @@ Identity = Annotated[
 
 class DriveGroup(Section):
     """One drive, or `count` alike."""
+
+    #: What messages call them.
+    members: ClassVar[str] = "drives"
 
     name: NamePattern = Field(description="Station name; {n} counts, {n:02} with leading zeros.")
     count: int = Field(default=1, ge=1, le=MAX_DRIVES, description="Number of drives.")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 from pydantic import Field
 
 from pnfarm.config.controller import ControllerSection
+from pnfarm.config.device import DeviceConfig, DeviceGroup
 from pnfarm.config.drive import DriveConfig, DriveGroup
 from pnfarm.config.values import AUTO, Cidr, Gateway, MacSetting, expand_name
 from pnfarm.vocabulary.quoting import shown
@@ -21,7 +22,18 @@ if TYPE_CHECKING:
     from pnfarm.config.drive import Claim
     from pnfarm.vocabulary.issues import Location, Report
 
-__all__ = ["IpController", "IpDriveConfig", "IpDrives", "Macs", "auto_mac", "check_addresses", "check_host", "nth_ip"]
+__all__ = [
+    "IpController",
+    "IpDeviceConfig",
+    "IpDevices",
+    "IpDriveConfig",
+    "IpDrives",
+    "Macs",
+    "auto_mac",
+    "check_addresses",
+    "check_host",
+    "nth_ip",
+]
 
 
 class IpDrives(DriveGroup):
@@ -35,6 +47,26 @@ class IpDrives(DriveGroup):
         default=AUTO,
         description="auto: a stable, locally administered address; or the address of the first drive, which counts up.",
     )
+
+
+class IpDevices(DeviceGroup):
+    """The same of devices."""
+
+    first_keys: ClassVar[tuple[str, ...]] = ("name", "count", "start", "ip", "gateway", "mac")
+
+    ip: Cidr | None = Field(
+        default=None, description="First device's address; counts up.  Left out, the device waits for DCP."
+    )
+    gateway: Gateway | None = Field(default=None, description="Router of the subnet.")
+    mac: MacSetting = Field(
+        default=AUTO,
+        description="auto: a stable, locally administered address; or the address of the first device, which counts "
+        "up.",
+    )
+
+
+#: A group of stations with addresses.
+IpGroup = IpDrives | IpDevices
 
 
 class IpController(ControllerSection):
@@ -56,11 +88,29 @@ class IpDriveConfig(DriveConfig):
     gateway: IPv4Address | None = None
 
     def claims(self) -> Sequence[Claim]:
-        own: list[Claim] = [("mac", self.mac, format_mac(self.mac))]
-        return own if self.ip is None else [*own, ("ip", self.ip.ip, str(self.ip.ip))]
+        return _claims(self.mac, self.ip)
 
     def addresses(self) -> Sequence[str]:
         return self.mac.hex(":"), str(self.ip) if self.ip is not None else ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IpDeviceConfig(DeviceConfig):
+    """One such device."""
+
+    ip: IPv4Interface | None = None
+    gateway: IPv4Address | None = None
+
+    def claims(self) -> Sequence[Claim]:
+        return _claims(self.mac, self.ip)
+
+    def addresses(self) -> Sequence[str]:
+        return self.mac.hex(":"), str(self.ip) if self.ip is not None else ""
+
+
+def _claims(mac: bytes, ip: IPv4Interface | None) -> list[Claim]:
+    own: list[Claim] = [("mac", mac, format_mac(mac))]
+    return own if ip is None else [*own, ("ip", ip.ip, str(ip.ip))]
 
 
 def auto_mac(farm: str, station: str, salt: int = 0) -> bytes:
@@ -70,17 +120,17 @@ def auto_mac(farm: str, station: str, salt: int = 0) -> bytes:
 
 
 class Macs:
-    """Gives each drive its address; those that the file names are never given to another."""
+    """Gives each station its address; those that the file names are never given to another."""
 
-    def __init__(self, farm: str, groups: Sequence[DriveGroup], own: Iterable[bytes]) -> None:
+    def __init__(self, farm: str, groups: Sequence[DriveGroup | DeviceGroup], own: Iterable[bytes]) -> None:
         """``own``: those of the controllers."""
         self._farm = farm
-        self._taken = {mac for group in groups if isinstance(group, IpDrives) for mac in _explicit(group)}
+        self._taken = {mac for group in groups if isinstance(group, IpGroup) for mac in _explicit(group)}
         self._taken.update(own)
         #: Salts that each name has used up, so that a name given thousands of times costs no search each.
         self._tried: dict[str, int] = {}
 
-    def of(self, group: IpDrives, name: str, step: int) -> bytes:
+    def of(self, group: IpGroup, name: str, step: int) -> bytes:
         """The address of a group's drive number ``step``."""
         if isinstance(group.mac, bytes):
             return mac_from_int((mac_to_int(group.mac) + step) % (1 << 48))
@@ -96,25 +146,29 @@ class Macs:
         return mac
 
 
-def _explicit(group: IpDrives) -> Iterator[bytes]:
+def _explicit(group: IpGroup) -> Iterator[bytes]:
     if isinstance(group.mac, bytes):
         first = mac_to_int(group.mac)
         for value in range(first, min(first + group.count, 1 << 48)):
             yield mac_from_int(value)
 
 
-def nth_ip(group: IpDrives, step: int) -> IPv4Interface | None:
+def nth_ip(group: IpGroup, step: int) -> IPv4Interface | None:
     """The address of a group's drive number ``step``."""
     if group.ip is None:
         return None
     return IPv4Interface(((int(group.ip) + step) & 0xFFFF_FFFF, group.ip.network.prefixlen))
 
 
-def check_addresses(at: Location, group: IpDrives, report: Report) -> None:
+def check_addresses(at: Location, group: IpGroup, report: Report) -> None:
     if isinstance(group.mac, bytes):
         last = mac_to_int(group.mac) + group.count - 1
         if last >> 48 or is_group(mac_from_int(last)):
-            report((*at, "mac"), f"counts {group.count} drives up into multicast addresses", "a lower first address")
+            report(
+                (*at, "mac"),
+                f"counts {group.count} {group.members} up into multicast addresses",
+                "a lower first address",
+            )
     if group.ip is None:
         if group.gateway is not None:
             report((*at, "gateway"), "is given without `ip`", "ip: ADDRESS/PREFIX beside it")
@@ -133,10 +187,18 @@ def check_addresses(at: Location, group: IpDrives, report: Report) -> None:
         return
     gateway = int(group.gateway)
     if not first <= gateway <= last:
-        report((*at, "gateway"), f"{group.gateway} is not a host of the drives' subnet {network}", _hosts(first, last))
+        report(
+            (*at, "gateway"),
+            f"{group.gateway} is not a host of the {group.members}' subnet {network}",
+            _hosts(first, last),
+        )
     elif start <= gateway < start + group.count:
         name = expand_name(group.name, group.start + gateway - start)
-        report((*at, "gateway"), f"{group.gateway} is the address of the drive {shown(name)}", _hosts(first, last))
+        report(
+            (*at, "gateway"),
+            f"{group.gateway} is the address of the {group.members[:-1]} {shown(name)}",
+            _hosts(first, last),
+        )
 
 
 def hosts_of(network: IPv4Network) -> tuple[int, int]:

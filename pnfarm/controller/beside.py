@@ -39,7 +39,9 @@ class ControllerBeside:
         return self._joined
 
     async def _join(self, world: VirtualWorld) -> None:
-        self._joined = await join_controllers(world, self._farm.config, self._farm.drives, self.log)
+        self._joined = await join_controllers(
+            world, self._farm.config, self._farm.drives, self.log, devices=self._farm.devices
+        )
 
     async def _close(self) -> None:
         joined, self._joined = self._joined, None

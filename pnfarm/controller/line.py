@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.bus import port_spec
 from pnfarm.buses.controller import ControllerHost
 from pnfarm.buses.registry import bus
+from pnfarm.config.device import DeviceConfig
+from pnfarm.config.drive import DriveConfig
 from pnfarm.config.ip import IpController
 from pnfarm.config.links import MemoryLink as MemorySection
 from pnfarm.controller.group import Controllers
@@ -19,7 +21,7 @@ from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of
-from pnfarm.farm.file.reading import controller_mac, expand
+from pnfarm.farm.file.reading import controller_mac, expand_all
 from pnfarm.farm.shard import part_of
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.capture.pcap import PcapLink
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.buses.controller import Controller
-    from pnfarm.config.drive import DriveConfig
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.drives.parameters.memory import NonVolatile
     from pnfarm.farm.core import Node
@@ -73,6 +74,7 @@ async def join_controllers(
     drives: Sequence[DriveConfig],
     log: EventLog,
     program: type[AxisProgram] | None = None,
+    devices: Sequence[DeviceConfig] = (),
 ) -> JoinedControllers | None:
     """Put the file's controllers into a world that has its farm already, and power them on; None where it has none.
 
@@ -83,7 +85,7 @@ async def join_controllers(
     for section in config.controllers:
         if isinstance(section, IpController) and (controller_mac(config, section) is None or section.ip is None):
             raise ConfigError("a controller in memory needs `ip`, and no `interface`")
-    planned = plan_controllers(config, drives)
+    planned = plan_controllers(config, drives, devices)
     links: list[MemoryLink] = []
     ports: list[Port] = []
     for one in planned:
@@ -127,10 +129,12 @@ class VirtualLine:
         farm: FarmCore,
         farm_link: MemoryLink,
         joined: JoinedControllers | None,
-        drives: Sequence[DriveConfig],
+        stations: Sequence[DriveConfig | DeviceConfig],
     ) -> None:
         self.config = config
-        self.drives = drives
+        #: The drives, and then the devices.
+        self.stations = stations
+        self.drives = [one for one in stations if isinstance(one, DriveConfig)]
         self.world = world
         self.farm = farm
         self.farm_link = farm_link
@@ -182,8 +186,10 @@ class VirtualLine:
         ``program`` replaces the file of a program of one's own; ``shard``: the part of the drives that is here, with
         controllers for it.  Raises :class:`~pnfarm.errors.EnvironmentError_`.
         """
-        whole_farm = expand(config)
-        drives = whole_farm if shard is None else part_of(config, whole_farm, shard)
+        whole_farm = expand_all(config)
+        stations = whole_farm if shard is None else part_of(config, whole_farm, shard)
+        drives = [one for one in stations if isinstance(one, DriveConfig)]
+        devices = [one for one in stations if isinstance(one, DeviceConfig)]
         world = VirtualWorld()
         section = config.link
         link = world.link(baud=section.baud if isinstance(section, MemorySection) else 0)
@@ -192,7 +198,9 @@ class VirtualLine:
             comment = f"pnfarm farm {config.farm or 'farm'}"
             whole = PcapLink(link, pcap, clock=world.clock, epoch_ns=epoch_ns, comment=comment, sink=frames)
             world.watch(whole.record)
-        ports = await whole.open([port_spec(bus(model_of(drive).bus), drive.name, drive.mac) for drive in drives])
+        specs = [port_spec(bus(model_of(drive).bus), drive.name, drive.mac) for drive in drives]
+        specs += [port_spec(bus(device.bus), device.name, device.mac) for device in devices]
+        ports = await whole.open(specs)
         farm = FarmCore(
             config.farm or "farm",
             drives,
@@ -205,8 +213,9 @@ class VirtualLine:
             clock=world.clock,
             lldp=config.lldp,
             shard=shard,
+            devices=devices,
         )
         world.join(farm, ports)
         farm.start(world.now)
-        joined = await join_controllers(world, config, drives, plc_log or EventLog(quiet=True), program)
-        return cls(config, world, farm, link, joined, drives)
+        joined = await join_controllers(world, config, drives, plc_log or EventLog(quiet=True), program, devices)
+        return cls(config, world, farm, link, joined, stations)

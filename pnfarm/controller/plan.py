@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.bus import Bus
     from pnfarm.buses.controller import ControllerPlan
     from pnfarm.config.controller import ControllerSection
+    from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.description.model import Model
     from pnfarm.farm.file.reading import FarmConfig
@@ -37,7 +38,9 @@ class PlannedController:
     members: Sequence[tuple[DriveConfig, Model]]
 
 
-def plan_controllers(config: FarmConfig, drives: Sequence[DriveConfig]) -> list[PlannedController]:
+def plan_controllers(
+    config: FarmConfig, drives: Sequence[DriveConfig], devices: Sequence[DeviceConfig] = ()
+) -> list[PlannedController]:
     """The controllers in the order of their first drives, at least one.  Raises :class:`ConfigError`."""
     if not config.controllers:
         raise ConfigError("the file has no `controller:` section; `pnfarm schema farm` shows its keys")
@@ -47,6 +50,7 @@ def plan_controllers(config: FarmConfig, drives: Sequence[DriveConfig]) -> list[
     for section in config.controllers:
         bus = bus_of_controller(section)
         members = [(drive, model) for drive, model in models if model.bus == bus.name]
-        plan = bus.plan(section, [drive for drive, _ in members], [model for _, model in members], folder)
+        own = [device for device in devices if device.bus == bus.name]
+        plan = bus.plan(section, [drive for drive, _ in members], [model for _, model in members], folder, own)
         found.append(PlannedController(section, bus, plan, controller_mac(config, section), members))
     return found

@@ -28,7 +28,7 @@ from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
 from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import realtime_settings
 from pnfarm.farm.file.choice import bus_of_controller, titles
-from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
+from pnfarm.farm.file.reading import FarmConfig, expand, expand_devices, load_farm
 from pnfarm.farm.lines import line_bus, make_line
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.links.base import unwrap
@@ -250,7 +250,7 @@ class Plc:
 
     async def open(self) -> None:
         """Take the ports, start the engines, begin to search for the drives."""
-        planned = plan_controllers(self.config, self.drives)
+        planned = plan_controllers(self.config, self.drives, expand_devices(self.config))
         own, kind = program_settings(self.config), program_of(self.config)
         try:
             cores = [await station.open(one, self.log) for station, one in zip(self._stations, planned, strict=True)]

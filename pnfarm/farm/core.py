@@ -11,6 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from pnfarm.buses.bus import DeviceServices, LineSegment, line_of
+from pnfarm.buses.devices import device_bus
 from pnfarm.buses.registry import bus
 from pnfarm.config.axis import apply_axis
 from pnfarm.config.machine import apply_machine
@@ -43,15 +44,18 @@ from pnfarm.station.events import (
     StateChanged,
     WarningChanged,
 )
+from pnfarm.station.imperfections import Imperfections
 from pnfarm.station.station import Station
 from pnfarm.table import engine_row
 from pnfarm.table.access.fresh_rows import FreshRows, Same
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.trace import TraceManager
+from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
 
+    from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.parameters.memory import NonVolatile
@@ -60,7 +64,6 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.links.serial.line import LineTally
     from pnfarm.station.event_log import EventLog
-    from pnfarm.station.imperfections import Imperfections
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 #: Events whose row is a consumer's.
@@ -118,7 +121,8 @@ class SocketNode(Protocol):
 
 
 class FarmCore:
-    """``ports`` belong to ``drives`` one by one; ``models`` gives a drive's model under its own identity.
+    """``ports`` belong to ``drives`` and then ``devices``, one by one; ``models`` gives a drive's model under its own
+    identity.
 
     ``clock`` is the one by which frames are sent.  ``shard``: which part of a farm these drives are, None for all.
     """
@@ -138,6 +142,7 @@ class FarmCore:
         tick_ns: int = 1_000_000,
         lldp: bool = True,
         shard: Shard | None = None,
+        devices: Sequence[DeviceConfig] = (),
     ) -> None:
         self.name = name
         self.shard = shard
@@ -146,14 +151,18 @@ class FarmCore:
         self.log = log
         known = [models(config) for config in drives]
         count = sum(len(config.axes) for config in drives)
+        needed = [device_bus(bus(config.bus)).device_rows(config) for config in devices]
         self.columns = allocate(
-            images=count,
+            images=count + len(devices),
             axes=count,
             channels=sum(
                 bus(model.bus).channel_rows(model) * len(config.axes)
                 for config, model in zip(drives, known, strict=True)
-            ),
-            impairments=len(drives) * IMPAIRMENTS_PER_DRIVE + 8,
+            )
+            + sum(rows.channels for rows in needed),
+            impairments=(len(drives) + len(devices)) * IMPAIRMENTS_PER_DRIVE + 8,
+            plain=len(devices),
+            pieces=sum(rows.pieces for rows in needed),
             traces=True,
         )
         self.columns.engine[0].tick_ns = tick_ns
@@ -191,7 +200,7 @@ class FarmCore:
         self._deadlines = Deadlines()
         self._tail = 0
         self.events_lost = 0
-        for config, model, port in zip(drives, known, ports, strict=True):
+        for config, model, port in zip(drives, known, ports[: len(drives)], strict=True):
             index = len(self.axes)
             flaws = imperfections(config.realism, model, config.name, by_source=config.realism_by_source)
             station = Station(
@@ -214,6 +223,8 @@ class FarmCore:
                 self._axis_by_name[axis.configured_name] = axis
             self.axes += station.axes
             self._join(station)
+        for row, (device, port) in enumerate(zip(devices, ports[len(drives) :], strict=True)):
+            self._join(self._make_device(device, row, port, replace(services, plain_row=row), memory))
         #: What the drives on each bus have in common, and each port's part of it.
         self._segments = {
             name: bus(name).segment([s.device for s in self.stations if s.bus == name])
@@ -277,6 +288,25 @@ class FarmCore:
             axes.append(made)
         return tuple(axes)
 
+    def _make_device(
+        self, config: DeviceConfig, row: int, port: Port, services: DeviceServices, memory: NonVolatile
+    ) -> Station:
+        """A device, whose process image is behind those of all axes."""
+        index = len(self.axes) + row
+        return Station(
+            config,
+            config.bus,
+            config.kinds,
+            index,
+            port,
+            self.columns.image[index],
+            lambda _: (),
+            partial(device_bus(bus(config.bus)).described_device, services=services),
+            memory=memory,
+            log=self.log,
+            flaws=Imperfections(),
+        )
+
     def _join(self, station: Station) -> None:
         """Find a station by its port, its row and its name; its row takes strays for the port."""
         port = station.port
@@ -321,6 +351,15 @@ class FarmCore:
             names = ", ".join(axis.configured_name for axis in station.axes) or "none"
             raise ConfigError(f"{name} is no single axis; its axes: {names}")
         return station.axes[0]
+
+    def device(self, name: str) -> Station:
+        """A station without axes, by the names of :meth:`station`; raises :class:`ConfigError`."""
+        found = next((s for s in self.stations if name in {s.configured_name, s.device.name}), None)
+        if found is not None and not found.axes:
+            return found
+        known = [station.configured_name for station in self.stations if not station.axes]
+        why = f"there is no device {shown(name)}{did_you_mean(name, known)}" if found is None else f"{name} is a drive"
+        raise ConfigError(f"{why}; devices of farm {self.name}: {shortened(known) or 'none'}")
 
     # -- frames and time ---------------------------------------------------------------------------------------------
 

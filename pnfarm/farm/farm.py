@@ -12,6 +12,8 @@ import anyio
 
 from pnfarm.buses.bus import port_spec
 from pnfarm.buses.registry import bus, fault_kinds
+from pnfarm.config.device import DeviceConfig
+from pnfarm.config.drive import DriveConfig
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import MacvlanLink as MacvlanSection
 from pnfarm.config.links import MemoryLink as MemorySection
@@ -37,7 +39,7 @@ from pnfarm.farm.events import (
     LineReady,
     RealTimeOptionRefused,
 )
-from pnfarm.farm.file.reading import FarmConfig, expand, load_farm
+from pnfarm.farm.file.reading import FarmConfig, expand_all, load_farm
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.lease import Lease
 from pnfarm.farm.leaseholder import Leaseholder
@@ -66,7 +68,6 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
-    from pnfarm.config.drive import DriveConfig
     from pnfarm.config.links import LineWay
     from pnfarm.drives.description.model import Model
     from pnfarm.faults.manager import Injection, InjectionManager
@@ -183,8 +184,12 @@ class Farm:
                 "(`pnfarm run SCENARIO --virtual --pcap FILE`)"
             )
         self.shard = shard
-        whole = expand(config)
-        self.drives = whole if shard is None else part_of(config, whole, shard)
+        whole = expand_all(config)
+        here = whole if shard is None else part_of(config, whole, shard)
+        self.drives = [one for one in here if isinstance(one, DriveConfig)]
+        #: Those that are no drives.
+        self.devices = [one for one in here if isinstance(one, DeviceConfig)]
+        self._stations = here
         if self.world is not None:
             link = self.world.link(baud=_memory_baud(config))
         self.link = link or make_link(config, self.drives, shard, captured=capture is not None)
@@ -251,8 +256,8 @@ class Farm:
 
     async def open(self) -> None:
         """Make the interfaces, power the drives on, start the engine.  On failure nothing is left behind."""
-        if not self.drives:
-            raise ConfigError("the farm has no drives")
+        if not self.drives and not self.devices:
+            raise ConfigError("the farm has neither drives nor devices")
         if self._core is not None:
             raise ConfigError("this farm has run already: make another one of its file")
         raise_file_limit()
@@ -267,7 +272,7 @@ class Farm:
             else:
                 self.world.clock.now = time.monotonic_ns()
             self._state = await self._open_state()
-            ports = await self.link.open([self._port_of(drive) for drive in self.drives])
+            ports = await self.link.open([self._port_of(one) for one in self._stations])
             if self.capture is not None:
                 self.capture.start(ports, far_end=isinstance(unwrap(self.link), TapLink))
                 for line in lines_of(self.link).values():
@@ -284,13 +289,14 @@ class Farm:
                 clock=time.monotonic_ns if self.world is None else self.world.clock,
                 lldp=self.config.lldp,
                 shard=self.shard,
+                devices=self.devices,
             )
             for action in self.on_start:
                 action(self._core)
             now = await self._make_driver(self._core, ports)
             if self._leaseholder is not None:
                 self._leaseholder.start(self._core, self.poke)
-            add_impairments(self._core.injections, self.drives, now, part=self.shard is not None)
+            add_impairments(self._core.injections, self._stations, now, part=self.shard is not None)
             self._core.start(now)
             await self.driver.start()
             self.started_ns = now
@@ -308,7 +314,7 @@ class Farm:
         state = PostgresState(
             url,
             self.config.farm or "farm",
-            [drive.name for drive in self.drives],
+            [one.name for one in self._stations],
             lease=Lease(self.config.lease.ttl_ns),
             shard="" if self.shard is None else str(self.shard),
         )
@@ -321,9 +327,9 @@ class Farm:
         return state
 
     @staticmethod
-    def _port_of(drive: DriveConfig) -> PortSpec:
-        its = bus(model_by_name(drive.model).bus)
-        return port_spec(its, drive.name, drive.mac)
+    def _port_of(one: DriveConfig | DeviceConfig) -> PortSpec:
+        its = bus(one.bus if isinstance(one, DeviceConfig) else model_by_name(one.model).bus)
+        return port_spec(its, one.name, one.mac)
 
     async def _make_driver(self, core: FarmCore, ports: Sequence[Port]) -> int:
         """What lets time pass; returns the farm's time at its start."""
@@ -350,7 +356,7 @@ class Farm:
             with contextlib.suppress(RuntimeError):  # the loop is closed: there is no log to write to
                 loop.call_soon_threadsafe(record)
 
-        names = [drive.name for drive in self.drives]
+        names = [one.name for one in self._stations]
         self.capture = FarmCapture(self._capture_settings, self.config.farm or "farm", names, note)
 
     def _report(self, now: int) -> None:

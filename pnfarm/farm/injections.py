@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.bus import InjectionHost
 from pnfarm.buses.registry import bus, fault_kinds
+from pnfarm.config.device import DeviceConfig
 from pnfarm.drives import catalogue as drive_catalogue
 from pnfarm.errors import ConfigError
 from pnfarm.farm.events import AddressNotRestored, CarrierNotChanged
@@ -67,18 +68,23 @@ def make_manager(
     return InjectionManager(fault_kinds(), drives, (gate, sockets, addresses), Conditions(axes, columns))
 
 
-def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], now: int, *, part: bool = False) -> None:
-    """Put the ``impair:`` sections of a farm file in force; ``part``: ``drives`` are not all of the file's.
+def add_impairments(
+    manager: InjectionManager, drives: Sequence[DriveConfig | DeviceConfig], now: int, *, part: bool = False
+) -> None:
+    """Put the ``impair:`` sections of a farm file in force; ``drives`` are devices, too.
+
+    ``part``: they are not all of the file's.
 
     Raises :class:`ConfigError` that names the group's drives.
     """
-    groups: dict[int, list[DriveConfig]] = {}
+    groups: dict[tuple[str, int], list[DriveConfig | DeviceConfig]] = {}
     for drive in drives:
-        groups.setdefault(drive.group, []).append(drive)
-    for members in groups.values():
+        word = "devices" if isinstance(drive, DeviceConfig) else "drives"
+        groups.setdefault((word, drive.group), []).append(drive)
+    for (word, _), members in groups.items():
         for index, impairment in enumerate(members[0].impair):
             names = _within(impairment, members)
-            where = f"impair[{index}] of drives {members[0].name} to {members[-1].name}"
+            where = f"impair[{index}] of {word} {members[0].name} to {members[-1].name}"
             if not names and part:
                 # they mean drives of other shards
                 continue
@@ -90,11 +96,14 @@ def add_impairments(manager: InjectionManager, drives: Sequence[DriveConfig], no
                 raise ConfigError(f"{where}: {exc}") from exc
 
 
-def _within(impairment: Impairment, members: Sequence[DriveConfig]) -> list[str]:
+def _within(impairment: Impairment, members: Sequence[DriveConfig | DeviceConfig]) -> list[str]:
     if impairment.on is None:
         return [drive.name for drive in members]
 
     # all of a group are of one model
-    model = drive_catalogue.model(members[0].model)
-    models = (model.name, *model.aliases)
+    if isinstance(members[0], DeviceConfig):
+        models = members[0].kinds
+    else:
+        model = drive_catalogue.model(members[0].model)
+        models = (model.name, *model.aliases)
     return [drive.name for drive in members if any(means(glob, (drive.name,), models) for glob in impairment.on)]

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.bus import line_of
 from pnfarm.buses.registry import BUSES
+from pnfarm.config.device import DeviceConfig
 from pnfarm.farm.file.choice import bus_of_controller
-from pnfarm.farm.file.reading import expand
+from pnfarm.farm.file.reading import expand_all
 from pnfarm.station.step_time import longest_step_ns
 
 if TYPE_CHECKING:
@@ -46,18 +47,20 @@ def _cycle_of(one: object) -> int | None:
     return getattr(one, "cycle_ns", None) or getattr(one, "rpi_ns", None)
 
 
-def _bus_of(config: FarmConfig, drive: DriveConfig) -> str:
+def _bus_of(config: FarmConfig, drive: DriveConfig | DeviceConfig) -> str:
+    if isinstance(drive, DeviceConfig):
+        return drive.bus
     model = config.known.model(drive.model)
     return "" if model is None or model.bus not in BUSES else model.bus
 
 
-def line_name(config: FarmConfig, drive: DriveConfig) -> str:
+def line_name(config: FarmConfig, drive: DriveConfig | DeviceConfig) -> str:
     """The serial line that a drive shares with others, empty for one without."""
     bus = _bus_of(config, drive)
     return line_of(BUSES[bus]) if bus else ""
 
 
-def _cycles(config: FarmConfig, drives: Sequence[DriveConfig]) -> list[int]:
+def _cycles(config: FarmConfig, drives: Sequence[DriveConfig | DeviceConfig]) -> list[int]:
     """The cycle of each drive, ns; 0 for one without cyclic frames."""
     shared = {bus_of_controller(one).name: _cycle_of(one) for one in config.controllers}
     found = []
@@ -69,20 +72,28 @@ def _cycles(config: FarmConfig, drives: Sequence[DriveConfig]) -> list[int]:
     return found
 
 
-def load_of(config: FarmConfig, drives: Sequence[DriveConfig] | None = None) -> Load:
-    """The load of a farm file's drives, or of some of them, at the cycles that the file names."""
-    cycles = [cycle for cycle in _cycles(config, expand(config) if drives is None else drives) if cycle]
-    frames = sum(2e9 / cycle for cycle in cycles)
-    return Load(len(cycles), frames, sum(1e9 / longest_step_ns(cycle) for cycle in cycles))
+def load_of(config: FarmConfig, drives: Sequence[DriveConfig | DeviceConfig] | None = None) -> Load:
+    """The load of a farm file's drives and devices, or of some of them, at the cycles that the file names."""
+    whole = expand_all(config) if drives is None else drives
+    cyclic = [(one, cycle) for one, cycle in zip(whole, _cycles(config, whole), strict=True) if cycle]
+    frames = sum(2e9 / cycle for _, cycle in cyclic)
+    return Load(len(cyclic), frames, sum(_steps(one, cycle) for one, cycle in cyclic))
 
 
-def costs_of(config: FarmConfig, drives: Sequence[DriveConfig]) -> list[int]:
+def _steps(one: DriveConfig | DeviceConfig, cycle_ns: int) -> float:
+    """Firmware steps a second: a device has none."""
+    return 0.0 if isinstance(one, DeviceConfig) else 1e9 / longest_step_ns(cycle_ns)
+
+
+def costs_of(config: FarmConfig, drives: Sequence[DriveConfig | DeviceConfig]) -> list[int]:
     """What each drive costs, ns of processor time a second; a line is paid for by its first drive."""
     costs, paid = [], set()
     for drive, cycle in zip(drives, _cycles(config, drives), strict=True):
         cost = _DRIVE_NS
         if cycle:
-            cost += _FRAME_NS * 2_000_000_000 // cycle + _STEP_NS * 1_000_000_000 // longest_step_ns(cycle)
+            cost += _FRAME_NS * 2_000_000_000 // cycle
+            if not isinstance(drive, DeviceConfig):
+                cost += _STEP_NS * 1_000_000_000 // longest_step_ns(cycle)
         line = line_name(config, drive)
         if line and line not in paid:
             paid.add(line)

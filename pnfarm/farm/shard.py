@@ -20,6 +20,7 @@ from pnfarm.farm.load import costs_of, line_name
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
     from pnfarm.farm.file.reading import FarmConfig
 
@@ -59,7 +60,7 @@ def parse_shard(text: str, origin: str = "--shard") -> Shard:
         raise ConfigError(f"{origin}: {exc}") from exc
 
 
-def units_of(config: FarmConfig, drives: Sequence[DriveConfig]) -> list[list[int]]:
+def units_of(config: FarmConfig, drives: Sequence[DriveConfig | DeviceConfig]) -> list[list[int]]:
     """Places of the drives that stay together, in the order of the first of each."""
     units: list[list[int]] = []
     lines: dict[str, list[int]] = {}
@@ -74,14 +75,21 @@ def units_of(config: FarmConfig, drives: Sequence[DriveConfig]) -> list[list[int
     return units
 
 
-def part_of(config: FarmConfig, drives: Sequence[DriveConfig], shard: Shard) -> list[DriveConfig]:
-    """The drives of a shard, in the file's order.  Raises :class:`ConfigError` where the farm cannot be divided so."""
+def part_of(
+    config: FarmConfig, drives: Sequence[DriveConfig | DeviceConfig], shard: Shard
+) -> list[DriveConfig | DeviceConfig]:
+    """The drives of a shard, in the file's order, and then its devices.
+
+    Raises :class:`ConfigError` where the farm cannot be divided so.
+    """
     _check_link(config, shard)
     units = units_of(config, drives)
     if shard.count > len(units):
+        members = "drives and devices" if config.devices else "drives"
+        alone = len(units) == len(drives)
         raise ConfigError(
             f"{shard.count} shards are too many for farm {config.farm or 'farm'}: at most {len(units)}, "
-            f"{'as many as it has drives' if len(units) == len(drives) else 'as its drives on a line stay together'}"
+            f"{f'as many as it has {members}' if alone else 'as its drives on a line stay together'}"
         )
     costs = costs_of(config, drives)
     dealt = [0] * shard.count

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
 import anyio
@@ -102,7 +103,8 @@ class ShardClient:
             raise self._failed(exc) from exc
 
     async def _read(self, response: httpx.Response) -> Answer:
-        if response.is_redirect:
+        # 304 is no redirection: the client has the answer
+        if response.is_redirect and response.status_code != HTTPStatus.NOT_MODIFIED:
             raise AwayError(f"{self._label} redirects elsewhere, which no farm does", slug="redirect")
         octets = bytearray()
         async for chunk in response.aiter_bytes():

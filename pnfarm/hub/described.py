@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field
 from pnfarm.api.paths.farm import Findings, Health, Reactions, Ready
 from pnfarm.api.paths.faults import Fault, Faults, Reset, Targets
 from pnfarm.api.paths.traces import Traces
+from pnfarm.api.schemas.device import DevicesView, StationsView, StationView
 from pnfarm.api.schemas.drive import Drive
 from pnfarm.api.schemas.farm import FarmView
 from pnfarm.web.bodies import Schema
@@ -40,6 +41,18 @@ class HubDrive(Drive):
 class HubFarmView(FarmView, _Partial):
     model_config = ConfigDict(title="HubFarmView")
     drives: list[HubDrive]  # type: ignore[assignment]  # a list of more
+
+
+class HubStation(StationView):
+    shard: str
+
+
+class HubStations(StationsView, _Partial):
+    stations: list[HubStation]  # type: ignore[assignment]  # a list of more
+
+
+class HubDevices(DevicesView, _Partial):
+    devices: list[HubStation]  # type: ignore[assignment]
 
 
 class NotHit(Schema):
@@ -120,6 +133,8 @@ _NOT_ALL = _whole_or_not(HubFault, "Not on all shards: see `unreachable`.")
 #: By handler; what is not here is as of a farm.
 DESCRIBED = {
     "get_drives": Described("All farms as one: every drive, also of shards that do not answer", {200: HubFarmView}),
+    "get_stations": Described("Every station of every shard", {200: HubStations}),
+    "get_devices": Described("Every device of every shard", {200: HubDevices}),
     "get_faults": Described("Pending and active faults on all shards, with their evidence", {200: HubFaults}),
     "post_fault": Described(
         "Inject a fault into drives of any shards at one moment; with dry_run only list the drives",

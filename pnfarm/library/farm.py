@@ -15,6 +15,7 @@ from pnfarm.farm.shard import parse_shard
 from pnfarm.farm.tracing import FarmTrace, trace_fields
 from pnfarm.farm.wait import NotInTime
 from pnfarm.library.arguments import duration_ns
+from pnfarm.library.device import Device
 from pnfarm.library.drive import Drive
 from pnfarm.library.events import FarmEvent
 from pnfarm.library.face import FarmFace, first_drives
@@ -44,7 +45,7 @@ __all__ = ["Farm"]
 EVENT_STRETCH_NS = 3_600_000_000_000
 
 
-class Farm(FarmFace[Drive]):
+class Farm(FarmFace[Drive, Device]):
     """``async with`` starts it and stops it, also after an exception or a cancellation.
 
     On a link with interfaces the controller is the one on the wire: a PLC, or :class:`pnfarm.Plc` beside it.  On a
@@ -88,6 +89,7 @@ class Farm(FarmFace[Drive]):
         await self._passing.open()
         self._began_ns = self._passing.now()
         self._drives = {s.configured_name: Drive(self.fault, self._passing, s) for s in self.core.axes}
+        self._devices = {s.configured_name: Device(self._passing, s) for s in self.core.stations if not s.axes}
 
     async def close(self) -> None:
         """End every fault, stop the drives, and remove every interface that the farm made.  Twice does nothing."""
@@ -99,6 +101,10 @@ class Farm(FarmFace[Drive]):
     def drive(self, name: str) -> Drive:
         """A drive by its name in the file, or the one that DCP gave it.  Raises :class:`ConfigError`."""
         return self._drives[self.core.axis(name).configured_name]
+
+    def device(self, name: str) -> Device:
+        """A device by its name, as :meth:`drive`."""
+        return self._devices[self.core.device(name).configured_name]
 
     @property
     def now(self) -> float:

@@ -197,7 +197,7 @@ class VirtualTimeRunner(FarmRunner):
         self._line = await VirtualLine.create(self._config, memory=VolatileMemory(), log=self.log, shard=self._shard)
         self._collector = FarmCollector(self._line.farm)
         farm = self._line.farm
-        add_impairments(farm.injections, self._line.drives, self._line.world.now, part=self._shard is not None)
+        add_impairments(farm.injections, self._line.stations, self._line.world.now, part=self._shard is not None)
 
     async def close(self) -> None:
         line, self._line = self._line, None

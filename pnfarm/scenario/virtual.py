@@ -9,7 +9,6 @@ import anyio.lowlevel
 
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
-from pnfarm.farm.file.reading import expand
 from pnfarm.farm.injections import add_impairments
 from pnfarm.metrics import FarmCollector
 from pnfarm.scenario.run import LOOK_NS, ScenarioRun
@@ -79,7 +78,7 @@ async def run_virtual(
         raise ConfigError("in virtual time the farm needs its own controller: add a `controller:` section to its file")
     async with _line(config, EventLog(quiet=True), frames) as line:
         world = line.world
-        add_impairments(line.farm.injections, expand(config), world.now)
+        add_impairments(line.farm.injections, line.stations, world.now)
         collector, begin = FarmCollector(line.farm), world.now
         try:
             run = ScenarioRun(binding, line.farm, collector, world.now, tell=tell, traced=traced)

@@ -73,6 +73,12 @@ class Signal:
         else:
             octets[self.octet] &= ~(1 << self.bit) & 0xFF
 
+    def taken(self, value: Value) -> Value:
+        """The value as it is read back when it has been written; a text is parsed.  :class:`Problem` as there."""
+        octets = bytearray(self.end)
+        self.write(octets, self.parse(value) if isinstance(value, str) else value)
+        return self.read(octets)
+
     def parse(self, text: str) -> Value:
         """A user's text as a value: ``true``, ``off``, ``12.5``, ``0x1F``, ``00 ff``; :class:`Problem` otherwise.
 
@@ -129,12 +135,16 @@ class Signal:
             raise Problem(f"{shown(value)} is not a number", "a number")
         if self.scale == 1:
             return value
+        try:
+            exact = value / self.scale
+        except OverflowError as error:
+            raise Problem(f"{shown(value)} is too large", "a number with fewer digits") from error
         if self.type.kind == "float":
-            return value / self.scale
+            return exact
         low, high = sorted(limit * self.scale for limit in self.type.limits)
-        if not math.isfinite(value):
+        if not math.isfinite(exact):
             raise Problem(f"{shown(value)} is not a finite number", f"{low:g} to {high:g}")
-        raw = round(value / self.scale)
+        raw = round(exact)
         least, most = self.type.limits
         if not least <= raw <= most:
             raise Problem(f"{shown(value)} is outside of {self.type.name} scaled by {self.scale:g}",

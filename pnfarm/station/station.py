@@ -27,10 +27,12 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.parameters.memory import NonVolatile
     from pnfarm.station.axis import Axis
+    from pnfarm.station.description import StationDescription
     from pnfarm.station.device import Device
     from pnfarm.station.event import Event
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.imperfections import Imperfections
+    from pnfarm.station.plain_signals import PlainSignals
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 __all__ = ["Station", "StationConfig", "StationPort"]
@@ -102,6 +104,10 @@ class Station:
         self._answers_ns: int | None = None
         #: How often it came on the wire.
         self.starts = 0
+        #: Of a station with plain data; its device sets them.
+        self.signals: PlainSignals | None = None
+        #: Of a station that its maker's file describes; its device sets it.
+        self.description: StationDescription | None = None
         self.axes = make_axes(self)
         #: Its own name and those of its axes.
         self.names = tuple(dict.fromkeys((config.name, *(axis.configured_name for axis in self.axes))))

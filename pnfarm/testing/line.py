@@ -17,6 +17,7 @@ from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.wait import NotInTime
 from pnfarm.links.memory import at_once
 from pnfarm.station.event_log import EventLog
+from pnfarm.testing.device import Device
 from pnfarm.testing.drive import Drive
 from pnfarm.testing.face import BlockingFace
 from pnfarm.testing.fault import Fault
@@ -161,6 +162,14 @@ class Line(BlockingFace[Drive]):
         if name not in self._drives:
             raise ConfigError(f"the line has no drive {name!r}; it has {', '.join(self._drives)}")
         return self._drives[name]
+
+    @property
+    def devices(self) -> list[Device]:
+        return [Device(self, station) for station in self.core.stations if not station.axes]
+
+    def device(self, name: str) -> Device:
+        """A device by its name.  Raises :class:`ConfigError`."""
+        return Device(self, self.core.device(name))
 
     # -- faults
 

@@ -19,6 +19,7 @@ from pnfarm.library.arguments import duration_ns
 from pnfarm.library.reading import Reading
 from pnfarm.testing.face import BlockingFace
 from pnfarm.testing.fault import BlockingFault
+from pnfarm.testing.rig_device import RigDevice
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Mapping, Sequence
@@ -104,6 +105,15 @@ class Rig(BlockingFace["RigDrive"]):
     def drive(self, name: str) -> RigDrive:
         """A drive by its name.  Raises :class:`ConfigError`."""
         return RigDrive(self, self._farm.drive(name))
+
+    @property
+    def devices(self) -> list[RigDevice]:
+        """Every device, in the farm's order."""
+        return [RigDevice(self.call, device) for device in self._farm.devices]
+
+    def device(self, name: str) -> RigDevice:
+        """A device by its name.  Raises :class:`ConfigError`."""
+        return RigDevice(self.call, self._farm.device(name))
 
     def run(self, seconds: float) -> None:
         """Let time pass."""

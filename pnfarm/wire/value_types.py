@@ -112,7 +112,7 @@ class ValueType:
     def _whole(self, value: Value) -> int:
         if not isinstance(value, int | float):
             raise Problem(f"{shown(value)} is not a number", f"a whole number, {self._range()}")
-        if not math.isfinite(value) or value != int(value):
+        if isinstance(value, float) and not value.is_integer():
             raise Problem(f"{shown(value)} is not a whole number", f"a whole number, {self._range()}")
         low, high = self.limits
         if not low <= value <= high:

@@ -37,12 +37,15 @@ __all__ = ["DriveCore", "SessionCore"]
 
 
 class DriveCore(Controller):
-    """``plan`` has the name and the devices; ``tick_ns`` is the engine's."""
+    """``plan`` has the name and the devices; ``tick_ns`` is the engine's.
+
+    With ``pieces`` in its frames each device has a row of plain data, by its place.
+    """
 
     #: What the cyclic data of a drive are called where they have no parameter channel.
     without_channel = "the telegram of drive {!r} has no parameter channel (PKW)"
 
-    def __init__(self, plan: Any, host: ControllerHost, *, channels: int, tick_ns: int) -> None:
+    def __init__(self, plan: Any, host: ControllerHost, *, channels: int, tick_ns: int, pieces: int = 0) -> None:
         self.name: str = plan.name
         self.devices: Sequence[PlannedDevice] = plan.devices
         self.link, self.port, self.log = host.link, host.port, host.log
@@ -50,7 +53,8 @@ class DriveCore(Controller):
         #: The axes of all devices, row by row.
         self.axes = [axis for device in self.devices for axis in device.axes]
         count = len(self.axes)
-        self.columns: Columns = allocate(images=count, programs=count, channels=channels)
+        plain = len(self.devices) if pieces else 0
+        self.columns: Columns = allocate(images=count, programs=count, channels=channels, plain=plain, pieces=pieces)
         self.columns.engine[0].tick_ns = tick_ns
         self.columns.image.lost[:] = LOST_NEVER
         #: The first row of each device.
@@ -133,10 +137,9 @@ class SessionCore(DriveCore, Generic[S]):
 
     life: Life[S]
 
-    def __init__(self, plan: Any, host: ControllerHost, sessions: list[S], *, tick_ns: int) -> None:
-        super().__init__(
-            plan, host, channels=2 * sum(len(session.plan.axes) for session in sessions) + 8, tick_ns=tick_ns
-        )
+    def __init__(self, plan: Any, host: ControllerHost, sessions: list[S], *, tick_ns: int, pieces: int = 0) -> None:
+        channels = 2 * sum(len(session.plan.axes) for session in sessions) + 8
+        super().__init__(plan, host, channels=channels, tick_ns=tick_ns, pieces=pieces)
         self.sessions = sessions
         for session, row in zip(sessions, self.first_rows, strict=True):
             session.row = row

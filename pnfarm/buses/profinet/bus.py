@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import DeviceServices, RouteHost
     from pnfarm.buses.described import DescribedIdentity
+    from pnfarm.buses.devices import DeviceRows
+    from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
+    from pnfarm.buses.profinet.described.kind import DescribedSettings
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.buses.profinet.device.drive import DriveSettings
     from pnfarm.drives.description.model import Model
@@ -51,6 +54,27 @@ class Profinet(ImportingBus, ProjectBus, SearchBus):
 
         kind = DriveKind(station, cast("DriveSettings", station.config))
         return ProfinetDevice(station, services, kind, kind.model.limits.io_controllers)
+
+    def device_rows(self, config: ProfinetDeviceConfig) -> DeviceRows:
+        from pnfarm.buses.devices import DeviceRows
+        from pnfarm.buses.profinet.device.channels import channel_rows
+
+        described = config.described
+        rows = channel_rows(described.plugged.number_of_ars)
+        # a change of modules leaves the pieces of before to the engine until its next tick
+        return DeviceRows(rows, 8 * rows * (len(described.inputs.places) + len(described.outputs.places)))
+
+    def described_device(self, station: Station, services: DeviceServices) -> ProfinetDevice:
+        from pnfarm.buses.profinet.described.kind import DescribedKind
+        from pnfarm.buses.profinet.described.summary import station_description
+        from pnfarm.buses.profinet.device.device import ProfinetDevice
+
+        kind = DescribedKind(
+            station, cast("DescribedSettings", station.config), services.channels.columns, services.plain_row
+        )
+        station.signals = kind.signals
+        station.description = station_description(kind.described.plugged)
+        return ProfinetDevice(station, services, kind, kind.described.plugged.number_of_ars)
 
     def commands(self) -> Iterable[Command]:
         from pnfarm.buses.profinet.commands import gsdml, module, record

@@ -35,7 +35,8 @@ class PieceTable:
             self._left.remove(entry)
             self._segments.release(entry[0])
         self.leave(row)
-        row["pieces"] = 0
+        # also of a channel without pieces yet: the station lays its frames out again
+        row["pieces"], row["plain"] = 0, plain
         if not pieces:
             return
         first = self._segments.allocate(len(pieces))
@@ -46,5 +47,5 @@ class PieceTable:
             one["frame"], one["place"], one["length"] = start + piece.frame, piece.place, piece.length
             one["status_frame"] = NO_STATUS if piece.status_frame is None else start + piece.status_frame
             one["status_place"] = piece.status_place
-        row["piece"], row["plain"] = first, plain
+        row["piece"] = first
         row["pieces"] = len(pieces)

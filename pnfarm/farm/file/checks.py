@@ -15,8 +15,8 @@ from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
 from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink
 from pnfarm.config.values import expand_name, numbered
-from pnfarm.farm.file.choice import bus_of, bus_of_controller, titles
-from pnfarm.farm.file.expand import controller_mac, expand_sections
+from pnfarm.farm.file.choice import bus_of, bus_of_controller, bus_of_devices, device_part, titles
+from pnfarm.farm.file.expand import controller_mac, expand_device_sections, expand_sections
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.wire.mac import format_mac
 
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.bus import Bus
     from pnfarm.config.controller import ControllerSection
-    from pnfarm.config.drive import DriveGroup
+    from pnfarm.config.device import DeviceConfig, DeviceGroup
+    from pnfarm.config.drive import DriveConfig, DriveGroup
     from pnfarm.config.known import Known, ModelFacts
     from pnfarm.config.links import LineWay, Link
     from pnfarm.farm.file.sections import FarmSections
@@ -41,11 +42,12 @@ def check(
     *,
     is_complete: bool = True,
     places: Sequence[int] | None = None,
+    device_places: Sequence[int] | None = None,
 ) -> None:
     """Report all that does not fit together; one report per group and cause, not one per drive.
 
     ``is_complete=False`` leaves out the checks between sections, for a file of which some were set aside; ``places``
-    are then the numbers that the drive groups have in the file.
+    are then the numbers that the drive groups have in the file, ``device_places`` those of the groups of devices.
     """
     if is_complete:
         _check_sections(sections, report)
@@ -55,16 +57,25 @@ def check(
         PlacedGroup(("drives", index), f"drives[{number}]", group)
         for index, (number, group) in enumerate(zip(numbers, sections.drives, strict=True))
     ]
+    devices = list(range(len(sections.devices)) if device_places is None else device_places)
     for placed in groups:
         _check_group(placed.at, placed.group, known, report)
+    for number, group in zip(devices, sections.devices, strict=True):
+        _check_devices(("devices", number), group, report)
     if is_complete and sections.link is not None:
         _check_links(sections.link, groups, report)
+        _check_device_links(sections, devices, report)
     total = sum(group.count for group in sections.drives)
+    total_devices = sum(group.count for group in sections.devices)
     if total > MAX_DRIVES:
         report(("drives",), f"makes {total} drives", f"at most {MAX_DRIVES} in one farm")
+    elif total + total_devices > MAX_DRIVES:
+        report(
+            ("devices",), f"makes {total_devices} devices beside {total} drives", f"at most {MAX_DRIVES} in one farm"
+        )
     else:
         _check_names(groups, report)
-        _check_between(sections, groups, known, report)
+        _check_between(sections, groups, devices, known, report)
     for controller in sections.controllers:
         bus = bus_of_controller(controller)
         _check_program(controller, report)
@@ -105,6 +116,10 @@ def _check_program(controller: ControllerSection, report: Report) -> None:
 
 def _check_sections(sections: FarmSections, report: Report) -> None:
     controller = sections.controller
+    if sections.devices and sections.farm is None:
+        report(
+            ("devices",), "has no farm to be in", "farm: NAME; devices of others are in `controller: {devices: ...}`"
+        )
     if sections.farm is None and controller is None:
         report((), "has neither `farm` nor `controller`", "farm: NAME for drives, controller: for foreign devices")
     if sections.farm is not None and sections.link is None:
@@ -172,6 +187,26 @@ def _check_group(at: Location, group: DriveGroup, known: Known, report: Report) 
         report((*at, "model"), f"{shown(group.model)} is not a model of this version{hint}", ", ".join(known.models))
     else:
         _check_model(at, group, model, report)
+
+
+def _check_devices(at: Location, group: DeviceGroup, report: Report) -> None:
+    if group.count > 1 and not numbered(group.name):
+        what = f"{group.count} devices cannot all be called {shown(group.name)}"
+        report((*at, "name"), what, "a name with {n}, or count: 1")
+    names = (expand_name(group.name, group.start + step) for step in range(min(group.count, MAX_DRIVES)))
+    part = bus_of_devices(group).farm_file
+    # one report for a group, however many of its names are wrong
+    all(part.check_name((*at, "name"), name, report) for name in names)
+    device_part(group).check_devices_group(at, group, report)
+
+
+def _check_device_links(sections: FarmSections, places: Sequence[int], report: Report) -> None:
+    kind = "" if sections.link is None else sections.link.kind
+    for number, group in zip(places, sections.devices, strict=True):
+        bus = bus_of_devices(group)
+        if kind not in bus.link_kinds:
+            what = f"{shown(group.name)} is on {bus.title}, which a link of the kind {kind} does not carry"
+            report(("devices", number), what, "link: {kind: ...}, " + ", ".join(sorted(bus.link_kinds)))
 
 
 def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Report) -> None:
@@ -268,7 +303,11 @@ def _claim(controller: ControllerSection, sections: FarmSections, claims: Claims
 
 
 def _check_between(
-    sections: FarmSections, groups: Sequence[PlacedGroup[DriveGroup]], known: Known, report: Report
+    sections: FarmSections,
+    groups: Sequence[PlacedGroup[DriveGroup]],
+    devices: Sequence[int],
+    known: Known,
+    report: Report,
 ) -> None:
     """Duplicates: one report for a group and the group (or the controller) that it collides with."""
     claims = Claims()
@@ -277,19 +316,26 @@ def _check_between(
     for controller in sections.controllers:
         own = _of(controller, sections, report)
         bus_of_controller(controller).farm_file.check_devices(controller, claims, own)
-    reported: set[tuple[int, str, str]] = set()
-    for drive in expand_sections(sections, known):
-        placed = groups[drive.group]
-        values = list(drive.claims())
+    reported: set[tuple[Location, str, str]] = set()
+
+    def claim(at: Location, label: str, pattern: DriveGroup | DeviceGroup, one: DriveConfig | DeviceConfig) -> None:
+        values = list(one.claims())
         # a pattern that does not count is reported as that
-        if placed.group.count == 1 or numbered(placed.group.name):
-            values.append(("name", drive.name, shown(drive.name)))
+        if pattern.count == 1 or numbered(pattern.name):
+            values.append(("name", one.name, shown(one.name)))
         for key, value, text in values:
-            by = claims.claim(key, value, placed.label, drive.name)
-            if by is None or (drive.group, key, claims.place(key, value)) in reported:
+            by = claims.claim(key, value, label, one.name)
+            if by is None or (at, key, claims.place(key, value)) in reported:
                 continue
-            reported.add((drive.group, key, claims.place(key, value)))
+            reported.add((at, key, claims.place(key, value)))
             what = f"{text} belongs to {by} already"
             if key != "name":
-                what = f"{shown(drive.name)}: {what}"
-            report((*placed.at, key), what, "each once in the farm")
+                what = f"{shown(one.name)}: {what}"
+            report((*at, key), what, "each once in the farm")
+
+    for drive in expand_sections(sections, known):
+        placed = groups[drive.group]
+        claim(placed.at, placed.label, placed.group, drive)
+    for device in expand_device_sections(sections):
+        number = devices[device.group]
+        claim(("devices", number), f"devices[{number}]", sections.devices[device.group], device)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.devices import DeviceBus, DevicesPart, devices_part
 from pnfarm.buses.registry import BUSES
 from pnfarm.config.controller import ControllerSection
 from pnfarm.vocabulary.quoting import shown
@@ -13,12 +14,22 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pnfarm.buses.bus import Bus
+    from pnfarm.config.device import DeviceGroup
     from pnfarm.config.drive import DriveGroup
     from pnfarm.config.known import Known
     from pnfarm.config.section import Section
     from pnfarm.vocabulary.issues import Location
 
-__all__ = ["Choice", "ControllerValues", "bus_of", "bus_of_controller", "titles"]
+__all__ = [
+    "Choice",
+    "ControllerValues",
+    "bus_of",
+    "bus_of_controller",
+    "bus_of_devices",
+    "device_buses",
+    "device_part",
+    "titles",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +57,19 @@ class Choice:
         """``values``: the whole file, as it was written."""
         groups = values.get("drives") if isinstance(values, dict) else None
         self._groups = groups if isinstance(groups, list) else []
+        devices = values.get("devices") if isinstance(values, dict) else None
+        self._devices = devices if isinstance(devices, list) else []
         self._known = known
 
     def group(self, value: Any) -> Bus:
         """The bus of a group, as it was written."""
         return self._of_model(value) or _knows_most(value, {name: bus.farm_file.drives for name, bus in BUSES.items()})
+
+    def devices(self, value: Any) -> Bus:
+        """The bus of a group of devices, as it was written: that of the key for its maker's file, else the first."""
+        buses = device_buses()
+        given = value if isinstance(value, dict) else {}
+        return next((bus for key, bus in buses.items() if key in given), next(iter(buses.values())))
 
     def controllers(self, value: Any) -> list[ControllerValues]:
         """The controllers that a section stands for, in the order of their buses' first drives; at least one.
@@ -108,7 +127,7 @@ class Choice:
     def _sections(self, value: Any) -> dict[str, type[ControllerSection]]:
         """The buses that have a controller in this file, and its keys there."""
         having = {name: section for name, bus in BUSES.items() if (section := bus.farm_file.controller) is not None}
-        buses = (self._of_model(group) for group in self._groups)
+        buses = [*map(self._of_model, self._groups), *map(self.devices, self._devices)]
         found = {bus.name: having[bus.name] for bus in buses if bus is not None and bus.name in having}
         for name, section in having.items():
             if isinstance(value, dict) and any(_mapping(value.get(name)).get(key) for key in section.single_keys):
@@ -154,3 +173,18 @@ def bus_of_controller(section: ControllerSection) -> Bus:
     return next(
         bus for bus in BUSES.values() if (own := bus.farm_file.controller) is not None and isinstance(section, own)
     )
+
+
+def device_buses() -> dict[str, Bus]:
+    """The buses that have devices by files, by the key for the file."""
+    return {bus.description_key: bus for bus in BUSES.values() if isinstance(bus, DeviceBus)}
+
+
+def bus_of_devices(group: DeviceGroup) -> Bus:
+    """The bus by whose keys a group of devices was read."""
+    return next(bus for bus in device_buses().values() if isinstance(group, devices_part(bus).devices))
+
+
+def device_part(group: DeviceGroup) -> DevicesPart:
+    """The part of its bus that knows a group of devices."""
+    return devices_part(bus_of_devices(group))

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import annotated_types
 from pydantic.fields import FieldInfo
 
+from pnfarm.buses.devices import devices_part
 from pnfarm.buses.registry import BUSES
 from pnfarm.config.controller import ControllerSection
+from pnfarm.config.device import DeviceGroup
 from pnfarm.config.drive import DriveGroup
 from pnfarm.config.links import LINK_KINDS
 from pnfarm.config.section import Section
@@ -165,6 +167,8 @@ class Explainer:
     def _as_buses_have_it(self, model: type[Section], value: Any) -> list[type[Section]]:
         if model is DriveGroup:
             return [self._choice.group(value).farm_file.drives]
+        if model is DeviceGroup:
+            return [devices_part(self._choice.devices(value)).devices]
         if model is ControllerSection:
             return [one.section for one in self._choice.controllers(value)]
         return [model]

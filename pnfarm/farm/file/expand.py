@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.bus import line_of
 from pnfarm.buses.farm_file import Expansion
+from pnfarm.config.device import DeviceConfig
 from pnfarm.config.drive import DriveConfig
 from pnfarm.config.ip import IpController, Macs, auto_mac
 from pnfarm.config.links import MemoryLink
 from pnfarm.config.tasks import drive_task
 from pnfarm.config.values import expand_name
-from pnfarm.farm.file.choice import bus_of, bus_of_controller
+from pnfarm.farm.file.choice import bus_of, bus_of_controller, bus_of_devices, device_part
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from pnfarm.config.known import Known
     from pnfarm.farm.file.sections import FarmSections
 
-__all__ = ["controller_mac", "expand_sections"]
+__all__ = ["controller_mac", "expand_device_sections", "expand_sections"]
 
 
 def controller_mac(sections: FarmSections, controller: ControllerSection | None = None) -> bytes | None:
@@ -43,8 +44,7 @@ def controller_mac(sections: FarmSections, controller: ControllerSection | None 
 
 def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfig]:
     """The drives in the file's order.  Errors that :func:`check` reports are not corrected."""
-    own = [mac for section in sections.controllers if (mac := controller_mac(sections, section)) is not None]
-    macs = Macs(sections.farm or "", sections.drives, own)
+    macs = _macs(sections)
     controllers = {bus_of_controller(section).name: section for section in sections.controllers}
     real_link = sections.link is not None and not isinstance(sections.link, MemoryLink)
     index = 0
@@ -72,4 +72,31 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 listed=model.described if model is not None and model.name in known.listed else None,
             )
             yield bus.farm_file.drive(common, group, step, model, expansion)
+            index += 1
+
+
+def _macs(sections: FarmSections) -> Macs:
+    own = [mac for section in sections.controllers if (mac := controller_mac(sections, section)) is not None]
+    return Macs(sections.farm or "", [*sections.drives, *sections.devices], own)
+
+
+def expand_device_sections(sections: FarmSections) -> Iterator[DeviceConfig]:
+    """The devices in the file's order, of groups whose files are read."""
+    macs = _macs(sections)
+    index = 0
+    for number, group in enumerate(sections.devices):
+        if not group.is_described:
+            continue
+        bus = bus_of_devices(group)
+        for step in range(group.count):
+            common = DeviceConfig(
+                index=index,
+                group=number,
+                name=expand_name(group.name, group.start + step),
+                bus=bus.name,
+                kinds=(),
+                strict=group.limits == "strict",
+                impair=tuple(group.impair),
+            )
+            yield device_part(group).device(common, group, step, macs)
             index += 1

@@ -21,16 +21,18 @@ from pydantic import Field, PrivateAttr, ValidationError
 
 from pnfarm.buses.registry import BUSES
 from pnfarm.config.database import is_database
+from pnfarm.config.device import DeviceConfig
 from pnfarm.config.drive import DriveConfig
 from pnfarm.config.impairment import FAULT_KINDS
 from pnfarm.config.known import Known, catalogue
 from pnfarm.farm.file.checks import check
 from pnfarm.farm.file.choice import Choice
+from pnfarm.farm.file.described import with_descriptions
 from pnfarm.farm.file.errors import Explainer
-from pnfarm.farm.file.expand import controller_mac, expand_sections
+from pnfarm.farm.file.expand import controller_mac, expand_device_sections, expand_sections
 from pnfarm.farm.file.identities import with_identities
 from pnfarm.farm.file.lists import with_lists
-from pnfarm.farm.file.sections import CHOICE, AnyGroup, FarmSections
+from pnfarm.farm.file.sections import CHOICE, AnyDevices, AnyGroup, FarmSections
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path, parse_path
 from pnfarm.vocabulary.quoting import few_hints, shown
 from pnfarm.vocabulary.regular_file import read_regular
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.farm_file import FarmFilePart
 
 __all__ = [
+    "DeviceConfig",
     "DriveConfig",
     "FarmConfig",
     "FarmFileError",
@@ -49,6 +52,8 @@ __all__ = [
     "Known",
     "controller_mac",
     "expand",
+    "expand_all",
+    "expand_devices",
     "load_farm",
     "parse_farm",
 ]
@@ -196,6 +201,16 @@ def expand(config: FarmConfig) -> list[DriveConfig]:
     return list(expand_sections(config, config.known))
 
 
+def expand_devices(config: FarmConfig) -> list[DeviceConfig]:
+    """The same of the devices that are no drives."""
+    return list(expand_device_sections(config))
+
+
+def expand_all(config: FarmConfig) -> list[DriveConfig | DeviceConfig]:
+    """The drives, and then the devices."""
+    return [*expand(config), *expand_devices(config)]
+
+
 # --- stages -----------------------------------------------------------------------------------------------------
 
 
@@ -220,7 +235,8 @@ def _build(
     if not isinstance(values, dict):
         report((), f"is {shown(values)}", "a mapping such as `farm: line-1` ...")
         raise FarmFileError(issues)
-    if "drives" not in values and (values.get("farm") is not None or not _names_devices(values)):
+    named = "drives" in values or "devices" in values
+    if not named and (values.get("farm") is not None or not _names_devices(values)):
         report(("drives",), "is missing", "a list of groups, each with name and model")
     config = None
     choice = Choice(values, known)
@@ -244,17 +260,20 @@ def _build(
             report(_moved(location, moved), what, allowed)
 
         groups, _ = with_identities(partial.drives, folder, known, report_moved)
+        devices = with_descriptions(partial.devices, folder, report, moved["devices"])
         check(
-            partial.model_copy(update={"drives": groups}),
+            partial.model_copy(update={"drives": groups, "devices": devices}),
             known,
             report_moved,
             is_complete=not _says_nothing_of_links(wrong),
-            places=moved,
+            places=moved["drives"],
+            device_places=moved["devices"],
         )
     else:
         known, in_lists = with_lists(config.parameter_lists, folder, known, report)
         groups, notes = with_identities(config.drives, folder, known, report)
-        config = config.model_copy(update={"drives": groups})
+        devices = with_descriptions(config.devices, folder, report)
+        config = config.model_copy(update={"drives": groups, "devices": devices})
         check(config, known, report)
     issues += in_lists
     if issues or config is None:
@@ -275,6 +294,7 @@ class _Partial(FarmSections):
     """What is left of a file whose wrong keys were set aside."""
 
     drives: list[AnyGroup] = Field(default_factory=list)
+    devices: list[AnyDevices] = Field(default_factory=list)
 
 
 #: Where one of these is wrong, a group's drives cannot be checked.
@@ -295,14 +315,15 @@ def _without_model(group: dict[str, Any], model: str, part: FarmFilePart[Any, An
 
 def _set_aside(
     values: dict[str, Any], wrong: list[Location], model: str, choice: Choice
-) -> tuple[dict[str, Any], list[int]]:
-    """``values`` without what is wrong, and for each remaining drive group its place in the file.
+) -> tuple[dict[str, Any], dict[str, list[int]]]:
+    """``values`` without what is wrong, and for each remaining group of drives and devices its place in the file.
 
     A wrong key of a group or of the controller goes alone, so that the others are still checked against each
     other; where an essential key is wrong, its whole group goes.
     """
     rest = copy.deepcopy(values)
     lost_groups: set[int] = set()
+    lost_devices: set[int] = set()
     for number in {location[1] for location in wrong if location[:1] == ("drives",) and location[2:3] == ("model",)}:
         group = rest["drives"][number]
         _without_model(group, model, choice.group(group).farm_file)
@@ -321,6 +342,8 @@ def _set_aside(
                 pass
             case ("drives", int(number), *_):
                 lost_groups.add(number)
+            case ("devices", int(number), *_):
+                lost_devices.add(number)
             case ("controller", str(name)) if name in BUSES:
                 # without its map, a bus's controller would seem to be where another one is
                 rest.pop("controller", None)
@@ -338,9 +361,11 @@ def _set_aside(
                 rest.pop(str(key), None)
             case _:
                 pass
-    groups = rest.get("drives", [])
-    moved = [number for number in range(len(groups)) if number not in lost_groups]
-    rest["drives"] = [groups[number] for number in moved]
+    moved: dict[str, list[int]] = {}
+    for key, lost in (("drives", lost_groups), ("devices", lost_devices)):
+        groups = rest.get(key, [])
+        moved[key] = [number for number in range(len(groups)) if number not in lost]
+        rest[key] = [groups[number] for number in moved[key]]
     return rest, moved
 
 
@@ -364,10 +389,10 @@ _LINKING = frozenset((("controller",), ("controller", "interface"), ("controller
 _LINKING_IN_MAP = frozenset(((), ("interface",), ("link",), ("ip",)))
 
 
-def _moved(location: Location, moved: list[int]) -> Location:
+def _moved(location: Location, moved: dict[str, list[int]]) -> Location:
     match location:
         case ("drives", int(number), *inside):
-            return ("drives", moved[number], *inside)
+            return ("drives", moved["drives"][number], *inside)
         case _:
             return location
 

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.devices import DeviceBus, devices_part
 from pnfarm.buses.registry import BUSES
 from pnfarm.config.controller import ControllerSection
+from pnfarm.config.device import DeviceGroup
 from pnfarm.config.drive import DriveGroup
 from pnfarm.config.known import Known, catalogue
 from pnfarm.config.realism import SWITCH
@@ -138,6 +140,12 @@ def farm_schema(known: Known | None = None) -> dict[str, Any]:
     schema.pop("title", None)
     sections["DriveGroup"] = _keys_of_buses(
         DriveGroup, lambda bus: bus.farm_file.drives, sections, str(DriveGroup.__doc__)
+    )
+    sections["DeviceGroup"] = _keys_of_buses(
+        DeviceGroup,
+        lambda bus: devices_part(bus).devices if isinstance(bus, DeviceBus) else None,
+        sections,
+        str(DeviceGroup.__doc__),
     )
     sections["ControllerSection"] = _keys_of_buses(ControllerSection, lambda bus: bus.farm_file.controller, sections)
     sections = dict(sorted(sections.items()))

@@ -23,7 +23,9 @@ from pydantic import (
 )
 from pydantic_core import InitErrorDetails
 
+from pnfarm.buses.devices import devices_part
 from pnfarm.config.controller import ControllerSection
+from pnfarm.config.device import DeviceGroup
 from pnfarm.config.drive import DriveGroup
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import Link
@@ -169,6 +171,14 @@ def _read_group(value: Any, _: ModelWrapValidatorHandler[DriveGroup], info: Vali
     return section.model_validate(value, context=info.context)
 
 
+def _read_devices(value: Any, _: ModelWrapValidatorHandler[DeviceGroup], info: ValidationInfo) -> DeviceGroup:
+    """A group of devices by the keys of its bus."""
+    if isinstance(value, DeviceGroup):
+        return value
+    section: type[DeviceGroup] = devices_part(_choice(info).devices(value)).devices
+    return section.model_validate(value, context=info.context)
+
+
 def _read_controllers(
     value: Any, _: ModelWrapValidatorHandler[tuple[ControllerSection, ...]], info: ValidationInfo
 ) -> tuple[ControllerSection, ...]:
@@ -201,6 +211,7 @@ def _read_controllers(
 
 ParameterLists = dict[str, Annotated[str, Field(min_length=1, max_length=4096)]]
 AnyGroup = Annotated[SerializeAsAny[DriveGroup], WrapValidator(_read_group)]
+AnyDevices = Annotated[SerializeAsAny[DeviceGroup], WrapValidator(_read_devices)]
 AnyControllers = Annotated[tuple[SerializeAsAny[ControllerSection], ...], WrapValidator(_read_controllers)]
 
 
@@ -234,7 +245,12 @@ class FarmSections(Section):
     drives: list[AnyGroup] = Field(
         default_factory=list,
         min_length=1,
-        description="The groups of drives; may be left out only if the controller has `devices`.",
+        description="The groups of drives; may be left out only if the file or the controller has `devices`.",
+    )
+    devices: list[AnyDevices] = Field(
+        default_factory=list,
+        min_length=1,
+        description="The groups of devices that are no drives, each by its maker's file.",
     )
     #: One for each bus, in the order of their first drives.
     controllers: AnyControllers = Field(

@@ -46,7 +46,12 @@ class _PlainData:
 
     def read(self) -> bytes:
         """The data of all submodules, as they were at one time."""
-        return copy_plain(self._row)[: self.octets]
+        return self.whole()[0]
+
+    def whole(self) -> tuple[bytes, bytes]:
+        """The data, and the provider status of each submodule, as they were at one time."""
+        octets = copy_plain(self._row)
+        return octets[: self.octets], octets[self.octets :]
 
     def good(self, submodule: int) -> bool:
         """Whether the provider status of a submodule is GOOD."""

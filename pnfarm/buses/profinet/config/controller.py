@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import re
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, PlainValidator, WithJsonSchema
+from pydantic import Field
 
 from pnfarm.buses.profinet.config.clock import MAX_DATA_HOLD_FACTOR
+from pnfarm.buses.profinet.config.device import Place
 from pnfarm.buses.profinet.config.values import Cycle
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
 from pnfarm.config.section import Section
 from pnfarm.config.values import Cidr, Duration, Gateway, Globs, NamePattern, OctetString, between
-from pnfarm.vocabulary.problem import Problem
-from pnfarm.vocabulary.quoting import shown
 
 __all__ = ["DEFAULT_READY_NS", "ForeignDevice", "ParameterRecord", "ProfinetController"]
 
@@ -36,21 +34,6 @@ class ParameterRecord(Section):
     on: Globs | None = Field(default=None, description="Which drives; left out, all.")
 
 
-def _read_place(value: Any) -> int:
-    """A key: YAML's keys come as texts."""
-    text = str(value)
-    number = int(text) if re.fullmatch(r"[0-9]{1,5}", text) else -1
-    if re.fullmatch(r"0[xX][0-9a-fA-F]{1,4}", text):
-        number = int(text, 16)
-    if not 0 <= number <= _U16:
-        raise Problem(f"{shown(value)} is not a slot or subslot", "a number from 0 to 65535")
-    return number
-
-
-#: A slot or a subslot as the key of a mapping.
-_Place = Annotated[int, PlainValidator(_read_place), WithJsonSchema({"type": "integer", "minimum": 0, "maximum": _U16})]
-
-
 class ForeignDevice(Section):
     """A device that no model describes: its maker's GSDML file does."""
 
@@ -60,12 +43,12 @@ class ForeignDevice(Section):
         default=None,
         description="ID, order number or name of the access point; left out where the GSDML file has one only.",
     )
-    modules: dict[_Place, str | None] = Field(
+    modules: dict[Place, str | None] = Field(
         default_factory=dict,
         description="Slot: ID, order number, name or ident of the module in it; null for an empty slot.",
         examples=[{1: "DI8"}],
     )
-    submodules: dict[_Place, dict[_Place, str | None]] = Field(
+    submodules: dict[Place, dict[Place, str | None]] = Field(
         default_factory=dict, description="Slot: mapping of subslot to the submodule in it, in the same way."
     )
     ip: Cidr | None = Field(default=None, description="Its address; left out, the next free one of the controller's.")

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.buses.profinet.config import checks
 from pnfarm.buses.profinet.config.controller import ProfinetController
+from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig, ProfinetDevices
 from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig, ProfinetDrives
 from pnfarm.buses.profinet.config.send_clock import own_cycle_ns
 from pnfarm.config.drive import AxisConfig
 from pnfarm.config.ip import check_addresses, nth_ip
+from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pnfarm.buses.farm_file import Expansion
+    from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
+    from pnfarm.config.ip import Macs
     from pnfarm.config.known import ModelFacts
+    from pnfarm.vocabulary.issues import Location, Report
 
 __all__ = ["PROFINET_PART", "ProfinetPart"]
 
@@ -61,6 +69,42 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
             hello=group.hello,
             cycle_ns=own_cycle_ns(group, controller, model),
         )
+
+    # -- devices by their files (pnfarm.buses.devices) ----------------------------------------------------------------
+
+    @property
+    def devices(self) -> type[ProfinetDevices]:
+        return ProfinetDevices
+
+    def check_devices_group(self, at: Location, group: ProfinetDevices, report: Report) -> None:
+        check_addresses(at, group, report)
+
+    def describe(self, at: Location, group: ProfinetDevices, folder: Path, report: Report) -> ProfinetDevices:
+        # the reader of GSDML files is for farm files with devices only
+        described = import_module("pnfarm.buses.profinet.described.from_file").describe_group(at, group, folder, report)
+        return group if described is None else group.adopting(described)
+
+    def device(self, common: DeviceConfig, group: ProfinetDevices, step: int, macs: Macs) -> ProfinetDeviceConfig:
+        if group.described is None:
+            raise InternalError(f"devices {group.name} are made before their file is read")
+        return ProfinetDeviceConfig(
+            index=common.index,
+            group=common.group,
+            name=common.name,
+            bus=common.bus,
+            kinds=group.described.kinds,
+            strict=common.strict,
+            impair=common.impair,
+            mac=macs.of(group, common.name, step),
+            ip=nth_ip(group, step),
+            gateway=group.gateway,
+            described=group.described,
+            hello=group.hello,
+            cycle_ns=group.cycle_ns,
+        )
+
+    def sentences(self, group: ProfinetDevices) -> list[str]:
+        return [] if group.described is None else group.described.sentences()
 
 
 PROFINET_PART = ProfinetPart()

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Container
 
     from pnfarm.buses.profinet.controller.session import DeviceSession
+    from pnfarm.buses.profinet.frame_layout import FrameLayout
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.controller.events import Connected
 
@@ -28,9 +29,9 @@ class SessionChannels(ChannelRows):
             self._columns.image[row].good = 0
         output, inputs = event.output_layout, event.input_layout
         session.layouts = (output, inputs)
-        sent = frame_layout(output, _carriers(session, output), ())
-        taken = frame_layout(inputs, _carriers(session, inputs), ())
-        common: dict[str, Any] = {"image": session.row, "port": self._port.index}
+        sent = _layout(session, output, ())
+        taken = _layout(session, inputs, ())
+        common: dict[str, Any] = {"image": session.row, "port": self._port.index, "plain": session.index}
         session.provider = self._table.open_provider(
             ProviderPlan(
                 **common,
@@ -72,11 +73,11 @@ class SessionChannels(ChannelRows):
         if session.provider is None or session.consumer is None or session.layouts is None:
             return
         output, inputs = session.layouts
-        sent = frame_layout(output, _carriers(session, output), unusable)
+        sent = _layout(session, output, unusable)
         self._table.relayout_provider(
             session.provider, sent.words, sent.iops, sent.constants, riders=sent.riders, pieces=sent.pieces
         )
-        taken = frame_layout(inputs, _carriers(session, inputs, unusable), unusable)
+        taken = _layout(session, inputs, unusable)
         feeds = _feeds(inputs, session.plan.slots, unusable)
         self._table.relayout_consumer(
             session.consumer, taken.words, taken.iops, feeds=feeds, riders=taken.riders, pieces=taken.pieces
@@ -93,6 +94,14 @@ def _feeds(layout: IocrLayout, slots: Container[int] | None, unusable: Container
     """Whether an axis has data that can be used, or none at all."""
     own = [d for d in layout.data if d.data_length and (slots is None or d.slot in slots)]
     return not own or any((d.api, d.slot, d.subslot) not in unusable for d in own)
+
+
+def _layout(session: DeviceSession, layout: IocrLayout, unusable: Container[ExpectedKey]) -> FrameLayout:
+    """One frame: words of axes, or the plain data of a device without."""
+    if session.plan.plain is None:
+        return frame_layout(layout, _carriers(session, layout, unusable), unusable)
+    outputs, inputs = session.plan.plain
+    return frame_layout(layout, (), unusable, (inputs if layout.is_input else outputs).places)
 
 
 def _carriers(session: DeviceSession, layout: IocrLayout, unusable: Container[ExpectedKey] = ()) -> list[Carrier]:

@@ -34,6 +34,7 @@ from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.rpc.server import RpcServer
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_CONTROLLER, UUID_PNIO_DEVICE, Opnum, object_uuid
+from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
@@ -57,9 +58,23 @@ class ProfinetCore(SessionCore[DeviceSession]):
     life: SessionLife
 
     def __init__(self, plan: ProfinetPlan, host: ControllerHost, *, tick_ns: int = 1_000_000) -> None:
-        super().__init__(plan, host, [DeviceSession(*one) for one in enumerate(plan.devices)], tick_ns=tick_ns)
+        layouts = [device.plain or () for device in plan.devices]
+        # a change of modules leaves the pieces of before to the engine until its next tick
+        pieces = 8 * sum(len(layout.places) for both in layouts for layout in both)
+        sessions = [DeviceSession(*one) for one in enumerate(plan.devices)]
+        super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=pieces)
         name, port, ip, count = plan.name, self.port, plan.ip, len(plan.devices)
         self.channels = SessionChannels(self.columns, port)
+        #: What is sent to the devices without axes, and what comes from them, by name.
+        self.plain: dict[str, tuple[ProvidedData, ConsumedData]] = {
+            session.plan.name: (
+                ProvidedData(self.columns.provided, session.index, outputs.octets, len(outputs.places)),
+                ConsumedData(self.columns.consumed, session.index, inputs.octets, len(inputs.places)),
+            )
+            for session in sessions
+            if session.plan.plain is not None and pieces
+            for outputs, inputs in (session.plan.plain,)
+        }
         self._uuids = uuid_source(host.seed + port.mac)
         self._object_uuid = object_uuid(1, DEVICE_ID, VENDOR_ID)
         self.dcp = DcpClient(port.mac)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from ipaddress import IPv4Address, IPv4Interface
 
+    from pnfarm.buses.profinet.plain_layout import PlainLayout
     from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 
@@ -57,6 +58,8 @@ class DevicePlan(PlannedDevice):
     takeover_allowed: bool = False
     #: The device's own texts for its diagnoses.
     texts: DescribedDiagnosis | None = None
+    #: Where the outputs and the inputs of a device without axes are in its rows of plain data; None: it has axes.
+    plain: tuple[PlainLayout, PlainLayout] | None = None
     #: About the file that describes the device.
     remarks: tuple[str, ...] = ()
 

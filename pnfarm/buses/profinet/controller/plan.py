@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from ipaddress import IPv4Interface
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pnfarm.buses.controllers.plan import describing, own_address, profidrive_keys, reconnect_after_ns, telegram_of
 from pnfarm.buses.controllers.signal_steps import KnownSteps
@@ -14,9 +14,10 @@ from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, PlannedAxis, ProfinetPlan
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.profinet.model_gsdml import describe_diagnosis
+from pnfarm.buses.profinet.plain_layout import plain_layout
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
-from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
+from pnfarm.protocols.profinet.gsdml.planning import from_gsdml, plan_station
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 from pnfarm.vocabulary.globs import means
 
@@ -24,8 +25,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pnfarm.buses.profinet.config.controller import ForeignDevice, ProfinetController
+    from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
     from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
     from pnfarm.drives.description.model import Model
+    from pnfarm.protocols.profinet.gsdml.document import Gsdml
+    from pnfarm.protocols.profinet.gsdml.planning import PlannedDevice as Described
 
 __all__ = ["plan_controller", "plan_devices"]
 
@@ -53,8 +57,10 @@ def _submodules(model: Model, telegrams: Sequence[int]) -> tuple[PlannedSubmodul
 class _Addresses:
     """Gives those without an address the next free one of the controller's subnet."""
 
-    def __init__(self, section: ProfinetController, drives: Sequence[ProfinetDriveConfig]) -> None:
-        given = [section.ip, *(drive.ip for drive in drives), *(device.ip for device in section.devices)]
+    def __init__(
+        self, section: ProfinetController, stations: Sequence[ProfinetDriveConfig | ProfinetDeviceConfig]
+    ) -> None:
+        given = [section.ip, *(one.ip for one in stations), *(device.ip for device in section.devices)]
         taken = {ip.ip for ip in given if ip is not None}
         self._own = section.ip
         hosts = section.ip.network.hosts() if section.ip else ()
@@ -81,14 +87,9 @@ def _records(section: ProfinetController, name: str, models: Sequence[str] = ())
 
 
 def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Path, ip: IPv4Interface) -> DevicePlan:
-    """A device by its GSDML file.
-
-    A record of the farm file takes the place of the same one of the GSDML file; others follow.
-    """
+    """A device by its GSDML file."""
     path = folder / device.gsdml
     gsdml = load_gsdml(path)
-    clock = clock_of(section, device.cycle_ns)
-    wanted = device.startup or (section.startup if "startup" in section.model_fields_set else None)
     with describing(device.name, path):
         planned = from_gsdml(
             gsdml,
@@ -98,13 +99,38 @@ def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Pa
                 (slot, subslot): i for slot, items in device.submodules.items() for subslot, i in items.items()
             },
         )
-        factor, ratio = clock.send_clock_factor, clock.reduction_ratio
-        # a cycle without factor and ratio is made of those that the device supports
-        asked = device.cycle_ns is not None or (section.cycle_ns is not None and section.reduction_ratio is None)
-        if asked and section.send_clock_factor is None:
-            factor, ratio = planned.clock(factor, ratio)
-        planned.check_clock(factor, ratio)
-        startup = planned.startup(wanted)
+        remarks = tuple(f"{path.name}, {remark}" for remark in gsdml.remarks)
+        return replace(_plan_described(section, device, gsdml, planned, ip, device.startup), remarks=remarks)
+
+
+def _plan_own(section: ProfinetController, device: ProfinetDeviceConfig, ip: IPv4Interface) -> DevicePlan:
+    """A device of the farm: its file was read with the farm file, and it does not run a safety protocol either."""
+    station = device.described.plugged
+    with describing(device.name, Path(device.name)):
+        planned = plan_station(station, device.described.parameters, safe=True)
+        return _plan_described(section, device, station.gsdml, planned, ip)
+
+
+def _plan_described(
+    section: ProfinetController,
+    device: ForeignDevice | ProfinetDeviceConfig,
+    gsdml: Gsdml,
+    planned: Described,
+    ip: IPv4Interface,
+    own_startup: Literal["legacy", "advanced"] | None = None,
+) -> DevicePlan:
+    """A device by what its file says of it.  Raises :class:`ConfigError`.
+
+    A record of the farm file takes the place of the same one of the GSDML file; others follow.
+    """
+    clock = clock_of(section, device.cycle_ns)
+    factor, ratio = clock.send_clock_factor, clock.reduction_ratio
+    # a cycle without factor and ratio is made of those that the device supports
+    asked = device.cycle_ns is not None or (section.cycle_ns is not None and section.reduction_ratio is None)
+    if asked and section.send_clock_factor is None:
+        factor, ratio = planned.clock(factor, ratio)
+    planned.check_clock(factor, ratio)
+    startup = planned.startup(own_startup or (section.startup if "startup" in section.model_fields_set else None))
     records = {(r.api, r.slot, r.subslot, r.index): r for r in (*planned.records, *_records(section, device.name))}
     return DevicePlan(
         name=device.name,
@@ -127,7 +153,10 @@ def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Pa
         instance=planned.instance,
         multiple_write=planned.multiple_write,
         application_ready_ns=_ready_ns(section, planned.dap.application_seconds),
-        remarks=tuple(f"{path.name}, {remark}" for remark in gsdml.remarks),
+        plain=(
+            plain_layout((one.slot, one.subslot, one.output_bytes) for one in planned.submodules),
+            plain_layout((one.slot, one.subslot, one.input_bytes) for one in planned.submodules),
+        ),
     )
 
 
@@ -172,13 +201,14 @@ def plan_devices(
     drives: Sequence[ProfinetDriveConfig],
     models: Sequence[Model],
     folder: Path | None = None,
+    own: Sequence[ProfinetDeviceConfig] = (),
 ) -> list[DevicePlan]:
-    """What the controller expects, drive by drive and then device by device.
+    """What the controller expects, drive by drive and then device by device: the farm's ``own``, and foreign ones.
 
     ``folder`` is what the GSDML files of the devices are relative to.  A device without an address gets the next free
     one of the controller's subnet.  Raises :class:`ConfigError`.
     """
-    addresses = _Addresses(section, drives)
+    addresses = _Addresses(section, (*drives, *own))
     known_steps = KnownSteps()
     plans = []
     for drive, model in zip(drives, models, strict=True):
@@ -209,6 +239,7 @@ def plan_devices(
                 application_ready_ns=section.application_ready_ns,
             )
         )
+    plans += [_plan_own(section, one, addresses.of(one.ip, f"device {one.name}")) for one in own]
     for device in section.devices:
         ip = addresses.of(device.ip, f"device {device.name}")
         plans.append(_plan_foreign(section, device, folder or Path(), ip))
@@ -216,8 +247,13 @@ def plan_devices(
 
 
 def plan_controller(
-    section: ProfinetController, drives: Sequence[ProfinetDriveConfig], models: Sequence[Model], folder: Path | None
+    section: ProfinetController,
+    drives: Sequence[ProfinetDriveConfig],
+    models: Sequence[Model],
+    folder: Path | None,
+    own: Sequence[ProfinetDeviceConfig] = (),
 ) -> ProfinetPlan:
     """The controller and what it expects; arguments and errors as those of :func:`plan_devices`."""
-    address = own_address(section.ip, [*(drive.ip for drive in drives), *(device.ip for device in section.devices)])
-    return ProfinetPlan(section.name, address, tuple(plan_devices(section, drives, models, folder)))
+    others = [*(one.ip for one in drives), *(one.ip for one in own), *(one.ip for one in section.devices)]
+    address = own_address(section.ip, others)
+    return ProfinetPlan(section.name, address, tuple(plan_devices(section, drives, models, folder, own)))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     #: (slot, subslot, index) -> a record as a whole, or values by the names that the file gives them.
     Parameters = Mapping[tuple[int, int, int], bytes | Mapping[str, str | float]]
 
-__all__ = ["PlannedDevice", "from_gsdml"]
+__all__ = ["PlannedDevice", "from_gsdml", "plan_station"]
 
 #: SendClockFactors of the RT classes.
 _SEND_CLOCKS = tuple(1 << exponent for exponent in range(8))
@@ -131,12 +131,12 @@ class _Parameters:
             raise ConfigError(f"slot {slot}, subslot 0x{subslot:04X} has no record {index} in the file")
 
 
-def _planned(station: PluggedStation) -> Iterator[PlannedSubmodule]:
+def _planned(station: PluggedStation, *, safe: bool) -> Iterator[PlannedSubmodule]:
     # what captured controllers do where the file has IOXS_Required="false": submodules without data alone
     without_data = 0 if station.dap.ioxs_required else SubmoduleProperties.DISCARD_IOXS
     for one in station.submodules:
         line = f"line {one.line}: " if one.line else ""
-        if one.profisafe:
+        if one.profisafe and not safe:
             raise ConfigError(f"{line}{one.id} is fail-safe, this controller does not support PROFIsafe")
         if (one.iops_length, one.iocs_length) != (1, 1):
             raise ConfigError(f"{line}{one.id} has status fields longer than one octet, this controller sends one")
@@ -166,9 +166,16 @@ def from_gsdml(
     them.  ``parameters`` (slot, subslot, index) changes records from their defaults.  Raises :class:`ConfigError` for
     whatever the file does not allow.
     """
-    station = plug_station(gsdml, access_point=dap, modules=modules, submodules=submodules)
+    return plan_station(plug_station(gsdml, access_point=dap, modules=modules, submodules=submodules), parameters)
+
+
+def plan_station(station: PluggedStation, parameters: Parameters | None = None, *, safe: bool = False) -> PlannedDevice:
+    """The same of a device that is plugged already.
+
+    ``safe``: fail-safe submodules are planned as all others, and exchange data without the safety protocol.
+    """
     changed = _Parameters(parameters or {})
-    submodules_planned = tuple(_planned(station))
+    submodules_planned = tuple(_planned(station, safe=safe))
     written = [
         (record.transfer_sequence, changed.of(submodule, record))
         for submodule in station.submodules

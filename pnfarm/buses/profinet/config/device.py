@@ -1,0 +1,137 @@
+"""A group of devices on PROFINET, each by its GSDML file, and one device of it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+
+from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, WithJsonSchema
+
+from pnfarm.buses.profinet.config.values import Cycle  # noqa: TC001 - pydantic reads the annotations of fields
+from pnfarm.config.ip import IpDeviceConfig, IpDevices
+from pnfarm.config.section import Section
+from pnfarm.config.values import Scalar
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from pnfarm.buses.profinet.described.station import DescribedStation
+
+__all__ = ["Place", "PluggedModule", "ProfinetDeviceConfig", "ProfinetDevices", "read_slot"]
+
+_U16 = 0xFFFF
+_WANTED = "ID, order number, ident or name"
+
+
+def read_slot(value: Any) -> int:
+    """A key: YAML's keys come as texts."""
+    text = str(value)
+    number = int(text) if re.fullmatch(r"[0-9]{1,5}", text) else -1
+    if re.fullmatch(r"0[xX][0-9a-fA-F]{1,4}", text):
+        number = int(text, 16)
+    if not 0 <= number <= _U16:
+        raise Problem(f"{shown(value)} is not a slot or subslot", "a number from 0 to 65535")
+    return number
+
+
+#: A slot or a subslot as the key of a mapping.
+Place = Annotated[int, PlainValidator(read_slot), WithJsonSchema({"type": "integer", "minimum": 0, "maximum": _U16})]
+
+
+def _read_wanted(value: Any) -> str | int:
+    if isinstance(value, bool) or not isinstance(value, str | int) or value == "":
+        raise Problem(f"is {shown(value)}", f"the {_WANTED} of one that its file has")
+    return value
+
+
+Wanted = Annotated[str | int, PlainValidator(_read_wanted), WithJsonSchema({"type": ["string", "integer"]})]
+
+
+class PluggedModule(Section):
+    """What is in a slot."""
+
+    module: Wanted | None = Field(default=None, description=f"{_WANTED} of the module; left out, what its file fixes.")
+    submodules: dict[Place, Wanted | None] = Field(
+        default_factory=dict, description=f"Subslot: {_WANTED} of the submodule in it; null for an empty one."
+    )
+    parameters: dict[str, Scalar] = Field(
+        default_factory=dict,
+        description="Its parameters by the names of its file: the values that it has, and that the built-in controller "
+        "writes. `1.5/NAME` (subslot, index) where several have that name.",
+        examples=[{"substitute": "hold"}],
+    )
+
+
+def _open_module(value: Any) -> Any:
+    return value if value is None or isinstance(value, (dict, PluggedModule)) else {"module": value}
+
+
+SlotSetting = Annotated[
+    PluggedModule | None, BeforeValidator(_open_module, json_schema_input_type=str | int | PluggedModule | None)
+]
+
+
+class ProfinetDevices(IpDevices):
+    """Keys of a group on PROFINET."""
+
+    first_keys: ClassVar[tuple[str, ...]] = (
+        "name",
+        "count",
+        "start",
+        "gsdml",
+        "access_point",
+        "ip",
+        "gateway",
+        "mac",
+        "slots",
+    )
+
+    gsdml: str = Field(min_length=1, max_length=4096, description="Its maker's GSDML file, relative to this file.")
+    access_point: Wanted | None = Field(
+        default=None, description=f"{_WANTED} of the access point; left out where the GSDML file has one only."
+    )
+    slots: dict[Place, SlotSetting] = Field(
+        default_factory=dict,
+        description=f"Slot: {_WANTED} of the module in it, or a mapping with module, submodules and parameters; null "
+        "for an empty slot. What the file fixes or plugs at first is there without being named.",
+        examples=[{1: "16DI", 2: {"module": "8DO", "parameters": {"substitute": "hold"}}}],
+    )
+    hello: bool = Field(
+        default=False,
+        description="Whether the device says DCP Hello at power-on; a controller's fast start-up record overrides it.",
+    )
+    cycle_ns: Cycle | None = Field(
+        default=None, alias="cycle", description="Cycle at which the built-in controller runs these devices."
+    )
+    _described: DescribedStation | None = PrivateAttr(default=None)
+
+    def adopting(self, described: DescribedStation) -> Self:
+        """The group with what its file says."""
+        found = self.model_copy()
+        found._described = described  # noqa: SLF001 - a copy of its own
+        return found
+
+    @property
+    def is_described(self) -> bool:
+        return self._described is not None
+
+    @property
+    def described(self) -> DescribedStation | None:
+        """What its file says, once that is read without errors."""
+        return self._described
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProfinetDeviceConfig(IpDeviceConfig):
+    """One device; ``cycle_ns`` is None where the controller's counts."""
+
+    described: DescribedStation
+    hello: bool = False
+    cycle_ns: int | None = None
+
+    def addresses(self) -> Sequence[str]:
+        mac, ip = IpDeviceConfig.addresses(self)
+        return mac, ip or "by DCP"

@@ -1,0 +1,127 @@
+"""From a group of the farm file to a described device: its GSDML file read, plugged, and checked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.described.station import DescribedStation
+from pnfarm.buses.profinet.file_signals import file_signals
+from pnfarm.buses.profinet.gsdml_file import load_gsdml
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.gsdml.parameters import parameter_records
+from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
+from pnfarm.signals.signal import place_signal
+from pnfarm.table.plain_data import PLAIN_OCTETS
+from pnfarm.vocabulary.problem import Problem
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.buses.profinet.config.device import ProfinetDevices
+    from pnfarm.protocols.profinet.gsdml.station import PluggedStation
+    from pnfarm.signals.signal import Signal
+    from pnfarm.vocabulary.issues import Location, Report
+
+__all__ = ["describe_group"]
+
+
+def describe_group(at: Location, group: ProfinetDevices, folder: Path, report: Report) -> DescribedStation | None:
+    """What a group's devices are; None where something is wrong, which is reported."""
+    path = folder / Path(group.gsdml).expanduser()
+    try:
+        gsdml = load_gsdml(path)
+    except ConfigError as exc:
+        report((*at, "gsdml"), str(exc), "the maker's GSDML file, its name relative to the folder of this file")
+        return None
+    try:
+        plugged = plug_station(
+            gsdml,
+            access_point=group.access_point,
+            modules={slot: None if one is None else one.module for slot, one in group.slots.items() if _names(one)},
+            submodules={
+                (slot, subslot): wanted
+                for slot, one in group.slots.items()
+                if one is not None
+                for subslot, wanted in one.submodules.items()
+            },
+        )
+    except PlugError as exc:
+        report(_place_of(at, group, exc), f"{path.name}: {exc}", "what the file allows")
+        return None
+    found = _refused(at, plugged, path.name, report)
+    parameters: dict[tuple[int, int, int], bytes] = {}
+    for slot, one in group.slots.items():
+        module = plugged.module(slot)
+        if one is None or module is None or not one.parameters:
+            continue
+        try:
+            changed = parameter_records(module, one.parameters, gsdml.languages)
+        except PlugError as exc:
+            report((*at, "slots", str(slot), "parameters"), str(exc), "what the file allows")
+            found = True
+        else:
+            parameters |= {(slot, subslot, index): data for (subslot, index), data in changed.items()}
+    if group.hello and not plugged.dcp_hello:
+        report((*at, "hello"), f"{path.name} says of {plugged.dap.id} that it does not support DCP Hello", "false")
+        found = True
+    signals = _signals(at, group, plugged, report)
+    if found or signals is None:
+        return None
+    return DescribedStation(plugged, signals, parameters)
+
+
+def _names(one: object) -> bool:
+    """Whether a slot's entry names what is plugged there: one with submodules alone leaves it to the file."""
+    return one is None or getattr(one, "module", None) is not None
+
+
+def _place_of(at: Location, group: ProfinetDevices, error: PlugError) -> Location:
+    """The key that is wrong: a slot's, that of the access point, or the file's."""
+    if error.slot is None:
+        return (*at, "access_point") if group.access_point is not None else (*at, "gsdml")
+    if error.slot not in group.slots:
+        return (*at, "slots") if group.slots else (*at, "gsdml")
+    here: Location = (*at, "slots", str(error.slot))
+    one = group.slots[error.slot]
+    if one is not None and error.subslot in one.submodules:
+        return (*here, "submodules", str(error.subslot))
+    return here
+
+
+def _refused(at: Location, plugged: PluggedStation, file: str, report: Report) -> bool:
+    """What the file describes and no device of this version can do."""
+    wide = next((one for one in plugged.submodules if (one.iops_length, one.iocs_length) != (1, 1)), None)
+    if wide is not None:
+        what = f"{file}: {wide.id} has status fields longer than one octet, which are not supported"
+        report((*at, "gsdml"), what, "submodules with one octet of status")
+    inputs = sum(one.input_octets + 1 for one in plugged.submodules if one.inputs)
+    outputs = sum(one.output_octets + 1 for one in plugged.submodules if one.outputs)
+    if max(inputs, outputs) > PLAIN_OCTETS:
+        what = f"its modules have {max(inputs, outputs)} octets of data and status in one direction"
+        report((*at, "slots"), what, f"at most {PLAIN_OCTETS}")
+    return wide is not None or max(inputs, outputs) > PLAIN_OCTETS
+
+
+def _signals(
+    at: Location, group: ProfinetDevices, plugged: PluggedStation, report: Report
+) -> Mapping[str, Signal] | None:
+    """The file's signals, and those of the farm file, which take the place of one with their name."""
+    signals = {signal.name: signal for signal in file_signals(plugged)}
+    wrong = False
+    for name, place in group.signals.items():
+        slot, subslot = place.at[:2]
+        submodule = plugged.submodule(slot, subslot)
+        here: Location = (*at, "signals", name)
+        if submodule is None or not submodule.has_data:
+            with_data = [f"{one.slot}.{one.subslot}" for one in plugged.submodules if one.has_data]
+            what = f"{place.text}: {slot}.{subslot} " + ("has no data" if submodule else "is not plugged")
+            report(here, what, f"slot.subslot of {', '.join(with_data) or 'no submodule'}")
+            wrong = True
+            continue
+        try:
+            signals[name] = place_signal(name, place, submodule.input_octets, submodule.output_octets)
+        except Problem as problem:
+            report(here, problem.what, problem.allowed)
+            wrong = True
+    return None if wrong else signals

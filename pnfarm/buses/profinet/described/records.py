@@ -1,0 +1,88 @@
+"""The parameter records of a described device: defaults, what a controller wrote, and what the file does not allow."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.described.events import RecordDoubted, RecordRefused
+from pnfarm.protocols.profinet.errors import AccessError, RecordError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.buses.profinet.described.station import DescribedStation
+    from pnfarm.protocols.profinet.cm.ar import Ar
+    from pnfarm.station.event import Event
+
+__all__ = ["DescribedRecords"]
+
+
+class DescribedRecords:
+    """See :class:`pnfarm.buses.profinet.device.kind.ApplicationRecords`.
+
+    A written record is kept and read back until power-off (assumed: the file does not say whether a device stores its
+    parameters, and controllers write them in each start-up).  One of a wrong length is refused with "write length
+    error", one with a value that its file does not allow with "invalid parameter", another index with "invalid index"
+    (assumed: the codes that the standard has for these); without ``strict`` all are kept, with a warning in the log.
+    """
+
+    def __init__(self, station: DescribedStation, note: Callable[[int, Event], None], *, strict: bool) -> None:
+        self.error: RecordError | None = None
+        self.withhold: Callable[[int], bool] | None = None
+        self._station = station
+        self._note = note
+        self._strict = strict
+        self._written: dict[tuple[int, int, int], bytes] = {}
+
+    def reset(self, key: int) -> None:
+        """Nothing of a connection is pending here."""
+
+    def next_deadline(self) -> int | None:
+        """Every request is carried out at once."""
+        return None
+
+    def handle_timeout(self, now: int) -> None:
+        """See :meth:`next_deadline`."""
+
+    def forget(self) -> None:
+        """As at power-on."""
+        self._written.clear()
+
+    def read(
+        self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
+    ) -> bytes | RecordError:
+        """What was written last, else the default."""
+        del ar, api, max_length
+        if self.error is not None:
+            return self.error
+        if self.withhold is not None and self.withhold(now):
+            return RecordError(AccessError.STATE_CONFLICT)
+        found = self._written.get((slot, subslot, index))
+        if found is None:
+            found = self._station.parameter(slot, subslot, index)
+        return RecordError(AccessError.INVALID_INDEX) if found is None else found
+
+    def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
+        """Keep a record, unless it is wrong and the limits are strict."""
+        del ar, api
+        if self.error is not None:
+            return self.error
+        wrong = self._wrong(slot, subslot, index, data)
+        if wrong is not None:
+            code, reason = wrong
+            self._note(now, (RecordRefused if self._strict else RecordDoubted)(slot, subslot, index, reason))
+            if self._strict:
+                return RecordError(code)
+        self._written[slot, subslot, index] = data
+        return None
+
+    def _wrong(self, slot: int, subslot: int, index: int, data: bytes) -> tuple[int, str] | None:
+        submodule = self._station.plugged.submodule(slot, subslot)
+        record = None if submodule is None else submodule.record(index)
+        if record is None:
+            return AccessError.INVALID_INDEX, f"the file names no record {index} there"
+        complaint = record.complaint(data)
+        if complaint is None:
+            return None
+        code = AccessError.WRITE_LENGTH_ERROR if complaint.ref is None else AccessError.INVALID_PARAMETER
+        return code, complaint.text

@@ -1,0 +1,38 @@
+"""Where the plain data of a station's submodules are in its rows: one after the other, a status for each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.profinet.frame_layout import PlainPlace
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+__all__ = ["PlainLayout", "plain_layout"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlainLayout:
+    """One direction: the places by slot and subslot, in the order of the statuses; ``octets`` of data."""
+
+    places: Mapping[tuple[int, int], PlainPlace]
+    octets: int
+
+    @property
+    def whole(self) -> int:
+        """Octets of data and statuses."""
+        return self.octets + len(self.places)
+
+
+def plain_layout(lengths: Iterable[tuple[int, int, int]]) -> PlainLayout:
+    """Of submodules (slot, subslot, octets); those without data have no place."""
+    with_data = [(slot, subslot, octets) for slot, subslot, octets in lengths if octets]
+    total = sum(octets for _, _, octets in with_data)
+    places: dict[tuple[int, int], PlainPlace] = {}
+    place = 0
+    for number, (slot, subslot, octets) in enumerate(with_data):
+        places[slot, subslot] = PlainPlace(place, octets, total + number)
+        place += octets
+    return PlainLayout(places, total)

@@ -1,0 +1,148 @@
+"""The signals of a station with plain data: read, written all or nothing, and whether they changed.
+
+*Input* and *output* are the controller's: an input is written here and goes to it, an output is what it sent.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pnfarm.signals.refusal import SignalError
+from pnfarm.table.channel import IOXS_GOOD
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import did_you_mean, few_hints, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.signals.signal import Direction, Signal
+    from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
+    from pnfarm.wire.value_types import Value
+
+__all__ = ["StationSignals"]
+
+
+class StationSignals:
+    """``places``: slot, subslot and direction of a submodule's data -> their first octet in the station's row.
+
+    In each direction they are in the order of the row's provider statuses.  ``inputs`` and ``outputs`` are the rows,
+    None where the station has no data of that direction.
+    """
+
+    def __init__(
+        self,
+        signals: Mapping[str, Signal],
+        places: Mapping[tuple[int, int, Direction], int],
+        inputs: ProvidedData | None,
+        outputs: ConsumedData | None,
+    ) -> None:
+        self._signals = dict(signals)
+        self._places = dict(places)
+        self._inputs = inputs
+        self._outputs = outputs
+        numbers: dict[str, int] = {}
+        #: The number of each submodule's provider status.
+        self._statuses: dict[tuple[int, int, Direction], int] = {}
+        for place in places:
+            self._statuses[place] = numbers.setdefault(place[2], 0)
+            numbers[place[2]] += 1
+        self._revision = 0
+        self._seen = self._copies()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """In the order of the file."""
+        return tuple(self._signals)
+
+    def signal(self, name: str) -> Signal:
+        """One by its name; raises :class:`SignalError`."""
+        found = self._signals.get(name)
+        if found is None:
+            raise SignalError([self._unknown(name)])
+        return found
+
+    def get(self, name: str) -> Value:
+        """The present value; raises :class:`SignalError` for an unknown name."""
+        signal = self.signal(name)
+        return signal.read(self._data_of(signal, self._copies()))
+
+    def get_all(self) -> dict[str, Value]:
+        """Every value; those of one direction are of one time."""
+        return {signal.name: value for signal, value, _ in self.readings()}
+
+    def good(self, name: str) -> bool:
+        """Whether the provider status of its data is GOOD; raises :class:`SignalError` for an unknown name."""
+        return self._is_good(self.signal(name), self._copies())
+
+    def readings(self) -> list[tuple[Signal, Value, bool]]:
+        """Every signal with its value and whether its data are good; those of one direction are of one time."""
+        copies = self._copies()
+        return [
+            (signal, signal.read(self._data_of(signal, copies)), self._is_good(signal, copies))
+            for signal in self._signals.values()
+        ]
+
+    def set(self, values: Mapping[str, Value]) -> None:
+        """Write signals, all in force at once; a text is parsed by the signal's type.
+
+        Raises :class:`SignalError` with the reason of every value that is refused; then nothing is changed.
+        """
+        before = b"" if self._inputs is None else self._inputs.read()
+        octets = bytearray(before)
+        refused = []
+        with few_hints():
+            for name, value in values.items():
+                try:
+                    self._put(octets, name, value)
+                except Problem as problem:
+                    refused.append((name, problem.what, problem.allowed))
+                except SignalError as error:
+                    refused += error.issues
+        if refused:
+            raise SignalError(refused)
+        if self._inputs is not None and octets != before:
+            self._inputs.write({0: bytes(octets)})
+
+    @property
+    def revision(self) -> int:
+        """Counts the changes of values and statuses of either direction, as far as somebody has looked."""
+        seen = self._copies()
+        if seen != self._seen:
+            self._seen = seen
+            self._revision += 1
+        return self._revision
+
+    def _put(self, octets: bytearray, name: str, value: Value) -> None:
+        signal = self.signal(name)
+        if signal.direction == "output":
+            raise Problem("is an output: the controller alone writes it", self._inputs_in_words())
+        if not isinstance(value, bool | int | float | str | bytes):
+            raise Problem(f"is {shown(value)}", f"a value of type {signal.type.name}")
+        data = memoryview(octets)[self._places[signal.slot, signal.subslot, "input"] :]
+        signal.write(data, signal.parse(value) if isinstance(value, str) else value)
+
+    def _inputs_in_words(self) -> str:
+        return "inputs" if self._inputs is not None else "nothing, there are no inputs"
+
+    def _unknown(self, name: str) -> tuple[str, str, str]:
+        hint = did_you_mean(name, self._signals)
+        return shown(name).strip("'"), f"is not a signal{hint}", "" if hint else self._few_names()
+
+    def _few_names(self) -> str:
+        names = self.names
+        return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "") or "none"
+
+    def _copies(self) -> tuple[tuple[bytes, bytes], tuple[bytes, bytes]]:
+        """Data and statuses of both directions."""
+        return (
+            (b"", b"") if self._inputs is None else self._inputs.whole(),
+            (b"", b"") if self._outputs is None else self._outputs.whole(),
+        )
+
+    def _data_of(self, signal: Signal, copies: tuple[tuple[bytes, bytes], tuple[bytes, bytes]]) -> memoryview:
+        data, _ = copies[signal.direction == "output"]
+        return memoryview(data)[self._places[signal.slot, signal.subslot, signal.direction] :]
+
+    def _is_good(self, signal: Signal, copies: tuple[tuple[bytes, bytes], tuple[bytes, bytes]]) -> bool:
+        _, statuses = copies[signal.direction == "output"]
+        return bool(statuses[self._statuses[signal.slot, signal.subslot, signal.direction]] & IOXS_GOOD)

@@ -1,0 +1,38 @@
+"""The signals of a station with plain data, as its station knows them (:mod:`pnfarm.signals.station_signals`)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pnfarm.wire.value_types import Value
+
+__all__ = ["PlainSignals"]
+
+
+class PlainSignals(Protocol):
+    """Named values of its data; errors are :class:`pnfarm.errors.ConfigError`."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """In the order of the file."""
+
+    @property
+    def revision(self) -> int:
+        """Counts the changes that were seen."""
+
+    def signal(self, name: str) -> Any:
+        """One (:class:`pnfarm.signals.signal.Signal`) by its name."""
+
+    def get(self, name: str) -> Value: ...
+
+    def good(self, name: str) -> bool:
+        """Whether the provider status of its data is GOOD."""
+
+    def readings(self) -> Sequence[tuple[Any, Value, bool]]:
+        """Every signal (:class:`pnfarm.signals.signal.Signal`) with its value and whether its data are good."""
+
+    def set(self, values: Mapping[str, Value]) -> None:
+        """Write inputs of the controller, all or none."""
