@@ -62,7 +62,7 @@ class Profinet(ImportingBus, ProjectBus, SearchBus):
         described = config.described
         rows = channel_rows(described.plugged.number_of_ars)
         # a change of modules leaves the pieces of before to the engine until its next tick
-        return DeviceRows(rows, 8 * rows * (len(described.inputs.places) + len(described.outputs.places)))
+        return DeviceRows(rows, 4 * rows * (len(described.inputs.places) + len(described.outputs.places)))
 
     def described_device(self, station: Station, services: DeviceServices) -> ProfinetDevice:
         from pnfarm.buses.profinet.described.kind import DescribedKind

@@ -229,7 +229,7 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
                 await compile_ahead(in_memory=isinstance(config.link, MemoryLink))
                 if capture is not None:
                     prepare()
-                with _starting(len(farm.drives)):
+                with _starting(len(farm.drives) + len(farm.devices)):
                     await farm.open()
                 async with anyio.create_task_group() as tasks:
                     host, port = await tasks.start(serve_farm, farm)
@@ -261,13 +261,20 @@ def _say_up(farm: Farm, url: str | None) -> None:
     if url and farm.config.token_path is not None:
         where += f", its token in {farm.config.token_path}"
     part = "" if farm.shard is None else f", shard {farm.shard}"
-    print_line(f"{farm.config.farm}{part}: {counted(len(farm.drives), 'drive')} on {link_text(farm.config)}, {where}")
+    counts = [counted(len(each), word) for each, word in ((farm.drives, "drive"), (farm.devices, "device")) if each]
+    print_line(f"{farm.config.farm}{part}: {' and '.join(counts)} on {link_text(farm.config)}, {where}")
     if not sys.stdout.isatty():
         return
     rows = [(drive.name, drive.model, *drive.addresses()) for drive in farm.drives[:MAX_ROWS]]
-    print_table(("DRIVE", "MODEL", "MAC", "IP"), rows)
+    if rows:
+        print_table(("DRIVE", "MODEL", "MAC", "IP"), rows)
     if len(farm.drives) > MAX_ROWS:
         print_line(f"... and {len(farm.drives) - MAX_ROWS} more; `pnfarm inspect` shows all")
+    others = [(device.name, device.kinds[-1], *device.addresses()) for device in farm.devices[:MAX_ROWS]]
+    if others:
+        print_table(("DEVICE", "KIND", "MAC", "IP"), others)
+    if len(farm.devices) > MAX_ROWS:
+        print_line(f"... and {len(farm.devices) - MAX_ROWS} more")
     print_line("Ctrl-C stops it.")
 
 

@@ -95,7 +95,8 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
             kinds=group.described.kinds,
             strict=common.strict,
             impair=common.impair,
-            mac=macs.of(group, common.name, step),
+            # another one than a drive of the same name, which is reported as that
+            mac=macs.of(group, f"device:{common.name}", step),
             ip=nth_ip(group, step),
             gateway=group.gateway,
             described=group.described,

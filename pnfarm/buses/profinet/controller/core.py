@@ -60,7 +60,7 @@ class ProfinetCore(SessionCore[DeviceSession]):
     def __init__(self, plan: ProfinetPlan, host: ControllerHost, *, tick_ns: int = 1_000_000) -> None:
         layouts = [device.plain or () for device in plan.devices]
         # a change of modules leaves the pieces of before to the engine until its next tick
-        pieces = 8 * sum(len(layout.places) for both in layouts for layout in both)
+        pieces = 4 * sum(len(layout.places) for both in layouts for layout in both)
         sessions = [DeviceSession(*one) for one in enumerate(plan.devices)]
         super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=pieces)
         name, port, ip, count = plan.name, self.port, plan.ip, len(plan.devices)
