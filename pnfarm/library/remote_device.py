@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import anyio
 
@@ -20,7 +20,7 @@ from pnfarm.wire.value_types import read_type
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.library.remote import RemoteFarm
+    from pnfarm.terminal.client import FarmClient
     from pnfarm.wire.value_types import Value
 
 __all__ = ["RemoteDevice"]
@@ -29,10 +29,19 @@ __all__ = ["RemoteDevice"]
 ASK_SECONDS = 0.02
 
 
+class Asker(Protocol):
+    """What asks a farm's API."""
+
+    @property
+    def client(self) -> FarmClient: ...
+
+    async def ask(self, method: Callable[..., Any], *path: str, **options: Any) -> Any: ...
+
+
 class RemoteDevice:
     """A device: readings are those of the last :meth:`refresh`."""
 
-    def __init__(self, farm: RemoteFarm, view: Mapping[str, Any]) -> None:
+    def __init__(self, farm: Asker, view: Mapping[str, Any]) -> None:
         self._farm = farm
         #: As ``GET devices`` or ``GET devices/{name}`` gave it.
         self.view = view

@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Address
 
-    from pnfarm.station.axis import Axis
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 __all__ = ["ChannelCounts", "ConnectionView", "Device", "KeptValueError", "SocketDevice"]
@@ -103,8 +102,8 @@ class Device(Protocol):
         """Do what is due by now."""
         ...
 
-    def telegram_changed(self, axis: Axis) -> None:
-        """Another telegram of an axis is in force: cyclic frames carry other signals."""
+    def telegram_changed(self, axis: int) -> None:
+        """Another telegram of an axis, counted from 0, is in force: cyclic frames carry other signals."""
         ...
 
     # -- events of the engine
@@ -117,15 +116,15 @@ class Device(Protocol):
         """Events of the engine were lost: read from the rows what happened to the connections."""
         ...
 
-    def fault_raised(self, axis: Axis, number: int) -> None:
+    def fault_raised(self, axis: int, number: int) -> None:
         """An axis raised a fault: report it in the bus's own way (a diagnosis, an attribute)."""
         ...
 
-    def faults_cleared(self, axis: Axis) -> None:
+    def faults_cleared(self, axis: int) -> None:
         """Every fault of an axis was acknowledged."""
         ...
 
-    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+    def parameter_task(self, axis: int, value: int, now: int) -> None:
         """A task of an axis came in the cyclic parameter channel."""
         ...
 

@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from pnfarm.buses.profibus.device.image import CyclicImage
     from pnfarm.buses.profibus.device.product import Product
     from pnfarm.protocols.profibus.slave import Slave
-    from pnfarm.station.station import Station, StationPort
+    from pnfarm.station.node import StationPort
+    from pnfarm.station.station import Station
 
 __all__ = ["LineParts", "SlaveParts"]
 

@@ -13,14 +13,13 @@ from pnfarm.protocols.profinet.records.handler import RecordHandler
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.buses.profinet.device.channels import ArChannels
+    from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription
     from pnfarm.protocols.profinet.errors import RecordError
-    from pnfarm.station.axis import Axis
 
 __all__ = ["ApplicationRecords", "Kind"]
 
@@ -128,15 +127,15 @@ class Kind(Protocol):
 
     # -- events of an axis
 
-    def fault_raised(self, axis: Axis, number: int) -> None:
+    def fault_raised(self, axis: int, number: int) -> None:
         """An axis raised a fault: its diagnosis appears."""
         ...
 
-    def faults_cleared(self, axis: Axis) -> None:
+    def faults_cleared(self, axis: int) -> None:
         """Every fault of an axis was acknowledged: their diagnosis disappears."""
         ...
 
-    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+    def parameter_task(self, axis: int, value: int, now: int) -> None:
         """A task of an axis came in the cyclic parameter channel."""
         ...
 

@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.buses.profinet.device.address import StationAddress
-    from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels
+    from pnfarm.buses.profinet.device.ar_channels import ArChannels
+    from pnfarm.buses.profinet.device.channels import StationChannels
     from pnfarm.buses.profinet.device.kind import Kind
     from pnfarm.buses.profinet.device.management.neighbour_rows import NeighbourRows
     from pnfarm.buses.profinet.device.management.neighbours import StationNeighbours
