@@ -78,7 +78,10 @@ def carried_out(world, text):
         transport = httpx.ASGITransport(world.app)
         async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
             begun = (await client.post("scenarios", json={"text": text})).json()
-            while (found := (await client.get(f"scenarios/{begun['id']}")).json())["state"] == "running":
+            for _ in range(500):
+                found = (await client.get(f"scenarios/{begun['id']}")).json()
+                if found["state"] == "ended":
+                    break
                 await asyncio.sleep(0.01)
             return found
 
