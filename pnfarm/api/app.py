@@ -33,15 +33,11 @@ if TYPE_CHECKING:
 __all__ = ["add_one_drive", "make_app"]
 
 
-def _nothing() -> None:
-    pass
-
-
 def make_app(
     core: FarmCore,
     *,
     now: Callable[[], int] = time.monotonic_ns,
-    poke: Callable[[], None] = _nothing,
+    poke: Callable[[], None] = lambda: None,
     token: str | None = None,
     read_token: str | None = None,
     collector: FarmCollector | None = None,

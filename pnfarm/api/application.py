@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
 
@@ -15,7 +15,6 @@ from pnfarm.api.paths.devices import add_stations
 from pnfarm.api.paths.drives import add_drives
 from pnfarm.api.paths.farm import add_farm
 from pnfarm.api.paths.faults import add_faults
-from pnfarm.api.paths.host import Host
 from pnfarm.api.paths.scenarios import add_scenarios
 from pnfarm.api.paths.streams import add_streams
 from pnfarm.api.paths.traces import add_traces
@@ -31,22 +30,13 @@ if TYPE_CHECKING:
     from pnfarm.api.paths.drives import DrivesHost
     from pnfarm.api.paths.farm import FarmHost
     from pnfarm.api.paths.faults import FaultsHost
+    from pnfarm.api.paths.host import Host
     from pnfarm.api.paths.streams import StreamsHost
     from pnfarm.api.paths.traces import TracesHost
     from pnfarm.scenario.running import KeptScenarios
-    from pnfarm.station.event import Event
     from pnfarm.web.paths import Described
 
-__all__ = ["ApiHost", "Hosts", "make_api"]
-
-
-class ApiHost(Host, Protocol):
-    """What an application needs besides; ``on_close`` is called when it stops."""
-
-    on_close: list[Callable[[], None]]
-
-    def record(self, event: Event) -> object:
-        """An entry of the log."""
+__all__ = ["Hosts", "make_api"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +59,7 @@ class Hosts:
 
 
 def make_api(
-    host: ApiHost, hosts: Hosts, *, title: str, description: str, token: str | None, read_token: str | None
+    host: Host, hosts: Hosts, *, title: str, description: str, token: str | None, read_token: str | None
 ) -> FastAPI:
     """The application; its ``state.context`` is ``host``.
 

@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 __all__ = ["ApiContext", "Context"]
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True, eq=False)
 class Context:
     """Of a farm's API, or of a hub."""
 
+    #: ``farm`` or ``hub``.
+    kind: str = "farm"
     #: Another one in each run.
     instance: str = field(default_factory=lambda: secrets.token_hex(4))
     closing: bool = False
@@ -44,7 +46,7 @@ class Context:
             wake()
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True, eq=False)
 class ApiContext(Context):
     """``now`` reads the farm's clock; ``poke`` makes the runtime handle a handler's change at once."""
 
@@ -54,10 +56,6 @@ class ApiContext(Context):
     poke: Callable[[], None]
     messages: Messages = field(default_factory=Messages)
     rendering: anyio.Lock = field(default_factory=anyio.Lock)
-
-    @property
-    def kind(self) -> str:
-        return "farm"
 
     def axis(self, name: str) -> Axis:
         """Raises :class:`NotFoundError`."""

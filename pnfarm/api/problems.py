@@ -22,7 +22,7 @@ from pnfarm.faults.errors import InjectionError
 from pnfarm.signals.refusal import SignalError
 from pnfarm.trace import TraceError
 from pnfarm.web.bodies import Json
-from pnfarm.web.errors import ClientGoneError, NotFoundError, RequestError, TooLargeError
+from pnfarm.web.errors import ClientGoneError, RequestError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -86,10 +86,6 @@ def _pnfarm_error(request: Request, exc: Exception) -> Response:
             errors = [{"field": field, "what": what, "allowed": allowed} for field, what, allowed in exc.issues]
             sentence = sentence.replace("\n", "; ")
             return problem(HTTPStatus.UNPROCESSABLE_ENTITY, sentence, request, errors=errors)
-        case NotFoundError():
-            return problem(HTTPStatus.NOT_FOUND, sentence, request)
-        case TooLargeError():
-            return problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, sentence, request)
         case ClientGoneError():
             return _gone(request)
         case RequestError():

@@ -16,6 +16,8 @@ from pnfarm.terminal.settings import DEFAULT_URL
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
+    Words = Callable[[client.FarmClient], Iterable[tuple[str, str]]]
+
 
 __all__ = [
     "complete_benchmark",
@@ -66,11 +68,7 @@ def complete_benchmark(incomplete: str) -> list[tuple[str, str]]:
 
 def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Drives of the running farm."""
-
-    def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
-        return ((one["name"], f"{one['model']}, {one['state']}") for one in farm.get("drives")["drives"])
-
-    return _of_farm(ctx, incomplete, words)
+    return _of_farm(ctx, incomplete, _listed("drives", "name", "model"))
 
 
 def complete_signal(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
@@ -89,20 +87,19 @@ def complete_signal(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]
 
 def complete_fault(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Faults of the running farm."""
-
-    def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
-        return ((one["id"], f"{one['kind']}, {one['state']}") for one in farm.get("faults")["faults"])
-
-    return _of_farm(ctx, incomplete, words)
+    return _of_farm(ctx, incomplete, _listed("faults", "id", "kind"))
 
 
-def _of_farm(
-    ctx: typer.Context, incomplete: str, words: Callable[[client.FarmClient], Iterable[tuple[str, str]]]
-) -> list[tuple[str, str]]:
+def _listed(path: str, word: str, kind: str) -> Words:
+    """The entries of a list of the API."""
+    return lambda farm: [(one[word], f"{one[kind]}, {one['state']}") for one in farm.get(path)[path]]
 
+
+def _of_farm(ctx: typer.Context, incomplete: str, words: Words) -> list[tuple[str, str]]:
     try:
         with client.FarmClient(ctx.params.get("api") or DEFAULT_URL, ctx.params.get("token")) as farm:
-            return _fitting(words(farm), incomplete)
+            found = list(words(farm))
     except PnfarmError:
         # a shell that completes has no place for a message
         return []
+    return _fitting(found, incomplete)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -12,7 +13,10 @@ if TYPE_CHECKING:
 
     import typer
 
+    from pnfarm.config.device import DeviceConfig
+    from pnfarm.config.drive import DriveConfig
     from pnfarm.config.impairment import Impairment
+    from pnfarm.drives.description.model import Model
     from pnfarm.farm.file.reading import FarmConfig, Known
     from pnfarm.farm.shard import Shard
 
@@ -20,6 +24,7 @@ __all__ = [
     "check_impairments",
     "check_program",
     "counted",
+    "described",
     "known_names",
     "link_text",
     "read",
@@ -80,46 +85,64 @@ def check_impairments(config: FarmConfig) -> None:
     The farm file's own checks only know the kinds; the fault catalogue knows the parameters of each, and the model its
     signals.
     """
-    from pnfarm.farm.file.reading import FarmFileError, FileIssue, expand
+    from pnfarm.drives import catalogue
+    from pnfarm.farm.file.reading import FarmFileError, FileIssue, expand, expand_devices
 
     issues: list[FileIssue] = []
     named: set[str] = set()
-    drives = expand(config)
+    drives, devices = expand(config), expand_devices(config)
+    members: list[tuple[str, int, Sequence[Impairment], list[DriveConfig | DeviceConfig], Model | None]] = []
     for group, section in enumerate(config.drives):
-        names = [drive.name for drive in drives if drive.group == group]
-        for number, impairment in enumerate(section.impair):
-            found = list(_misfits(impairment, section.model, names))
+        own = [drive for drive in drives if drive.group == group]
+        members.append(("drives", group, section.impair, [*own], catalogue.model(section.model)))
+    for group, described_section in enumerate(config.devices):
+        own_devices = [device for device in devices if device.group == group]
+        members.append(("devices", group, described_section.impair, [*own_devices], None))
+    for key, group, impairments, stations, model in members:
+        names = [one.name for one in stations]
+        kinds = _kinds(stations[0], model)
+        for number, impairment in enumerate(impairments):
+            found = list(_misfits(impairment, model, kinds, names))
             if impairment.name is not None and impairment.name in named:
                 found.append(("as", f"{impairment.name!r} is the name of another fault", "a name of its own"))
             if impairment.name is not None:
                 named.add(impairment.name)
             for field, what, allowed in found:
-                location: tuple[str | int, ...] = ("drives", group, "impair", number, *field.split("."))
-                place = f"drives[{group}].impair[{number}].{field}"
+                location: tuple[str | int, ...] = (key, group, "impair", number, *field.split("."))
+                place = f"{key}[{group}].impair[{number}].{field}"
                 issues.append(FileIssue(*config.place(location), place, what, allowed))
     if issues:
         raise FarmFileError(issues)
 
 
-def _misfits(impairment: Impairment, model_name: str, names: Sequence[str]) -> Iterator[tuple[str, str, str]]:
-    """What is wrong with an impairment of drives of one model: (field, what, allowed)."""
+def _kinds(one: DriveConfig | DeviceConfig, model: Model | None) -> tuple[str, ...]:
+    """The names of a drive's model, or those of a device's file."""
+    from pnfarm.config.device import DeviceConfig
+
+    if isinstance(one, DeviceConfig):
+        return one.kinds
+    return () if model is None else (model.name, *model.aliases)
+
+
+def _misfits(
+    impairment: Impairment, model: Model | None, models: tuple[str, ...], names: Sequence[str]
+) -> Iterator[tuple[str, str, str]]:
+    """What is wrong with an impairment of drives of one model, or of devices: (field, what, allowed)."""
     from pnfarm.buses.registry import fault_kinds
-    from pnfarm.drives import catalogue
     from pnfarm.faults.errors import InjectionError
     from pnfarm.station.conditions import bind
     from pnfarm.vocabulary.conditions import ConditionError
     from pnfarm.vocabulary.globs import GLOBS, means
 
-    model = catalogue.model(model_name)
     try:
         fault_kinds().parse(impairment.as_dict() | {"on": "all"})
     except InjectionError as exc:
         yield from exc.issues
-    if impairment.on is not None:
-        models = (model.name, *model.aliases)
-        if not any(means(glob, (name,), models) for glob in impairment.on for name in names):
-            yield "on", f"means no drive of this group: {names[0]} to {names[-1]}", GLOBS
-    if impairment.when is not None:
+    if impairment.on is not None and not any(means(glob, (name,), models) for glob in impairment.on for name in names):
+        yield "on", f"means no drive of this group: {names[0]} to {names[-1]}", GLOBS
+    if impairment.when is not None and model is None:
+        yield "when", "is about the signals of an axis, which a device does not have", "after, after_cycles or nothing"
+    elif impairment.when is not None and model is not None:
         try:
             bind(impairment.when, model)
         except ConditionError as exc:
@@ -141,11 +164,10 @@ def summary(config: FarmConfig) -> str:
     from pnfarm.farm.file.reading import expand
 
     drives = expand(config)
-    models: dict[str, int] = {}
-    for drive in drives:
-        models[drive.model] = models.get(drive.model, 0) + 1
-    kinds = ", ".join(f"{count} {model}" for model, count in models.items())
+    kinds = ", ".join(f"{count} {model}" for model, count in Counter(drive.model for drive in drives).items())
     parts = [f"{counted(len(drives), 'drive')} ({kinds})"] if drives else []
+    if config.devices:
+        parts.append(counted(sum(group.count for group in config.devices), "device"))
     if config.farm is not None:
         api = config.api
         parts.insert(0, f"farm {config.farm}")
@@ -158,6 +180,15 @@ def summary(config: FarmConfig) -> str:
         if section.device_names:
             parts.append(f"{counted(len(section.device_names), 'device')} by {section.description_file} file")
     return ", ".join(parts)
+
+
+def described(config: FarmConfig) -> Iterator[str]:
+    """What was taken from the files of the farm's devices, group by group."""
+    from pnfarm.farm.file.choice import device_part
+
+    for group in config.devices:
+        for sentence in device_part(group).sentences(group):
+            yield f"{group.name}: {sentence}"
 
 
 def link_text(config: FarmConfig) -> str:

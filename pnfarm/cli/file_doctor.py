@@ -15,7 +15,7 @@ from pnfarm.config.database import redacted
 from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink, TapLink, VethLink
 from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.doctor.machine import Finding
-from pnfarm.farm.file.reading import expand
+from pnfarm.farm.file.reading import expand_all
 from pnfarm.farm.load import Load, load_of
 from pnfarm.farm.memory.postgres import answer_seconds
 from pnfarm.farm.shard import part_of
@@ -38,7 +38,7 @@ def examine_file(config: FarmConfig, shard: Shard | None = None) -> list[Finding
     found = _link(config)
     found += _api(config)
     found += _state(config)
-    drives = expand(config)
+    drives = expand_all(config)
     load = load_of(config, drives if shard is None else part_of(config, drives, shard))
     if load.frames and isinstance(config.link, MacvlanLink | VethLink):
         found.append(judge(load, *_measured()))

@@ -26,7 +26,6 @@ def run_remote(
     scenario: Scenario, token: str | None, progress: Progress, interrupted: Callable[[], str]
 ) -> tuple[dict[str, Any], Exception | None]:
     """The record, and what failed before the scenario was over, if anything did.  Raises :class:`PnfarmError`."""
-
     assert scenario.farm is not None
     with client.FarmClient(scenario.farm, token) as farm:
         return _Remote(scenario, farm, progress, interrupted).run()
@@ -42,7 +41,6 @@ class _Remote:
         self._interrupted = interrupted
 
     def run(self) -> tuple[dict[str, Any], Exception | None]:
-
         # from now on a stop signal waits until the farm can be told
         self._interrupted()
         begun = self._begin()
@@ -66,7 +64,6 @@ class _Remote:
             raise
 
     def _begin(self) -> dict[str, Any]:
-
         assert self._scenario.path is not None
         text = self._scenario.path.read_text("utf-8-sig")
         try:
@@ -80,11 +77,10 @@ class _Remote:
 
     def _ask(self, number: str, first: int) -> dict[str, Any]:
         """How far it is, with the cases from ``first`` on; a farm that does not answer is asked again."""
-
         end = time.monotonic() + PATIENCE_SECONDS
         while True:
             try:
-                found: dict[str, Any] = self._farm.ask("scenarios", number, query={"cases_from": first})
+                found: dict[str, Any] = self._farm.get("scenarios", number, query={"cases_from": first})
             except (EnvironmentError_, RemoteError):
                 if time.monotonic() >= end or self._interrupted():
                     raise
@@ -93,7 +89,6 @@ class _Remote:
                 return found
 
     def _whole(self, number: str) -> tuple[dict[str, Any], Exception | None]:
-
         record: dict[str, Any] = self._farm.get("scenarios", number)
         if record["farm_ended"]:
             return record, EnvironmentError_(f"the farm at {self._farm.address} ended while the scenario ran")

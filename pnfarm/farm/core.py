@@ -392,7 +392,7 @@ class FarmCore:
         """Something of a drive's stream, or a datagram."""
         station = self._by_port.get(event.port)
         if station is None:
-            raise InternalError(f"a socket of port {event.port} brought something, which no drive has")
+            raise InternalError(f"a socket of port {event.port} delivered data, and no drive has it")
         self.injections.refresh(station.configured_name, now)
         self._socket_gate.received(event, now)
         self.injections.poke(station.configured_name, now)

@@ -50,7 +50,7 @@ class Answer:
         except RecursionError as exc:
             raise ValueError("it is nested too deeply") from exc
         if not isinstance(found, dict):
-            raise ValueError("it is no JSON object")  # noqa: TRY004 - it is the answer that is wrong
+            raise ValueError("it is not a JSON object")  # noqa: TRY004 - it is the answer that is wrong
         return found
 
 

@@ -27,7 +27,7 @@ class Gone(Schema):
 
 
 class _Partial(Schema):
-    partial: bool = Field(description="Whether the part of a shard is missing: what is not listed may yet be there.")
+    partial: bool = Field(description="Whether the part of a shard is missing: what is not listed may exist.")
     unreachable: list[Gone] = Field(description="Whose part is missing.")
 
 

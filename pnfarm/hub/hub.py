@@ -100,7 +100,7 @@ class Hub(Context):
         transport: Callable[[str], httpx.AsyncBaseTransport] | None = None,
         request_seconds: float = REQUEST_SECONDS,
     ) -> None:
-        super().__init__()
+        super().__init__(kind="hub")
         self.now = now
         self.wall = wall
         self.sleep = sleep
@@ -127,8 +127,7 @@ class Hub(Context):
 
     async def drop(self, shard: Shard) -> None:
         """A shard that is no longer known."""
-        found = self._clients.pop(shard.url, None)
-        if found is not None:
+        if (found := self._clients.pop(shard.url, None)) is not None:
             await found.close()
 
     async def aclose(self) -> None:
@@ -153,10 +152,6 @@ class Hub(Context):
         now = self.now()
         head = {"time": self.wall(), "farm_seconds": now / 1e9, "drive": "", "event": event.text}
         self.log.take(self.instance, self._own, now, {**event.details(), **head})
-
-    @property
-    def kind(self) -> str:
-        return "hub"
 
     def note(self, *events: Event) -> None:
         """A client changed something."""
@@ -271,7 +266,7 @@ class Hub(Context):
         if not (
             sane and isinstance(instance, str) and _INSTANCE.fullmatch(instance) and isinstance(about["farm"], str)
         ):
-            raise AwayError(f"{shard.label} does not answer as a farm does: its clock is none", slug="garbage")
+            raise AwayError(f"{shard.label} does not answer as a farm does: its clock is not valid", slug="garbage")
         shard.clock.note(asked, round(seconds * 1e9), answered)
         return about
 

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 __all__ = ["at_hub", "joined_engine", "joined_fault", "joined_health", "unreachable_drive"]
 
-ToHub = "Callable[[float], float]"
 #: Faults with one id on two shards are one if they were added within this time of each other, s.
 ONE_FAULT_SECONDS = 15.0
 _ENGINE = tuple(Engine.model_fields)

@@ -33,7 +33,7 @@ def name_of(text: str) -> tuple[str, int]:
     """A name and the port of the farms behind it.  Raises :class:`ConfigError`."""
     found = _NAME.fullmatch(text.strip())
     if found is None or not 0 < int(found[2]) < 65536:
-        raise ConfigError(f"--discover {text!r} is no name with a port; give NAME:PORT such as tasks.farm:8702")
+        raise ConfigError(f"--discover {text!r} is not a name with a port; give NAME:PORT such as tasks.farm:8702")
     return found[1], int(found[2])
 
 

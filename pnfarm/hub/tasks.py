@@ -59,9 +59,7 @@ async def run_hub(
             async with anyio.create_task_group() as first:
                 for name, port in names:
                     first.start_soon(discover, hub, name, port, {})
-            async with anyio.create_task_group() as first:
-                for shard in hub.shards:
-                    first.start_soon(_probe, hub, shard)
+            await hub.each(hub.shards, lambda shard: _probe(hub, shard))
             tasks.start_soon(_release, hub)
             tasks.start_soon(views.run)
             tasks.start_soon(_attend_all, hub, tasks)

@@ -1,4 +1,4 @@
-"""pnfarm as a library: farms that Python code runs, breaks and looks at.  Asynchronous; for plain functions in tests
+"""pnfarm as a library: farms that Python code runs and injects faults into.  Asynchronous; for plain functions in tests
 there is :mod:`pnfarm.testing`.
 
 ::

@@ -116,7 +116,7 @@ class Farm(FarmFace[Drive, Device]):
         await self._passing.wait(lambda: False, duration_ns(seconds, "seconds"), polled=False)
 
     async def wait_until(self, holds: Callable[[], object], within: float | str, *, what: str = "it") -> float:
-        """Until ``holds()`` is true, looked at each millisecond; how long it took, s.  Raises :class:`NotInTime`."""
+        """Until ``holds()`` is true, checked each millisecond; how long it took, s.  Raises :class:`NotInTime`."""
         within_ns, began = duration_ns(within, "within"), self._passing.now()
         if not await self._passing.wait(lambda: bool(holds()), within_ns):
             raise NotInTime(f"{what} did not hold within {within_ns / 1e9:g} s: {first_drives(self.drives)}")
@@ -125,7 +125,7 @@ class Farm(FarmFace[Drive, Device]):
     # -- faults, traces, scenarios
 
     def fault(self, kind: str, on: str | Sequence[str] = "all", **options: Any) -> FaultHandle:
-        """Break drives: ``await farm.fault("loss", on="axis-*", probability=0.1)``, or with ``async with``.
+        """Inject a fault: ``await farm.fault("loss", on="axis-*", probability=0.1)``, or with ``async with``.
 
         ``options`` are the common fields (``count``, ``cycles``, ``for_``, ``after``, ``ttl`` in seconds,
         ``probability``, ``seed``, ``direction``, ``share`` ...) and the parameters of the kind (``pnfarm fault
@@ -153,7 +153,7 @@ class Farm(FarmFace[Drive, Device]):
         return _Trace(self._passing, trace_fields(on, signals, fields))
 
     async def run_scenario(self, path: str | Path) -> ScenarioResult:
-        """Run a scenario on this farm (its ``farm:`` is not looked at).  Raises :class:`ConfigError` before it begins.
+        """Run a scenario on this farm (its ``farm:`` is ignored).  Raises :class:`ConfigError` before it begins.
 
         A cancellation ends it, and its faults.
         """
@@ -167,7 +167,7 @@ class Farm(FarmFace[Drive, Device]):
     # -- what happened
 
     async def events(self, drive: str | None = None, *, follow: bool = True) -> AsyncIterator[FarmEvent]:
-        """What happened since the start, oldest first (of the last 4,096 entries), then what happens until it is left.
+        """What happened since the start, oldest first (of the last 4,096 entries), then new entries as they come.
 
         ``drive``: of this drive only.  Without ``follow`` it ends with the newest entry.
         """

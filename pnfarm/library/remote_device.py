@@ -15,7 +15,7 @@ from pnfarm.library.device_readings import read_back
 from pnfarm.signals.refusal import SignalError
 from pnfarm.signals.signal import Signal
 from pnfarm.vocabulary.quoting import did_you_mean, shortened
-from pnfarm.wire.value_types import parse_type
+from pnfarm.wire.value_types import read_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -104,5 +104,5 @@ class RemoteDevice:
 
 def _signal(view: Mapping[str, Any]) -> Signal:
     slot, subslot, octet, bit = read_place(view["place"])
-    kind = parse_type(view["type"])
+    kind = read_type(view["type"])
     return Signal(view["name"], view["direction"], slot, subslot, octet, kind, bit, view["unit"], view["scale"])

@@ -191,7 +191,7 @@ class Device(Protocol):
         ...
 
     def details(self) -> dict[str, Any]:
-        """More of them, for who looks at this one drive: identifications, layouts of frames, settings of the line.
+        """More of them, for the view of this one drive: identifications, layouts of frames, settings of the line.
 
         ``connections``, where there is the key: of each its ``channels``, of each of these its ``places``.
         """

@@ -11,12 +11,14 @@ from __future__ import annotations
 
 from pnfarm.table.layout import Field, Layout
 
-__all__ = ["CONSUMED", "NO_STATUS", "PIECE", "PLAIN_OCTETS", "PROVIDED"]
+__all__ = ["CONSUMED", "NOT_TAKEN", "NO_STATUS", "PIECE", "PLAIN_OCTETS", "PROVIDED"]
 
 #: Octets of data and statuses of one station and direction.
 PLAIN_OCTETS = 4096
 #: A piece whose status no frame carries.
 NO_STATUS = 0xFFFF
+#: A piece that a consumer does not take: its data stay, with status BAD.
+NOT_TAKEN = 0xFFFE
 
 
 def _plain(name: str, doc: str, writer: str) -> Layout:
@@ -41,7 +43,13 @@ PIECE = Layout(
         Field("frame", "u2", "octets", "station", "its place in the frame, as the words of its channel count"),
         Field("place", "u2", "octets", "station", "its place in a half of the station's row"),
         Field("length", "u2", "octets", "station", "octets of data"),
-        Field("status_frame", "u2", "octets", "station", "place of its provider status in the frame, NO_STATUS: none"),
+        Field(
+            "status_frame",
+            "u2",
+            "octets",
+            "station",
+            "place of its provider status in the frame, NO_STATUS: none, or NOT_TAKEN",
+        ),
         Field("status_place", "u2", "octets", "station", "place of its provider status in the half"),
     ],
 )

@@ -78,12 +78,8 @@ class FarmClient:
     ) -> None:
         self._client.close()
 
-    def get(self, *path: str) -> Any:
+    def get(self, *path: str, query: Mapping[str, Any] | None = None) -> Any:
         """Read ``path``; its parts are quoted and may hold any characters."""
-        return self._ask("GET", path)
-
-    def ask(self, *path: str, query: Mapping[str, Any]) -> Any:
-        """Read ``path`` with a query."""
         return self._ask("GET", path, query=query)
 
     def put(self, *path: str, body: Mapping[str, Any]) -> Any:

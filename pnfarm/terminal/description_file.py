@@ -21,7 +21,7 @@ ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="Drive model
 FolderOption = Annotated[
     Path,
     typer.Option(
-        "--output", "-o", metavar="DIR", help="Folder for the file, made if need be; - prints it.", allow_dash=True
+        "--output", "-o", metavar="DIR", help="Folder for the file, made if needed; - prints it.", allow_dash=True
     ),
 ]
 

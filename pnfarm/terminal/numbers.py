@@ -21,7 +21,6 @@ def number_of(what: str, most: int) -> Callable[[str | int], int]:
     """The reader of one argument or option; it raises :class:`ConfigError` for anything but 0 to ``most``."""
 
     def read(text: str | int) -> int:
-
         word = str(text)
         try:
             value = int(word, 0)

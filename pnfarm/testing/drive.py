@@ -58,7 +58,7 @@ class Drive(DriveReadings):
         self._host.changed(self._station)
 
     def inject(self, kind: str, **options: Any) -> Fault:
-        """Break it: as :meth:`pnfarm.testing.Line.inject`, on this drive."""
+        """Inject a fault: as :meth:`pnfarm.testing.Line.inject`, on this drive."""
         return self._host.inject(kind, self.name, **options)
 
     def power_off(self) -> None:

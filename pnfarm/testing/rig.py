@@ -143,7 +143,7 @@ class Rig(BlockingFace["RigDrive"]):
     # -- faults, scenarios, what happened
 
     def inject(self, kind: str, on: str | Sequence[str] = "all", **options: Any) -> RigFault:
-        """Break drives: as :meth:`pnfarm.testing.Line.inject`; ends with its ``with`` statement."""
+        """Inject a fault: as :meth:`pnfarm.testing.Line.inject`; ends with its ``with`` statement."""
         return RigFault(self, self.call(_begun(self._farm.fault(kind, on, **options))))
 
     def reset(self) -> list[str]:
@@ -245,7 +245,7 @@ class RigDrive:
         return self._rig.call(self._drive.wait_for(condition, within))
 
     def inject(self, kind: str, **options: Any) -> RigFault:
-        """Break it: as :meth:`Rig.inject`, on this drive."""
+        """Inject a fault: as :meth:`Rig.inject`, on this drive."""
         return self._rig.inject(kind, self.name, **options)
 
     def parameter(self, name: str | int) -> int:

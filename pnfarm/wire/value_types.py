@@ -16,7 +16,7 @@ from typing import Literal
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
-__all__ = ["BOOL", "MAX_OCTETS", "TYPE_PATTERN", "UINT8", "ByteOrder", "Value", "ValueType", "parse_type"]
+__all__ = ["BOOL", "MAX_OCTETS", "TYPE_PATTERN", "UINT8", "ByteOrder", "Value", "ValueType", "read_type"]
 
 Value = bool | int | float | bytes | str
 ByteOrder = Literal["big", "little"]
@@ -144,7 +144,7 @@ _NAMED = {
 _SIZED = re.compile(r"(octets|text)\[([0-9]{1,4})\]")
 
 
-def parse_type(text: str) -> ValueType:
+def read_type(text: str) -> ValueType:
     """A type by its name; :class:`Problem` with those that there are."""
     word = text.strip().lower()
     found = _NAMED.get(word)

@@ -56,7 +56,7 @@ class FaultKind(Schema):
     kind: str
     family: str
     doc: str
-    occurrence: str = Field(description="What `count` counts, and what `probability` is of.")
+    occurrence: str = Field(description="What `count` and `probability` refer to.")
     wire: str = Field(description="What a capture shows.")
     reports: str = Field(description="What controllers report.")
     buses: dict[str, KindOnBus] = Field(description="What differs on a bus, by its name.")

@@ -47,7 +47,7 @@ _PROBLEM = PROBLEMS["default"]["content"]
 #: Status -> when it is answered.
 _WHEN = {
     "401": "The token is missing or wrong",
-    "403": "This client may not: a token that only reads, or a page of another origin",
+    "403": "Not permitted: a token that only reads, or a page of another origin",
     "404": "Nothing has this name, number or id",
     "409": "Not in the present state",
     "412": "It has changed since the ETag of If-Match",

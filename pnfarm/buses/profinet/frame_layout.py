@@ -55,11 +55,14 @@ def frame_layout(
     carriers: Sequence[Carrier],
     unusable: Container[ExpectedKey],
     plain: Mapping[tuple[int, int], PlainPlace] | None = None,
+    *,
+    receives: bool = False,
 ) -> FrameLayout:
     """Place the telegrams' words in the frame of ``layout``, in the order of the submodules with data of each axis.
 
     ``plain``: the submodules with plain data, by slot and subslot.  A submodule that the device does not have
-    (``unusable``) carries nothing and BAD status, unless its status octets are discarded.
+    (``unusable``) carries nothing and BAD status, unless its status octets are discarded; of one that ``receives`` such
+    plain data they get BAD status.
     """
     words: list[list[tuple[int, int]]] = [[] for _ in carriers]
     iops: list[list[int]] = [[] for _ in carriers]
@@ -68,11 +71,14 @@ def frame_layout(
     waiting = [list(carrier.words) for carrier in carriers]
     for place in sorted(layout.data, key=lambda d: (d.slot, d.subslot)):
         key = (place.api, place.slot, place.subslot)
+        kept = None if plain is None else plain.get(key[1:])
+        if kept is not None and receives and key in unusable:
+            pieces.append(Piece(place.data_offset, kept.place, 0, None, kept.status, taken=False))
+            continue
         if key in unusable or not place.data_length:
             if place.iops_offset is not None:
                 constants.append((place.iops_offset, IOXS_BAD if key in unusable else IOXS_GOOD))
             continue
-        kept = None if plain is None else plain.get(key[1:])
         if kept is not None:
             pieces.append(
                 Piece(

@@ -9,7 +9,7 @@ import typer
 from pnfarm.cli.completion import complete_drive, complete_fault, complete_kind
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.terminal import client
-from pnfarm.terminal.output import print_json, print_line, print_next, print_table
+from pnfarm.terminal.output import print_found, print_json, print_line, print_next, print_section, print_table
 from pnfarm.terminal.partial import raise_for_missing
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 from pnfarm.vocabulary.quoting import did_you_mean, shortened
@@ -42,14 +42,14 @@ def kinds(
             raise ConfigError(
                 f"there is no kind of fault {kind!r}{did_you_mean(kind, known)}; `pnfarm fault kinds` lists them"
             )
-        _print_kind(known[kind].as_dict(), output)
+        print_found(known[kind].as_dict(), output, _print_kind)
         return
-    catalogue = [kind.as_dict() for kind in fault_kinds().values()]
-    if output is Format.JSON:
-        print_json({"kinds": catalogue})
-        return
+    print_found({"kinds": [kind.as_dict() for kind in fault_kinds().values()]}, output, _print_kinds)
+
+
+def _print_kinds(found: dict[str, Any]) -> None:
     rows: list[tuple[str, ...]] = []
-    for one in catalogue:
+    for one in found["kinds"]:
         rows.append((one["kind"], one["family"], " ".join(one["directions"]), one["doc"]))
         for name, spec in one["params"].items():
             default = "" if spec["default"] is None else f"; default {spec['default']}"
@@ -57,11 +57,7 @@ def kinds(
     print_table(("KIND", "FAMILY", "DIRECTION", "~WHAT IT DOES"), rows)
 
 
-def _print_kind(kind: dict[str, Any], output: Format) -> None:
-
-    if output is Format.JSON:
-        print_json(kind)
-        return
+def _print_kind(kind: dict[str, Any]) -> None:
     rows = [
         ("what it does", kind["doc"]),
         ("family", kind["family"]),
@@ -85,8 +81,7 @@ def _print_kind(kind: dict[str, Any], output: Format) -> None:
              f"{spec['doc']} Allowed: {spec['allowed']}." + (f" [{spec['unit']}]" if spec["unit"] else ""))
             for name, spec in kind["params"].items()
         ]  # fmt: skip
-        print_line()
-        print_table(("PARAMETER", "DEFAULT", "~MEANING"), params)
+        print_section(("PARAMETER", "DEFAULT", "~MEANING"), params)
     needed = [name for name, spec in kind["params"].items() if spec["required"]]
     given = "".join(f" -p {name}=..." for name in needed)
     print_line()
@@ -134,7 +129,7 @@ def add(
     ] = None,
     most: Annotated[int | None, typer.Option(help="At most so many of the drives, by the seed.")] = None,
     rate: Annotated[
-        str | None, typer.Option(metavar="RATE", help="Begin again and again at random, so often, such as 2/min.")
+        str | None, typer.Option(metavar="RATE", help="Begin repeatedly at random, at this rate, such as 2/min.")
     ] = None,
     times: Annotated[int | None, typer.Option(help="With --rate: begin so often on each drive.")] = None,
     ttl: Annotated[
@@ -154,7 +149,6 @@ def add(
     token: TokenOption = None,
 ) -> None:
     """Inject a fault."""
-
     body: dict[str, Any] = {"kind": kind, "on": on, "params": dict(map(_parameter, param or []))}
     wanted = {
         "for": duration,
@@ -179,7 +173,7 @@ def add(
     with client.FarmClient(api, token) as farm:
         if dry_run:
             reach = farm.post("faults", body=body, query={"dry_run": "true"})
-            _print_reach(reach, output)
+            print_found(reach, output, _print_reach)
             raise_for_missing(reach)
             return
         fault = farm.post("faults", body=body)
@@ -212,18 +206,13 @@ def show(
     token: TokenOption = None,
 ) -> None:
     """List the pending and active faults, or one fault, with their evidence."""
-
     with client.FarmClient(api, token) as farm:
         found = farm.get("faults") if fault_id is None else {"faults": [farm.get("faults", fault_id)]}
-    if output is Format.JSON:
-        print_json(found)
-    else:
-        _print_faults(found)
+    print_found(found, output, _print_faults)
     raise_for_missing(found if fault_id is None else found["faults"][0])
 
 
 def _print_faults(found: dict[str, Any]) -> None:
-
     if not found["faults"]:
         known = " on the shards that answer" if found.get("partial") else ""
         print_line(f"no fault is pending or active{known}")
@@ -257,7 +246,6 @@ def clear(
     token: TokenOption = None,
 ) -> None:
     """Clear a fault, or all of them; the drives return to normal."""
-
     with client.FarmClient(api, token) as farm:
         found = farm.post("reset") if fault_id is None else farm.delete("faults", fault_id)
     if output is Format.JSON:
@@ -286,11 +274,7 @@ def _confirmation(evidence: dict[str, Any]) -> str:
     return found
 
 
-def _print_reach(found: dict[str, Any], output: Format) -> None:
-
-    if output is Format.JSON:
-        print_json(found)
-        return
+def _print_reach(found: dict[str, Any]) -> None:
     rows = [
         *((drive, "yes", "") for drive in found["drives"]),
         *((entry["drive"], "no", entry["why"]) for entry in found["cannot"]),
@@ -331,7 +315,6 @@ def _keep(farm: client.FarmClient, fault: dict[str, Any]) -> None:
 
 
 def _parameter(text: str) -> tuple[str, Any]:
-
     key, equals, value = text.partition("=")
     if not equals or not key:
         raise ConfigError(f"--param {text!r} is not a parameter; give NAME=VALUE such as hold=true")

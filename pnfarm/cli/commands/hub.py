@@ -68,7 +68,7 @@ def hub(
         ),
     ] = None,
 ) -> None:
-    """Answer the API of several farms as of one, in the foreground until Ctrl-C (docs/hub.md).
+    """Serve the API of several farms as one, in the foreground until Ctrl-C (docs/hub.md).
 
     Options override environment variables: PNFARM_HUB_SHARD and PNFARM_HUB_DISCOVER (several values with spaces
     between them), PNFARM_HUB_API, PNFARM_HUB_API_TOKEN, PNFARM_HUB_API_READ_TOKEN and PNFARM_HUB_SHARD_TOKEN; for the

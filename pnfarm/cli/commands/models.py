@@ -11,7 +11,7 @@ import typer
 
 from pnfarm.cli.completion import complete_model
 from pnfarm.errors import ConfigError
-from pnfarm.terminal.output import print_json, print_line, print_table
+from pnfarm.terminal.output import print_json, print_line, print_section, print_table
 from pnfarm.terminal.settings import Format, FormatOption
 
 if TYPE_CHECKING:
@@ -97,7 +97,6 @@ def _matches(row: dict[str, Any], glob: str) -> bool:
 
 
 def _print_parameters(rows: list[dict[str, Any]]) -> None:
-
     columns = (">PNU", "NAME", "TYPE", ">DEFAULT", "UNIT", "SCALE", "ACCESS", "EFFECT", "~SOURCE", "~NOTE")
     keys = ("pnu", "name", "type", "default", "unit", "scale", "access", "effect", "source", "note")
     print_table(columns, [tuple(row[key] for key in keys) for row in rows])
@@ -125,57 +124,47 @@ def _print(found: dict[str, Any]) -> None:
     for section in ("identity", "limits"):
         if found[section] is None:
             continue
-        print_line()
         values = dict(found[section])
         sources = values.pop("sources")
         rows = [
             (key.replace("_", " "), _value(key, value), sources[key]["source"], sources[key]["note"])
             for key, value in values.items()
         ]
-        print_table((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
+        print_section((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
     for section in (*_FACTS, "bus_facts"):
         if found.get(section):
             title = found["bus"] if section == "bus_facts" else section
-            print_line()
-            print_table((title.replace("_", " ").upper(), "VALUE", "~SOURCE", "~NOTE"), _fact_rows(found[section]))
+            print_section((title.replace("_", " ").upper(), "VALUE", "~SOURCE", "~NOTE"), _fact_rows(found[section]))
     if found["behaviour"]:
-        print_line()
-        print_table(("BEHAVIOUR", "READING", "~WHAT THE DRIVE DOES"), list(_reading_rows(found["behaviour"])))
-        print_line()
+        print_section(("BEHAVIOUR", "READING", "~WHAT THE DRIVE DOES"), list(_reading_rows(found["behaviour"])))
         rows = [(point["name"], point["about"], point["reason"], point["source"]) for point in found["behaviour"]]
-        print_table(("BEHAVIOUR", "~LEFT OPEN", "~REASON OF THE DEFAULT", "~SOURCE"), rows)
+        print_section(("BEHAVIOUR", "~LEFT OPEN", "~REASON OF THE DEFAULT", "~SOURCE"), rows)
     for kind, parts in found["motors"].items():
-        print_line()
         rows = [row for part, facts in parts.items() for row in _fact_rows(facts, f"{part} ")]
-        print_table((f"MOTORS {kind}", "VALUE", "~SOURCE", "~NOTE"), rows)
+        print_section((f"MOTORS {kind}", "VALUE", "~SOURCE", "~NOTE"), rows)
     if found["telegrams"]:
         _print_telegrams(found)
-    print_line()
-    print_table(
+    print_section(
         (">COUNT", "OF", "~SOURCES"),
         [
             (len(found[section]), section, "; ".join(_sources(found[section])))
             for section in ("parameters", "signals", "bits", "faults")
         ],
     )
-    print_line()
     counts = Counter(row["effect"] for row in found["parameters"])
     effects = [(counts[name], name, meaning) for name, meaning in EFFECTS.items()]
-    print_table((">PARAMETERS", "EFFECT", "~MEANING"), effects)
+    print_section((">PARAMETERS", "EFFECT", "~MEANING"), effects)
     print_line()
     print_line(f"Every parameter: pnfarm models {found['name']} --parameters '*'; every row: --format json")
 
 
 def _print_telegrams(found: dict[str, Any]) -> None:
-
-    print_line()
     if any(telegram["identifiers"] for telegram in found["telegrams"]):
-        print_table(("TELEGRAM", "IDENTIFIERS", ">IN", ">OUT", "~SOURCE"), _identifier_rows(found))
+        print_section(("TELEGRAM", "IDENTIFIERS", ">IN", ">OUT", "~SOURCE"), _identifier_rows(found))
     else:
         columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "~SOURCE")
-        print_table(columns, _module_rows(found))
-    print_line()
-    print_table(
+        print_section(columns, _module_rows(found))
+    print_section(
         ("TELEGRAM", "~TO THE DRIVE", "~FROM THE DRIVE", "SOURCE", "~NOTE"),
         [
             (
@@ -235,10 +224,7 @@ def _module_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:
 
 def _sources(rows: list[dict[str, Any]], most: int = 4) -> list[str]:
     """The sources of many rows with their counts, the most frequent first."""
-    counts: dict[str, int] = {}
-    for row in rows:
-        counts[row["source"]] = counts.get(row["source"], 0) + 1
-    ranked = sorted(counts.items(), key=lambda item: -item[1])
+    ranked = Counter(row["source"] for row in rows).most_common()
     shown = [f"{source} ({count})" for source, count in ranked[:most]]
     return [*shown, f"and {len(ranked) - most} more"] if len(ranked) > most else shown
 

@@ -120,7 +120,6 @@ def _is_live() -> bool:
 
 
 def _write(path: Path, summary: dict[str, Any]) -> None:
-
     try:
         path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     except OSError as exc:
@@ -235,7 +234,6 @@ def _cells(rows: Iterable[dict[str, Any]], columns: Sequence[str]) -> list[list[
 
 def _live_table(controller: Plc, room: int) -> Table:
     """A table of at most ``room`` drives; those that are not running come first."""
-
     rows = controller.summary()
     hidden = len(rows) - room
     if hidden > 0:

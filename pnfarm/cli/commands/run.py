@@ -67,7 +67,7 @@ def run(
     ] = None,
     values: Annotated[
         list[str] | None,
-        typer.Option("--set", help="Value of a variable of the scenario; again for each.", metavar="NAME=VALUE"),
+        typer.Option("--set", help="Value of a variable of the scenario. Repeatable.", metavar="NAME=VALUE"),
     ] = None,
     token: TokenOption = None,
 ) -> int:
@@ -171,9 +171,8 @@ def _variables(given: list[str]) -> dict[str, Any]:
 
 def _check_writable(path: Path) -> None:
     """Before a run of minutes, not after it.  Raises :class:`ConfigError`."""
-
     if path.is_dir() or not path.parent.is_dir():
-        what = "is a folder" if path.is_dir() else f"is in {path.parent}, which is no folder"
+        what = "is a folder" if path.is_dir() else f"is in {path.parent}, which is not a folder"
         raise ConfigError(f"{path} {what}; give the name of a file in a folder that exists")
     try:
         with path.open("ab"):

@@ -53,7 +53,7 @@ def scan(
     no_lldp: Annotated[bool, typer.Option("--no-lldp", help="Do not listen for LLDP.")] = False,
     output: FormatOption = Format.TABLE,
 ) -> None:
-    """Find devices on the wire (name, type, addresses, identity), and neighbours at its other end by LLDP."""
+    """Find devices on the wire (name, type, addresses, identity), and neighbours by LLDP."""
     import anyio
 
     from pnfarm.buses.search import Question
@@ -81,7 +81,6 @@ def scan(
 
 def _wanted(names: Sequence[str]) -> list[str]:
     """The buses to search, each once."""
-
     known = registry.searches()
     for name in names:
         if name not in known:
@@ -90,7 +89,6 @@ def _wanted(names: Sequence[str]) -> list[str]:
 
 
 def _address(text: str) -> IPv4Address:
-
     try:
         return IPv4Address(text)
     except ValueError as exc:

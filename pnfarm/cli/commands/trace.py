@@ -11,7 +11,7 @@ import typer
 
 from pnfarm.errors import ConfigError, RemoteError
 from pnfarm.terminal import client
-from pnfarm.terminal.output import print_json, print_line, print_table
+from pnfarm.terminal.output import print_found, print_json, print_line, print_table
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
 
 if TYPE_CHECKING:
@@ -68,7 +68,6 @@ def trace(
     token: TokenOption = None,
 ) -> None:
     """Record signals of drives of the running farm, cycle by cycle, around a trigger."""
-
     for file in files or []:
         _check_file(file)
     most = _seconds(within)
@@ -121,7 +120,7 @@ def _recorded(farm: client.FarmClient, body: dict[str, Any], most: float | None)
     begin = time.monotonic()
     told = False
     try:
-        while (status := farm.ask("traces", trace_id, query={"format": "status"}))["state"] != "complete":
+        while (status := farm.get("traces", trace_id, query={"format": "status"}))["state"] != "complete":
             if most is not None and time.monotonic() - begin > most:
                 what = "was not triggered" if not status["triggered"] else "is not complete"
                 raise RemoteError(f"the trace {what} within {most:g} s (trigger: {body['trigger']})")
@@ -142,18 +141,18 @@ def _list(farm: client.FarmClient, drives: list[str], output: Format) -> None:
     if not names:
         raise ConfigError(f"no drive matches {' '.join(drives)}; there are {', '.join(d['name'] for d in known)}")
     found = [farm.get("traces", "signals", name) for name in names]
-    if output is Format.JSON:
-        print_json({"drives": found})
-        return
-    rows = [(one["drive"], s["signal"], s["unit"], s["doc"]) for one in found for s in one["signals"]]
+    print_found({"drives": found}, output, _print_signals)
+
+
+def _print_signals(found: dict[str, Any]) -> None:
+    rows = [(one["drive"], s["signal"], s["unit"], s["doc"]) for one in found["drives"] for s in one["signals"]]
     print_table(("DRIVE", "SIGNAL", "UNIT", "~WHAT IT IS"), rows)
 
 
 def _check_file(file: Path) -> None:
     """Before anything is recorded, so that no recording is lost to a misspelt name."""
-
     if file.suffix.lower() not in _FORMS:
-        raise ConfigError(f"-o {file}: what to write is told by the name's end; allowed: {', '.join(_FORMS)}")
+        raise ConfigError(f"-o {file}: the end of the name selects the format; allowed: {', '.join(_FORMS)}")
     if not file.absolute().parent.is_dir():
         raise ConfigError(f"-o {file}: there is no folder {file.parent}")
 

@@ -6,7 +6,7 @@ import contextlib
 import sys
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer  # noqa: TC002 - typer reads the annotations
 
@@ -152,7 +152,7 @@ def up(
     # they are read from the context
     del api, token, read_token, parent, state, cpu, fifo, mlockall
     require_address_space(ENGINE)
-    config = _overridden(context, read(file))
+    config = _overridden(context, read(file), context.params)
     check_impairments(config)
     capture = capture_settings(pcap, pcap_drives, pcap_only, pcap_size, pcap_files)
     anyio.run(_run, config, shard_option(context, shard), capture, backend_options=LOOKING)
@@ -166,16 +166,16 @@ def capture_settings(
 
     if path is None:
         if drives or only or size is not None or files is not None:
-            raise ConfigError("say where the capture goes: --pcap OUT.pcapng")
+            raise ConfigError("name the capture's file: --pcap OUT.pcapng")
         return None
     octets = None if size is None else parse_size(size)
     return CaptureSettings(path, tuple(drives or ()), tuple(only or ()), octets, files)
 
 
-def _overridden(context: typer.Context, config: FarmConfig) -> FarmConfig:
+def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, Any]) -> FarmConfig:
     """The file's settings, overridden by environment and flags; an error names the source of the wrong value."""
     for name, (key, flag, variable) in _SETTINGS.items():
-        if (value := context.params[name]) is None:
+        if (value := given.get(name)) is None:
             continue
         source = context.get_parameter_source(name)
         origin = variable if source is not None and source.name == "ENVIRONMENT" else flag
@@ -194,13 +194,8 @@ def _overridden(context: typer.Context, config: FarmConfig) -> FarmConfig:
 
 def _secret(config: FarmConfig) -> dict[str, str]:
     """The file's keys of the API's tokens."""
-    section = config.api
-    given = (
-        {}
-        if section is None
-        else {"token": section.token, "token_file": section.token_file, "read_token": section.read_token}
-    )
-    return {key: value for key, value in given.items() if value is not None}
+    keys = ("token", "token_file", "read_token")
+    return {key: value for key in keys if (value := getattr(config.api, key, None)) is not None}
 
 
 def _bracketed(host: str) -> str:
@@ -234,7 +229,7 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
                 await compile_ahead(in_memory=isinstance(config.link, MemoryLink))
                 if capture is not None:
                     prepare()
-                with _starting(len(farm.drives)):
+                with _starting(len(farm.drives) + len(farm.devices)):
                     await farm.open()
                 async with anyio.create_task_group() as tasks:
                     host, port = await tasks.start(serve_farm, farm)
@@ -249,7 +244,6 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
 @contextlib.contextmanager
 def _starting(drives: int) -> Iterator[None]:
     """Say that many drives take a while."""
-
     if drives < MANY_DRIVES:
         yield
         return
@@ -267,13 +261,20 @@ def _say_up(farm: Farm, url: str | None) -> None:
     if url and farm.config.token_path is not None:
         where += f", its token in {farm.config.token_path}"
     part = "" if farm.shard is None else f", shard {farm.shard}"
-    print_line(f"{farm.config.farm}{part}: {counted(len(farm.drives), 'drive')} on {link_text(farm.config)}, {where}")
+    counts = [counted(len(each), word) for each, word in ((farm.drives, "drive"), (farm.devices, "device")) if each]
+    print_line(f"{farm.config.farm}{part}: {' and '.join(counts)} on {link_text(farm.config)}, {where}")
     if not sys.stdout.isatty():
         return
     rows = [(drive.name, drive.model, *drive.addresses()) for drive in farm.drives[:MAX_ROWS]]
-    print_table(("DRIVE", "MODEL", "MAC", "IP"), rows)
+    if rows:
+        print_table(("DRIVE", "MODEL", "MAC", "IP"), rows)
     if len(farm.drives) > MAX_ROWS:
         print_line(f"... and {len(farm.drives) - MAX_ROWS} more; `pnfarm inspect` shows all")
+    others = [(device.name, device.kinds[-1], *device.addresses()) for device in farm.devices[:MAX_ROWS]]
+    if others:
+        print_table(("DEVICE", "KIND", "MAC", "IP"), others)
+    if len(farm.devices) > MAX_ROWS:
+        print_line(f"... and {len(farm.devices) - MAX_ROWS} more")
     print_line("Ctrl-C stops it.")
 
 

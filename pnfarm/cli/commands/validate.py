@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from pnfarm.cli.farm_file import check_impairments, check_program, counted, known_names, read, shard_option, summary
+from pnfarm.cli.farm_file import (
+    check_impairments,
+    check_program,
+    counted,
+    described,
+    known_names,
+    read,
+    shard_option,
+    summary,
+)
 from pnfarm.terminal.output import print_json, print_line, print_next
 from pnfarm.terminal.settings import FarmFile, ShardOption  # noqa: TC001 - the command line is made from the annotations
 
@@ -44,6 +53,8 @@ def validate(context: typer.Context, file: FarmFile, shard: ShardOption = None) 
     print_line(f"{file}: OK, {summary(config)}")
     for note in config.notes:
         print_line(f"note: {note}")
+    for sentence in described(config):
+        print_line(sentence)
     part = shard_option(context, shard)
     if part is not None:
         print_line(_shard_text(config, part))
@@ -54,13 +65,14 @@ def validate(context: typer.Context, file: FarmFile, shard: ShardOption = None) 
 
 def _shard_text(config: FarmConfig, shard: Shard) -> str:
     """How many drives of the farm a shard has, and which."""
-    from pnfarm.farm.file.reading import expand
+    from pnfarm.farm.file.reading import expand_all
     from pnfarm.farm.shard import part_of
 
-    whole = expand(config)
+    whole = expand_all(config)
     part = part_of(config, whole, shard)
-    names = ", ".join(drive.name for drive in part)
-    return f"shard {shard}: {len(part)} of {counted(len(whole), 'drive')}: {names}"
+    names = ", ".join(one.name for one in part)
+    word = "station" if config.devices else "drive"
+    return f"shard {shard}: {len(part)} of {counted(len(whole), word)}: {names}"
 
 
 def _scenario_summary(file: Path) -> str:
@@ -85,7 +97,6 @@ def schema(
     of: Annotated[SchemaOf, typer.Argument(metavar="farm|scenario", help="Kind of file.", show_default=False)],
 ) -> None:
     """Print the JSON Schema of the farm file or the scenario file, for editors."""
-
     if of is SchemaOf.SCENARIO:
         from pnfarm.scenario.definition.schema import scenario_schema
 

@@ -115,7 +115,7 @@ class Demo:
         self._report(summary)
         return summary
 
-    async def _open(self, stack: AsyncExitStack) -> Callable[[], Awaitable[None]]:
+    async def _open(self, stack: AsyncExitStack) -> Callable[[], Awaitable[object]]:
         quiet, plc_log = EventLog(quiet=True), EventLog(quiet=True)
         stack.callback(plc_log.subscribe(self._happened))
         if self._in_memory:
@@ -142,11 +142,7 @@ class Demo:
             watched = asyncio.ensure_future(waiting)
             self._watched.append(watched)
             stack.callback(watched.cancel)
-
-        async def release() -> None:
-            await plc.release()
-
-        return release
+        return plc.release
 
     async def _stages(self) -> bool:
         names = [row["name"] for row in self._plc.snapshot()]

@@ -23,10 +23,14 @@ class Rider:
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """Plain data of one submodule: their place in the frame and in the station's row, and those of their status."""
+    """Plain data of one submodule: their place in the frame and in the station's row, and those of their status.
+
+    ``taken`` False: a consumer leaves the data as they are, with status BAD.
+    """
 
     frame: int
     place: int
     length: int
     status_frame: int | None
     status_place: int
+    taken: bool = True

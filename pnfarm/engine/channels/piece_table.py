@@ -8,7 +8,7 @@ from typing import Any
 from pnfarm.engine.channels.parts import Piece
 from pnfarm.engine.columns import Columns
 from pnfarm.errors import InternalError
-from pnfarm.table.plain_data import NO_STATUS
+from pnfarm.table.plain_data import NO_STATUS, NOT_TAKEN
 from pnfarm.table.segments import Segments
 
 __all__ = ["PieceTable"]
@@ -31,9 +31,7 @@ class PieceTable:
     def put(self, row: Any, pieces: Sequence[Piece], plain: int, start: int) -> None:
         """Give a channel's row other pieces, of row ``plain``; ``start``: of the IO data, as its words count."""
         cycles = int(self._columns.engine[0].cycles)
-        for entry in [entry for entry in self._left if entry[1] != cycles]:
-            self._left.remove(entry)
-            self._segments.release(entry[0])
+        self._release([entry for entry in self._left if entry[1] != cycles])
         self.leave(row)
         # also of a channel without pieces yet: the station lays its frames out again
         row["pieces"], row["plain"] = 0, plain
@@ -41,11 +39,22 @@ class PieceTable:
             return
         first = self._segments.allocate(len(pieces))
         if first is None:
+            # so many changes since the last tick: a frame that is being filled at this moment may have some of each
+            self._release(list(self._left))
+            first = self._segments.allocate(len(pieces))
+        if first is None:
             raise InternalError(f"all {self._segments.size} rows of the piece table are in use")
         for number, piece in enumerate(pieces, start=first):
             one = self._columns.piece[number]
             one["frame"], one["place"], one["length"] = start + piece.frame, piece.place, piece.length
             one["status_frame"] = NO_STATUS if piece.status_frame is None else start + piece.status_frame
+            if not piece.taken:
+                one["status_frame"] = NOT_TAKEN
             one["status_place"] = piece.status_place
         row["piece"] = first
         row["pieces"] = len(pieces)
+
+    def _release(self, entries: Sequence[tuple[int, int]]) -> None:
+        for entry in entries:
+            self._left.remove(entry)
+            self._segments.release(entry[0])

@@ -7,7 +7,7 @@ from typing import Any
 from pnfarm.engine.memory_order import acquire, release
 from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
 from pnfarm.table.compiling.compiled import compiled
-from pnfarm.table.plain_data import NO_STATUS
+from pnfarm.table.plain_data import NO_STATUS, NOT_TAKEN
 
 __all__ = ["put_pieces", "spoil_pieces", "take_pieces"]
 
@@ -35,7 +35,9 @@ def take_pieces(consumer: Any, pieces: Any, row: Any, frame: Any, data: int, run
     target = row.octets[_open(row)]
     for number in range(consumer.piece, consumer.piece + consumer.pieces):
         piece = pieces[number]
-        good = runs and (piece.status_frame == NO_STATUS or frame[data + piece.status_frame] & IOXS_GOOD != 0)
+        good = runs and piece.status_frame != NOT_TAKEN
+        if good and piece.status_frame != NO_STATUS:
+            good = frame[data + piece.status_frame] & IOXS_GOOD != 0
         target[piece.status_place] = IOXS_GOOD if good else IOXS_BAD
         if good:
             place, begin = int(piece.place), data + int(piece.frame)

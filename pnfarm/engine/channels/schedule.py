@@ -31,7 +31,7 @@ from pnfarm.table.channel import (
     STATUS_GOOD,
     W_START,
 )
-from pnfarm.table.plain_data import NO_STATUS, PLAIN_OCTETS
+from pnfarm.table.plain_data import NOT_TAKEN, PLAIN_OCTETS
 from pnfarm.table.signals import PART_HIGH, WORD_NONE
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import SEND_CLOCK_NS
@@ -410,7 +410,7 @@ class ChannelTable:
             for piece in self.columns.piece[int(main.piece) : int(main.piece) + int(main.pieces)]:
                 frame, place, length = int(piece.frame), int(piece.place), int(piece.length)
                 data[frame : frame + length] = octets[place : place + length]
-                if piece.status_frame != NO_STATUS:
+                if piece.status_frame < NOT_TAKEN:
                     data[int(piece.status_frame)] = octets[int(piece.status_place)]
         return bytes(data)
 

@@ -180,8 +180,7 @@ class Servo(DrivePart):
         """Show a warning in front of the others; raises :class:`ConfigError` when there is no room for it."""
         if fault not in self._warnings and len({other.number for other in self._warnings}) == WARNING_SLOTS:
             raise ConfigError(
-                f"{self._station.configured_name} shows {WARNING_SLOTS} warnings already, as many as there is room "
-                "for; clear one"
+                f"{self._station.configured_name} shows {WARNING_SLOTS} warnings already, the maximum; clear one"
             )
         self._warnings.append(fault)
         self._command(CMD_RAISE_WARNING, fault.number)

@@ -101,7 +101,8 @@ def _layout(session: DeviceSession, layout: IocrLayout, unusable: Container[Expe
     if session.plan.plain is None:
         return frame_layout(layout, _carriers(session, layout, unusable), unusable)
     outputs, inputs = session.plan.plain
-    return frame_layout(layout, (), unusable, (inputs if layout.is_input else outputs).places)
+    places = (inputs if layout.is_input else outputs).places
+    return frame_layout(layout, (), unusable, places, receives=layout.is_input)
 
 
 def _carriers(session: DeviceSession, layout: IocrLayout, unusable: Container[ExpectedKey] = ()) -> list[Carrier]:

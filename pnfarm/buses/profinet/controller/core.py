@@ -23,11 +23,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.deadlines import earliest
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.cm.controller.response import addressed_ar
-from pnfarm.protocols.profinet.dcp.client import (
-    DcpClient,
-    GetFinished,
-    HelloReceived,
-)
+from pnfarm.protocols.profinet.dcp.client import DcpClient, GetFinished, HelloReceived
 from pnfarm.protocols.profinet.dcp.device import DcpDevice
 from pnfarm.protocols.profinet.dcp.rules import DcpIdentity
 from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode, pnio_error
@@ -37,21 +33,9 @@ from pnfarm.protocols.profinet.rpc.events import CallFailed, CallReceived, CallR
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.rpc.server import RpcServer
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
-from pnfarm.protocols.profinet.wire.rpc.pdu import (
-    RPC_PORT,
-    UUID_PNIO_CONTROLLER,
-    UUID_PNIO_DEVICE,
-    Opnum,
-    object_uuid,
-)
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_CONTROLLER, UUID_PNIO_DEVICE, Opnum, object_uuid
 from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
-from pnfarm.wire.ethernet import (
-    ETHERTYPE_LLDP,
-    ETHERTYPE_PROFINET,
-    EthernetFrame,
-    emit_ethernet,
-    parse_ethernet,
-)
+from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -76,7 +60,7 @@ class ProfinetCore(SessionCore[DeviceSession]):
     def __init__(self, plan: ProfinetPlan, host: ControllerHost, *, tick_ns: int = 1_000_000) -> None:
         layouts = [device.plain or () for device in plan.devices]
         # a change of modules leaves the pieces of before to the engine until its next tick
-        pieces = 8 * sum(len(layout.places) for both in layouts for layout in both)
+        pieces = 4 * sum(len(layout.places) for both in layouts for layout in both)
         sessions = [DeviceSession(*one) for one in enumerate(plan.devices)]
         super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=pieces)
         name, port, ip, count = plan.name, self.port, plan.ip, len(plan.devices)

@@ -89,7 +89,7 @@ class DescribedKind:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         del ar
         data = self.described.inputs if channel.is_input else self.described.outputs
-        return frame_layout(channel, (), unusable, data.places)
+        return frame_layout(channel, (), unusable, data.places, receives=not channel.is_input)
 
     def feeds(self, ar: ArChannels) -> frozenset[int]:
         """Each connection has outputs of its own submodules."""
