@@ -362,6 +362,14 @@ class FarmCore:
         why = f"there is no device {shown(name)}{did_you_mean(name, known)}" if found is None else f"{name} is a drive"
         raise ConfigError(f"{why}; devices of farm {self.name}: {shortened(known) or 'none'}")
 
+    def signals(self) -> dict[str, dict[str, Any]]:
+        """By device, the signals (:class:`pnfarm.signals.signal.Signal`) by name."""
+        devices = {s.configured_name: s.signals for s in self.stations if not s.axes}
+        return {
+            name: {} if found is None else {one: found.signal(one) for one in found.names}
+            for name, found in devices.items()
+        }
+
     # -- frames and time ---------------------------------------------------------------------------------------------
 
     def receive(self, port: int, frame: bytes, now: int) -> None:

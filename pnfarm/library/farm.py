@@ -161,7 +161,8 @@ class Farm(FarmFace[Drive, Device]):
         if scenario.overrides:
             raise ConfigError(f"{path}: with: sets keys of a farm file, and this farm runs already; leave it out")
         models = {station.configured_name: station.model for station in self.core.axes}
-        return ScenarioResult(await self._passing.carry_out(bind_scenario(scenario, models, fault_kinds())))
+        binding = bind_scenario(scenario, models, fault_kinds(), self.core.signals())
+        return ScenarioResult(await self._passing.carry_out(binding))
 
     # -- what happened
 

@@ -73,6 +73,24 @@ class Signal:
         else:
             octets[self.octet] &= ~(1 << self.bit) & 0xFF
 
+    def check(self, value: object) -> Value:
+        """A value that a user gives, as :meth:`write` takes it; :class:`Problem` for one that cannot be written."""
+        if self.direction == "output":
+            raise Problem("is an output: the controller alone writes it", "an input of the controller")
+        if not isinstance(value, bool | int | float | str | bytes):
+            raise Problem(f"is {shown(value)}", f"a value of type {self.type.name}")
+        found = self.parse(value) if isinstance(value, str) else value
+        self.write(bytearray(self.end), found)
+        return found
+
+    def refusal(self, value: object) -> Problem | None:
+        """Why :meth:`check` refuses a value; None if it does not."""
+        try:
+            self.check(value)
+        except Problem as problem:
+            return problem
+        return None
+
     def taken(self, value: Value) -> Value:
         """The value as it is read back when it has been written; a text is parsed.  :class:`Problem` as there."""
         octets = bytearray(self.end)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
+
+import httpx
 import pytest
 from api_world import assert_problem
 from device_world import add_island
@@ -68,3 +71,27 @@ def test_a_device_of_a_shard_that_is_away_is_unreachable(world):
 def test_a_device_that_two_shards_have_is_refused(world):
     add_island(world[1].farm, "island-2")
     assert_problem(world.get("devices/island-2"), 409, "claimed by s1:8702 and s2:8702")
+
+
+def carried_out(world, text):
+    async def run():
+        transport = httpx.ASGITransport(world.app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
+            begun = (await client.post("scenarios", json={"text": text})).json()
+            for _ in range(500):
+                found = (await client.get(f"scenarios/{begun['id']}")).json()
+                if found["state"] == "ended":
+                    break
+                await asyncio.sleep(0.01)
+            return found
+
+    return asyncio.run(run())
+
+
+def test_a_scenarios_step_writes_signals_of_any_shard(world):
+    text = "scenario: s\nsteps:\n  - set: {island-1.pressure: 1.5, island-2.pressure: 2.5}\n"
+    assert carried_out(world, text)["verdict"] == "passed"
+    assert [island.signals.get("pressure") for island in world.islands] == [1.5, 2.5]
+    found = carried_out(world, "scenario: s\nsteps:\n  - set: {island-2.valve_1: true}\n")
+    assert found["verdict"] == "error"
+    assert "island-2: valve_1: is an output: the controller alone writes it" in str(found["cases"])

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
 from fastapi import FastAPI, Request
 
 from pnfarm.api.paths.devices import add_device
+from pnfarm.errors import ConfigError
 from pnfarm.hub.hosts.passing import Passing
 from pnfarm.hub.hub import read
 from pnfarm.web.paths import Paths
@@ -47,6 +50,15 @@ class HubDevices(Passing):
     async def asked(self, request: Request) -> tuple[Shard, Answer]:
         await self._look()
         return await super().asked(request)
+
+    async def write(self, name: str, values: dict[str, Any]) -> None:
+        """Write signals of a device.  Raises :class:`ConfigError` with the shard's refusal, or :class:`AwayError`."""
+        await self._look()
+        shard = self._hub.shards.device_owner(name)
+        answer = await self._hub.ask(shard, "PATCH", f"devices/{quote(name, safe='')}/signals", body=values)
+        if answer.status == HTTPStatus.UNPROCESSABLE_ENTITY:
+            raise ConfigError(f"{name}: {answer.object().get('detail')}")
+        read(shard, answer, "signals")
 
     async def _look(self) -> None:
         """Ask the shards that run anew which devices they have; they are the same for the whole run."""
