@@ -88,15 +88,12 @@ class Node(Protocol):
 
     def receive(self, port: int, frame: bytes, now: int) -> None:
         """One acyclic frame."""
-        ...
 
     def service(self, now: int) -> None:
         """Handle the engine's events and the timers that are due."""
-        ...
 
     def next_deadline(self) -> int | None:
         """When :meth:`service` is due at the latest."""
-        ...
 
 
 @runtime_checkable
@@ -105,11 +102,9 @@ class LineNode(Protocol):
 
     def poll(self, octets: bytes, now: int) -> tuple[int, bytes] | None:
         """Port and answer of the one that these octets poll, None where more is to be done: nothing was done then."""
-        ...
 
     def answer(self, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
         """The same for a poll like the one before it, of which so many octets of an array count."""
-        ...
 
 
 @runtime_checkable
@@ -118,7 +113,6 @@ class SocketNode(Protocol):
 
     def socket_event(self, event: SocketEvent, now: int) -> None:
         """Something of a stream, or a datagram."""
-        ...
 
 
 class FarmCore:

@@ -61,27 +61,21 @@ class NodePart(Protocol):
 
     def restore(self, kept: Mapping[str, Any]) -> list[str]:
         """Begin anew with the contents of memory; a sentence for each that does not fit."""
-        ...
 
     def restore_history(self, kept: Mapping[str, Any]) -> None:
         """The farm starts: take back what outlives it."""
-        ...
 
     def commission(self) -> None:
         """Apply the farm file's settings."""
-        ...
 
     def supply_gone(self) -> None:
         """The supply goes."""
-        ...
 
     def supply_returned(self) -> None:
         """The supply returns."""
-        ...
 
     def carry_out(self, now: int) -> bool:
         """Carry out its commands; returns whether there were any."""
-        ...
 
 
 class StationNode:

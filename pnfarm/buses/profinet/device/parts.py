@@ -43,36 +43,28 @@ class DeviceParts(Protocol):
     @property
     def name(self) -> str:
         """The present station name."""
-        ...
 
     @property
     def powered(self) -> bool:
         """Whether the control supply is on."""
-        ...
 
     @property
     def booted_ns(self) -> int:
         """Time of the last power-on."""
-        ...
 
     @property
     def ars(self) -> Mapping[int, ArChannels]:
         """The present connections, by the key of their AR."""
-        ...
 
     @property
     def aborts(self) -> Counter[tuple[int, int]]:
         """Aborted connections by the codes of the ERR-RTA."""
-        ...
 
     def discards(self) -> dict[str, int]:
         """Dropped frames and PDUs by reason."""
-        ...
 
     def note(self, now: int, event: Event) -> None:
         """Something happened to this drive."""
-        ...
 
     def keep(self, now: int, key: str, value: Any) -> None:
         """Write one value of non-volatile memory through; None forgets it."""
-        ...
