@@ -425,7 +425,7 @@ def _overview_lines(board: Board) -> None:
                 (f"sum(rate({dropped}[{RATE}])) or vector(0)", "wrong"),
             ),
             "Requests that came again (same FCB), diagnoses that were read, set-ups that were refused; answers that "
-            "would have been too late; what came and was no telegram.",
+            "would have been too late; received data that are not telegrams.",
             unit="cps",
             minimum=0,
             no_value="no serial line",

@@ -53,9 +53,9 @@ def page() -> str:
         "",
         "Exit codes: 0 done, 1 an expectation failed, 2 bad input, 3 inconclusive, 4 not possible on this machine,",
         "5 internal error. Errors are one sentence on the standard error output; `--debug` adds a traceback. Logs are",
-        "JSON where the output is no terminal.",
+        "JSON if the output is not a terminal.",
         "",
-        "Names, kinds, models and drives complete in the shell: `pnfarm --install-completion`.",
+        "For completion of names, kinds, models and drives in the shell: `pnfarm --install-completion`.",
         "",
     ]
     for name, command in _commands("pnfarm", program):

@@ -64,13 +64,13 @@ def _telegrams(described: dict[str, Any]) -> list[str]:
     lines += [head, "|---|---|---|---|" + ("---|" if idents else "")]
     for one in telegrams:
         out, back = one["output"], one["input"]
-        mapped = "mapped: parameters say what the words are"
+        mapped = "mapped: parameters define the words"
         shown = (mapped, mapped) if one["free_mapping"] else (_words(out), _words(back))
         row = f"| {one['number']} | {_cell(shown[0])} | {_cell(shown[1])} | {2 * len(out)} / {2 * len(back)} |"
         if idents:
             row += f" `0x{one['module_ident']:X}` |"
         lines.append(row)
-    told = f"The drive begins with telegram {described['default_telegram']}, and takes what the controller plugs or its"
+    told = f"The drive starts with telegram {described['default_telegram']}, and takes what the controller plugs or its"
     more = "parameters select; `telegram:` of a drive in the farm file names another one."
     return [*lines, "", told, more, ""]
 
@@ -136,7 +136,7 @@ def page(name: str) -> str:
         f"`model: {name}` in a farm file; also {', '.join(f'`{alias}`' for alias in described['aliases'])}.",
         f"After {described['manual']}, {described['edition']}. Bus: {BUSES[bus].title}.",
         "",
-        f"Its [parameters](../parameters/{parameters}.md), [what of the manual it does](../coverage.md#{parameters}),",
+        f"Its [parameters](../parameters/{parameters}.md), [coverage of its manual](../coverage.md#{parameters}),",
         f"[what the manual leaves open](../behaviour.md#{name}).",
         "",
         (NOTES / f"{name}.md").read_text(encoding="utf-8").strip(),
@@ -148,7 +148,7 @@ def page(name: str) -> str:
         "",
         f"    pnfarm {command} {name} -o .",
         "",
-        "[Tool by tool](index.md#engineering-tools) says where such a file goes.",
+        "[Tool by tool](index.md#engineering-tools) describes where to install it.",
         "",
         *_telegrams(described),
         *(assembly_types.lines(model(name)) if model(name).profile == CIP else []),

@@ -1,4 +1,4 @@
-"""Writes LICENSES.md: under which terms each package stands that this project installs: ``python docs/licenses.py``.
+"""Writes LICENSES.md: the terms of each package that this project installs: ``python docs/licenses.py``.
 
 The names come from ``locks/``, the terms from the packages' own metadata, so every package of ``locks/ci.txt`` has to
 be installed (``make .venv/.installed-tools``).  A test compares.

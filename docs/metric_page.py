@@ -14,13 +14,13 @@ QUERIES: dict[str, tuple[str, str]] = {
         "pnfarm_axis_state != 4",
         "PROFIdrive's states as 1 to 5; 4 is operation, 0 a drive that boots or has no supply.",
     ),
-    "Which faults stand, and on which model?": (
+    "Which faults are active, and on which model?": (
         "pnfarm_axis_fault_active * on (drive) group_left (model) pnfarm_drive_info > 0",
         "The value is the number of the maker's manual.",
     ),
     "How long does the PLC take to react to a fault, in 95 of 100 cases?": (
         "histogram_quantile(0.95, sum by (le) (rate(pnfarm_controller_fault_reaction_seconds_bucket[5m])))",
-        "From the fault to the first control word that takes the enable away.",
+        "From the fault to the first control word without the enable.",
     ),
     "How long until a lost drive is back?": (
         "histogram_quantile(0.95, sum by (drive, le) (rate(pnfarm_controller_reconnect_seconds_bucket[5m])))",
@@ -30,19 +30,19 @@ QUERIES: dict[str, tuple[str, str]] = {
         "histogram_quantile(0.99, sum by (drive, le) (rate(pnfarm_controller_jitter_seconds_bucket[1m])))",
         "Deviation of its frames from the agreed cycle. A figure above the cycle is a missed update.",
     ),
-    "Who loses connections, and whose fault is it?": (
+    "Which drives lose connections, and who causes it?": (
         "sum by (drive, cause) (increase(pnfarm_watchdog_expirations_total[5m])) > 0",
         "`cause` is `controller`, or `farm` if the farm itself was late.",
     ),
     "Is the farm's machine quick enough for these figures?": (
         "histogram_quantile(0.99, sum by (le) (rate(pnfarm_engine_lateness_seconds_bucket[1m])))",
-        "Well below the fastest cycle, or what the other queries say of the controller means little.",
+        "Well below the fastest cycle, else the other queries say little about the controller.",
     ),
     "How many frames per second are there?": (
         "sum(rate(pnfarm_frames_sent_total[1m])) + sum(rate(pnfarm_frames_received_total[1m]))",
         "Of all drives, in both directions.",
     ),
-    "What does the farm throw away, and why?": (
+    "What does the farm discard, and why?": (
         "topk(5, sum by (reason) (increase(pnfarm_frames_discarded_total[5m])))",
         "Frames that a drive cannot use: other frame ids, stale cycle counters, broken ones.",
     ),
@@ -66,7 +66,7 @@ def page() -> str:
         "",
         "A farm serves `/metrics` at its API's address, in Prometheus's text format. Values are in base units,",
         "counters end in `_total`, and every series is there from the start, at 0. A drive has at most 199 series:",
-        "counters by fault, reason and injected kind count under the label `other` when there is no more room.",
+        "counters by fault, reason and injected kind count under the label `other` beyond that.",
         "",
         "    scrape_configs:",
         "      - job_name: pnfarm",
@@ -78,7 +78,7 @@ def page() -> str:
         "",
         "## Ten queries",
         "",
-        "A test puts each of them to a real Prometheus that has scraped a farm.",
+        "A test runs each of them on a real Prometheus that has scraped a farm.",
         "",
     ]
     for title, (query, meaning) in QUERIES.items():

@@ -30,15 +30,15 @@ def behaviour() -> str:
         "        model: akd-profinet",
         "        behaviour: {mode-change: disabled-only}",
         "",
-        "Try a program with each reading of the points that it meets: no real drive was at hand to tell which one it",
-        "has. `pnfarm models MODEL` lists them, too; a test runs each of them over the wire.",
+        "Try a program with each reading of the points that matter to it: no real drive was available to find out",
+        "which one is right. `pnfarm models MODEL` lists them, too; a test runs each of them over the wire.",
         "",
     ]
     for name in sorted(models()):
         described = model(name)
         lines += [f"## {name}", "", f"{described.title}: {described.manual}, {described.edition}.", ""]
         lines += [
-            "| point | left open | reading | the drive then | why the default | section |",
+            "| point | left open | reading | the drive then | reason of the default | section |",
             "|---|---|---|---|---|---|",
         ]
         for point in described.behaviour:

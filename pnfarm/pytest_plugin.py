@@ -80,7 +80,7 @@ class Lines:
         return line
 
     def close(self) -> None:
-        """Close every line; what the first that failed raised is raised when all are closed."""
+        """Close every line, then raise the first error, if there was one."""
         failures: list[Exception] = []
         while self.open:
             try:

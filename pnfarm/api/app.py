@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 from pnfarm.api.application import Hosts, make_api
 from pnfarm.api.context import ApiContext
+from pnfarm.api.hosts.devices import FarmDevices
 from pnfarm.api.hosts.drives import FarmDrives
 from pnfarm.api.hosts.farm import FarmItself
 from pnfarm.api.hosts.faults import FarmFaults
 from pnfarm.api.hosts.streams import FarmStreams
 from pnfarm.api.hosts.traces import FarmTraces
 from pnfarm.api.live import LiveViews
+from pnfarm.api.paths.devices import add_device
 from pnfarm.api.paths.drives import add_drive
 from pnfarm.buses.registry import BUSES
 from pnfarm.metrics import FarmCollector
@@ -31,15 +33,11 @@ if TYPE_CHECKING:
 __all__ = ["add_one_drive", "make_app"]
 
 
-def _nothing() -> None:
-    pass
-
-
 def make_app(
     core: FarmCore,
     *,
     now: Callable[[], int] = time.monotonic_ns,
-    poke: Callable[[], None] = _nothing,
+    poke: Callable[[], None] = lambda: None,
     token: str | None = None,
     read_token: str | None = None,
     collector: FarmCollector | None = None,
@@ -51,10 +49,13 @@ def make_app(
     """
     context = ApiContext(core=core, collector=collector or FarmCollector(core), now=now, poke=poke)
     drives = FarmDrives(context)
+    devices = FarmDevices(context)
     views = LiveViews(context)
     hosts = Hosts(
         drives=drives,
         add_drive=lambda app: add_one_drive(app, drives, context),
+        stations=devices,
+        add_device=lambda app: add_device(Paths(app, "devices"), devices),
         faults=FarmFaults(context),
         scenarios=RunningScenarios(core, context.collector, now, poke),
         traces=FarmTraces(context),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from fastapi import FastAPI
 
@@ -11,10 +11,10 @@ from pnfarm.api.access.guard import Guard
 from pnfarm.api.access.throttle import Throttle
 from pnfarm.api.changes import Changes
 from pnfarm.api.page import add_page
+from pnfarm.api.paths.devices import add_stations
 from pnfarm.api.paths.drives import add_drives
 from pnfarm.api.paths.farm import add_farm
 from pnfarm.api.paths.faults import add_faults
-from pnfarm.api.paths.host import Host
 from pnfarm.api.paths.scenarios import add_scenarios
 from pnfarm.api.paths.streams import add_streams
 from pnfarm.api.paths.traces import add_traces
@@ -26,25 +26,17 @@ from pnfarm.web.paths import Paths
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from pnfarm.api.paths.devices import StationsHost
     from pnfarm.api.paths.drives import DrivesHost
     from pnfarm.api.paths.farm import FarmHost
     from pnfarm.api.paths.faults import FaultsHost
+    from pnfarm.api.paths.host import Host
     from pnfarm.api.paths.streams import StreamsHost
     from pnfarm.api.paths.traces import TracesHost
     from pnfarm.scenario.running import KeptScenarios
-    from pnfarm.station.event import Event
     from pnfarm.web.paths import Described
 
-__all__ = ["ApiHost", "Hosts", "make_api"]
-
-
-class ApiHost(Host, Protocol):
-    """What an application needs besides; ``on_close`` is called when it stops."""
-
-    on_close: list[Callable[[], None]]
-
-    def record(self, event: Event) -> object:
-        """An entry of the log."""
+__all__ = ["Hosts", "make_api"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +46,9 @@ class Hosts:
     drives: DrivesHost
     #: Adds what is below one drive.
     add_drive: Callable[[FastAPI], None]
+    stations: StationsHost
+    #: Adds what is below one device.
+    add_device: Callable[[FastAPI], None]
     faults: FaultsHost
     scenarios: KeptScenarios
     traces: TracesHost
@@ -64,7 +59,7 @@ class Hosts:
 
 
 def make_api(
-    host: ApiHost, hosts: Hosts, *, title: str, description: str, token: str | None, read_token: str | None
+    host: Host, hosts: Hosts, *, title: str, description: str, token: str | None, read_token: str | None
 ) -> FastAPI:
     """The application; its ``state.context`` is ``host``.
 
@@ -89,6 +84,8 @@ def make_api(
 
     add_drives(path("drives"), hosts.drives)
     hosts.add_drive(app)
+    add_stations(path("devices"), hosts.stations)
+    hosts.add_device(app)
     add_faults(path("faults"), host, hosts.faults)
     add_scenarios(path("scenarios"), hosts.scenarios, host.now)
     add_traces(path("traces"), hosts.traces)

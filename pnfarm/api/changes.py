@@ -10,7 +10,7 @@ from pnfarm.api.access.guard import SAFE_METHODS, WHO
 from pnfarm.station.event import Event, event
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from fastapi import Request
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -23,13 +23,11 @@ __all__ = [
     "PowerCycleRequested",
     "PowerOffRequested",
     "PowerOnRequested",
+    "SignalsWritten",
     "changes_nothing",
-    "shortened",
     "who",
 ]
 
-#: Names of drives in one entry.
-MOST_NAMES = 16
 #: Characters of a path in one entry.
 MOST_PATH = 200
 #: Key of a request's scope: it has an entry of its own, or needs none.
@@ -68,6 +66,13 @@ class ParameterWritten(_Change):
 
     parameter: str
     value: int
+
+
+@event("signals written by a client")
+class SignalsWritten(_Change):
+    """A client wrote signals of a device."""
+
+    signals: str
 
 
 @event("power cycle requested")
@@ -131,9 +136,3 @@ class Changes:
 
         changes = scope["type"] == "http" and scope["method"] not in SAFE_METHODS
         await self._app(scope, receive, watched if changes else send)
-
-
-def shortened(drives: Sequence[str]) -> str:
-    """Names of drives for one line."""
-    more = len(drives) - MOST_NAMES
-    return " ".join(drives[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

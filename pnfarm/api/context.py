@@ -19,15 +19,18 @@ if TYPE_CHECKING:
     from pnfarm.metrics import FarmCollector
     from pnfarm.station.axis import Axis
     from pnfarm.station.event import Event
+    from pnfarm.station.node import StationNode
     from pnfarm.station.station import Station
 
 __all__ = ["ApiContext", "Context"]
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True, eq=False)
 class Context:
     """Of a farm's API, or of a hub."""
 
+    #: ``farm`` or ``hub``.
+    kind: str = "farm"
     #: Another one in each run.
     instance: str = field(default_factory=lambda: secrets.token_hex(4))
     closing: bool = False
@@ -44,7 +47,7 @@ class Context:
             wake()
 
 
-@dataclass(slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True, eq=False)
 class ApiContext(Context):
     """``now`` reads the farm's clock; ``poke`` makes the runtime handle a handler's change at once."""
 
@@ -55,10 +58,6 @@ class ApiContext(Context):
     messages: Messages = field(default_factory=Messages)
     rendering: anyio.Lock = field(default_factory=anyio.Lock)
 
-    @property
-    def kind(self) -> str:
-        return "farm"
-
     def axis(self, name: str) -> Axis:
         """Raises :class:`NotFoundError`."""
         with named_by_path():
@@ -68,6 +67,11 @@ class ApiContext(Context):
         """By its own name or by an axis's; raises :class:`NotFoundError`."""
         with named_by_path():
             return self.core.station(name)
+
+    def device(self, name: str) -> Station:
+        """A station without axes; raises :class:`NotFoundError`."""
+        with named_by_path():
+            return self.core.device(name)
 
     def view(self, axis: Axis) -> dict[str, Any]:
         """One drive as it is now."""
@@ -83,7 +87,7 @@ class ApiContext(Context):
             self.record(event)
         self.poke()
 
-    def changed(self, station: Station) -> None:
+    def changed(self, station: StationNode) -> None:
         """Call after a change to this station: handles its events and sends its frames."""
         self.core.settle(station, self.now())
         self.poke()

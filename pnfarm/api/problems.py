@@ -19,9 +19,10 @@ from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.parameters.parameter import ParameterError, ParameterErrorNumber
 from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
 from pnfarm.faults.errors import InjectionError
+from pnfarm.signals.refusal import SignalError
 from pnfarm.trace import TraceError
 from pnfarm.web.bodies import Json
-from pnfarm.web.errors import ClientGoneError, NotFoundError, RequestError, TooLargeError
+from pnfarm.web.errors import ClientGoneError, RequestError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -81,14 +82,10 @@ def _pnfarm_error(request: Request, exc: Exception) -> Response:
     match exc:
         case ParameterError():
             return problem(_parameter_status(exc.number), sentence, request, error_number=exc.number)
-        case InjectionError() | TraceError():
+        case InjectionError() | TraceError() | SignalError():
             errors = [{"field": field, "what": what, "allowed": allowed} for field, what, allowed in exc.issues]
             sentence = sentence.replace("\n", "; ")
             return problem(HTTPStatus.UNPROCESSABLE_ENTITY, sentence, request, errors=errors)
-        case NotFoundError():
-            return problem(HTTPStatus.NOT_FOUND, sentence, request)
-        case TooLargeError():
-            return problem(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, sentence, request)
         case ClientGoneError():
             return _gone(request)
         case RequestError():

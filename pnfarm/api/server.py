@@ -149,11 +149,7 @@ async def _shielded(run: Callable[[], Awaitable[None]]) -> None:
         await run()
 
 
-async def serve_farm(
-    farm: Farm,
-    *,
-    task_status: TaskStatus[tuple[str, int]] = TASK_STATUS_IGNORED,
-) -> None:
+async def serve_farm(farm: Farm, *, task_status: TaskStatus[tuple[str, int]] = TASK_STATUS_IGNORED) -> None:
     """Serve a running farm as its file's ``api`` section says; returns at once when that is ``off``.
 
     A farm that listens beyond loopback has a token (:mod:`pnfarm.api.access.token`): the log reports its file, or the

@@ -42,16 +42,8 @@ if TYPE_CHECKING:
     from pnfarm.terminal.command import Command
 
 __all__ = [
-    "Bus",
-    "DeviceServices",
-    "InjectionHost",
-    "LineBus",
-    "LineSegment",
-    "LineSplitter",
-    "RouteHost",
-    "Segment",
-    "line_of",
-    "port_spec",
+    "Bus", "DeviceServices", "InjectionHost", "LineBus", "LineSegment", "LineSplitter", "RouteHost", "Segment",
+    "line_of", "port_spec",
 ]  # fmt: skip
 
 
@@ -80,19 +72,16 @@ class Segment(Protocol):
 
     def admits(self, port: int, frame: bytes, now: int) -> bool:
         """Whether the device at this port has to process a frame; the others are counted there."""
-        ...
 
     def audience(self, frame: bytes, besides: Collection[int] = ()) -> Sequence[int] | None:
         """Ports that a group-addressed frame can concern, None for any: the others get no copy.
 
-        It is looked at once, for all devices; what :meth:`admits` would have counted for the others counts there
+        It is asked once, for all devices; what :meth:`admits` would have counted for the others counts there
         nevertheless, except for the ports ``besides``, which get it anyway.
         """
-        ...
 
     def settled(self, port: int) -> None:
         """The device at this port may have another address now."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,15 +108,12 @@ class RouteHost(Protocol):
 
         Raises :class:`~pnfarm.web.errors.NotFoundError`, as a bus's routes do for a drive on another bus.
         """
-        ...
 
     def now(self) -> int:
         """The farm's clock."""
-        ...
 
     def changed(self, station: Station) -> None:
         """A handler changed this drive: let it process the consequences and send its frames."""
-        ...
 
 
 class Bus(ABC):
@@ -157,7 +143,7 @@ class Bus(ABC):
         """Whether its drives are a :class:`~pnfarm.station.device.SocketDevice`.
 
         On a link with interfaces, the kernel then answers for the addresses of drives and controller: no IPv4 comes
-        to :meth:`~pnfarm.station.device.Device.receive`, and ARP comes to be heard, not to be answered.
+        to :meth:`~pnfarm.station.device.Device.receive`, and ARP is received, but not answered there.
         """
         return False
 
@@ -182,20 +168,17 @@ class Bus(ABC):
     @property
     def farm_file(self) -> FarmFilePart[Any, Any]:
         """Its part of the farm file; groups, drives and controllers there are the bus's own."""
-        part: FarmFilePart[Any, Any] = self._own("config.part", f"{self.name.upper()}_PART")
-        return part
+        return self._own("config.part", f"{self.name.upper()}_PART")
 
     @property
     def connection_states(self) -> Sequence[str]:
         """The words of :attr:`pnfarm.station.device.ConnectionView.state`, in the order of their numbers from 1."""
-        states: Sequence[str] = self._own("device.view", "CONNECTION_STATES")
-        return states
+        return self._own("device.view", "CONNECTION_STATES")
 
     @property
     def usual_losses(self) -> Sequence[str]:
         """Slugs of the reasons for which drives usually lose their connection."""
-        slugs: Sequence[str] = self._own("device.view", "USUAL_LOSSES")
-        return slugs
+        return self._own("device.view", "USUAL_LOSSES")
 
     @abstractmethod
     def channel_rows(self, model: Model) -> int:
@@ -203,13 +186,11 @@ class Bus(ABC):
 
     def device(self, station: Station, services: DeviceServices) -> Device:
         """The device of one drive; the station builds it when it powers on."""
-        device: Device = self._own("device.device", f"{self.prefix}Device")(station, services)
-        return device
+        return self._own("device.device", f"{self.prefix}Device")(station, services)
 
     def segment(self, devices: Sequence[Any]) -> Segment:
         """The shared state of the farm's devices on this bus; ``devices`` are the bus's own."""
-        segment: Segment = self._own("device.segment", f"{self.prefix}Segment")(devices)
-        return segment
+        return self._own("device.segment", f"{self.prefix}Segment")(devices)
 
     def plan(
         self,
@@ -225,15 +206,11 @@ class Bus(ABC):
         Files that the section names are relative to ``folder``.  Raises :class:`ConfigError`.
         """
         further = (devices,) if devices else ()
-        plan: ControllerPlan = self._own("controller.plan", "plan_controller")(
-            section, drives, models, folder, *further
-        )
-        return plan
+        return self._own("controller.plan", "plan_controller")(section, drives, models, folder, *further)
 
     def controller(self, plan: Any, host: ControllerHost) -> Controller:
         """The controller that carries out a plan of this bus."""
-        controller: Controller = self._own("controller.core", f"{self.prefix}Core")(plan, host)
-        return controller
+        return self._own("controller.core", f"{self.prefix}Core")(plan, host)
 
     def fault_kinds(self) -> Iterable[InjectionKind]:
         """The kinds of injections that only drives on this bus can have."""
@@ -243,8 +220,7 @@ class Bus(ABC):
 
     def kinds_here(self) -> Mapping[str, KindOnBus]:
         """What it says about kinds that are not its own, by their names: parameters of its own, texts, refusals."""
-        kinds: Mapping[str, KindOnBus] = self._own("faults.on_bus", f"ON_{self.name.upper()}")
-        return kinds
+        return self._own("faults.on_bus", f"ON_{self.name.upper()}")
 
     def commands(self) -> Iterable[Command]:
         """The bus's own commands.  Has to be fast: it runs at each start of the program."""
@@ -260,8 +236,7 @@ class Bus(ABC):
 
     def decoder(self, capture: Capture) -> FrameDecoder:
         """The decoder of the bus's frames of one capture."""
-        decoder: FrameDecoder = self._own("decode.decoder", f"{self.prefix}Decoder")(capture)
-        return decoder
+        return self._own("decode.decoder", f"{self.prefix}Decoder")(capture)
 
     def injected_drives(self, device: Any, host: InjectionHost) -> Sequence[InjectedDrive]:
         """A station of this bus as injections see it, behind it its axes if there are several."""
@@ -275,24 +250,19 @@ class LineSplitter(Protocol):
     @property
     def dropped(self) -> Counter[str]:
         """What was none, by reason."""
-        ...
 
     @property
     def is_whole(self) -> bool:
         """Whether nothing incomplete waits for its rest."""
-        ...
 
     def split(self, octets: bytes, now: int) -> list[bytes]:
         """The telegrams that are whole now."""
-        ...
 
     def next_deadline(self) -> int | None:
         """When an incomplete telegram is given up."""
-        ...
 
     def handle_timeout(self, now: int) -> list[bytes]:
         """Give it up; telegrams that it hid."""
-        ...
 
 
 @runtime_checkable
@@ -308,20 +278,16 @@ class LineBus(Protocol):
     @property
     def link_type(self) -> int:
         """LINKTYPE of its telegrams in a capture (tcpdump.org)."""
-        ...
 
     @property
     def baud_rates(self) -> Sequence[int]:
         """Rates that its lines may have, bit/s."""
-        ...
 
     def longest_reply_ns(self, baud: int) -> int:
         """How late an answer may begin behind the last bit of its request."""
-        ...
 
     def splitter(self, baud: int) -> LineSplitter:
         """For one end of a line of this rate, bit/s."""
-        ...
 
 
 @runtime_checkable
@@ -330,33 +296,27 @@ class LineSegment(Protocol):
 
     def counts(self) -> Mapping[str, int]:
         """What happened on the line since the start, by kind: the same kinds always."""
-        ...
 
     def addressed(self, octets: bytes) -> int | None:
         """Port of the one drive that these octets poll for its cyclic data; None for anything else."""
-        ...
 
     def answer(self, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
         """Port and answer of a drive whose poll is like the one before; None, and nothing done, for anything else.
 
         ``octets``: an array of bytes, of which so many count.  The answer is overwritten by the next one.
         """
-        ...
 
     def answered(self, port: int, now: int) -> None:
         """What this port had to send is on the line: what its requests changed may follow."""
-        ...
 
     def poll(self, port: int, octets: bytes, now: int) -> bytes | None:
         """The drive's answer to a poll, where nothing but its cyclic data changes by it.
 
         None: nothing was done, and the octets are to go the usual way.
         """
-        ...
 
     def least_reply_bits(self, port: int) -> int:
         """Bit times between a request and the answer of this drive at least."""
-        ...
 
 
 def line_of(bus: Bus) -> str:

@@ -52,22 +52,18 @@ class ProgrammableDevice(Protocol):
     @property
     def cycle_ns(self) -> int:
         """Duration of a cycle."""
-        ...
 
     @property
     def signals(self) -> AxisSignals | None:
         """The signals of its telegram, None for a device that no model describes."""
-        ...
 
     @property
     def life(self) -> bool:
         """Whether the drive expects a sign of life."""
-        ...
 
     @property
     def axes(self) -> Sequence[tuple[str, Any]]:
         """Each of its axes by name, as such a device."""
-        ...
 
 
 class ControllerPlan(Protocol):
@@ -76,12 +72,10 @@ class ControllerPlan(Protocol):
     @property
     def devices(self) -> Sequence[ProgrammableDevice]:
         """What each drive is to be, in the order of the drives, and then each device that no model describes."""
-        ...
 
     @property
     def udp_ports(self) -> tuple[IPv4Interface | None, Sequence[int]]:
         """The controller's address, and the UDP ports on which the kernel must not answer in its place."""
-        ...
 
 
 class Controller(Protocol):
@@ -98,46 +92,37 @@ class Controller(Protocol):
 
     def receive(self, port: int, frame: bytes, now: int) -> None:
         """One acyclic frame."""
-        ...
 
     def service(self, now: int) -> None:
         """Handle the engine's events and the timers that are due."""
-        ...
 
     def next_deadline(self) -> int | None:
         """When :meth:`service` is due at the latest."""
-        ...
 
     # -- its life
 
     def start(self, now: int) -> None:
         """Begin to search for the drives."""
-        ...
 
     def release(self, now: int) -> None:
         """Release every connection."""
-        ...
 
     # -- state for observers
 
     @property
     def all_connected(self) -> bool:
         """Whether every drive exchanges data both ways."""
-        ...
 
     @property
     def all_running(self) -> bool:
         """Whether every enabled axis is in operation."""
-        ...
 
     @property
     def all_stopped(self) -> bool:
         """Whether every connection is down, after :meth:`release`."""
-        ...
 
     def exchanging(self, name: str) -> bool:
         """Whether a drive's data is valid; false for a drive that is not the controller's."""
-        ...
 
     def snapshot(self) -> list[dict[str, Any]]:
         """One dict for each drive, plain JSON values.
@@ -145,7 +130,6 @@ class Controller(Protocol):
         Any bus has ``name``, ``model``, ``ip``, ``state``, ``phase``, ``zsw1``, ``stw1``, ``connects``, ``losses``,
         ``faults``, ``cycle_seconds``, ``frames_sent``, ``frames_received``, ``unusable``, ``last_reason``.
         """
-        ...
 
     # -- the parameter channel in the cyclic data (PKW), where a telegram has one
 
@@ -154,8 +138,6 @@ class Controller(Protocol):
 
         Raises :class:`ConfigError` for an unknown drive and for one whose cyclic data has no such channel.
         """
-        ...
 
     def parameter_answer(self, name: str) -> Pkw:
         """What a drive answers there; raises as :meth:`put_parameter_task` does."""
-        ...

@@ -29,11 +29,9 @@ class DescribedBus(Protocol):
     @property
     def description_key(self) -> str:
         """The key of ``identity`` that names the file: ``gsdml``."""
-        ...
 
     def described_identity(self, path: Path, model: Model, own: Mapping[str, Any]) -> DescribedIdentity:
         """The identity out of a file; ``own`` are the other keys of the section.
 
         Raises :class:`~pnfarm.errors.ConfigError` that names the file, if it cannot be read or is none.
         """
-        ...

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from pnfarm.config.controller import ControllerSection
 from pnfarm.config.drive import DriveGroup
@@ -61,7 +62,7 @@ class Expansion:
     controller: ControllerSection | None
 
 
-class FarmFilePart(Protocol[Group, Controller]):
+class FarmFilePart(ABC, Generic[Group, Controller]):
     """A bus's part of the farm file.
 
     The file is flat: a group has the keys of every drive (:class:`pnfarm.config.drive.DriveGroup`) and those of its
@@ -70,49 +71,46 @@ class FarmFilePart(Protocol[Group, Controller]):
     """
 
     @property
+    @abstractmethod
     def drives(self) -> type[Group]:
         """The keys of a group on this bus."""
-        ...
 
     @property
     def controller(self) -> type[Controller] | None:
         """The keys of the built-in controller on this bus; None where there is none."""
-        ...
+        return None
 
     @property
     def together(self) -> Mapping[str, Sequence[str]]:
         """Keys that belong together: where the first is wrong, the others are not checked."""
-        ...
+        return {}
 
     @property
     def judged_by_model(self) -> frozenset[str]:
         """Keys of a group that only its model can check, so that they are not checked for an unknown model."""
-        ...
+        return frozenset()
 
+    @abstractmethod
     def check_name(self, at: Location, name: str, report: Report) -> bool:
         """Whether a drive of this bus may be called so; it is reported if not."""
-        ...
 
+    @abstractmethod
     def check_group(self, at: Location, group: Group, report: Report) -> None:
         """Check a group's keys, independent of its model."""
-        ...
 
     def check_model(self, at: Location, group: Group, model: ModelFacts, report: Report) -> None:
         """Check a group's keys against its model."""
-        ...
 
     def check_devices(self, controller: Controller, claims: Claims, report: Report) -> None:
         """Devices in addition to the drives, which only the controller's section names."""
-        ...
 
     def check_controller(
         self, controller: Controller, groups: Sequence[PlacedGroup[Group]], known: Known, report: Report
     ) -> None:
         """Check the controller's keys, also against the groups on its bus."""
-        ...
 
+    @abstractmethod
     def drive(
         self, common: DriveConfig, group: Group, step: int, model: ModelFacts | None, expansion: Expansion
     ) -> DriveConfig:
         """A group's drive number ``step``, whose name is counted already; ``model`` is None if it is unknown."""
-        ...

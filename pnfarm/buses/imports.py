@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.bus import Bus
 
@@ -47,9 +47,8 @@ def drives_first(found: Iterable[FoundDrive | FoundStation]) -> Iterator[FoundDr
     return iter(sorted(found, key=lambda one: isinstance(one, FoundStation)))
 
 
-@runtime_checkable
-class ProjectBus(Protocol):
-    """What a bus says besides if it finds its stations in engineering projects."""
+class ProjectBus(Bus):
+    """A bus that finds its stations in engineering projects."""
 
     def of_project(self, root: CaexElement, folders: Sequence[Path], base: Path) -> Iterable[FoundDrive | FoundStation]:
         """The project's stations, drives first.
@@ -57,7 +56,7 @@ class ProjectBus(Protocol):
         Description files are looked for in ``folders``; ``base`` is the folder of the farm file to be.  Raises
         :class:`~pnfarm.errors.ConfigError` for a folder that cannot be read.
         """
-        ...
+        return self._own("project", "of_project")(root, folders, base)
 
 
 class ImportingBus(Bus):
@@ -65,11 +64,8 @@ class ImportingBus(Bus):
 
     def observe(self, decoder: Any) -> None:
         """Note the plant in the frames that this decoder of the bus's gets from now on."""
-        decoder.observed = self._own("decode.observed", "Observed")()
+        decoder.shared.observed = self._own("decode.observed", "Observed")()
 
     def found(self, decoder: Any) -> Iterable[FoundDrive | FoundStation]:
         """What was noted, devices first."""
-        if decoder.observed is None:
-            return ()
-        found: Iterable[FoundDrive | FoundStation] = self._own("found", "found")(decoder)
-        return found
+        return self._own("found", "found")(decoder)

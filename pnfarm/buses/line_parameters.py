@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from pnfarm.buses.bus import LineBus
 
+if TYPE_CHECKING:
     from pnfarm.links.base import Link, Port
 
 __all__ = ["Asked", "AskedController", "LineAsker", "LineParameterBus", "LineQuestion"]
@@ -40,7 +40,6 @@ class Asked(Protocol):
         Raises :class:`~pnfarm.errors.RemoteError` for a station that does not answer, and
         :class:`~pnfarm.drives.parameters.parameter.ParameterError` for what it refuses.
         """
-        ...
 
 
 @runtime_checkable
@@ -49,7 +48,6 @@ class AskedController(Protocol):
 
     def ask_station(self, question: LineQuestion, now: int) -> Asked:
         """Raises :class:`~pnfarm.errors.ConfigError` or ``ParameterError`` for what cannot be asked."""
-        ...
 
 
 class LineAsker(Asked, Protocol):
@@ -59,22 +57,16 @@ class LineAsker(Asked, Protocol):
 
     def service(self, now: int) -> None:
         """Go on: time has passed."""
-        ...
 
     def next_deadline(self) -> int | None:
         """When :meth:`service` is due."""
-        ...
 
 
 @runtime_checkable
-class LineParameterBus(Protocol):
+class LineParameterBus(LineBus, Protocol):
     """What a bus with a line says besides if parameters of its stations can be asked for by another master."""
 
     name: str
 
-    @property
-    def baud_rates(self) -> Sequence[int]: ...
-
     def parameter_asker(self, link: Link, port: Port, question: LineQuestion) -> LineAsker:
         """Raises :class:`~pnfarm.errors.ConfigError` or ``ParameterError`` for what cannot be asked."""
-        ...

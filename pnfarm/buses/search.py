@@ -46,6 +46,5 @@ class SearchBus(Bus):
     """A bus whose devices can be found on a wire; another one cannot be searched."""
 
     async def search(self, question: Question) -> SearchAnswer:
-        """Ask who is there.  Raises :class:`~pnfarm.errors.EnvironmentError_` where this machine cannot."""
-        answer: SearchAnswer = await self._own("commands.scan", "search")(question)
-        return answer
+        """Search for devices.  Raises :class:`~pnfarm.errors.EnvironmentError_` where this machine cannot."""
+        return await self._own("commands.scan", "search")(question)

@@ -53,19 +53,15 @@ class FrameDecoder(Protocol):
 
     def family_of(self, packet: Packet) -> str | None:
         """The family of a frame, one of the bus's or ``other``; None for a frame of another bus."""
-        ...
 
     def describe(self, family: str, packet: Packet) -> Iterator[Description]:
         """The descriptions of a frame; may raise :class:`~pnfarm.errors.DecodeError`."""
-        ...
 
     def cyclic_channels(self) -> Iterable[CyclicChannel]:
         """Channels with frames so far, for the summary."""
-        ...
 
     def expect(self, controller: str, mac: bytes, drives: Sequence[PlannedDrive]) -> None:
         """Connections that a farm file's controller makes, where the capture does not show how they were made."""
-        ...
 
 
 @runtime_checkable
@@ -75,7 +71,6 @@ class LineDecoder(FrameDecoder, Protocol):
     @property
     def link_type(self) -> int:
         """LINKTYPE of its telegrams, as :attr:`pnfarm.links.serial.line.LineFormat.link_type` has it."""
-        ...
 
     def packet(self, frame: CapturedFrame) -> Packet:
         """A telegram with its stations; the decoder then gets it as it gets frames.
@@ -83,15 +78,12 @@ class LineDecoder(FrameDecoder, Protocol):
         Addresses are octets of any number but six, which is Ethernet's.  Raises nothing: octets that are no telegram
         have empty addresses.
         """
-        ...
 
     def learn(self, drive: Any, model: Model) -> None:
         """A drive of a farm file, by the configuration that its bus makes of it."""
-        ...
 
     def learn_controller(self, section: Any) -> None:
         """A farm file's controller on this bus, by its section."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

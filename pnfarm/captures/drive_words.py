@@ -7,12 +7,9 @@ from typing import TYPE_CHECKING
 from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-__all__ = [
-    "SECOND_MASK", "ZSW1_MASK", "Words", "bits_text", "drive_state", "stw1_text", "values_text", "words_of",
-    "zsw1_text",
-]  # fmt: skip
+__all__ = ["Words", "values_text", "word_changes", "word_of", "words_of"]
 
 #: Reported bits of ZSW1, and of STW2 and ZSW2, whose upper four are the sign of life.
 ZSW1_MASK = 0x02FF
@@ -67,12 +64,34 @@ def values_text(words: Words, data: bytes) -> str:
     return " ".join(texts)
 
 
-def stw1_text(old: int, new: int, names: Sequence[str] = STW1_BITS) -> str:
-    """What changed in STW1."""
-    return bits_text(old, new, names, 0xFFFF)
+def word_of(words: Words, name: str, data: bytes) -> int | None:
+    """The value of one of the words, None where the telegram does not have it."""
+    place = next((offset for known, offset, _ in words if known == name), None)
+    return None if place is None or len(data) < place + 2 else int.from_bytes(data[place : place + 2], "big")
 
 
-def zsw1_text(old: int, new: int, stw1: int | None, names: Sequence[str] = ZSW1_BITS) -> str:
+def word_changes(
+    words: Words, bits: Mapping[str, Sequence[str]], before: bytes, after: bytes, stw1: int | None
+) -> Iterator[tuple[str, str, dict[str, int]]]:
+    """What changed in control and status words: the word's name, text, and details.
+
+    ``bits``: names of bits by word, where they are not the usual ones; ``stw1``: the control word, if it is known.
+    """
+    for name in ("STW1", "ZSW1", "STW2", "ZSW2"):
+        old, new = word_of(words, name, before), word_of(words, name, after)
+        if old is None or new is None or old == new:
+            continue
+        if name == "STW1":
+            text = bits_text(old, new, bits.get(name, STW1_BITS), 0xFFFF)
+        elif name == "ZSW1":
+            text = zsw1_text(old, new, stw1, bits.get(name, ZSW1_BITS))
+        else:
+            text = bits_text(old, new, bits.get(name, ()), SECOND_MASK)
+        if text:
+            yield name, f"0x{old:04X} -> 0x{new:04X}: {text}", {"before": old, "after": new}
+
+
+def zsw1_text(old: int, new: int, stw1: int | None, names: Sequence[str]) -> str:
     """What changed in ZSW1, the drive's state first; empty for nothing of interest."""
     changed = (old ^ new) & ZSW1_MASK
     if not changed:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from pnfarm.wire.mac import BROADCAST, format_mac, is_group
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from ipaddress import IPv4Address
 
     from pnfarm.drives.description.model import Model
@@ -33,6 +34,13 @@ class Bounded(OrderedDict[_K, _V], Generic[_K, _V]):
         super().__setitem__(key, value)
         if len(self) > self._most:
             self.popitem(last=False)
+
+    def made(self, key: _K, make: Callable[[], _V]) -> _V:
+        """What is under a key, made if there is nothing yet."""
+        found = self.get(key)
+        if found is None:
+            found = self[key] = make()
+        return found
 
 
 class Stations:

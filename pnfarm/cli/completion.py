@@ -10,13 +10,23 @@ from typing import TYPE_CHECKING
 import typer  # noqa: TC002 - typer reads the annotations
 
 from pnfarm.errors import PnfarmError
+from pnfarm.terminal import client
+from pnfarm.terminal.settings import DEFAULT_URL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from pnfarm.terminal.client import FarmClient
+    Words = Callable[[client.FarmClient], Iterable[tuple[str, str]]]
 
-__all__ = ["complete_benchmark", "complete_drive", "complete_fault", "complete_kind", "complete_model"]
+
+__all__ = [
+    "complete_benchmark",
+    "complete_drive",
+    "complete_fault",
+    "complete_kind",
+    "complete_model",
+    "complete_signal",
+]
 
 #: Of the help beside a word, characters.
 _LONGEST = 70
@@ -58,31 +68,38 @@ def complete_benchmark(incomplete: str) -> list[tuple[str, str]]:
 
 def complete_drive(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Drives of the running farm."""
+    return _of_farm(ctx, incomplete, _listed("drives", "name", "model"))
 
-    def words(farm: FarmClient) -> Iterable[tuple[str, str]]:
-        return ((one["name"], f"{one['model']}, {one['state']}") for one in farm.get("drives")["drives"])
+
+def complete_signal(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
+    """Devices of the running farm; behind a device and a dot its signals."""
+
+    def words(farm: client.FarmClient) -> Iterable[tuple[str, str]]:
+        for device in farm.get("devices")["devices"]:
+            name = device["name"]
+            yield name, str(device["description"] or device["bus"])
+            if incomplete.startswith(f"{name}."):
+                for signal in farm.get("devices", name)["signals"]:
+                    yield f"{name}.{signal['name']}", f"{signal['direction']}, {signal['type']}"
 
     return _of_farm(ctx, incomplete, words)
 
 
 def complete_fault(ctx: typer.Context, incomplete: str) -> list[tuple[str, str]]:
     """Faults of the running farm."""
-
-    def words(farm: FarmClient) -> Iterable[tuple[str, str]]:
-        return ((one["id"], f"{one['kind']}, {one['state']}") for one in farm.get("faults")["faults"])
-
-    return _of_farm(ctx, incomplete, words)
+    return _of_farm(ctx, incomplete, _listed("faults", "id", "kind"))
 
 
-def _of_farm(
-    ctx: typer.Context, incomplete: str, words: Callable[[FarmClient], Iterable[tuple[str, str]]]
-) -> list[tuple[str, str]]:
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.settings import DEFAULT_URL
+def _listed(path: str, word: str, kind: str) -> Words:
+    """The entries of a list of the API."""
+    return lambda farm: [(one[word], f"{one[kind]}, {one['state']}") for one in farm.get(path)[path]]
 
+
+def _of_farm(ctx: typer.Context, incomplete: str, words: Words) -> list[tuple[str, str]]:
     try:
-        with FarmClient(ctx.params.get("api") or DEFAULT_URL, ctx.params.get("token")) as farm:
-            return _fitting(words(farm), incomplete)
+        with client.FarmClient(ctx.params.get("api") or DEFAULT_URL, ctx.params.get("token")) as farm:
+            found = list(words(farm))
     except PnfarmError:
         # a shell that completes has no place for a message
         return []
+    return _fitting(found, incomplete)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -163,10 +164,7 @@ def summary(config: FarmConfig) -> str:
     from pnfarm.farm.file.reading import expand
 
     drives = expand(config)
-    models: dict[str, int] = {}
-    for drive in drives:
-        models[drive.model] = models.get(drive.model, 0) + 1
-    kinds = ", ".join(f"{count} {model}" for model, count in models.items())
+    kinds = ", ".join(f"{count} {model}" for model, count in Counter(drive.model for drive in drives).items())
     parts = [f"{counted(len(drives), 'drive')} ({kinds})"] if drives else []
     if config.devices:
         parts.append(counted(sum(group.count for group in config.devices), "device"))

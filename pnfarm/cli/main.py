@@ -1,7 +1,8 @@
 """The program ``pnfarm``: its commands, its global options, its exit codes.
 
-A command's module imports at the top only what its help needs; the rest is imported when the command runs, so
-that ``pnfarm --help`` is fast, and ``demo`` and ``bench`` can enter a namespace before any thread exists.
+A command's module imports at the top only what its help needs, and the building blocks of commands, which import next
+to nothing; the rest is imported when the command runs, so that ``pnfarm --help`` is fast, and ``demo`` and ``bench``
+can enter a namespace before any thread exists.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from pnfarm.cli.commands import (
     hub,
     importing,
     inspect,
+    io,
     models,
     param,
     plc,
@@ -52,6 +54,7 @@ COMMANDS = (
     Command("validate", Panel.FARM, validate.validate),
     Command("run", Panel.FARM, scenario.run),
     Command("inspect", Panel.RUNNING, inspect.inspect),
+    Command("io", Panel.RUNNING, io.io),
     Command("trace", Panel.RUNNING, trace.trace),
     Command("fault", Panel.RUNNING, fault.app),
     Command("param", Panel.RUNNING, param.app),

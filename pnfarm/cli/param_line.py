@@ -74,7 +74,7 @@ async def _asked(link: SerialLink, question: LineQuestion) -> dict[str, Any]:
                 while not link.is_up:  # noqa: ASYNC110 - the ways to a line have no event for it
                     await asyncio.sleep(_LOOK_SECONDS)
         if not link.is_up:
-            raise EnvironmentError_(f"nobody answers at the line {link.where}")
+            raise EnvironmentError_(f"no station answers on the line {link.where}")
         asker.start(time.monotonic_ns())
         while not asker.done:
             due = asker.next_deadline()
@@ -85,7 +85,7 @@ async def _asked(link: SerialLink, question: LineQuestion) -> dict[str, Any]:
             return asker.result()
         except RemoteError as exc:
             if link.dropped.total():
-                text = f"{exc}; octets came that are no telegrams: is {question.baud} the line's rate?"
+                text = f"{exc}; the octets received are not telegrams: is {question.baud} the line's rate?"
                 raise RemoteError(text) from exc
             raise
     finally:

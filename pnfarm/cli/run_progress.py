@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any, Self
 
+from pnfarm.terminal.output import console, print_line, print_table
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -32,8 +34,6 @@ class Progress:
         from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
         from rich.progress import Progress as Bar
 
-        from pnfarm.terminal.output import console
-
         self._out = console()
         self._live = self._out.is_terminal
         self._bar = Bar(
@@ -59,7 +59,7 @@ class Progress:
         if self._live:
             self._out.print(Text(title, style="bold"))
         else:
-            _print(title)
+            print_line(title)
 
     def tell(self, step: Step, case: Case | None) -> None:
         """A step begins, or a case has its verdict."""
@@ -74,7 +74,7 @@ class Progress:
         count = {"advance": 1} if begun is None else {"completed": begun}
         self._bar.update(self._task, description=title[:MAX_TITLE], left="", **count)  # type: ignore[arg-type]  # of floats
         if not self._live and not silent:
-            _print(f"      {title}")
+            print_line(f"      {title}")
 
     def ended(self, verdict: str, title: str, message: str) -> None:
         """A case has its verdict."""
@@ -84,7 +84,7 @@ class Progress:
         if self._live:
             self._out.print(Text(line, style=_STYLES[verdict]))
         else:
-            _print(line)
+            print_line(line)
 
     def passing(self, run: ScenarioRun, now: int) -> None:
         """Time passes while the run waits."""
@@ -98,13 +98,7 @@ class Progress:
             self._bar.update(self._task, left=f"at most {_clock(seconds)} left" if seconds >= 1 else "")
         elif not self._live and now - self._said >= WAIT_SECONDS:
             self._said = now
-            _print(f"      ... at most {_clock(seconds)} left")
-
-
-def _print(line: str) -> None:
-    from pnfarm.terminal.output import print_line
-
-    print_line(line)
+            print_line(f"      ... at most {_clock(seconds)} left")
 
 
 def _clock(seconds: float) -> str:
@@ -123,21 +117,20 @@ def print_summary(record: Mapping[str, Any]) -> None:
         _print_run(one)
     if len(runs) > 1:
         counts = {word: sum(one["verdict"] == word for one in runs) for word in _WORDS}
-        _print("")
+        print_line("")
         told = ", ".join(f"{count} {word}" for word, count in counts.items() if count)
-        _print(f"{record['scenario']}: {record['verdict']} ({len(runs)} runs: {told})")
+        print_line(f"{record['scenario']}: {record['verdict']} ({len(runs)} runs: {told})")
 
 
 def _print_run(record: Mapping[str, Any]) -> None:
     from rich.text import Text
 
-    from pnfarm.terminal.output import print_table
     from pnfarm.vocabulary.durations import format_measured
 
     cases = record["cases"]
     shown = cases if len(cases) <= MAX_ROWS else [case for case in cases if case["verdict"] != "passed"][:MAX_ROWS]
     if shown:
-        _print("")
+        print_line("")
         print_table(
             ("VERDICT", "~EXPECTATION", "ALLOWED", "~MEASURED"),
             [
@@ -151,13 +144,13 @@ def _print_run(record: Mapping[str, Any]) -> None:
             ],
         )
     if len(shown) < len(cases):
-        _print(f"... and {len(cases) - len(shown)} more")
+        print_line(f"... and {len(cases) - len(shown)} more")
     counts = ", ".join(f"{count} {word}" for word, count in record["counts"].items() if count)
-    _print("")
+    print_line("")
     took = format_measured(record["seconds"])
-    _print(f"{record['scenario']}: {record['verdict']} ({counts or 'no expectation'}) in {took}")
+    print_line(f"{record['scenario']}: {record['verdict']} ({counts or 'no expectation'}) in {took}")
     if record["ended_early"]:
-        _print(f"ended early: {record['ended_early']}")
+        print_line(f"ended early: {record['ended_early']}")
 
 
 def _short(text: str) -> str:

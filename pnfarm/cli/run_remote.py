@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError, RemoteError
+from pnfarm.terminal import client
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.cli.run_progress import Progress
     from pnfarm.scenario.definition.file import Scenario
-    from pnfarm.terminal.client import FarmClient
 
 __all__ = ["run_remote"]
 
@@ -24,16 +26,14 @@ def run_remote(
     scenario: Scenario, token: str | None, progress: Progress, interrupted: Callable[[], str]
 ) -> tuple[dict[str, Any], Exception | None]:
     """The record, and what failed before the scenario was over, if anything did.  Raises :class:`PnfarmError`."""
-    from pnfarm.terminal.client import FarmClient
-
     assert scenario.farm is not None
-    with FarmClient(scenario.farm, token) as farm:
+    with client.FarmClient(scenario.farm, token) as farm:
         return _Remote(scenario, farm, progress, interrupted).run()
 
 
 class _Remote:
     def __init__(
-        self, scenario: Scenario, farm: FarmClient, progress: Progress, interrupted: Callable[[], str]
+        self, scenario: Scenario, farm: client.FarmClient, progress: Progress, interrupted: Callable[[], str]
     ) -> None:
         self._scenario = scenario
         self._farm = farm
@@ -41,8 +41,6 @@ class _Remote:
         self._interrupted = interrupted
 
     def run(self) -> tuple[dict[str, Any], Exception | None]:
-        from pnfarm.errors import PnfarmError
-
         # from now on a stop signal waits until the farm can be told
         self._interrupted()
         begun = self._begin()
@@ -66,8 +64,6 @@ class _Remote:
             raise
 
     def _begin(self) -> dict[str, Any]:
-        from pnfarm.errors import ConfigError
-
         assert self._scenario.path is not None
         text = self._scenario.path.read_text("utf-8-sig")
         try:
@@ -81,12 +77,10 @@ class _Remote:
 
     def _ask(self, number: str, first: int) -> dict[str, Any]:
         """How far it is, with the cases from ``first`` on; a farm that does not answer is asked again."""
-        from pnfarm.errors import EnvironmentError_, RemoteError
-
         end = time.monotonic() + PATIENCE_SECONDS
         while True:
             try:
-                found: dict[str, Any] = self._farm.ask("scenarios", number, query={"cases_from": first})
+                found: dict[str, Any] = self._farm.get("scenarios", number, query={"cases_from": first})
             except (EnvironmentError_, RemoteError):
                 if time.monotonic() >= end or self._interrupted():
                     raise
@@ -95,8 +89,6 @@ class _Remote:
                 return found
 
     def _whole(self, number: str) -> tuple[dict[str, Any], Exception | None]:
-        from pnfarm.errors import EnvironmentError_
-
         record: dict[str, Any] = self._farm.get("scenarios", number)
         if record["farm_ended"]:
             return record, EnvironmentError_(f"the farm at {self._farm.address} ended while the scenario ran")
@@ -112,7 +104,6 @@ class _Remote:
         self, begun: dict[str, Any], known: dict[str, Any], cases: list[dict[str, Any]], error: Exception
     ) -> tuple[dict[str, Any], Exception]:
         """What was known last, as a record that ended."""
-        from pnfarm.errors import EnvironmentError_
         from pnfarm.scenario.report.record import Case, Verdict
 
         why = f"the farm was lost: {error}"

@@ -8,11 +8,10 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Field
 
 from pnfarm.config.section import Section
-from pnfarm.config.values import Duration
+from pnfarm.config.values import Duration, between
 from pnfarm.drives.description.motor_kinds import axis_value
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.axis_codes import FASTEST_RPM
-from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
@@ -25,13 +24,7 @@ LONGEST_STEP_NS = 1_000_000
 MOST_PLACE = 1e6
 
 
-def _within_bounds(value: int) -> int:
-    if not SHORTEST_STEP_NS <= value <= LONGEST_STEP_NS:
-        raise Problem(f"is {format_duration(value)}", "62.5us to 1ms")
-    return value
-
-
-Step = Annotated[Duration, AfterValidator(_within_bounds)]
+Step = Annotated[Duration, between(SHORTEST_STEP_NS, LONGEST_STEP_NS, "62.5us to 1ms")]
 
 
 def _none_or_from(least: float) -> AfterValidator:

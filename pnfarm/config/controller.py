@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
+from pydantic import BeforeValidator, Field, PrivateAttr
 
 from pnfarm.config.links import Link
 from pnfarm.config.section import Section
-from pnfarm.config.values import OFF, Duration, Interface, NamePattern
+from pnfarm.config.values import OFF, Duration, Interface, NamePattern, between
 from pnfarm.table.program import TARGETS
-from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
@@ -27,18 +26,6 @@ __all__ = ["ControllerSection", "Program", "Reconnect"]
 LEAST_LIMIT_NS, MOST_LIMIT_NS = 1_000_000, 60_000_000_000
 #: Time of one call in virtual time.
 LEAST_CALL_NS, MOST_CALL_NS = 1_000, 1_000_000_000
-
-
-def _within_limits(value: int) -> int:
-    if not LEAST_LIMIT_NS <= value <= MOST_LIMIT_NS:
-        raise Problem(f"is {format_duration(value)}", "1ms to 60s")
-    return value
-
-
-def _call_time(value: int) -> int:
-    if value and not LEAST_CALL_NS <= value <= MOST_CALL_NS:
-        raise Problem(f"is {format_duration(value)}", "0ns, or 1us to 1s")
-    return value
 
 
 class Program(Section):
@@ -78,13 +65,13 @@ class Program(Section):
     class_name: Annotated[str, Field(min_length=1)] | None = Field(
         default=None, alias="class", description="Its class; left out where the file has one only."
     )
-    limit_ns: Annotated[Duration, AfterValidator(_within_limits)] = Field(
+    limit_ns: Annotated[Duration, between(LEAST_LIMIT_NS, MOST_LIMIT_NS, "1ms to 60s")] = Field(
         default=1_000_000_000,
         alias="limit",
-        description="Longest duration of one call of that program; its axis is stopped behind it.",
+        description="Longest duration of one call of that program; its axis is stopped after it.",
     )
 
-    call_time_ns: Annotated[Duration, AfterValidator(_call_time)] = Field(
+    call_time_ns: Annotated[Duration, between(LEAST_CALL_NS, MOST_CALL_NS, "0ns, or 1us to 1s", zero=True)] = Field(
         default=0,
         alias="call_time",
         description="In virtual time, where code takes no time: how long a call of that program takes.  The "
@@ -151,5 +138,5 @@ class ControllerSection(Section):
 
     @property
     def device_names(self) -> Sequence[str]:
-        """Devices besides the drives of the file, which no model describes."""
-        return ()
+        """Devices besides the drives of the file, which no model describes: a bus's key `devices`."""
+        return [device.name for device in getattr(self, "devices", ())]

@@ -15,7 +15,7 @@ from pnfarm.config.section import Section
 from pnfarm.config.values import NamePattern
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
-from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ValueType, parse_type
+from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ValueType, read_type
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,7 +49,7 @@ def read_place(value: Any) -> Place:
 def _read_type(value: Any) -> ValueType:
     if not isinstance(value, str):
         raise Problem(f"is {shown(value)}", "a type such as bool, int16, uint32, float32, octets[8] or text[20]")
-    return parse_type(value)
+    return read_type(value)
 
 
 def _read_scale(value: Any) -> float:

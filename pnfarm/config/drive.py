@@ -12,7 +12,7 @@ from pnfarm.config.impairment import Impairment
 from pnfarm.config.machine import Machine
 from pnfarm.config.realism import DriveRealism, Realism
 from pnfarm.config.section import Section
-from pnfarm.config.tasks import Task
+from pnfarm.config.tasks import Task, drive_task
 from pnfarm.config.values import NamePattern, Scalar
 
 if TYPE_CHECKING:
@@ -21,10 +21,15 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.motion_tasks import MotionTask
 
-__all__ = ["MAX_DRIVES", "AxisConfig", "Claim", "DriveConfig", "DriveGroup"]
+__all__ = ["MAX_AXES", "MAX_DRIVES", "AxisConfig", "AxisGroup", "Claim", "DriveConfig", "DriveGroup"]
 
 #: Most drives of one farm.
 MAX_DRIVES = 4094
+#: Most axes of one drive: the telegrams of so many fit into a frame.
+MAX_AXES = 12
+
+#: Behind a drive's name.
+AxisName = Annotated[str, Field(pattern=r"^[a-z0-9]([a-z0-9-]*[a-z0-9])?$", max_length=30)]
 
 Identity = Annotated[
     dict[str, Any],
@@ -77,6 +82,17 @@ class DriveGroup(Section):
     impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
 
 
+class AxisGroup(Section):
+    """One axis of a drive that has several; what it leaves out is as the drive has it."""
+
+    name: AxisName = Field(description="Its name behind the drive's and a dot: x in feeder.x.")
+    load: Load | None = Field(default=None, description="As of the drive.")
+    motor: Motor | None = Field(default=None, description="As of the drive; of the same kind.")
+    machine: Machine | None = Field(default=None, description="As of the drive.")
+    params: dict[str, Scalar] = Field(default_factory=dict, description="Parameters beside those of the drive.")
+    motion_tasks: list[Task] | None = Field(default=None, description="As of the drive.")
+
+
 #: A value that must be unique in a farm: key of the group, value, and the value in words.
 Claim = tuple[str, object, str]
 
@@ -96,6 +112,21 @@ class AxisConfig:
     motion_tasks: tuple[MotionTask, ...] = ()
     telegram: int | None = None
 
+    @classmethod
+    def of(cls, group: AxisGroup, drive: DriveConfig, **bus: Any) -> Self:
+        """An axis of a drive; ``bus``: fields that only its bus has."""
+        return cls(
+            name=f"{drive.name}.{group.name}",
+            load=drive.load if group.load is None else group.load,
+            motor=drive.motor if group.motor is None else group.motor,
+            machine=drive.machine if group.machine is None else group.machine,
+            params={**drive.params, **group.params},
+            motion_tasks=drive.motion_tasks
+            if group.motion_tasks is None
+            else tuple(drive_task(task) for task in group.motion_tasks),
+            **bus,
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveConfig:
@@ -105,8 +136,8 @@ class DriveConfig:
     ``model`` is the name under which the model is listed, also where the file has an alias; ``listed`` is that model
     with the parameters of the farm file's list, None where the file has no list for it.
     ``realism_by_source``: keys that ``realism`` leaves out are on where a source gives the model's figure.
-    ``mac`` is that of its port, empty on a link without hardware addresses.  ``further``: the axes behind the first
-    one, which has the drive's own settings, and with ``first`` a name of its own.
+    ``mac`` is that of its port, empty on a link without hardware addresses.  ``several``: its axes, where it has more
+    than the one of its name.
     """
 
     index: int
@@ -126,8 +157,7 @@ class DriveConfig:
     realism_by_source: bool = False
     listed: Model | None = None
     mac: bytes = b""
-    first: str = ""
-    further: tuple[AxisConfig, ...] = ()
+    several: tuple[AxisConfig, ...] = ()
 
     @classmethod
     def extending(cls, common: DriveConfig, **own: Any) -> Self:
@@ -137,8 +167,10 @@ class DriveConfig:
     @property
     def axes(self) -> tuple[AxisConfig, ...]:
         """All axes; of a drive with one, that axis has the drive's name."""
+        if self.several:
+            return self.several
         own = AxisConfig(
-            name=self.first or self.name,
+            name=self.name,
             load=self.load,
             motor=self.motor,
             machine=self.machine,
@@ -146,7 +178,7 @@ class DriveConfig:
             motion_tasks=self.motion_tasks,
             **self.of_axis(),
         )
-        return own, *self.further
+        return (own,)
 
     def of_axis(self) -> Mapping[str, Any]:
         """Fields of an axis that only its bus has."""

@@ -43,89 +43,70 @@ class ModelFacts(Protocol):
     @property
     def name(self) -> str:
         """The name under which the model is listed."""
-        ...
 
     @property
     def bus(self) -> str:
         """The name of the bus that it is on."""
-        ...
 
     @property
     def min_cycle_ns(self) -> int:
         """The fastest cycle that its manual allows."""
-        ...
 
     @property
     def max_cycle_ns(self) -> int:
         """The slowest cycle, 0 where its manual names none."""
-        ...
 
     @property
     def send_clocks(self) -> Iterable[int]:
         """The send clock factors that it takes with strict limits."""
-        ...
 
     @property
     def telegrams(self) -> Iterable[int]:
         """The telegrams it has."""
-        ...
 
     @property
     def default_telegram(self) -> int:
         """The telegram of a drive for which none is configured."""
-        ...
 
     @property
     def motion_tasks(self) -> int:
         """How many motion tasks it stores."""
-        ...
 
     @property
     def aliases(self) -> Iterable[str]:
         """Its other names."""
-        ...
 
     @property
     def open_points(self) -> Mapping[str, Sequence[str]]:
         """Points that its manual leaves open, and the readings of each, the default first."""
-        ...
 
     def parameter_complaints(self, params: Mapping[str, Any]) -> list[Complaint]:
         """What is wrong with the ``params`` of a group."""
-        ...
 
     def identity_complaints(self, identity: Mapping[str, Any]) -> list[Complaint]:
         """What is wrong with the ``identity`` of a group."""
-        ...
 
     def behaviour_complaints(self, behaviour: Mapping[str, str]) -> list[Complaint]:
         """What is wrong with the ``behaviour`` of a group."""
-        ...
 
     def motor_complaints(self, kind: str | None, pitch: float | None) -> list[Complaint]:
         """What is wrong with the kind and the pitch of a group's ``motor``."""
-        ...
 
     def moves_straight(self, kind: str | None) -> bool:
         """Whether a motor of this kind is a linear one."""
-        ...
 
     def axis_complaints(self, load: Load, motor: Motor) -> list[Complaint]:
         """Values that ``load`` and ``motor`` of a group make together and no axis can have."""
-        ...
 
     def realism_complaints(self, realism: Realism) -> list[tuple[tuple[str, ...], str, str]]:
         """What is wrong with the ``realism`` of a group: keys, what, and what is allowed."""
-        ...
 
     def with_list(self, text: str, file: str) -> tuple[ModelFacts, list[ListProblem]]:
         """The model with the parameters of a list (the text of a ``file``), and what is wrong in the list."""
-        ...
 
     @property
     def described(self) -> Model | None:
         """The model itself, None where only these facts are known."""
-        ...
 
 
 @lru_cache(maxsize=64)

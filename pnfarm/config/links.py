@@ -30,7 +30,7 @@ def _host_and_port(value: str) -> str:
 
 def _reachable(value: str) -> str:
     if value.rpartition(":")[2].strip("0") == "":
-        raise Problem(f"is {shown(value)}, and port 0 is nobody's", "a port from 1 to 65535")
+        raise Problem(f"is {shown(value)}, and port 0 is reserved", "a port from 1 to 65535")
     return value
 
 
@@ -78,9 +78,9 @@ class LineWay(Section):
         if len(given) > 1:
             raise Problem(f"has {' and '.join(given)}", "one of pty, port, connect, listen, rfc2217")
         if self.latest_answer == 0:
-            raise Problem("has `latest_answer: 0`, and no answer takes no time", "tsdr, any, or such as 5ms")
+            raise Problem("has `latest_answer: 0`, but every answer takes some time", "tsdr, any, or such as 5ms")
         if self.baud == "auto" and self.port is None and self.rfc2217 is None:
-            raise Problem("has `baud: auto`, and no port whose rate could be tried", "port or rfc2217, or a rate")
+            raise Problem("has `baud: auto`, but no port whose rate can be tried", "port or rfc2217, or a rate")
         return self
 
 
@@ -103,7 +103,7 @@ class MacvlanLink(_WithLines):
         default="auto",
         description="Where cyclic frames and LLDP leave: each drive's own interface, or the parent, which costs less "
         "but does not reach another macvlan on it. `auto`: the parent, unless the peer is such a macvlan. `xdp`: as "
-        "auto, and through the parent by AF_XDP, which costs a third less again; `tcpdump` on the parent does not show "
+        "auto, and through the parent by AF_XDP, which costs a fifth less again; `tcpdump` on the parent does not show "
         "what is sent so. With a capture, own.",
     )
 

@@ -161,7 +161,7 @@ class Realism(Section):
     )
     boot_time: Annotated[BootTime, BeforeValidator(_open_boot_time)] = Field(
         default_factory=BootTime,
-        description="Time from power-on until it answers and until S1; one duration stands for both.",
+        description="Time from power-on until it answers and until S1; one duration is for both.",
     )
     clock_drift: Annotated[
         tuple[float, float] | str | None,

@@ -10,9 +10,9 @@ import re
 from ipaddress import AddressValueError, IPv4Address, IPv4Interface, NetmaskValueError
 from typing import Annotated, Any, Literal
 
-from pydantic import PlainValidator, WithJsonSchema
+from pydantic import AfterValidator, PlainValidator, WithJsonSchema
 
-from pnfarm.vocabulary.durations import DURATION_PATTERN, read_duration
+from pnfarm.vocabulary.durations import DURATION_PATTERN, format_duration, read_duration
 from pnfarm.vocabulary.globs import GLOBS_SCHEMA, read_globs
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
@@ -33,6 +33,7 @@ __all__ = [
     "NamePattern",
     "OctetString",
     "Scalar",
+    "between",
     "expand_name",
     "numbered",
 ]
@@ -197,6 +198,17 @@ def read_scalar(value: Any) -> int | float | str | bool:
 
 def _schema(**schema: Any) -> WithJsonSchema:
     return WithJsonSchema({"type": "string", **schema})
+
+
+def between(least: int, most: int, allowed: str, *, zero: bool = False) -> AfterValidator:
+    """A check of durations, ns; ``zero``: 0 is allowed besides."""
+
+    def check(value: int) -> int:
+        if not (zero and value == 0) and not least <= value <= most:
+            raise Problem(f"is {format_duration(value)}", allowed)
+        return value
+
+    return AfterValidator(check)
 
 
 DURATION_SCHEMA = _schema(pattern=DURATION_PATTERN, examples=["500ms", "2s", "31.25us"])

@@ -10,8 +10,8 @@
             outputs.stw1 = 0x047F if inputs.zsw1.ready_to_switch_on else 0x0476
             outputs.velocity = 60.0
 
-There is one object for each axis.  ``cycle`` is called once in each cycle of its axis, behind the telegram that went
-out; what it writes goes with the next one.
+There is one object for each axis.  ``cycle`` is called once in each cycle of its axis, after the telegram was sent;
+what it writes is sent with the next one.
 """
 
 from __future__ import annotations

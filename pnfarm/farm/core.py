@@ -50,6 +50,7 @@ from pnfarm.table import engine_row
 from pnfarm.table.access.fresh_rows import FreshRows, Same
 from pnfarm.table.image import LOST_NEVER
 from pnfarm.trace import TraceManager
+from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Mapping, Sequence
@@ -63,6 +64,7 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.links.serial.line import LineTally
     from pnfarm.station.event_log import EventLog
+    from pnfarm.station.node import StationNode
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 #: Events whose row is a consumer's.
@@ -86,15 +88,12 @@ class Node(Protocol):
 
     def receive(self, port: int, frame: bytes, now: int) -> None:
         """One acyclic frame."""
-        ...
 
     def service(self, now: int) -> None:
         """Handle the engine's events and the timers that are due."""
-        ...
 
     def next_deadline(self) -> int | None:
         """When :meth:`service` is due at the latest."""
-        ...
 
 
 @runtime_checkable
@@ -103,11 +102,9 @@ class LineNode(Protocol):
 
     def poll(self, octets: bytes, now: int) -> tuple[int, bytes] | None:
         """Port and answer of the one that these octets poll, None where more is to be done: nothing was done then."""
-        ...
 
     def answer(self, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
         """The same for a poll like the one before it, of which so many octets of an array count."""
-        ...
 
 
 @runtime_checkable
@@ -116,7 +113,6 @@ class SocketNode(Protocol):
 
     def socket_event(self, event: SocketEvent, now: int) -> None:
         """Something of a stream, or a datagram."""
-        ...
 
 
 class FarmCore:
@@ -336,7 +332,7 @@ class FarmCore:
         """A station by its name in the farm file, the one set by DCP, or an axis's; raises :class:`ConfigError`."""
         found = self._by_name.get(name) or next((s for s in self.stations if s.device.name == name), None)
         if found is None and (axis := self._axis_by_name.get(name)) is not None:
-            return axis.station
+            return self._by_image[axis.index]
         if found is None:
             raise ConfigError(f"there is no drive {name!r} in farm {self.name}; `pnfarm inspect` lists them")
         return found
@@ -350,6 +346,23 @@ class FarmCore:
             names = ", ".join(axis.configured_name for axis in station.axes) or "none"
             raise ConfigError(f"{name} is no single axis; its axes: {names}")
         return station.axes[0]
+
+    def device(self, name: str) -> Station:
+        """A station without axes, by the names of :meth:`station`; raises :class:`ConfigError`."""
+        found = next((s for s in self.stations if name in {s.configured_name, s.device.name}), None)
+        if found is not None and not found.axes:
+            return found
+        known = [station.configured_name for station in self.stations if not station.axes]
+        why = f"there is no device {shown(name)}{did_you_mean(name, known)}" if found is None else f"{name} is a drive"
+        raise ConfigError(f"{why}; devices of farm {self.name}: {shortened(known) or 'none'}")
+
+    def signals(self) -> dict[str, dict[str, Any]]:
+        """By device, the signals (:class:`pnfarm.signals.signal.Signal`) by name."""
+        devices = {s.configured_name: s.signals for s in self.stations if not s.axes}
+        return {
+            name: {} if found is None else {one: found.signal(one) for one in found.names}
+            for name, found in devices.items()
+        }
 
     # -- frames and time ---------------------------------------------------------------------------------------------
 
@@ -374,7 +387,7 @@ class FarmCore:
         """Something of a drive's stream, or a datagram."""
         station = self._by_port.get(event.port)
         if station is None:
-            raise InternalError(f"a socket of port {event.port} brought something, which no drive has")
+            raise InternalError(f"a socket of port {event.port} delivered data, and no drive has it")
         self.injections.refresh(station.configured_name, now)
         self._socket_gate.received(event, now)
         self.injections.poke(station.configured_name, now)
@@ -393,7 +406,7 @@ class FarmCore:
         if self._sockets is not None:
             self._sockets.refuse(port, refused=refused)
 
-    def _carry(self, station: Station, now: int) -> None:
+    def _carry(self, station: StationNode, now: int) -> None:
         """Give a station the address and the ports that it has now, and send what it has to send."""
         port, services = station.port.index, station.services()
         served = self._served.get(port)
@@ -472,7 +485,7 @@ class FarmCore:
             return None
         return segment.answer(octets, length, now)
 
-    def settle(self, station: Station, now: int) -> None:
+    def settle(self, station: StationNode, now: int) -> None:
         """Let a station finish processing an input, send its frames, and note its next deadline."""
         frames = station.pump(now)
         self._segment_of[station.port.index].settled(station.port.index)
@@ -567,7 +580,7 @@ class FarmCore:
                 axis.refused_ns = when
                 self.log.record(when, name, AcknowledgeRefused(value))
             case engine_row.PARAMETER_TASK:
-                axis.device.parameter_task(axis, value, now)
+                axis.device.parameter_task(axis.number, value, now)
             case _:
                 return None
-        return axis.station
+        return self._by_image[row]

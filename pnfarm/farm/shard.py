@@ -53,7 +53,7 @@ def parse_shard(text: str, origin: str = "--shard") -> Shard:
     """``I/N``.  Raises :class:`ConfigError` that names where the text comes from."""
     found = _FORM.fullmatch(text.strip())
     if found is None:
-        raise ConfigError(f"{origin}: {text!r} is no shard: I/N with I from 1 to N, such as 1/3")
+        raise ConfigError(f"{origin}: {text!r} is not a shard: I/N with I from 1 to N, such as 1/3")
     try:
         return Shard(int(found[1]), int(found[2]))
     except ConfigError as exc:

@@ -46,11 +46,9 @@ class Timed(Protocol):
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is due."""
-        ...
 
     def handle_timeout(self, now: int) -> None:
         """Do what is due."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +108,7 @@ class InjectionManager:
             check_parts(self._drives[name], spec)
             self._check_condition(name, spec)
         if len(self._injections) >= MOST_INJECTIONS:
-            raise ConfigError(f"{MOST_INJECTIONS} faults wait or are in force, and there can be no more: clear some")
+            raise ConfigError(f"{MOST_INJECTIONS} faults wait or are in force, the maximum: clear some")
         injection = Injection(self._new_id(spec.name), spec, now)
         first = max(now, at_ns)
         if spec.ttl_ns is not None:

@@ -94,7 +94,7 @@ class Conditions:
         row = self._rows[-1] if self._rows else self._most_rows
         first = self._segments.allocate(length) if row < len(self._conditions) else None
         if first is None:
-            raise ConfigError(f"{len(self._watches)} conditions are watched already, which is all there is room for")
+            raise ConfigError(f"{len(self._watches)} conditions are watched already, the maximum")
         if self._rows:
             self._rows.pop()
         self._most_rows = max(self._most_rows, row + 1)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from pnfarm.api.application import Hosts, make_api
 from pnfarm.api.problems import problem
 from pnfarm.hub.described import DESCRIBED
+from pnfarm.hub.hosts.devices import HubDevices
 from pnfarm.hub.hosts.drives import HubDrives
 from pnfarm.hub.hosts.farm import HubItself
 from pnfarm.hub.hosts.faults import HubFaults
@@ -27,10 +28,12 @@ __all__ = ["make_hub_app"]
 
 def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None = None) -> FastAPI:
     """The API of one hub; tokens as :func:`~pnfarm.api.application.make_api` takes them."""
-    drives, faults, views = HubDrives(hub), HubFaults(hub), HubLive(hub)
+    drives, devices, faults, views = HubDrives(hub), HubDevices(hub), HubFaults(hub), HubLive(hub)
     hosts = Hosts(
         drives=drives,
         add_drive=drives.add_drive,
+        stations=devices,
+        add_device=devices.add_device,
         faults=faults,
         scenarios=HubScenarios(hub, faults),
         traces=HubTraces(hub),

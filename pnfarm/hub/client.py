@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 
 import anyio
@@ -31,12 +32,12 @@ MOST_CONNECTIONS = 64
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """``media_type`` as the shard sent it."""
+    """``media_type`` and ``tag`` (ETag) as the shard sent them."""
 
     status: int
     body: bytes
     media_type: str
-    location: str = ""
+    tag: str | None = None
 
     @property
     def good(self) -> bool:
@@ -49,7 +50,7 @@ class Answer:
         except RecursionError as exc:
             raise ValueError("it is nested too deeply") from exc
         if not isinstance(found, dict):
-            raise ValueError("it is no JSON object")  # noqa: TRY004 - it is the answer that is wrong
+            raise ValueError("it is not a JSON object")  # noqa: TRY004 - it is the answer that is wrong
         return found
 
 
@@ -80,16 +81,17 @@ class ShardClient:
         *,
         body: Mapping[str, Any] | bytes | None = None,
         query: Mapping[str, Any] | str | None = None,
+        headers: Mapping[str, str] | None = None,
         seconds: float = REQUEST_SECONDS,
     ) -> Answer:
         """One request; ``path`` is quoted already and begins with a slash."""
         content = body if isinstance(body, bytes) or body is None else json.dumps(body).encode()
-        headers = {"Content-Type": "application/json"} if content is not None else {}
+        sent = {**({"Content-Type": "application/json"} if content is not None else {}), **(headers or {})}
         url = f"{path}?{query}" if isinstance(query, str) and query else path
         params = query if not isinstance(query, str) else None
         try:
             with anyio.fail_after(seconds):
-                request = self._client.build_request(method, url, content=content, headers=headers, params=params)
+                request = self._client.build_request(method, url, content=content, headers=sent, params=params)
                 response = await self._client.send(request, stream=True)
                 try:
                     return await self._read(response)
@@ -101,7 +103,8 @@ class ShardClient:
             raise self._failed(exc) from exc
 
     async def _read(self, response: httpx.Response) -> Answer:
-        if response.is_redirect:
+        # 304 is no redirection: the client has the answer
+        if response.is_redirect and response.status_code != HTTPStatus.NOT_MODIFIED:
             raise AwayError(f"{self._label} redirects elsewhere, which no farm does", slug="redirect")
         octets = bytearray()
         async for chunk in response.aiter_bytes():
@@ -109,7 +112,7 @@ class ShardClient:
             if len(octets) > MOST_OCTETS:
                 raise AwayError(f"{self._label} answers with more than {MOST_OCTETS} octets", slug="flood")
         media_type = response.headers.get("content-type", "")
-        return Answer(response.status_code, bytes(octets), media_type, response.headers.get("location", ""))
+        return Answer(response.status_code, bytes(octets), media_type, response.headers.get("etag"))
 
     def _failed(self, exc: httpx.HTTPError) -> AwayError:
         if isinstance(exc, httpx.TimeoutException):

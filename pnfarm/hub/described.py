@@ -9,6 +9,7 @@ from pydantic import ConfigDict, Field
 from pnfarm.api.paths.farm import Findings, Health, Reactions, Ready
 from pnfarm.api.paths.faults import Fault, Faults, Reset, Targets
 from pnfarm.api.paths.traces import Traces
+from pnfarm.api.schemas.device import DevicesView, StationsView, StationView
 from pnfarm.api.schemas.drive import Drive
 from pnfarm.api.schemas.farm import FarmView
 from pnfarm.web.bodies import Schema
@@ -26,7 +27,7 @@ class Gone(Schema):
 
 
 class _Partial(Schema):
-    partial: bool = Field(description="Whether the part of a shard is missing: what is not listed may yet be there.")
+    partial: bool = Field(description="Whether the part of a shard is missing: what is not listed may exist.")
     unreachable: list[Gone] = Field(description="Whose part is missing.")
 
 
@@ -40,6 +41,18 @@ class HubDrive(Drive):
 class HubFarmView(FarmView, _Partial):
     model_config = ConfigDict(title="HubFarmView")
     drives: list[HubDrive]  # type: ignore[assignment]  # a list of more
+
+
+class HubStation(StationView):
+    shard: str
+
+
+class HubStations(StationsView, _Partial):
+    stations: list[HubStation]  # type: ignore[assignment]  # a list of more
+
+
+class HubDevices(DevicesView, _Partial):
+    devices: list[HubStation]  # type: ignore[assignment]
 
 
 class NotHit(Schema):
@@ -120,6 +133,8 @@ _NOT_ALL = _whole_or_not(HubFault, "Not on all shards: see `unreachable`.")
 #: By handler; what is not here is as of a farm.
 DESCRIBED = {
     "get_drives": Described("All farms as one: every drive, also of shards that do not answer", {200: HubFarmView}),
+    "get_stations": Described("Every station of every shard", {200: HubStations}),
+    "get_devices": Described("Every device of every shard", {200: HubDevices}),
     "get_faults": Described("Pending and active faults on all shards, with their evidence", {200: HubFaults}),
     "post_fault": Described(
         "Inject a fault into drives of any shards at one moment; with dry_run only list the drives",
@@ -141,8 +156,7 @@ DESCRIBED = {
     "clock": Described("The hub's clock, which its seconds are of, and this machine's"),
     "readyz": Described("Whether every shard answers and is ready, and no drive is claimed twice", {200: HubReady}),
     "get_health": Described(
-        "How each shard and all together do: whether it answers, its clock's offset, its own lateness",
-        {200: HubHealth},
+        "How each shard and all together do: whether it answers, its clock's offset, its own lateness", {200: HubHealth}
     ),
     "get_doctor": Described("What `pnfarm doctor` finds on the machine of each shard", {200: HubFindings}),
     "get_reactions": Described("", {200: HubReactions}),

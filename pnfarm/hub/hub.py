@@ -66,7 +66,9 @@ def read(shard: Shard, answer: Answer, *keys: str) -> dict[str, Any]:
 
 def passed_on(answer: Answer) -> Response:
     """A shard's answer as it is."""
-    return Response(answer.body, answer.status, media_type=answer.media_type or "application/octet-stream")
+    headers = {} if answer.tag is None else {"ETag": answer.tag}
+    media_type = answer.media_type or "application/octet-stream"
+    return Response(answer.body, answer.status, headers=headers, media_type=media_type)
 
 
 class RefusedError(ConfigError):
@@ -98,7 +100,7 @@ class Hub(Context):
         transport: Callable[[str], httpx.AsyncBaseTransport] | None = None,
         request_seconds: float = REQUEST_SECONDS,
     ) -> None:
-        super().__init__()
+        super().__init__(kind="hub")
         self.now = now
         self.wall = wall
         self.sleep = sleep
@@ -125,8 +127,7 @@ class Hub(Context):
 
     async def drop(self, shard: Shard) -> None:
         """A shard that is no longer known."""
-        found = self._clients.pop(shard.url, None)
-        if found is not None:
+        if (found := self._clients.pop(shard.url, None)) is not None:
             await found.close()
 
     async def aclose(self) -> None:
@@ -152,10 +153,6 @@ class Hub(Context):
         head = {"time": self.wall(), "farm_seconds": now / 1e9, "drive": "", "event": event.text}
         self.log.take(self.instance, self._own, now, {**event.details(), **head})
 
-    @property
-    def kind(self) -> str:
-        return "hub"
-
     def note(self, *events: Event) -> None:
         """A client changed something."""
         for event in events:
@@ -164,21 +161,14 @@ class Hub(Context):
     # -- asking
 
     async def ask(
-        self,
-        shard: Shard,
-        method: str,
-        path: str,
-        *,
-        body: Mapping[str, Any] | bytes | None = None,
-        query: Mapping[str, Any] | str | None = None,
-        seconds: float | None = None,
+        self, shard: Shard, method: str, path: str, *, seconds: float | None = None, **options: Any
     ) -> Answer:
-        """One request; ``path`` below ``/api/v1``.  Raises :class:`AwayError`, for one that is away at once."""
+        """As :meth:`ShardClient.ask`; ``path`` below ``/api/v1``.  Raises :class:`AwayError`, of one away at once."""
         if not shard.asked:
             raise shard.away()
         patience = self._request_seconds if seconds is None else seconds
         try:
-            return await self.client(shard).ask(method, f"{PREFIX}/{path}", body=body, query=query, seconds=patience)
+            return await self.client(shard).ask(method, f"{PREFIX}/{path}", seconds=patience, **options)
         except AwayError as exc:
             shard.errors[exc.slug] += 1
             raise
@@ -276,7 +266,7 @@ class Hub(Context):
         if not (
             sane and isinstance(instance, str) and _INSTANCE.fullmatch(instance) and isinstance(about["farm"], str)
         ):
-            raise AwayError(f"{shard.label} does not answer as a farm does: its clock is none", slug="garbage")
+            raise AwayError(f"{shard.label} does not answer as a farm does: its clock is not valid", slug="garbage")
         shard.clock.note(asked, round(seconds * 1e9), answered)
         return about
 

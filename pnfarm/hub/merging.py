@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.api.schemas.farm import Engine
 from pnfarm.faults.effects.evidence import NOTHING, Evidence
 
 if TYPE_CHECKING:
@@ -15,21 +16,11 @@ if TYPE_CHECKING:
 
     from pnfarm.hub.shards import Shard
 
-__all__ = [
-    "at_hub",
-    "joined_engine",
-    "joined_fault",
-    "joined_health",
-    "unreachable_drive",
-]
+__all__ = ["at_hub", "joined_engine", "joined_fault", "joined_health", "unreachable_drive"]
 
-ToHub = "Callable[[float], float]"
 #: Faults with one id on two shards are one if they were added within this time of each other, s.
 ONE_FAULT_SECONDS = 15.0
-_ENGINE = (
-    "cycles", "overruns", "lateness_max_seconds", "frames_sent", "frames_received", "frames_unknown",
-    "frames_malformed", "send_errors", "events_lost",
-)  # fmt: skip
+_ENGINE = tuple(Engine.model_fields)
 
 
 def joined_engine(engines: Iterable[Mapping[str, Any]]) -> dict[str, Any]:

@@ -33,19 +33,10 @@ class HubOverview:
     def __init__(self, shards: Shards, now: Callable[[], int]) -> None:
         self._shards = shards
         self._now = now
-        self.layout = -1
         self.version = 0
-        self._places: dict[str, int] = {}
-        self._values: dict[str, Any] = {}
-        self._changed: dict[str, Any] = {}
-        self._rows: list[dict[str, Any]] = []
-        self._row_changed = np.zeros(0, np.int64)
         self._engines: dict[Shard, Mapping[str, Any]] = {}
         self._engine_changed = 0
-        #: Drives by their place at their shard, and whether it was there at the last look.
-        self._names: dict[Shard, tuple[str, ...]] = {}
-        self._asked: dict[Shard, bool] = {}
-        self._texts: dict[int, bytes] = {}
+        self._lay_out()
 
     def refresh(self) -> None:
         """Follow what is known of the shards: a new list of drives, shards that came or went."""
@@ -64,11 +55,12 @@ class HubOverview:
         self._places = {name: place for place, name in enumerate(names)}
         self._values = {name: np.full(len(names), _NEVER, np.int64) for name in VALUES}
         self._changed = {name: np.zeros(len(names), np.int64) for name in VALUES}
-        self._rows = [{} for _ in names]
+        self._rows: list[dict[str, Any]] = [{} for _ in names]
         self._row_changed = np.zeros(len(names), np.int64)
-        self._names.clear()
-        self._asked.clear()
-        self._texts.clear()
+        #: Drives by their place at their shard, and whether it was there at the last look.
+        self._names: dict[Shard, tuple[str, ...]] = {}
+        self._asked: dict[Shard, bool] = {}
+        self._texts: dict[int, bytes] = {}
 
     def _lose(self, shard: Shard) -> None:
         self.version += 1

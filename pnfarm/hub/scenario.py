@@ -21,6 +21,7 @@ import anyio.to_thread
 from prometheus_client.parser import text_string_to_metric_families
 
 from pnfarm.errors import ConfigError, PnfarmError
+from pnfarm.hub.hosts.devices import HubDevices
 from pnfarm.hub.hosts.drives import HubDrives
 from pnfarm.hub.hub import read
 from pnfarm.hub.shards import AwayError
@@ -105,6 +106,7 @@ class HubRun(Flow):
         self.wake = asyncio.Event()
         self._hub = hub
         self._faults = faults
+        self._devices = HubDevices(hub)
         self._own: dict[str, _Injected] = {}
         self._off: dict[str, None] = {}
         self._ending: asyncio.Task[None] | None = None
@@ -189,6 +191,9 @@ class HubRun(Flow):
                     yield from self._await(self._power(names, on=False))
                 if word in {"on", "cycle"}:
                     yield from self._await(self._power(names, on=True))
+            case "set":
+                written = [self._devices.write(name, values) for name, values in step.values["signals"].items()]
+                yield from self._await(self._each(written))
             case "param":
                 writes = [
                     self._drive("PUT", name, f"params/{quote(str(parameter), safe='')}", {"value": value})

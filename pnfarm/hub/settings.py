@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-from pathlib import Path
 
 from pydantic import ValidationError
 
@@ -12,7 +10,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.file.sections import Api
 from pnfarm.vocabulary.problem import Problem
 
-__all__ = ["api_of", "name_of", "token_in", "url_of"]
+__all__ = ["api_of", "name_of", "url_of"]
 
 _HOST = r"(?:[A-Za-z0-9](?:[A-Za-z0-9._-]{0,251}[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\])"
 _URL = re.compile(rf"(?:(https?)://)?({_HOST})(?::([0-9]{{1,5}}))?/?")
@@ -35,7 +33,7 @@ def name_of(text: str) -> tuple[str, int]:
     """A name and the port of the farms behind it.  Raises :class:`ConfigError`."""
     found = _NAME.fullmatch(text.strip())
     if found is None or not 0 < int(found[2]) < 65536:
-        raise ConfigError(f"--discover {text!r} is no name with a port; give NAME:PORT such as tasks.farm:8702")
+        raise ConfigError(f"--discover {text!r} is not a name with a port; give NAME:PORT such as tasks.farm:8702")
     return found[1], int(found[2])
 
 
@@ -52,15 +50,3 @@ def api_of(listen: str, token: str | None, read_token: str | None) -> Api:
         problem = error.get("ctx", {}).get("error")
         what = f"{problem.what}; allowed: {problem.allowed}" if isinstance(problem, Problem) else error["msg"].lower()
         raise ConfigError(f"{flag}: {what}") from exc
-
-
-def token_in(variable: str) -> str | None:
-    """The token in the file that an environment variable names, if it does.  Raises :class:`ConfigError`."""
-    name = os.environ.get(variable)
-    if not name:
-        return None
-    try:
-        return Path(name).read_text("ascii").strip() or None
-    except (OSError, UnicodeError) as exc:
-        why = (getattr(exc, "strerror", None) or str(exc)).lower()
-        raise ConfigError(f"the token's file {name} ({variable}) cannot be read: {why}") from exc

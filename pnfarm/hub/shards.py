@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from dataclasses import dataclass, field
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.errors import ConfigError, EnvironmentError_
@@ -52,6 +52,9 @@ class Shard:
     #: Its drives by name as they were seen last, and the rest of that answer.
     drives: dict[str, dict[str, Any]] = field(default_factory=dict)
     view: dict[str, Any] = field(default_factory=dict)
+    #: Names of its devices, and the run of which they are.
+    devices: tuple[str, ...] = ()
+    devices_of: str = ""
     #: Its faults by id as they were seen last.
     faults: dict[str, dict[str, Any]] = field(default_factory=dict)
     errors: Counter[str] = field(default_factory=Counter)
@@ -81,6 +84,13 @@ class Shard:
     def told(self) -> dict[str, Any]:
         """An entry of ``unreachable``."""
         return {"shard": self.label, "reason": self.reason, "since": self.since_wall}
+
+
+class KnownDrive(NamedTuple):
+    """A drive's names, and those of its model."""
+
+    names: tuple[str, ...]
+    models: tuple[str, ...]
 
 
 def no_steps(path: str) -> None:
@@ -177,8 +187,7 @@ class Shards:
         for shard in self._all.values():
             for name in shard.drives:
                 owners.setdefault(name, []).append(shard)
-        # one that is away has lost its drives to one that has them now
-        self._owners = {name: [one for one in found if one.asked] or found[-1:] for name, found in owners.items()}
+        self._owners = _present(owners)
         order = tuple(sorted(self._owners, key=natural))
         if order != self._order:
             self._order = order
@@ -201,9 +210,9 @@ class Shards:
         return {name: found[name] for name in self._order}
 
     @property
-    def known_as(self) -> dict[str, tuple[tuple[str, ...], tuple[str, ...]]]:
-        """Of every drive its names and its model's, by which globs mean it."""
-        return {name: (_names(view), _models(str(view["model"]))) for name, view in self.views.items()}
+    def known_as(self) -> dict[str, KnownDrive]:
+        """Every drive, as globs see it."""
+        return {name: KnownDrive(_names(view), _models(str(view["model"]))) for name, view in self.views.items()}
 
     def own_name(self, name: str) -> str:
         """A drive's name in its farm file.  Raises as :meth:`known`."""
@@ -232,24 +241,36 @@ class Shards:
 
         Raises :class:`NotFoundError`, or :class:`RequestError` (409) for a drive that two of them claim.
         """
-        wanted = name if name in self._owners else self._renamed(name)
-        found = self._owners.get(wanted, [])
+        return self._one_of("drive", name if name in self._owners else self._renamed(name), self._owners)
+
+    def _one_of(self, what: str, name: str, owners: Mapping[str, list[Shard]]) -> Shard:
+        found = owners.get(name, [])
         if not found:
             if self.unreachable or not self._all:
                 away = ", ".join(shard.label for shard in self.unreachable) or "no shard is known"
-                raise AwayError(f"no shard that answers has a drive {shown(name)}; not asked: {away}")
-            raise NotFoundError(f"there is no drive {shown(name)}{did_you_mean(name, self._owners)}")
+                raise AwayError(f"no shard that answers has a {what} {shown(name)}; not asked: {away}")
+            raise NotFoundError(f"there is no {what} {shown(name)}{did_you_mean(name, owners)}")
         if len(found) > 1:
             claims = " and ".join(shard.label for shard in found)
             raise RequestError(
-                f"{wanted} is claimed by {claims}: stop one of them, so that it is clear which is meant",
+                f"{name} is claimed by {claims}: stop one of them, so that it is clear which is meant",
                 status=HTTPStatus.CONFLICT,
             )
         return found[0]
 
+    def device_owner(self, name: str) -> Shard:
+        """The shard that has a device; raises as :meth:`owner`."""
+        owners: dict[str, list[Shard]] = {}
+        for shard in self._all.values():
+            for one in shard.devices:
+                owners.setdefault(one, []).append(shard)
+        return self._asked(name, self._one_of("device", name, _present(owners)))
+
     def owner(self, name: str) -> Shard:
         """As :meth:`known`; raises :class:`AwayError` for one that cannot be asked."""
-        found = self.known(name)
+        return self._asked(name, self.known(name))
+
+    def _asked(self, name: str, found: Shard) -> Shard:
         if not found.asked:
             raise AwayError(f"{name} is unreachable: {found.away()}")
         return found
@@ -261,6 +282,11 @@ class Shards:
                 if view.get("station_name") == name:
                     return own
         return name
+
+
+def _present(owners: Mapping[str, list[Shard]]) -> dict[str, list[Shard]]:
+    """One that is away has lost what it had to one that has it now."""
+    return {name: [one for one in found if one.asked] or found[-1:] for name, found in owners.items()}
 
 
 def _names(view: Mapping[str, Any]) -> tuple[str, ...]:

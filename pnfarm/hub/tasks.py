@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import anyio
 from anyio import TASK_STATUS_IGNORED
 
-from pnfarm.api.changes import shortened
 from pnfarm.hub.shard_events import DrivesClaimedTwice, ShardForgotten, ShardLost, ShardReturned
 from pnfarm.hub.shards import AwayError
+from pnfarm.vocabulary.quoting import shortened
 from pnfarm.web.bodies import PREFIX
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ NAME_SECONDS = 4.0
 #: Between two looks at what waits in the log, and at shards that came or went.
 RELEASE_SECONDS = 0.05
 LOOK_SECONDS = 0.25
+#: Names of drives in one entry of the log.
+MOST_NAMES = 16
 #: After a stream of events broke.
 AGAIN_SECONDS = 0.5
 #: What a name answers that has no address: no task of it runs.
@@ -57,9 +59,7 @@ async def run_hub(
             async with anyio.create_task_group() as first:
                 for name, port in names:
                     first.start_soon(discover, hub, name, port, {})
-            async with anyio.create_task_group() as first:
-                for shard in hub.shards:
-                    first.start_soon(_probe, hub, shard)
+            await hub.each(hub.shards, lambda shard: _probe(hub, shard))
             tasks.start_soon(_release, hub)
             tasks.start_soon(views.run)
             tasks.start_soon(_attend_all, hub, tasks)
@@ -125,7 +125,7 @@ async def _attend_all(hub: Hub, tasks: TaskGroup) -> None:
         conflicts = hub.shards.conflicts()
         if fresh := sorted(set(conflicts) - claimed):
             labels = dict.fromkeys(shard.label for name in fresh for shard in conflicts[name])
-            hub.record(DrivesClaimedTwice(shortened(fresh), " ".join(labels)))
+            hub.record(DrivesClaimedTwice(shortened(fresh, MOST_NAMES), " ".join(labels)))
         claimed = set(conflicts)
         await anyio.sleep(LOOK_SECONDS)
 

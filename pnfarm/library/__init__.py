@@ -1,4 +1,4 @@
-"""pnfarm as a library: farms that Python code runs, breaks and looks at.  Asynchronous; for plain functions in tests
+"""pnfarm as a library: farms that Python code runs and injects faults into.  Asynchronous; for plain functions in tests
 there is :mod:`pnfarm.testing`.
 
 ::
@@ -12,21 +12,25 @@ there is :mod:`pnfarm.testing`.
 """
 
 from pnfarm.farm.wait import NotInTime
+from pnfarm.library.device import Device
 from pnfarm.library.drive import Drive
 from pnfarm.library.events import FarmEvent
 from pnfarm.library.farm import Farm
 from pnfarm.library.fault import FaultHandle
 from pnfarm.library.metrics import Metrics
 from pnfarm.library.remote import RemoteDrive, RemoteFarm
+from pnfarm.library.remote_device import RemoteDevice
 from pnfarm.library.result import ScenarioResult
 
 __all__ = [
+    "Device",
     "Drive",
     "Farm",
     "FarmEvent",
     "FaultHandle",
     "Metrics",
     "NotInTime",
+    "RemoteDevice",
     "RemoteDrive",
     "RemoteFarm",
     "ScenarioResult",

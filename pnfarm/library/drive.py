@@ -31,7 +31,7 @@ class Drive(DriveReadings):
         self._passing = passing
 
     def fault(self, kind: str, **options: Any) -> FaultHandle:
-        """Break it: :meth:`pnfarm.Farm.fault` on this drive; ``await`` the result or use it with ``async with``."""
+        """Inject a fault, as :meth:`pnfarm.Farm.fault`; ``await`` the result or use it with ``async with``."""
         return self._inject(kind, self.name, **options)
 
     async def wait_for(self, condition: str, within: float | str) -> float:

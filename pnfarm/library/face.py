@@ -22,14 +22,21 @@ class _Drive(Protocol):
     def state(self) -> str: ...
 
 
+class _Device(Protocol):
+    @property
+    def connected(self) -> bool: ...
+
+
 _D = TypeVar("_D", bound=_Drive)
+_V = TypeVar("_V", bound=_Device)
 
 
-class FarmFace(ABC, Generic[_D]):
+class FarmFace(ABC, Generic[_D, _V]):
     """``async with`` opens and closes it; drives by name; waiting."""
 
     def __init__(self) -> None:
         self._drives: dict[str, _D] = {}
+        self._devices: dict[str, _V] = {}
 
     @abstractmethod
     async def open(self) -> None:
@@ -57,9 +64,16 @@ class FarmFace(ABC, Generic[_D]):
         """Every drive, in the farm's order; empty while the farm does not run, or before it is connected."""
         return list(self._drives.values())
 
+    @property
+    def devices(self) -> list[_V]:
+        """Every device, as :attr:`drives`."""
+        return list(self._devices.values())
+
     async def wait_connected(self, within: float | str = 20.0) -> float:
-        """Until every drive exchanges data with its controller."""
-        return await self.wait_until(lambda: all(d.connected for d in self.drives), within, what="every connection")
+        """Until every drive and every device exchanges data with its controller."""
+        return await self.wait_until(
+            lambda: all(one.connected for one in (*self.drives, *self.devices)), within, what="every connection"
+        )
 
     async def wait_running(self, within: float | str = 20.0) -> float:
         """Until every drive is in operation (S4)."""

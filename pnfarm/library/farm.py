@@ -15,6 +15,7 @@ from pnfarm.farm.shard import parse_shard
 from pnfarm.farm.tracing import FarmTrace, trace_fields
 from pnfarm.farm.wait import NotInTime
 from pnfarm.library.arguments import duration_ns
+from pnfarm.library.device import Device
 from pnfarm.library.drive import Drive
 from pnfarm.library.events import FarmEvent
 from pnfarm.library.face import FarmFace, first_drives
@@ -44,7 +45,7 @@ __all__ = ["Farm"]
 EVENT_STRETCH_NS = 3_600_000_000_000
 
 
-class Farm(FarmFace[Drive]):
+class Farm(FarmFace[Drive, Device]):
     """``async with`` starts it and stops it, also after an exception or a cancellation.
 
     On a link with interfaces the controller is the one on the wire: a PLC, or :class:`pnfarm.Plc` beside it.  On a
@@ -88,6 +89,7 @@ class Farm(FarmFace[Drive]):
         await self._passing.open()
         self._began_ns = self._passing.now()
         self._drives = {s.configured_name: Drive(self.fault, self._passing, s) for s in self.core.axes}
+        self._devices = {s.configured_name: Device(self._passing, s) for s in self.core.stations if not s.axes}
 
     async def close(self) -> None:
         """End every fault, stop the drives, and remove every interface that the farm made.  Twice does nothing."""
@@ -100,6 +102,10 @@ class Farm(FarmFace[Drive]):
         """A drive by its name in the file, or the one that DCP gave it.  Raises :class:`ConfigError`."""
         return self._drives[self.core.axis(name).configured_name]
 
+    def device(self, name: str) -> Device:
+        """A device by its name, as :meth:`drive`."""
+        return self._devices[self.core.device(name).configured_name]
+
     @property
     def now(self) -> float:
         """Seconds since the start, by the farm's clock."""
@@ -110,7 +116,7 @@ class Farm(FarmFace[Drive]):
         await self._passing.wait(lambda: False, duration_ns(seconds, "seconds"), polled=False)
 
     async def wait_until(self, holds: Callable[[], object], within: float | str, *, what: str = "it") -> float:
-        """Until ``holds()`` is true, looked at each millisecond; how long it took, s.  Raises :class:`NotInTime`."""
+        """Until ``holds()`` is true, checked each millisecond; how long it took, s.  Raises :class:`NotInTime`."""
         within_ns, began = duration_ns(within, "within"), self._passing.now()
         if not await self._passing.wait(lambda: bool(holds()), within_ns):
             raise NotInTime(f"{what} did not hold within {within_ns / 1e9:g} s: {first_drives(self.drives)}")
@@ -119,7 +125,7 @@ class Farm(FarmFace[Drive]):
     # -- faults, traces, scenarios
 
     def fault(self, kind: str, on: str | Sequence[str] = "all", **options: Any) -> FaultHandle:
-        """Break drives: ``await farm.fault("loss", on="axis-*", probability=0.1)``, or with ``async with``.
+        """Inject a fault: ``await farm.fault("loss", on="axis-*", probability=0.1)``, or with ``async with``.
 
         ``options`` are the common fields (``count``, ``cycles``, ``for_``, ``after``, ``ttl`` in seconds,
         ``probability``, ``seed``, ``direction``, ``share`` ...) and the parameters of the kind (``pnfarm fault
@@ -147,7 +153,7 @@ class Farm(FarmFace[Drive]):
         return _Trace(self._passing, trace_fields(on, signals, fields))
 
     async def run_scenario(self, path: str | Path) -> ScenarioResult:
-        """Run a scenario on this farm (its ``farm:`` is not looked at).  Raises :class:`ConfigError` before it begins.
+        """Run a scenario on this farm (its ``farm:`` is ignored).  Raises :class:`ConfigError` before it begins.
 
         A cancellation ends it, and its faults.
         """
@@ -155,12 +161,13 @@ class Farm(FarmFace[Drive]):
         if scenario.overrides:
             raise ConfigError(f"{path}: with: sets keys of a farm file, and this farm runs already; leave it out")
         models = {station.configured_name: station.model for station in self.core.axes}
-        return ScenarioResult(await self._passing.carry_out(bind_scenario(scenario, models, fault_kinds())))
+        binding = bind_scenario(scenario, models, fault_kinds(), self.core.signals())
+        return ScenarioResult(await self._passing.carry_out(binding))
 
     # -- what happened
 
     async def events(self, drive: str | None = None, *, follow: bool = True) -> AsyncIterator[FarmEvent]:
-        """What happened since the start, oldest first (of the last 4,096 entries), then what happens until it is left.
+        """What happened since the start, oldest first (of the last 4,096 entries), then new entries as they come.
 
         ``drive``: of this drive only.  Without ``follow`` it ends with the newest entry.
         """

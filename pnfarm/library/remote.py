@@ -28,6 +28,7 @@ from pnfarm.library.face import FarmFace, first_drives
 from pnfarm.library.fault import Bound, FaultHandle, FaultView
 from pnfarm.library.metrics import Metrics
 from pnfarm.library.reading import Reading
+from pnfarm.library.remote_device import RemoteDevice
 from pnfarm.library.result import ScenarioResult
 from pnfarm.table.signals import STW1, ZSW1
 from pnfarm.terminal.client import FarmClient
@@ -45,7 +46,7 @@ _T = TypeVar("_T")
 ASK_SECONDS = 0.02
 
 
-class RemoteFarm(FarmFace["RemoteDrive"]):
+class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
     """``async with`` connects; at its end the faults that were injected here, and are still in force, are cleared."""
 
     def __init__(self, url: str, *, token: str | None = None) -> None:
@@ -68,6 +69,8 @@ class RemoteFarm(FarmFace["RemoteDrive"]):
     async def open(self) -> None:
         """Connect.  Raises :class:`~pnfarm.errors.EnvironmentError_` where no farm answers."""
         try:
+            for view in (await self.ask(self._client.get, "devices"))["devices"]:
+                self._devices[view["name"]] = RemoteDevice(self, view)
             await self.refresh()
         except BaseException:
             with self._client:
@@ -86,10 +89,12 @@ class RemoteFarm(FarmFace["RemoteDrive"]):
     # -- drives and time
 
     async def refresh(self) -> Self:
-        """Read every drive."""
+        """Read every drive and every device."""
         found = await self.ask(self._client.get, "drives")
         for view in found["drives"]:
             self._drives.setdefault(view["name"], RemoteDrive(self, view)).view = view
+        for device in self.devices:
+            await device.refresh()
         return self
 
     def drive(self, name: str) -> RemoteDrive:
@@ -98,6 +103,13 @@ class RemoteFarm(FarmFace["RemoteDrive"]):
             known = ", ".join(self._drives) or "none, before `async with`"
             raise ConfigError(f"there is no drive {name!r} in the farm at {self.url}; there are {known}")
         return self._drives[name]
+
+    def device(self, name: str) -> RemoteDevice:
+        """A device by its name in the farm file.  Raises :class:`ConfigError`."""
+        if name not in self._devices:
+            known = ", ".join(self._devices) or "none"
+            raise ConfigError(f"there is no device {name!r} in the farm at {self.url}; there are {known}")
+        return self._devices[name]
 
     async def run(self, seconds: float | str) -> None:
         """Let time pass."""

@@ -114,39 +114,31 @@ class Link(Protocol):
     @property
     def kind(self) -> str:
         """Keyword of the farm file: ``macvlan``, ``veth``, ``tap``, ``memory``, ``interface``."""
-        ...
 
     @property
     def counters(self) -> LinkCounters:
         """Snapshot of the counters."""
-        ...
 
     async def open(self, wanted: Sequence[PortSpec]) -> list[Port]:
         """Make one port for each spec, in their order; on any failure nothing is left behind.
 
         Raises :class:`~pnfarm.errors.EnvironmentError_` where the machine cannot.
         """
-        ...
 
     async def close(self) -> None:
         """Remove what :meth:`open` made.  Closing twice, or closing a link that was never opened, does nothing."""
-        ...
 
     def send(self, port_index: int, frame: bytes) -> None:
         """Hand one whole frame to the port; never blocks, never raises: frames that cannot be sent are counted."""
-        ...
 
     def set_receiver(self, receiver: Receiver) -> None:
         """Set the receiver of all frames; it is called in the event loop."""
-        ...
 
     async def set_carrier(self, port_index: int, up: bool) -> None:
         """Pull (False) or plug (True) the port's cable.  Address and multicast memberships stay."""
-        ...
 
     async def set_mac(self, port_index: int, mac: bytes) -> None:
         """Give the port another address; frames to the old one no longer arrive."""
-        ...
 
 
 @runtime_checkable
@@ -158,7 +150,6 @@ class EngineLink(Link, Protocol):
 
         Not bound to an interface: the index travels in each message's ``sockaddr_ll``.  The caller owns and closes it.
         """
-        ...
 
 
 def unwrap(link: Link) -> Link:

@@ -100,7 +100,7 @@ def addresses_taken(index: int) -> frozenset[bytes]:
                 if address is not None:
                     found.add(address)
     except OSError as exc:
-        raise EnvironmentError_(f"the kernel does not tell the addresses of interface {index}: {exc}") from exc
+        raise EnvironmentError_(f"the kernel does not report the addresses of interface {index}: {exc}") from exc
     return frozenset(found)
 
 

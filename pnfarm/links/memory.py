@@ -13,7 +13,7 @@ Cyclic frames are exchanged by the compiled engine inside its tables; these are 
 from __future__ import annotations
 
 from collections import Counter, deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pnfarm.errors import InternalError
 from pnfarm.links.base import MULTICAST_LLDP, Audience, Clock, LinkCounters, Port, PortSpec, Receiver
@@ -21,11 +21,14 @@ from pnfarm.links.memory_sockets import MemoryNetwork, MemorySockets
 from pnfarm.links.serial.line import LineCounters, ReplyTimes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Sequence
+    from collections.abc import Callable, Collection, Coroutine, Sequence
 
+    from pnfarm.errors import PnfarmError
     from pnfarm.links.serial.line import LineTally
 
-__all__ = ["MemoryLink", "MemorySwitch"]
+__all__ = ["MemoryLink", "MemorySwitch", "at_once"]
+
+T = TypeVar("T")
 
 #: Frames that one :meth:`MemorySwitch.deliver` takes at most: two stations may answer each other endlessly.
 MAX_DELIVERIES = 1_000_000
@@ -331,6 +334,19 @@ class MemorySwitch:
         if not asked:
             return list(self._sockets)
         return sorted(chosen.intersection(asked).union(self._sockets.keys() - asked))
+
+
+def at_once(work: Coroutine[Any, Any, T], otherwise: PnfarmError) -> T:
+    """Carry out a coroutine that never waits, as in memory nothing blocks, also where a loop runs already.
+
+    Raises ``otherwise`` where it waits after all.
+    """
+    try:
+        work.send(None)
+    except StopIteration as end:
+        return end.value  # type: ignore[no-any-return]  # the coroutine's result
+    work.close()
+    raise otherwise
 
 
 class MemoryLink:

@@ -60,28 +60,21 @@ class _Host:
     refuses: bool = False
 
 
+@dataclass(eq=False)
 class MemoryNetwork:
     """All stations with addresses on one switch; ``post(action)`` calls it when what is sent now arrives.
 
     ``join`` and ``leave`` let frames to a group address pass to a port.
     """
 
-    def __init__(
-        self,
-        post: Callable[[int, Callable[[int], None], int], None],
-        plugged: Callable[[int], bool],
-        mac_of: Callable[[int], bytes],
-        join: Callable[[int, bytes], None],
-        leave: Callable[[int, bytes], None],
-    ) -> None:
-        self.join = join
-        self.leave = leave
-        self.post = post
-        self.plugged = plugged
-        self.mac_of = mac_of
-        self.hosts: dict[int, _Host] = {}
-        self.ends: dict[int, _End] = {}
-        self._last = 0
+    post: Callable[[int, Callable[[int], None], int], None]
+    plugged: Callable[[int], bool]
+    mac_of: Callable[[int], bytes]
+    join: Callable[[int, bytes], None]
+    leave: Callable[[int, bytes], None]
+    hosts: dict[int, _Host] = field(default_factory=dict)
+    ends: dict[int, _End] = field(default_factory=dict)
+    _last: int = 0
 
     def number(self) -> int:
         self._last += 1

@@ -34,49 +34,39 @@ class SocketCarrier(Protocol):
     @property
     def answers_arp(self) -> bool:
         """Whether ARP requests for the addresses are answered here."""
-        ...
 
     def set_user(self, user: SocketUser) -> None:
-        """Set who is told what arrives."""
-        ...
+        """Set the receiver of what arrives."""
 
     def serve(self, port: int, services: Services) -> None:
         """Give the port its address and open what it listens to; what it had before is withdrawn.
 
         Raises :class:`~pnfarm.errors.EnvironmentError_` where the machine cannot.
         """
-        ...
 
     def withdraw(self, port: int) -> None:
-        """Take address and sockets away at once and in silence, as if the supply were gone: no peer is told."""
-        ...
+        """Take address and sockets away at once and in silence, as if the supply were gone: the peers get no notice."""
 
     def connect(self, port: int, peer: Peer) -> int:
-        """Begin to open a stream from the port's address; it is told as opened, as closed, or never answered."""
-        ...
+        """Begin to open a stream from the port's address; it is reported as opened, as closed, or never answered."""
 
     def refuse(self, port: int, *, refused: bool) -> None:
         """Refuse every further stream of a port that serves, or take them again; those that are open stay."""
-        ...
 
     def act(self, port: int, action: SocketAction) -> None:
         """Send or close; never blocks, never raises: what cannot be sent is counted."""
-        ...
 
     def join(self, port: int, group: IPv4Address) -> None:
         """Let frames to a multicast group pass to the port, until :meth:`leave` or the port is withdrawn.
 
         Never raises: what the machine refuses is counted.
         """
-        ...
 
     def leave(self, port: int, group: IPv4Address) -> None:
         """Undo :meth:`join`; does nothing where the port has not joined."""
-        ...
 
     def next_hop(self, port: int, address: IPv4Address) -> bytes | None:
         """The MAC address to which frames for ``address`` go: the station's or a router's; None: not known yet."""
-        ...
 
 
 def sockets_of(link: Link) -> SocketCarrier | None:

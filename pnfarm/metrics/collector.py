@@ -163,7 +163,7 @@ class FarmCollector(Collector):
                 (
                     "memory_saves_refused_total",
                     "counter",
-                    "Saves that the database of the drives' memory did not take.",
+                    "Saves that the database of the drives' memory did not accept.",
                 ),
                 (
                     "lease_held",

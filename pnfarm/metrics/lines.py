@@ -29,17 +29,17 @@ class LineFamilies:
         def counter(name: str, documentation: str, label: str) -> Family:
             return Family(f"pnfarm_line_{name}_total", "counter", documentation, ("line", label))
 
-        self._up = Family("pnfarm_line_up", "gauge", "Whether somebody is at the other end of the line.", ("line",))
+        self._up = Family("pnfarm_line_up", "gauge", "Whether the line is connected.", ("line",))
         self._telegrams = counter("telegrams", "Whole telegrams that the farm received and sent.", "direction")
         self._octets = counter("octets", "Octets that the farm received and sent.", "direction")
-        self._dropped = counter("dropped", "What came and was no telegram; garbage counts octets.", "reason")
+        self._dropped = counter("dropped", "Received data that are not telegrams; garbage counts octets.", "reason")
         self._lost = counter("octets_lost", "Octets that the farm could not send.", "reason")
-        self._interruptions = counter("interruptions", "How often the way to the other end broke.", "reason")
-        self._requests = counter("requests", "Requests of the master of some kinds.", "kind")
+        self._interruptions = counter("interruptions", "How often the connection of the line broke.", "reason")
+        self._requests = counter("requests", "Requests of the master, of some kinds.", "kind")
         self._withheld = Family(
             "pnfarm_line_answers_withheld_total",
             "counter",
-            "Answers that would have begun later than the line's limit, and were not given.",
+            "Answers that would have begun later than the line's limit, and were withheld.",
             ("line",),
         )
         self._reply = Histogram(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.faults.manager import RunState
@@ -25,6 +25,8 @@ from pnfarm.station.lateness import Lateness
 from pnfarm.vocabulary.durations import format_duration, format_measured
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pnfarm.farm.core import FarmCore
     from pnfarm.faults.manager import Injection
     from pnfarm.metrics import FarmCollector
@@ -164,6 +166,9 @@ class ScenarioRun(Flow):
                         self._power(name, on=False)
                     if word in {"on", "cycle"}:
                         self._power(name, on=True)
+            case "set":
+                for name, values in step.values["signals"].items():
+                    self._set(name, values)
             case "param":
                 for name in self.binding.chosen(step):
                     for parameter, value in step.values["set"].items():
@@ -172,6 +177,16 @@ class ScenarioRun(Flow):
                         except PnfarmError as error:
                             raise ConfigError(f"{name}, {parameter}: {error}") from error
                     self._core.settle(self._stations[name].station, self._now)
+
+    def _set(self, name: str, values: Mapping[str, Any]) -> None:
+        station = self._core.device(name)
+        if station.signals is None:
+            raise ConfigError(f"{name} has no signals: none of its modules has data")
+        try:
+            station.signals.set(values)
+        except PnfarmError as error:
+            raise ConfigError(f"{name}: {error}") from error
+        self._core.settle(station, self._now)
 
     def _end_fault(self, name: str) -> Life:
         yield from ()

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.metrics import FarmCollector
     from pnfarm.scenario.definition.binding import Binding
     from pnfarm.scenario.flow import Flow
+    from pnfarm.signals.signal import Signal
 
 __all__ = ["KeptScenarios", "RunningScenario", "RunningScenarios"]
 
@@ -86,6 +87,10 @@ class KeptScenarios(ABC):
     def _drives(self) -> Mapping[str, Model]:
         """The models of all drives by name."""
 
+    def _devices(self) -> Mapping[str, Mapping[str, Signal]] | None:
+        """The signals of all devices by name; None where they are not known."""
+        return None
+
     @abstractmethod
     def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
         """A run, and what carries it out."""
@@ -98,7 +103,7 @@ class KeptScenarios(ABC):
         scenario = parse_scenario(text, variables=variables)
         if scenario.overrides:
             raise ConfigError(f"with: sets keys of a farm file, and {self.RUNNING} already; leave it out")
-        binding = bind_scenario(scenario, self._drives(), fault_kinds())
+        binding = bind_scenario(scenario, self._drives(), fault_kinds(), self._devices())
         at_work = [found.id for found in self._kept.values() if not found.run.finished and found.part is part]
         if len(at_work) >= (MOST_PARTS_AT_WORK if part else MOST_AT_WORK):
             raise ConfigError(f"{len(at_work)} scenarios are at work ({', '.join(at_work)}); end one of them first")
@@ -152,6 +157,9 @@ class RunningScenarios(KeptScenarios):
 
     def _drives(self) -> Mapping[str, Model]:
         return {station.configured_name: station.model for station in self._core.axes}
+
+    def _devices(self) -> Mapping[str, Mapping[str, Signal]] | None:
+        return self._core.signals()
 
     def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
         now = self._now()

@@ -73,6 +73,30 @@ class Signal:
         else:
             octets[self.octet] &= ~(1 << self.bit) & 0xFF
 
+    def check(self, value: object) -> Value:
+        """A value that a user gives, as :meth:`write` takes it; :class:`Problem` for one that cannot be written."""
+        if self.direction == "output":
+            raise Problem("is an output: the controller alone writes it", "an input of the controller")
+        if not isinstance(value, bool | int | float | str | bytes):
+            raise Problem(f"is {shown(value)}", f"a value of type {self.type.name}")
+        found = self.parse(value) if isinstance(value, str) else value
+        self.write(bytearray(self.end), found)
+        return found
+
+    def refusal(self, value: object) -> Problem | None:
+        """Why :meth:`check` refuses a value; None if it does not."""
+        try:
+            self.check(value)
+        except Problem as problem:
+            return problem
+        return None
+
+    def taken(self, value: Value) -> Value:
+        """The value as it is read back when it has been written; a text is parsed.  :class:`Problem` as there."""
+        octets = bytearray(self.end)
+        self.write(octets, self.parse(value) if isinstance(value, str) else value)
+        return self.read(octets)
+
     def parse(self, text: str) -> Value:
         """A user's text as a value: ``true``, ``off``, ``12.5``, ``0x1F``, ``00 ff``; :class:`Problem` otherwise.
 
@@ -129,12 +153,16 @@ class Signal:
             raise Problem(f"{shown(value)} is not a number", "a number")
         if self.scale == 1:
             return value
+        try:
+            exact = value / self.scale
+        except OverflowError as error:
+            raise Problem(f"{shown(value)} is too large", "a number with fewer digits") from error
         if self.type.kind == "float":
-            return value / self.scale
+            return exact
         low, high = sorted(limit * self.scale for limit in self.type.limits)
-        if not math.isfinite(value):
+        if not math.isfinite(exact):
             raise Problem(f"{shown(value)} is not a finite number", f"{low:g} to {high:g}")
-        raw = round(value / self.scale)
+        raw = round(exact)
         least, most = self.type.limits
         if not least <= raw <= most:
             raise Problem(f"{shown(value)} is outside of {self.type.name} scaled by {self.scale:g}",

@@ -114,13 +114,8 @@ class StationSignals:
 
     def _put(self, octets: bytearray, name: str, value: Value) -> None:
         signal = self.signal(name)
-        if signal.direction == "output":
-            raise Problem("is an output: the controller alone writes it", self._inputs_in_words())
-        data = memoryview(octets)[self._places[signal.slot, signal.subslot, "input"] :]
-        signal.write(data, signal.parse(value) if isinstance(value, str) else value)
-
-    def _inputs_in_words(self) -> str:
-        return "inputs" if self._inputs is not None else "nothing, there are no inputs"
+        found = signal.check(value)
+        signal.write(memoryview(octets)[self._places[signal.slot, signal.subslot, "input"] :], found)
 
     def _unknown(self, name: str) -> tuple[str, str, str]:
         hint = did_you_mean(name, self._signals)

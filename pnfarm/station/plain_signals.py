@@ -23,6 +23,9 @@ class PlainSignals(Protocol):
     def revision(self) -> int:
         """Counts the changes that were seen."""
 
+    def signal(self, name: str) -> Any:
+        """One (:class:`pnfarm.signals.signal.Signal`) by its name."""
+
     def get(self, name: str) -> Value: ...
 
     def good(self, name: str) -> bool:

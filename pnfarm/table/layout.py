@@ -67,7 +67,7 @@ class Layout:
     ) -> None:
         names = [*(field.name for field in fields), *(part.name for part in parts)]
         if len(set(names)) != len(names):
-            raise ValueError(f"a name stands twice in layout {name}")
+            raise ValueError(f"a name is twice in layout {name}")
         if taken := sorted(_TAKEN.intersection(names)):
             raise ValueError(f"{name}.{taken[0]}: arrays have an attribute of that name")
         for field in fields:

@@ -44,7 +44,7 @@ PROGRAM = Layout(
     "One axis of the built-in controller.",
     [
         Field("active", "u1", "", "station", "row in use"),
-        Field("front", "u1", "", "station", "whose words it speaks: FIRMWARE_* of the axis"),
+        Field("front", "u1", "", "station", "whose words it uses: FIRMWARE_* of the axis"),
         Field("kind", "u1", "", "station", "IDLE .. PYTHON"),
         Field("enable", "u1", "", "station", "1 = switch the drive on, 0 = leave it ready"),
         Field("speed", "f8", "rpm", "station", "speed, or amplitude"),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     import httpx
 
-__all__ = ["FarmClient", "FarmError"]
+__all__ = ["FarmClient", "FarmError", "token_in"]
 
 #: Environment variable that names a file with the token; used if neither --token nor PNFARM_TOKEN is given.
 FILE_VARIABLE = "PNFARM_TOKEN_FILE"
@@ -41,16 +41,16 @@ def _base(address: str) -> str:
     return url if url.endswith("/api/v1") else f"{url}/api/v1"
 
 
-def _kept_token() -> str | None:
-    """The token in the file of PNFARM_TOKEN_FILE, if there is one."""
-    name = os.environ.get(FILE_VARIABLE)
+def token_in(variable: str = FILE_VARIABLE) -> str | None:
+    """The token in the file that an environment variable names, if it does.  Raises :class:`ConfigError`."""
+    name = os.environ.get(variable)
     if not name:
         return None
     try:
         return Path(name).read_text("ascii").strip() or None
     except (OSError, UnicodeError) as exc:
         why = (getattr(exc, "strerror", None) or str(exc)).lower()
-        raise ConfigError(f"the token's file {name} ({FILE_VARIABLE}) cannot be read: {why}") from exc
+        raise ConfigError(f"the token's file {name} ({variable}) cannot be read: {why}") from exc
 
 
 class FarmClient:
@@ -60,7 +60,7 @@ class FarmClient:
         import httpx
 
         self.address = address
-        token = token or _kept_token()
+        token = token or token_in()
         headers = {"Authorization": f"Bearer {token}"} if token else {}
         try:
             # a farm is on the local network: do not use the environment's proxies
@@ -78,12 +78,8 @@ class FarmClient:
     ) -> None:
         self._client.close()
 
-    def get(self, *path: str) -> Any:
+    def get(self, *path: str, query: Mapping[str, Any] | None = None) -> Any:
         """Read ``path``; its parts are quoted and may hold any characters."""
-        return self._ask("GET", path)
-
-    def ask(self, *path: str, query: Mapping[str, Any]) -> Any:
-        """Read ``path`` with a query."""
         return self._ask("GET", path, query=query)
 
     def put(self, *path: str, body: Mapping[str, Any]) -> Any:
@@ -91,6 +87,9 @@ class FarmClient:
 
     def post(self, *path: str, body: Mapping[str, Any] | None = None, query: Mapping[str, Any] | None = None) -> Any:
         return self._ask("POST", path, body, query)
+
+    def patch(self, *path: str, body: Mapping[str, Any]) -> Any:
+        return self._ask("PATCH", path, body)
 
     def delete(self, *path: str, query: Mapping[str, Any] | None = None) -> Any:
         return self._ask("DELETE", path, query=query)

@@ -30,7 +30,8 @@ class Command:
     """``run`` is a function with Typer's annotations, or a group of such.
 
     ``behind`` names the command that it follows in the help; within a panel, groups come after plain commands.
-    ``pnfarm --help`` imports the modules of all commands, so they import at the top only what the help needs.
+    ``pnfarm --help`` imports the modules of all commands, so they import at the top only what the help needs,
+    and what imports next to nothing itself: ``errors``, ``terminal``.
     """
 
     name: str
@@ -50,7 +51,7 @@ def arranged(commands: Iterable[Command], further: Iterable[Command]) -> list[Co
         if command.name in names:
             raise ValueError(f"two commands are called {command.name}")
         if command.behind not in names:
-            raise ValueError(f"{command.name} is to stand behind {command.behind}, which is no command")
+            raise ValueError(f"{command.name} is to follow {command.behind}, which is not a command")
         place = names.index(command.behind) + 1
         while place < len(found) and found[place].behind == command.behind:
             place += 1

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pnfarm.errors import ConfigError, EnvironmentError_
+from pnfarm.terminal.output import print_line, print_next
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -18,7 +21,7 @@ ModelArgument = Annotated[str, typer.Argument(metavar="MODEL", help="Drive model
 FolderOption = Annotated[
     Path,
     typer.Option(
-        "--output", "-o", metavar="DIR", help="Folder for the file, made if need be; - prints it.", allow_dash=True
+        "--output", "-o", metavar="DIR", help="Folder for the file, made if needed; - prints it.", allow_dash=True
     ),
 ]
 
@@ -31,8 +34,6 @@ def write_description(
     Raises :class:`ConfigError` for a model that does not exist or is on another bus.
     """
     from pnfarm.drives import catalogue
-    from pnfarm.errors import ConfigError, EnvironmentError_
-    from pnfarm.terminal.output import print_line, print_next
 
     described = catalogue.model(model)
     octets = emit(described)

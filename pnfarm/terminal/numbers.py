@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.errors import ConfigError
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -19,8 +21,6 @@ def number_of(what: str, most: int) -> Callable[[str | int], int]:
     """The reader of one argument or option; it raises :class:`ConfigError` for anything but 0 to ``most``."""
 
     def read(text: str | int) -> int:
-        from pnfarm.errors import ConfigError
-
         word = str(text)
         try:
             value = int(word, 0)

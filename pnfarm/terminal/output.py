@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from rich.console import Console
     from rich.table import Table
 
-__all__ = ["console", "make_table", "number", "print_json", "print_line", "print_next", "print_table", "seconds"]
+__all__ = [
+    "console", "make_table", "number", "print_found", "print_json", "print_line", "print_next",
+    "print_section", "print_table", "seconds",
+]  # fmt: skip
 
+_T = TypeVar("_T")
 #: Width where standard output is not a terminal: nothing is truncated.
 _UNBOUNDED = 10_000
 
@@ -33,6 +37,14 @@ def print_next(step: str) -> None:
 def print_json(value: Any) -> None:
     """Print one JSON document, indented."""
     print_line(json.dumps(value, indent=2, default=str))
+
+
+def print_found(found: _T, output: str, show: Callable[[_T], None]) -> None:
+    """As JSON if ``output`` says so, else as ``show`` prints it for people."""
+    if output == "json":
+        print_json(found)
+    else:
+        show(found)
 
 
 def console() -> Console:
@@ -84,6 +96,12 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> Non
         out.print(table)
     for line in capture.get().splitlines():
         print_line(line.rstrip())
+
+
+def print_section(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """A blank line, then the table."""
+    print_line()
+    print_table(columns, rows)
 
 
 def seconds(value: float | None) -> str:

@@ -26,9 +26,9 @@ def raise_for_missing(found: Mapping[str, Any]) -> None:
     if isinstance(missing, dict):
         raise RemoteError(f"{found.get('name', 'the drive')} is unreachable: {missing['reason']}")
     if isinstance(missing[0], str):
-        raise RemoteError(f"not known of {_few(missing)}, which are unreachable: what is shown was seen last")
+        raise RemoteError(f"unknown for {_few(missing)}, which are unreachable: the last known state is shown")
     shards = [one["shard"] for one in missing]
-    raise RemoteError(f"unreachable, so that their part is missing: {_few(shards)}: {missing[0]['reason']}")
+    raise RemoteError(f"unreachable, their part is missing: {_few(shards)}: {missing[0]['reason']}")
 
 
 def _few(names: list[str]) -> str:

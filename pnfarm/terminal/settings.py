@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -22,6 +22,7 @@ __all__ = [
     "ShardOption",
     "TokenOption",
     "help_without_command",
+    "setting",
     "settings",
 ]
 
@@ -71,16 +72,21 @@ class Settings:
 #: Global options of the running command; set by the program's callback.
 settings = Settings()
 
+
+def setting(flag: str, variable: str, text: str, **options: Any) -> Any:
+    """An option with its help, which an environment variable may give, too; ``options`` are Typer's.
+
+    The command's text lists the variables, the help does not.
+    """
+    return typer.Option(flag, envvar=variable, show_envvar=False, help=text, **options)
+
+
 FarmFile = Annotated[Path, typer.Argument(help="Farm file, *.pnfarm.yml.", metavar="FILE", show_default=False)]
 FormatOption = Annotated[Format, typer.Option("--format", help="Output format.")]
 ShardOption = Annotated[
     str | None,
-    typer.Option(
-        "--shard",
-        help="Part I of N of the drives, as `pnfarm up --shard I/N` runs it.",
-        metavar="I/N",
-        envvar="PNFARM_UP_SHARD",
-        show_envvar=False,
+    setting(
+        "--shard", "PNFARM_UP_SHARD", "Part I of N of the drives, as `pnfarm up --shard I/N` runs it.", metavar="I/N"
     ),
 ]
 ApiOption = Annotated[

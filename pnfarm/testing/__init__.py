@@ -22,9 +22,11 @@ and ``pnfarm_rig`` is the rig that ``--pnfarm-rig`` names (docs/testing.md).
 from __future__ import annotations
 
 from pnfarm.farm.wait import NotInTime
+from pnfarm.testing.device import Device
 from pnfarm.testing.drive import Drive, FaultReading
 from pnfarm.testing.fault import Fault
 from pnfarm.testing.line import Line
 from pnfarm.testing.rig import Rig, RigDrive, RigFault
+from pnfarm.testing.rig_device import RigDevice
 
-__all__ = ["Drive", "Fault", "FaultReading", "Line", "NotInTime", "Rig", "RigDrive", "RigFault"]
+__all__ = ["Device", "Drive", "Fault", "FaultReading", "Line", "NotInTime", "Rig", "RigDevice", "RigDrive", "RigFault"]

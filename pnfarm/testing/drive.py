@@ -29,7 +29,6 @@ class Host(Protocol):
 
     def changed(self, station: Axis) -> None:
         """A test changed this drive: let it process the consequences."""
-        ...
 
 
 class Drive(DriveReadings):
@@ -58,7 +57,7 @@ class Drive(DriveReadings):
         self._host.changed(self._station)
 
     def inject(self, kind: str, **options: Any) -> Fault:
-        """Break it: as :meth:`pnfarm.testing.Line.inject`, on this drive."""
+        """Inject a fault: as :meth:`pnfarm.testing.Line.inject`, on this drive."""
         return self._host.inject(kind, self.name, **options)
 
     def power_off(self) -> None:

@@ -15,7 +15,9 @@ from pnfarm.farm.file.reading import load_farm, parse_farm
 from pnfarm.farm.injection_fields import fields_of
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.wait import NotInTime
+from pnfarm.links.memory import at_once
 from pnfarm.station.event_log import EventLog
+from pnfarm.testing.device import Device
 from pnfarm.testing.drive import Drive
 from pnfarm.testing.face import BlockingFace
 from pnfarm.testing.fault import Fault
@@ -129,7 +131,7 @@ class Line(BlockingFace[Drive]):
     ) -> float:
         """Let time pass until the condition holds; returns how long that took, in seconds.
 
-        It is looked at behind each event and ``every`` so many seconds.  Raises :class:`NotInTime`.
+        It is checked after each event and ``every`` so many seconds.  Raises :class:`NotInTime`.
         """
         self._check_open()
         if within < 0 or every <= 0:
@@ -161,10 +163,18 @@ class Line(BlockingFace[Drive]):
             raise ConfigError(f"the line has no drive {name!r}; it has {', '.join(self._drives)}")
         return self._drives[name]
 
+    @property
+    def devices(self) -> list[Device]:
+        return [Device(self, station) for station in self.core.stations if not station.axes]
+
+    def device(self, name: str) -> Device:
+        """A device by its name.  Raises :class:`ConfigError`."""
+        return Device(self, self.core.device(name))
+
     # -- faults
 
     def inject(self, kind: str, on: str | list[str] = "all", **options: Any) -> Fault:
-        """Break drives: ``inject("loss", on="axis-*", probability=0.1)``, ``inject("drive-fault", fault=702)``.
+        """Inject a fault: ``inject("loss", on="axis-*", probability=0.1)``, ``inject("drive-fault", fault=702)``.
 
         ``options`` are the common fields (``count``, ``for_`` and ``after`` in seconds, ``probability``, ``seed``,
         ``direction``, ``cycles``, ``after_cycles``) and the parameters of the kind (``pnfarm fault kinds``).
@@ -235,10 +245,4 @@ class Line(BlockingFace[Drive]):
 
 
 def _wait(work: Coroutine[Any, Any, _T]) -> _T:
-    """Carry out a coroutine that never really waits, also where a loop runs already (in an asynchronous test)."""
-    try:
-        work.send(None)
-    except StopIteration as end:
-        return end.value  # type: ignore[no-any-return]  # the coroutine's result
-    work.close()
-    raise ConfigError("a line in memory needs nothing to wait for")
+    return at_once(work, ConfigError("a line in memory needs nothing to wait for"))

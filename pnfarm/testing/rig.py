@@ -19,6 +19,7 @@ from pnfarm.library.arguments import duration_ns
 from pnfarm.library.reading import Reading
 from pnfarm.testing.face import BlockingFace
 from pnfarm.testing.fault import BlockingFault
+from pnfarm.testing.rig_device import RigDevice
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine, Mapping, Sequence
@@ -105,6 +106,15 @@ class Rig(BlockingFace["RigDrive"]):
         """A drive by its name.  Raises :class:`ConfigError`."""
         return RigDrive(self, self._farm.drive(name))
 
+    @property
+    def devices(self) -> list[RigDevice]:
+        """Every device, in the farm's order."""
+        return [RigDevice(self.call, device) for device in self._farm.devices]
+
+    def device(self, name: str) -> RigDevice:
+        """A device by its name.  Raises :class:`ConfigError`."""
+        return RigDevice(self.call, self._farm.device(name))
+
     def run(self, seconds: float) -> None:
         """Let time pass."""
         self.call(self._farm.run(seconds))
@@ -133,7 +143,7 @@ class Rig(BlockingFace["RigDrive"]):
     # -- faults, scenarios, what happened
 
     def inject(self, kind: str, on: str | Sequence[str] = "all", **options: Any) -> RigFault:
-        """Break drives: as :meth:`pnfarm.testing.Line.inject`; ends with its ``with`` statement."""
+        """Inject a fault: as :meth:`pnfarm.testing.Line.inject`; ends with its ``with`` statement."""
         return RigFault(self, self.call(_begun(self._farm.fault(kind, on, **options))))
 
     def reset(self) -> list[str]:
@@ -235,7 +245,7 @@ class RigDrive:
         return self._rig.call(self._drive.wait_for(condition, within))
 
     def inject(self, kind: str, **options: Any) -> RigFault:
-        """Break it: as :meth:`Rig.inject`, on this drive."""
+        """Inject a fault: as :meth:`Rig.inject`, on this drive."""
         return self._rig.inject(kind, self.name, **options)
 
     def parameter(self, name: str | int) -> int:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Column", "Recording"]
 
+#: Fields of a recording, and of a column, that are plain JSON values.
+_PLAIN = ("id", "state", "triggered", "triggered_by", "trigger", "interval_seconds")
+_OF_COLUMN = ("drive", "signal", "unit", "form")
 #: Lines of CSV in one piece.
 _LINES = 512
 
@@ -51,10 +54,7 @@ class Column:
         """For JSON."""
         labels = {str(value): label for value, label in self.labels.items()}
         return {
-            "drive": self.drive,
-            "signal": self.signal,
-            "unit": self.unit,
-            "form": self.form,
+            **{key: getattr(self, key) for key in _OF_COLUMN},
             "values": np.nan_to_num(self.values).tolist(),
             **({"labels": labels} if labels else {}),
         }
@@ -64,7 +64,7 @@ class Column:
         """From :meth:`as_dict`."""
         real = data["form"] == "real"
         values = np.array(data["values"], np.float64 if real else np.int64)
-        return cls(data["drive"], data["signal"], data["unit"], data["form"], values)
+        return cls(**{key: data[key] for key in _OF_COLUMN}, values=values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,12 +111,7 @@ class Recording:
     def as_dict(self) -> dict[str, Any]:
         """For JSON; :meth:`from_dict` reads it."""
         return {
-            "id": self.id,
-            "state": self.state,
-            "triggered": self.triggered,
-            "triggered_by": self.triggered_by,
-            "trigger": self.trigger,
-            "interval_seconds": self.interval_seconds,
+            **{key: getattr(self, key) for key in _PLAIN},
             "samples": len(self.time),
             "missed": self.missed,
             "time": self.time.tolist(),
@@ -126,17 +121,9 @@ class Recording:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Recording:
         """From :meth:`as_dict`."""
-        return cls(
-            id=data["id"],
-            state=data["state"],
-            triggered=data["triggered"],
-            triggered_by=data["triggered_by"],
-            trigger=data["trigger"],
-            interval_seconds=data["interval_seconds"],
-            missed=data["missed"],
-            time=np.array(data["time"], np.float64),
-            columns=tuple(Column.from_dict(column) for column in data["columns"]),
-        )
+        columns = tuple(Column.from_dict(column) for column in data["columns"])
+        time = np.array(data["time"], np.float64)
+        return cls(**{key: data[key] for key in _PLAIN}, missed=data["missed"], time=time, columns=columns)
 
     def csv_lines(self) -> Iterator[str]:
         """CSV in pieces of some lines: a head line, then one for each sample; codes by names (``S4``, ``702``)."""

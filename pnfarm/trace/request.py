@@ -134,7 +134,7 @@ class TraceRequest:
                 },
                 "interval": {**duration, "description": "Instead of every: time between samples."},
                 "as": {"type": "string", "pattern": f"^{_NAME.pattern}$", "description": "Name to read it by."},
-                "keep": {**duration, "description": "How long it stays while nobody asks for it; default 10min."},
+                "keep": {**duration, "description": "How long it is kept while it is not read; default 10min."},
             },
         }
 

@@ -138,7 +138,7 @@ def parse_trigger(text: object) -> Trigger:
     if (match := _EVENT.fullmatch(body)) and match[1].lower() in EVENTS:
         event, argument = match[1].lower(), match[2] or ""
         if argument and event not in _WITH_ARGUMENT:
-            raise Problem(f"{shown(whole)}: {event} takes nothing behind it but `on DRIVE`", TRIGGER)
+            raise Problem(f"{shown(whole)}: {event} takes nothing after it but `on DRIVE`", TRIGGER)
         return EventTrigger(whole, codes.TRIGGER_EVENT, on, event, argument)
     if _SIGNAL.fullmatch(body) and "-" not in body:
         return SignalTrigger(whole, codes.TRIGGER_UNEQUAL, on, word, "0")

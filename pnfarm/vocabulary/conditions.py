@@ -302,7 +302,7 @@ class _Parser:
             case "end":
                 raise ConditionError("ends where a name or a value is needed", token.column)
             case _:
-                raise ConditionError(f"{shown(token.text)} stands where a name or a value is needed", token.column)
+                raise ConditionError(f"{shown(token.text)} is where a name or a value is needed", token.column)
 
     @staticmethod
     def _number(token: _Token) -> Number:
@@ -320,32 +320,27 @@ class _Parser:
         return Name(name, token.column, parameter=True)
 
 
-def comparisons_in(tree: Tree) -> list[Comparison]:
-    """Every comparison of a tree, in the order of the text."""
+def _nodes(tree: Tree) -> Iterator[Tree]:
+    """A tree and everything in it, in the order of the text."""
+    yield tree
     match tree:
         case Comparison():
-            return [tree]
+            yield from (tree.left, tree.right)
         case Not():
-            return comparisons_in(tree.inner)
+            yield from _nodes(tree.inner)
         case Both() | Either():
-            return [one for part in tree.parts for one in comparisons_in(part)]
-        case _:
-            return []
+            for part in tree.parts:
+                yield from _nodes(part)
+
+
+def comparisons_in(tree: Tree) -> list[Comparison]:
+    """Every comparison of a tree, in the order of the text."""
+    return [node for node in _nodes(tree) if isinstance(node, Comparison)]
 
 
 def names_in(tree: Tree) -> list[Name]:
     """Every name of a tree, in the order of the text."""
-    match tree:
-        case Name():
-            return [tree]
-        case Comparison():
-            return [*names_in(tree.left), *names_in(tree.right)]
-        case Not():
-            return names_in(tree.inner)
-        case Both() | Either():
-            return [name for part in tree.parts for name in names_in(part)]
-        case _:
-            return []
+    return [node for node in _nodes(tree) if isinstance(node, Name)]
 
 
 def evaluate(tree: Tree, value_of: Callable[[Operand], Value]) -> bool:

@@ -8,9 +8,9 @@ from contextvars import ContextVar
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
-__all__ = ["did_you_mean", "few_hints", "shown"]
+__all__ = ["did_you_mean", "few_hints", "shortened", "shown"]
 
 #: A value longer than this is cut when a message quotes it.
 _SHOWN = 60
@@ -28,6 +28,12 @@ def few_hints(most: int = 100) -> Iterator[None]:
         yield
     finally:
         _hints.reset(token)
+
+
+def shortened(names: Sequence[str], most: int = 8) -> str:
+    """Names for one line: the first ones, and how many more there are."""
+    more = len(names) - most
+    return " ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

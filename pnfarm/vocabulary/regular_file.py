@@ -33,7 +33,7 @@ def read_regular(path: Path, most: int) -> bytes:
         mode = os.fstat(fd).st_mode
         if not stat.S_ISREG(mode):
             what = _KINDS.get(stat.S_IFMT(mode), "it is not a file")
-            raise OSError(errno.EINVAL, f"{what}, no regular file", str(path))
+            raise OSError(errno.EINVAL, f"{what}, not a regular file", str(path))
         with os.fdopen(fd, "rb", closefd=False) as file:
             return file.read(most)
     finally:

@@ -28,8 +28,10 @@ class RequestError(ConfigError):
             self.status = status
 
 
-class NotFoundError(ConfigError):
+class NotFoundError(RequestError):
     """The path names something that does not exist."""
+
+    status = HTTPStatus.NOT_FOUND
 
 
 @contextmanager
@@ -41,8 +43,10 @@ def named_by_path() -> Iterator[None]:
         raise NotFoundError(str(exc)) from exc
 
 
-class TooLargeError(ConfigError):
+class TooLargeError(RequestError):
     """A body larger than any request needs."""
+
+    status = HTTPStatus.REQUEST_ENTITY_TOO_LARGE
 
 
 class ClientGoneError(ConfigError):

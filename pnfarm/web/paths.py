@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
-__all__ = ["Described", "Paths"]
+__all__ = ["Described", "Paths", "text"]
 
 _H = TypeVar("_H", bound="Callable[..., Any]")
 
@@ -23,6 +23,11 @@ class Described:
 
     summary: str = ""
     answers: Mapping[int, Any] = field(default_factory=dict)
+
+
+def text(media_type: str, schema: Mapping[str, str] | None = None) -> dict[int, Any]:
+    """Answers that are no JSON."""
+    return {200: {"content": {media_type: {"schema": schema or {"type": "string"}}}}}
 
 
 class Paths:

@@ -2,14 +2,15 @@
 
 The two classes under every codec.  A :class:`Reader` never reads beyond its window and raises
 :class:`~pnfarm.errors.DecodeError` (reason ``short``) instead; it only moves forward, so that no
-parser built on it can loop over the same byte.  Numbers are big-endian (network order) unless the
-name ends in ``le``.
+parser built on it can loop over the same byte.  Numbers are big-endian (network order) unless it is ``little``.
 """
 
 from __future__ import annotations
 
 import builtins
 import struct
+from typing import Any, Literal
+from uuid import UUID
 
 from pnfarm.errors import DecodeError
 
@@ -27,10 +28,12 @@ def pack(layout: struct.Struct, *fields: int | builtins.bytes) -> builtins.bytes
 class Reader:
     """A forward-only cursor over ``data[start:end]``."""
 
-    __slots__ = ("_data", "_end", "_pos")
+    __slots__ = ("_data", "_end", "_order", "_pos", "little")
 
-    def __init__(self, data: builtins.bytes | bytearray | memoryview) -> None:
+    def __init__(self, data: builtins.bytes | bytearray | memoryview, little: bool = False) -> None:
         self._data = memoryview(data).cast("B") if not isinstance(data, memoryview) else data
+        self.little = little
+        self._order: Literal["little", "big"] = "little" if little else "big"
         self._pos = 0
         self._end = len(self._data)
 
@@ -55,32 +58,22 @@ class Reader:
         return self._data[self._take(1)]
 
     def u16(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(2)) : p + 2], "big")
+        return int.from_bytes(self._data[(p := self._take(2)) : p + 2], self._order)
 
     def u32(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(4)) : p + 4], "big")
-
-    def u64(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(8)) : p + 8], "big")
-
-    def i16(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(2)) : p + 2], "big", signed=True)
-
-    def i32(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(4)) : p + 4], "big", signed=True)
-
-    def u16le(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(2)) : p + 2], "little")
-
-    def u32le(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(4)) : p + 4], "little")
-
-    def u64le(self) -> int:
-        return int.from_bytes(self._data[(p := self._take(8)) : p + 8], "little")
+        return int.from_bytes(self._data[(p := self._take(4)) : p + 4], self._order)
 
     def f32(self) -> float:
         (value,) = struct.unpack(">f", self._data[(p := self._take(4)) : p + 4])
         return float(value)
+
+    def uuid(self) -> UUID:
+        octets = self.bytes(16)
+        return UUID(bytes_le=octets) if self.little else UUID(bytes=octets)
+
+    def unpack(self, layout: struct.Struct) -> tuple[Any, ...]:
+        """The next octets, of a fixed layout that has a byte order of its own."""
+        return layout.unpack_from(self._data, self._take(layout.size))
 
     def bytes(self, count: int) -> builtins.bytes:
         """The next ``count`` octets."""
@@ -101,7 +94,7 @@ class Reader:
     def sub(self, count: int) -> Reader:
         """A reader over the next ``count`` octets alone; this one moves past them."""
         start = self._take(count)
-        return Reader(self._data[start : start + count])
+        return Reader(self._data[start : start + count], self.little)
 
     def expect_end(self) -> None:
         """Raise ``trailing`` unless everything was read."""
@@ -112,47 +105,30 @@ class Reader:
 class Writer:
     """Appends octets; values out of range raise :class:`ValueError`: a defect here, never of a peer's data."""
 
-    __slots__ = ("_buf",)
+    __slots__ = ("_buf", "little")
 
-    def __init__(self) -> None:
+    def __init__(self, little: bool = False) -> None:
         self._buf = bytearray()
+        self.little = little
 
     def __len__(self) -> int:
         return len(self._buf)
 
-    def _put(self, value: int, width: int, order: str, signed: bool = False) -> Writer:
+    def _put(self, value: int, width: int) -> Writer:
         try:
-            self._buf += value.to_bytes(width, order, signed=signed)  # type: ignore[arg-type]  # order is a literal at every caller
+            self._buf += value.to_bytes(width, "little" if self.little else "big")
         except OverflowError as exc:
             raise ValueError(f"{value} does not fit in {width} octets") from exc
         return self
 
     def u8(self, value: int) -> Writer:
-        return self._put(value, 1, "big")
+        return self._put(value, 1)
 
     def u16(self, value: int) -> Writer:
-        return self._put(value, 2, "big")
+        return self._put(value, 2)
 
     def u32(self, value: int) -> Writer:
-        return self._put(value, 4, "big")
-
-    def u64(self, value: int) -> Writer:
-        return self._put(value, 8, "big")
-
-    def i16(self, value: int) -> Writer:
-        return self._put(value, 2, "big", signed=True)
-
-    def i32(self, value: int) -> Writer:
-        return self._put(value, 4, "big", signed=True)
-
-    def u16le(self, value: int) -> Writer:
-        return self._put(value, 2, "little")
-
-    def u32le(self, value: int) -> Writer:
-        return self._put(value, 4, "little")
-
-    def u64le(self, value: int) -> Writer:
-        return self._put(value, 8, "little")
+        return self._put(value, 4)
 
     def f32(self, value: float) -> Writer:
         self._buf += struct.pack(">f", value)
@@ -162,6 +138,9 @@ class Writer:
         self._buf += data
         return self
 
+    def uuid(self, value: UUID) -> Writer:
+        return self.bytes(value.bytes_le if self.little else value.bytes)
+
     def zeros(self, count: int) -> Writer:
         self._buf += builtins.bytes(count)
         return self
@@ -169,13 +148,6 @@ class Writer:
     def align(self, width: int) -> Writer:
         """Pad with zeros to the next multiple of ``width`` from this writer's start."""
         return self.zeros(-len(self._buf) % width)
-
-    def patch_u16(self, position: int, value: int) -> Writer:
-        """Overwrite two octets already written (a length that is known only at the end)."""
-        if not 0 <= position <= len(self._buf) - 2:
-            raise ValueError(f"position {position} lies outside of {len(self._buf)} octets")
-        self._buf[position : position + 2] = value.to_bytes(2, "big")
-        return self
 
     def getvalue(self) -> builtins.bytes:
         return builtins.bytes(self._buf)

@@ -16,7 +16,7 @@ from typing import Literal
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
-__all__ = ["BOOL", "MAX_OCTETS", "TYPE_PATTERN", "UINT8", "ByteOrder", "Value", "ValueType", "parse_type"]
+__all__ = ["BOOL", "MAX_OCTETS", "TYPE_PATTERN", "UINT8", "ByteOrder", "Value", "ValueType", "read_type"]
 
 Value = bool | int | float | bytes | str
 ByteOrder = Literal["big", "little"]
@@ -112,7 +112,7 @@ class ValueType:
     def _whole(self, value: Value) -> int:
         if not isinstance(value, int | float):
             raise Problem(f"{shown(value)} is not a number", f"a whole number, {self._range()}")
-        if not math.isfinite(value) or value != int(value):
+        if isinstance(value, float) and not value.is_integer():
             raise Problem(f"{shown(value)} is not a whole number", f"a whole number, {self._range()}")
         low, high = self.limits
         if not low <= value <= high:
@@ -144,7 +144,7 @@ _NAMED = {
 _SIZED = re.compile(r"(octets|text)\[([0-9]{1,4})\]")
 
 
-def parse_type(text: str) -> ValueType:
+def read_type(text: str) -> ValueType:
     """A type by its name; :class:`Problem` with those that there are."""
     word = text.strip().lower()
     found = _NAMED.get(word)

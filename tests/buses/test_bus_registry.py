@@ -94,7 +94,7 @@ def test_commands_placed_after_the_same_one_keep_their_order():
 
 
 def test_a_command_has_its_own_name_and_is_placed_after_a_known_one():
-    with pytest.raises(ValueError, match="behind sideways, which is no command"):
+    with pytest.raises(ValueError, match="to follow sideways, which is not a command"):
         names("sideways")
     taken = Command("up", Panel.FARM, listen, behind="up")
     with pytest.raises(ValueError, match="two commands are called up"):

@@ -205,7 +205,7 @@ def file(tmp_path, network):
         (["--pcap", "OUT", "--pcap-size", "10kB"], 2, "a file of 10kB is too small for a capture"),
         (["--pcap", "OUT", "--pcap-size", "lots"], 2, "'lots' is not a size"),
         (["--pcap", "OUT", "--pcap-drives", "motor-*"], 2, "no drive of the farm is called 'motor-*'"),
-        (["--pcap-size", "10MB"], 2, "say where the capture goes: --pcap OUT.pcapng"),
+        (["--pcap-size", "10MB"], 2, "name the capture's file: --pcap OUT.pcapng"),
         (["--pcap", "NOWHERE/OUT"], 4, "cannot be written: No such file or directory"),
         (["--pcap", "/dev/full"], 4, "capture /dev/full cannot be written: No space left on device"),
     ],

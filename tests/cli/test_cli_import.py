@@ -164,7 +164,7 @@ def taped(folder, item=None, asked=None, refusal=None):
         tape.udp(1, emit_encapsulation(answer), (44818, 50_000))
     if refusal is not None:
         tape.ask(message_request(Service.FORWARD_OPEN, MANAGER, fo.emit_forward_open(asked)))
-        tape.answer(Service.FORWARD_OPEN, fo.emit_forward_refusal(fo.ForwardRefusal(asked.triad)), 1, refusal)
+        tape.answer(Service.FORWARD_OPEN, fo.ForwardRefusal(asked.triad).emit(), 1, refusal)
     elif asked is not None:
         connect(tape, asked)
     file = folder / "cell.pcapng"

@@ -75,7 +75,6 @@ def on_the_wire(monkeypatch, refused=""):
 
     from pnfarm.buses.profinet.commands import device
     from pnfarm.errors import RemoteError
-    from pnfarm.protocols.profinet.wire.any_block import emit_block
     from pnfarm.protocols.profinet.wire.records.identification import (
         ApiData,
         IdentificationApi,
@@ -85,7 +84,7 @@ def on_the_wire(monkeypatch, refused=""):
 
     slots = (IdentificationSlot(0, 0x10, ((1, 0x11),)), IdentificationSlot(1, 0x100, ((1, 0xFFFF), (2, 0x68))))
     apis = (IdentificationApi(0, slots[:1]), IdentificationApi(0x3A00, slots[1:]))
-    answers = {0xF821: emit_block(ApiData((0,))), 0xF000: emit_block(IdentificationData(0x0013, apis))}
+    answers = {0xF821: ApiData((0,)).emit(), 0xF000: IdentificationData(0x0013, apis).emit()}
     asked = []
 
     def access(interface, own_ip, task, more):

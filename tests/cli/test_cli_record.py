@@ -11,7 +11,6 @@ from pnfarm.buses.profinet.commands.record import WRITE_OCTETS, _lines
 from pnfarm.cli.main import main
 from pnfarm.links.base import Port
 from pnfarm.links.callbacks import raise_of_callbacks
-from pnfarm.protocols.profinet.wire.any_block import emit_block
 from pnfarm.protocols.profinet.wire.block import RawBlock
 from pnfarm.protocols.profinet.wire.block_texts import blocks_in_line, blocks_in_words
 from pnfarm.protocols.profinet.wire.records.pdev import MultipleBlock
@@ -35,7 +34,7 @@ def test_what_is_no_block_stays_hexadecimal(data: bytes) -> None:
 
 def test_blocks_inside_of_a_block_are_shown_by_their_fields() -> None:
     inner = RawBlock(0x0251, bytes.fromhex("003f") + bytes(24), 0x0101)
-    data = emit_block(MultipleBlock(0, 0, 0x8001, (inner, RawBlock(0x7FFF, b"\x01"))))
+    data = MultipleBlock(0, 0, 0x8001, (inner, RawBlock(0x7FFF, b"\x01"))).emit()
     (block,) = blocks_in_words(data)
     assert [one["block"] for one in block["blocks"]] == ["PortStatistic", "RawBlock"]
     assert block["blocks"][0]["status"] == 0x3F

@@ -14,7 +14,6 @@ from pnfarm.buses.profinet.controller.module_client import DeviceModule, DeviceS
 from pnfarm.buses.profinet.controller.record_client import RecordClient, RecordTask
 from pnfarm.errors import RemoteError
 from pnfarm.links.base import PortSpec
-from pnfarm.protocols.profinet.wire.any_block import emit_block
 from pnfarm.protocols.profinet.wire.records.identification import (
     ApiData,
     IdentificationApi,
@@ -126,7 +125,7 @@ def asked(answers):
 
 
 def identification(api, *slots, version=0x0101):
-    return Answer(emit_block(IdentificationData(0x0013, (IdentificationApi(api, slots),), version)))
+    return Answer(IdentificationData(0x0013, (IdentificationApi(api, slots),), version).emit())
 
 
 DAP = IdentificationSlot(0, 0x10, ((1, 0x11), (0x8000, 0x12)))
@@ -151,7 +150,7 @@ def test_a_device_without_the_drives_api_has_its_other_modules():
 def test_a_module_in_two_apis_is_listed_once():
     own = IdentificationSlot(1, 0x20, ((9, 0x99),))
     modules, places = asked({
-        APIS: Answer(emit_block(ApiData((0, 0x3A00, 0)))),
+        APIS: Answer(ApiData((0, 0x3A00, 0)).emit()),
         (0, 0xF000): identification(0, DAP, own),
         (0x3A00, 0xF000): identification(0x3A00, AXIS),
     })  # fmt: skip
@@ -161,7 +160,7 @@ def test_a_module_in_two_apis_is_listed_once():
 
 def test_an_answer_in_the_older_form_is_of_the_api_that_was_asked_for():
     old = identification(0, AXIS, version=0x0100)
-    modules, _ = asked({APIS: Answer(emit_block(ApiData((0x3A00,)))), (0x3A00, 0xF000): old})
+    modules, _ = asked({APIS: Answer(ApiData((0x3A00,)).emit()), (0x3A00, 0xF000): old})
     assert {s.api for s in modules[0].submodules} == {0x3A00}
 
 

@@ -464,7 +464,7 @@ def pipe(tmp_path):
 
 
 def test_a_pipe_is_refused_and_not_waited_for(pipe):
-    with pytest.raises(FarmFileError, match=r"pipe\.pnfarm\.yml: cannot be read: it is a pipe, no regular file"):
+    with pytest.raises(FarmFileError, match=r"pipe\.pnfarm\.yml: cannot be read: it is a pipe, not a regular file"):
         load_farm(pipe)
 
 

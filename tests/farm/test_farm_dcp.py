@@ -23,13 +23,8 @@ from pnfarm.protocols.profinet.wire.dcp.blocks import (
     ResetToFactoryBlock,
     SignalBlock,
 )
-from pnfarm.protocols.profinet.wire.records.fsu import (
-    FSU_DATA_ADJUST_INDEX,
-    FsHello,
-    FsuDataAdjust,
-    emit_fsu_data_adjust,
-)
-from pnfarm.protocols.profinet.wire.records.pdev import InterfaceAdjust, emit_interface_adjust
+from pnfarm.protocols.profinet.wire.records.fsu import FSU_DATA_ADJUST_INDEX, FsHello, FsuDataAdjust
+from pnfarm.protocols.profinet.wire.records.pdev import InterfaceAdjust
 from pnfarm.station.event_log import EventLog
 
 FILE = """
@@ -145,7 +140,7 @@ def test_a_drive_that_loses_its_supply_stops_flashing():
 # -- factory settings --------------------------------------------------------------------------------------------------
 
 #: PDInterfaceAdjust: LLDP names of the newer kind.
-ADJUST = emit_interface_adjust(InterfaceAdjust(1))
+ADJUST = InterfaceAdjust(1).emit()
 FULL = {
     "name": "press-7", "ip": "10.77.0.99/23", "gateway": "", "dns": ["10.77.0.53", "0.0.0.0", "0.0.0.0", "0.0.0.0"],
     "drive": {"2497": 4711}, "im": {"1": b"tag"}, "pdev": {"8090": b"x"}, "hello": [1, 30, 3, 0], "snmp": {"name": "x"},
@@ -306,7 +301,7 @@ def test_the_fast_start_up_record_rules_over_the_farm_file_until_it_is_reset():
     memory = VolatileMemory()
     line = Farm(memory=memory)
     station = line.farm.axes[0]
-    record = emit_fsu_data_adjust(FsuDataAdjust((FsHello(2, 100, 2, 500),)))
+    record = FsuDataAdjust((FsHello(2, 100, 2, 500),)).emit()
     station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record, line.world.now)
     assert "hello set" in line.events()
     tool = Tool(line)
@@ -325,7 +320,7 @@ def test_the_fast_start_up_record_rules_over_the_farm_file_until_it_is_reset():
 def test_a_fast_start_up_record_can_switch_hello_off(mode):
     line = Farm(hello=True)
     station = line.farm.axes[0]
-    record = emit_fsu_data_adjust(FsuDataAdjust((FsHello(mode, 0xFFFF_FFFF, 0xFFFF_FFFF, 0xFFFF_FFFF),)))
+    record = FsuDataAdjust((FsHello(mode, 0xFFFF_FFFF, 0xFFFF_FFFF, 0xFFFF_FFFF),)).emit()
     station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record, line.world.now)
     line.run(1.0)
     tool = Tool(line)
@@ -347,12 +342,10 @@ def test_other_records_and_broken_ones_change_nothing():
     line = Farm(hello=True)
     station = line.farm.axes[0]
     before = station.device.dcp.hello_settings
-    record = emit_fsu_data_adjust(FsuDataAdjust((FsHello(0, 100, 2, 500),)))
+    record = FsuDataAdjust((FsHello(0, 100, 2, 500),)).emit()
     station.device.addressing.record_written(0x802F, record, line.world.now)
     station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, record[:-1], line.world.now)
-    station.device.addressing.record_written(
-        FSU_DATA_ADJUST_INDEX, emit_fsu_data_adjust(FsuDataAdjust(())), line.world.now
-    )
+    station.device.addressing.record_written(FSU_DATA_ADJUST_INDEX, FsuDataAdjust(()).emit(), line.world.now)
     assert station.device.dcp.hello_settings == before
     assert line.events().count("fast start-up record not understood") == 1
 

@@ -13,13 +13,7 @@ from pnfarm.protocols.profinet.dcp.device import identify_matches
 from pnfarm.protocols.profinet.records.pdev_checks import CheckFailed, CheckPassed
 from pnfarm.protocols.profinet.wire.dcp.blocks import AliasBlock
 from pnfarm.protocols.profinet.wire.dcp.pdu import DcpPdu
-from pnfarm.protocols.profinet.wire.records.pdev import (
-    InterfaceAdjust,
-    PortDataAdjust,
-    PortDataCheck,
-    emit_interface_adjust,
-    emit_port_data,
-)
+from pnfarm.protocols.profinet.wire.records.pdev import InterfaceAdjust, PortDataAdjust, PortDataCheck
 from pnfarm.protocols.profinet.wire.records.pdev_port import AdjustPeerToPeerBoundary, CheckPeers, ExpectedPeer
 
 
@@ -184,7 +178,7 @@ def test_a_wrong_neighbour_fails_the_check_and_is_noted():
     station = line.farm.axes[0]
     for name, expected in ((b"other", CheckFailed), (b"plc", CheckPassed)):
         check = PortDataCheck(0, 0x8001, (CheckPeers((ExpectedPeer(b"port-001", name),)),))
-        write(station, 0x802B, emit_port_data(check), line.world.now)
+        write(station, 0x802B, check.emit(), line.world.now)
         line.farm.settle(station.station, line.world.now)
         standing = [(d.slot, d.subslot, d.error_type, d.ext_error_type) for d in station.device.cm.diagnosis]
         assert standing == ([(0, 0x8001, 0x8001, 0x8000)] if expected is CheckFailed else [])
@@ -197,7 +191,7 @@ def test_a_neighbour_that_goes_fails_the_check_when_it_ages_out():
     line.run(6)
     station = line.farm.axes[0]
     check = PortDataCheck(0, 0x8001, (CheckPeers((ExpectedPeer(b"port-001", b"plc"),)),))
-    write(station, 0x802B, emit_port_data(check), line.world.now)
+    write(station, 0x802B, check.emit(), line.world.now)
     line.run(10)
     assert list(station.device.cm.diagnosis) == []
     line.plc.lldp.send_frames(False, line.world.now)
@@ -210,7 +204,7 @@ def test_the_controller_chooses_the_names_and_mutes_a_port():
     line = VirtualLine(1)
     line.run(6)
     station = line.farm.axes[0]
-    write(station, 0x8071, emit_interface_adjust(InterfaceAdjust(1)), line.world.now, 0x8000)
+    write(station, 0x8071, InterfaceAdjust(1).emit(), line.world.now, 0x8000)
     line.farm.settle(station.station, line.world.now)
     line.run(2)
     newer = line.plc.lldp.neighbours[-1]
@@ -219,7 +213,7 @@ def test_the_controller_chooses_the_names_and_mutes_a_port():
     assert newer.station_name == "axis-01"
     sent = station.device.neighbours.lldp.sent
     adjust = PortDataAdjust(0, 0x8001, (AdjustPeerToPeerBoundary(1),))
-    write(station, 0x802F, emit_port_data(adjust), line.world.now)
+    write(station, 0x802F, adjust.emit(), line.world.now)
     line.farm.settle(station.station, line.world.now)
     line.run(30)
     assert station.device.neighbours.lldp.sent == sent

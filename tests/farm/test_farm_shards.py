@@ -105,7 +105,7 @@ def test_the_drives_on_a_line_stay_together_and_only_their_shard_opens_it():
 
 @pytest.mark.parametrize("text", ["", "1", "1/", "/3", "a/b", "1/2/3", "-1/3", "1.0/3", "1/3x", "99999999/1", "١/٣"])
 def test_what_is_no_shard_is_said_in_one_sentence(text):
-    with pytest.raises(ConfigError, match=r"^--shard: .* is no shard: I/N with I from 1 to N, such as 1/3$"):
+    with pytest.raises(ConfigError, match=r"^--shard: .* is not a shard: I/N with I from 1 to N, such as 1/3$"):
         parse_shard(text)
 
 

@@ -8,7 +8,6 @@ from virtual_line import VirtualLine
 from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.protocols.profinet.diagnosis import diagnosis_blocks
-from pnfarm.protocols.profinet.wire.any_block import emit_block
 from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE
 from pnfarm.table.channel import STATUS_GOOD, STATUS_NO_PROBLEM
 from pnfarm.table.signals import G1_XIST1, G1_XIST2, NIST_A, NIST_B, NSOLL_A, NSOLL_B, STW2, ZSW1, ZSW2
@@ -237,7 +236,7 @@ def test_a_fault_is_a_diagnosis_in_the_layout_of_p_1256_until_it_is_acknowledged
     line.add("drive-fault", params={"fault": "11-1"})
     line.run(0.05)
     (block,) = diagnosis_blocks(station.device.records.diagnosis, version=0x0001)
-    assert emit_block(block).hex(" ", 2) == LAYOUTS[mode]
+    assert block.emit().hex(" ", 2) == LAYOUTS[mode]
     (ar,) = station.device.ars.values()
     assert line.farm.columns.ppm[ar.providers[0][0]].data_status == STATUS_GOOD & ~STATUS_NO_PROBLEM
     line.run(1.0)

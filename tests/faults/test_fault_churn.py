@@ -76,7 +76,7 @@ def test_conditions_of_any_length_find_room_where_shorter_ones_were(line):
 def test_a_table_full_of_conditions_refuses_one_more_and_keeps_nothing_of_it(line):
     watched = line.faults._conditions
     taken = watched._segments.allocate(watched._segments.free - 2)
-    with pytest.raises(ConfigError, match="which is all there is room for"):
+    with pytest.raises(ConfigError, match="are watched already, the maximum"):
         line.add("load", when="velocity > 1e8 and zsw1.operation_enabled")
     assert (line.faults.list(), line.faults.conditions_watched) == ([], 0)
     watched._segments.release(taken)

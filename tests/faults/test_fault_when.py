@@ -275,7 +275,7 @@ def test_many_conditions_that_never_hold_come_and_go_and_too_many_are_refused(li
     for _ in range(3):
         for number in range(300):
             line.add("load", when=f"velocity > {9000 + number}" + " and setpoint > 1" * (number % 3))
-        with pytest.raises(ConfigError, match="there can be no more"):
+        with pytest.raises(ConfigError, match="the maximum: clear some"):
             line.add("load")
         line.run(0.01)
         line.clear()

@@ -25,8 +25,8 @@ from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 from pnfarm.protocols.profinet.lldp.agent import LocalPort, LocalSystem, local_lldpdu
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmType
-from pnfarm.protocols.profinet.wire.any_block import Block, emit_block, parse_blocks
-from pnfarm.protocols.profinet.wire.block import BlockType, RawBlock, split_blocks
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.block import Block, BlockType, RawBlock, split_blocks
 from pnfarm.protocols.profinet.wire.cm import connect
 from pnfarm.protocols.profinet.wire.dcp.blocks import (
     DeviceIdBlock,
@@ -54,15 +54,14 @@ from pnfarm.protocols.profinet.wire.records import identification, pdev
 from pnfarm.protocols.profinet.wire.records import pdev_port as wanted
 from pnfarm.protocols.profinet.wire.records.diagnosis import Maintenance, Usi
 from pnfarm.protocols.profinet.wire.records.iod import parse_read_response, parse_write_request
-from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody, emit_fack
+from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody
 from pnfarm.protocols.profinet.wire.rpc.epm import (
     EntryHandle,
     EptEntry,
+    HandleFreed,
     LookupRequest,
     LookupResponse,
     Tower,
-    emit_handle,
-    emit_handle_freed,
     emit_lookup_request,
     emit_lookup_response,
     emit_tower,
@@ -357,9 +356,9 @@ def unheard() -> Iterator[tuple[str, bytes]]:
         ):
             yield "epm", emit_lookup_request(request, little_endian=little)
         yield "epm", emit_lookup_response(LookupResponse(handle, entries, 1), little_endian=little)
-        yield "epm", emit_handle(handle, little_endian=little)
-        yield "epm", emit_handle_freed(handle, 0, little_endian=little)
-        yield "fack", emit_fack(FackBody(4, 1464, 1464, 1), little_endian=little)
+        yield "epm", handle.emit(little_endian=little)
+        yield "epm", HandleFreed(handle, 0).emit(little_endian=little)
+        yield "fack", FackBody(4, 1464, 1464, 1).emit(little_endian=little)
     for block in (
         connect.PrmServerBlockReq(UUID(int=3), 1, 600, b"prm-server"),
         connect.PrmServerBlockRes(),
@@ -369,13 +368,13 @@ def unheard() -> Iterator[tuple[str, bytes]]:
         connect.ArVendorBlockReq(1, 0, b"vendor"),
         connect.ArVendorBlockRes(1, 0, b"vendor"),
     ):
-        raw = split_blocks(emit_block(block))[0]
+        raw = split_blocks(block.emit())[0]
         yield f"block-{raw.block_type:04x}", raw.version.to_bytes(2, "big") + raw.body
     yield from _lldp()
     for block in _pdev():
-        raw = split_blocks(emit_block(block))[0]
+        raw = split_blocks(block.emit())[0]
         yield f"block-{raw.block_type:04x}", raw.version.to_bytes(2, "big") + raw.body
-        yield "pdev", emit_block(block)
+        yield "pdev", block.emit()
     for block_type, size in identification.IM_TEXT_SIZES.items():
         yield f"block-{block_type:04x}", b"\1\0" + b"A" * size
     yield from _managers()
@@ -388,6 +387,8 @@ def _descriptions() -> Iterator[tuple[str, bytes]]:
     for version in VERSIONS:
         yield "gsdml", gsdml_of(version).encode()
     yield "gsdml", (Path(__file__).parents[1] / "protocols" / "profinet" / "gsdml_miniature.xml").read_bytes()
+    for path in sorted((Path(__file__).parents[2] / "configs" / "gsdml").glob("*.xml")):
+        yield "gsdml", path.read_bytes()
 
 
 def _managers() -> Iterator[tuple[str, bytes]]:
@@ -461,7 +462,7 @@ def _pdev() -> Iterator[Block]:
     yield pdev.PortStatistic(1, 2, 3, 4, 5, 6)
     yield pdev.InterfaceDataReal(b"axis-01", bytes(6), *[IPv4Address("10.77.0.11")] * 3)
     yield pdev.InterfaceAdjust(1)
-    inner = split_blocks(emit_block(pdev.PortStatistic()))
+    inner = split_blocks(pdev.PortStatistic().emit())
     yield pdev.MultipleBlock(0, 0, 0x8001, inner * 2)
 
 

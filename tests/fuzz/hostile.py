@@ -15,8 +15,8 @@ from uuid import UUID
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.dcp.rules import RESET_MODES, check_ip_suite
-from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge, emit_alarm
-from pnfarm.protocols.profinet.wire.alarms.rta import emit_rta, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge
+from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
 from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArProperties, ArType
 from pnfarm.protocols.profinet.wire.dcp.blocks import (
@@ -30,12 +30,7 @@ from pnfarm.protocols.profinet.wire.dcp.pdu import IDENTIFY_MULTICAST, SERVICE_S
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
 from pnfarm.protocols.profinet.wire.lldp.pdu import LLDP_MULTICAST
 from pnfarm.protocols.profinet.wire.names import check_station_name
-from pnfarm.protocols.profinet.wire.records.iod import (
-    IodReadReqHeader,
-    IodWriteReqHeader,
-    emit_read_request,
-    emit_write_request,
-)
+from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader, IodWriteReqHeader, emit_write_request
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     NIL_UUID,
     RPC_PORT,
@@ -403,9 +398,7 @@ class Attacker:
             payload = emit_write_request(IodWriteReqHeader(1, uuid, api, slot, subslot, index), data)
         else:
             asked = NIL_UUID if opnum == Opnum.READ_IMPLICIT else uuid
-            payload = emit_read_request(
-                IodReadReqHeader(1, asked, api, slot, subslot, index, rng.choice((0, 64, 8192)))
-            )
+            payload = IodReadReqHeader(1, asked, api, slot, subslot, index, rng.choice((0, 64, 8192))).emit()
         body = emit_request_args(RequestArgs(65536, payload), little_endian=True)
         interface, target = self._endpoint(prey)
         head = RpcPdu(PacketType.REQUEST, interface, UUID(bytes=rng.randbytes(16)), target, opnum=opnum, flags1=0x20)
@@ -452,9 +445,9 @@ class Attacker:
                 pdu_type=0x10 | rng.choice((1, 1, 1, 2, 3, 3, 4, rng.randrange(16))),
                 add_flags=rng.choice((0x11, 0x01, 0)),
                 send_sequence=rng.choice(numbers), ack_sequence=rng.choice(numbers),
-                body=rng.choice((pdu.body, b"", emit_alarm(alarm), emit_alarm(acknowledge(alarm)))),
+                body=rng.choice((pdu.body, b"", alarm.emit(), acknowledge(alarm).emit())),
             )  # fmt: skip
-            octets = emit_rta(pdu)
+            octets = pdu.emit()
         except (DecodeError, ValueError):
             pass
         if rng.random() < 0.4:

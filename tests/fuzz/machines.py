@@ -20,8 +20,8 @@ from pnfarm.protocols.profinet.lldp.agent import MAXIMUM_NEIGHBOURS
 from pnfarm.protocols.profinet.rpc.events import CallKey
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.snmp.agent import MAXIMUM_MESSAGE
-from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge, emit_alarm
-from pnfarm.protocols.profinet.wire.alarms.rta import emit_rta, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge
+from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
 from pnfarm.protocols.profinet.wire.dcp.blocks import OptionId, UnknownBlock
 from pnfarm.protocols.profinet.wire.dcp.pdu import IDENTIFY_MULTICAST
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH
@@ -419,14 +419,14 @@ class AlarmChannelMachine(Machine):
         alarm = AlarmNotification(
             rng.randrange(4), 0, 1, 1, specifier=rng.randrange(4), high=pdu.frame_id == ALARM_HIGH
         )
-        body = rng.choice((pdu.body, emit_alarm(alarm), emit_alarm(acknowledge(alarm))))
+        body = rng.choice((pdu.body, alarm.emit(), acknowledge(alarm).emit()))
         lines = (self.channel._high, self.channel._low)
         numbers = [n for line in lines for n in (line.send_sequence, line.last_received, line.expected_sequence)]
         pdu = replace(
             pdu, destination=self.LOCAL, source=self.REMOTE, pdu_type=0x10 | rng.choice((1, 1, 1, 2, 3, 3, 4)),
             add_flags=0x11, send_sequence=rng.choice(numbers), ack_sequence=rng.choice(numbers), body=body,
         )  # fmt: skip
-        octets = emit_rta(pdu)
+        octets = pdu.emit()
         return octets if rng.random() < 0.5 else mutated(rng, octets, self.layers["rta"])
 
     def take(self, rng, data):

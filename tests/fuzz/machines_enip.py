@@ -48,7 +48,7 @@ def _requests() -> list[bytes]:
         io_request(4, kind=2, points=(100, 193, 102), o_to_t=2, large=True),
         explicit_request(5),
     ]
-    several = message.emit_multiple_service([message.emit_request(request) for request in singles[:4]])
+    several = message.emit_multiple_service([request.emit() for request in singles[:4]])
     others = [
         message.message_request(0x01, logical_path(1, 1)),
         message.message_request(0x03, logical_path(1, 1), b"\2\0\1\0\7\0"),
@@ -56,21 +56,16 @@ def _requests() -> list[bytes]:
         message.message_request(0x05, logical_path(1, 1), b"\0"),
         message.message_request(0x0A, logical_path(2, 1), several),
         message.message_request(0x10, logical_path(0x0F, 1, 1), bytes(4)),
-        message.message_request(
-            0x52, MANAGER, fo.emit_unconnected_send(fo.UnconnectedSend(message.emit_request(singles[0])))
-        ),
+        message.message_request(0x52, MANAGER, fo.UnconnectedSend(singles[0].emit()).emit()),
         *(message.message_request(0x5B if one.large else 0x54, MANAGER, fo.emit_forward_open(one)) for one in opens),
-        *(
-            message.message_request(0x4E, MANAGER, fo.emit_forward_close(fo.ForwardClose(one.triad, one.path)))
-            for one in opens
-        ),
+        *(message.message_request(0x4E, MANAGER, fo.ForwardClose(one.triad, one.path).emit()) for one in opens),
     ]
-    return [message.emit_request(request) for request in (*singles, *others)]
+    return [request.emit() for request in (*singles, *others)]
 
 
 def _unconnected(session: int, request: bytes) -> EncapsulationPdu:
     packet = cpf.CommonPacket((cpf.NullAddress(), cpf.UnconnectedData(request)))
-    return EncapsulationPdu(Command.SEND_RR_DATA, cpf.emit_common_packet(packet), session)
+    return EncapsulationPdu(Command.SEND_RR_DATA, packet.emit(), session)
 
 
 def enip_layers() -> dict[str, list[bytes]]:
@@ -87,7 +82,7 @@ def enip_layers() -> dict[str, list[bytes]]:
     packets = [
         pdu.data for pdu in map(parse_encapsulation, messages) if pdu.command == Command.SEND_RR_DATA and pdu.data
     ]
-    inside = [item.data for packet in packets for item in cpf.parse_common_packet(packet).items[1:2]]
+    inside = [item.data for packet in packets for item in cpf.CommonPacket.parse(packet).items[1:2]]
     bodies = [message.parse_request(request).data for request in requests]
     sheet = Eds((EdsSection("Device", (EdsEntry("VendCode", ("452",)), EdsEntry("Name", (EdsString("A$K"),)))),))
     return {

@@ -19,8 +19,8 @@ from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.rpc.events import CallKey
 from pnfarm.protocols.profinet.rpc.fragments import Peer
-from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge, emit_alarm
-from pnfarm.protocols.profinet.wire.alarms.rta import RtaPdu, emit_rta
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaPdu
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, SubmoduleList
@@ -177,13 +177,13 @@ class SubmodulesMachine(Machine):
         high = rng.random() < 0.5
         api, slot, subslot = rng.choice(KEYS)
         alarm = AlarmNotification(rng.choice((3, 4, 9, 0xB)), api, slot, subslot, specifier=rng.randrange(8), high=high)
-        body = emit_alarm(acknowledge(alarm))
+        body = acknowledge(alarm).emit()
         numbers = (0xFFFF, 0xFFFE, 0, 1, 2)
         pdu = RtaPdu(
             ALARM_HIGH if high else ALARM_LOW, ar.local_alarm_reference, ar.alarm_cr.local_alarm_reference,
             0x10 | rng.choice((1, 2, 3)), 0x11, rng.choice(numbers), rng.choice(numbers), body,
         )  # fmt: skip
-        octets = emit_rta(replace(pdu, body=b"") if pdu.type != 1 else pdu)
+        octets = (replace(pdu, body=b"") if pdu.type != 1 else pdu).emit()
         return octets if rng.random() < 0.7 else mutated(rng, octets, self.layers["rta"])
 
     def take(self, rng, data):

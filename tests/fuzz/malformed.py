@@ -8,8 +8,8 @@ from random import Random
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.block import emit_raw_block, split_blocks
-from pnfarm.protocols.profinet.wire.rpc.bodies import CancelBody, emit_cancel
+from pnfarm.protocols.profinet.wire.block import split_blocks
+from pnfarm.protocols.profinet.wire.rpc.bodies import CancelBody
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     UUID_EPM,
     Flags1,
@@ -116,7 +116,7 @@ def deep_blocks(rng: Random, payload: bytes, pool: Sequence[bytes], depth: int =
         case _:
             block = blocks[place]
             blocks[place] = replace(block, body=mutated(rng, block.body, [b.body for b in blocks])[:0xFFF0])
-    return b"".join(emit_raw_block(block) for block in blocks)
+    return b"".join(block.emit() for block in blocks)
 
 
 def about_a_call(rng: Random, data: bytes, endpoint: tuple[UUID, UUID]) -> bytes:
@@ -131,7 +131,7 @@ def about_a_call(rng: Random, data: bytes, endpoint: tuple[UUID, UUID]) -> bytes
             kinds = (PacketType.PING, PacketType.ACK, PacketType.CL_CANCEL)
             pdu = replace(pdu, packet_type=rng.choice(kinds), body=b"")
         case 1:
-            body = emit_cancel(CancelBody(rng.randrange(3)), little_endian=pdu.little_endian)
+            body = CancelBody(rng.randrange(3)).emit(little_endian=pdu.little_endian)
             pdu = replace(pdu, packet_type=PacketType.CL_CANCEL, body=mutated(rng, body, [body]))
         case 2:
             flags = rng.choice((Flags1(0), Flags1.LAST_FRAGMENT)) | rng.choice((Flags1(0), Flags1.NO_FACK))

@@ -1,7 +1,10 @@
-"""What is fuzzed: every ``parse_*`` function of the code that reads octets of peers, found by its name and signature.
+"""What is fuzzed: every ``parse_*`` function of the code that reads octets of peers, found by its name and signature,
+and every class with a layout (:class:`Structure`).
 
-A parser takes octets, a :class:`RawBlock` or a :class:`Reader` first; ``little_endian`` is tried both ways. A new
-parser needs no entry here, unless it has arguments of another kind: then this module says so at once.
+
+A parser takes octets, a :class:`RawBlock` or a :class:`Reader` first; ``little`` is tried both ways. A new
+parser needs no entry here, unless it has arguments of another kind: then this module says so at once.  Beside them the
+way from a description file to the device that it describes.
 """
 
 from __future__ import annotations
@@ -23,10 +26,11 @@ from pnfarm.drives import catalogue
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.alarms import notification
 from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, parse_rta
-from pnfarm.protocols.profinet.wire.any_block import _PARSERS
-from pnfarm.protocols.profinet.wire.block import RawBlock
+from pnfarm.protocols.profinet.wire.block import Block, RawBlock
+from pnfarm.wire.layout import Structure
 from pnfarm.wire.octets import Reader
 from tests.fuzz.mutate import variation, varied_xml
+from tests.fuzz.plugging import plug_everything
 
 __all__ = ["Parser", "parsers"]
 
@@ -73,10 +77,10 @@ LAYERS = {
     "parse_fack": ("fack",),
     "parse_blocks": ("blocks", "record"),
     "split_blocks": ("blocks", "record"),
-    "parse_raw_block": ("blocks", "record"),
+    "RawBlock": ("blocks", "record"),
     "parse_fsu_data_adjust": ("record",),
     "parse_connect": ("request-0",),
-    "parse_read_request": ("request-2", "request-5"),
+    "IodReadReqHeader": ("request-2", "request-5"),
     "parse_write_request": ("request-3",),
     "parse_read_response": ("response-2", "response-5"),
     "parse_write_response": ("response-3",),
@@ -147,6 +151,16 @@ def _functions():
                 yield module, name, function
 
 
+def _structures():
+    """Every layout once, with the module that defines it; no class that is only there to be derived from."""
+    for module in _modules():
+        for kind in vars(module).values():
+            if not (isinstance(kind, type) and issubclass(kind, Structure) and kind.__module__ == module.__name__):
+                continue
+            if kind is RawBlock or (kind.TYPES if issubclass(kind, Block) else not kind.__subclasses__()):
+                yield module, kind
+
+
 def _raw_block(kind, data):
     """``data`` begins with the version."""
     return RawBlock(kind, data[2:], int.from_bytes(data[:2], "big"))
@@ -158,18 +172,18 @@ def _value_name(name, value):
     return f"{name}-{value:04x}"
 
 
-def _calls(function, types):
+def _calls(function):
     """How to call one parser with octets: suffix of the name, and the call."""
     first, *others = inspect.signature(function).parameters.values()
     kinds = {
         "bytes": lambda data: data,
         "bytes | bytearray | memoryview": lambda data: data,
         "Reader": Reader,
+        "RawBlock": lambda data: _raw_block(int.from_bytes(data[:2], "big"), data[2:]),
     }
-    if str(first.annotation) == "RawBlock":
-        shapes = [(f"-{kind:04x}", lambda data, kind=kind: _raw_block(kind, data)) for kind in types or (0,)]
-    elif str(first.annotation) in kinds:
-        shapes = [("", kinds[str(first.annotation)])]
+    wanted = getattr(first.annotation, "__name__", str(first.annotation))
+    if wanted in kinds:
+        shapes = [("", kinds[wanted])]
     else:
         raise TypeError(f"{function.__module__}.{function.__name__} takes {first.annotation}: say how to feed it")
     options = [("", {})]
@@ -191,11 +205,6 @@ def _calls(function, types):
             yield text + more, lambda data, make=make, given=given: function(make(data), **given)
 
 
-def _alike(function, types, layers):
-    """Blocks of other types that the same parser takes."""
-    return [octets for kind in types[function] for octets in layers.get(f"block-{kind:04x}", ())]
-
-
 def _suiting(module, name):
     """The layers of a parser; a name that two modules have stands with its module's."""
     return LAYERS.get(f"{module.__name__.rsplit('.', 1)[-1]}.{name}", LAYERS.get(name, ()))
@@ -208,10 +217,10 @@ def _alarms(rta: Sequence[bytes]) -> dict[str, list[bytes]]:
     )
     maintenance = notification.parse_alarm_items(bytes.fromhex("81000f0000080100000000000001" + "8003" + "00" * 16))
     found = {
-        notification.emit_alarm(diagnosis): None,
-        notification.emit_alarm(replace(diagnosis, items=maintenance)): None,
+        diagnosis.emit(): None,
+        replace(diagnosis, items=maintenance).emit(): None,
     }
-    found[notification.emit_alarm(notification.acknowledge(replace(diagnosis, high=True)))] = None
+    found[notification.acknowledge(replace(diagnosis, high=True)).emit()] = None
     pdus = [parse_rta(octets) for octets in rta if octets[:2] in {b"\xfc\x01", b"\xfe\x01"}]
     found.update({pdu.body: None for pdu in pdus if pdu.type == RtaType.DATA})
     layers: dict[str, list[bytes]] = {"alarm": list(found), "alarm-items": []}
@@ -226,21 +235,27 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
     """All of them, by name."""
     layers = {**layers, **_alarms(layers.get("rta", ()))}
     everything = [octets for pool in layers.values() for octets in pool]
-    types = {}
-    for block_type, function in _PARSERS.items():
-        types.setdefault(function, []).append(int(block_type))
-    types[notification.parse_alarm_notification] = [
-        notification.ALARM_NOTIFICATION_HIGH,
-        notification.ALARM_NOTIFICATION_LOW,
-    ]
-    types[notification.parse_alarm_ack] = [notification.ALARM_ACK_HIGH, notification.ALARM_ACK_LOW]
     found = {}
+
+    def add(title, call, pool, vary=variation):
+        found[title] = Parser(title, call, pool or everything, vary)
+
+    def suiting(module, name):
+        return [octets for layer in _suiting(module, name) for octets in layers.get(layer, ())]
+
     for module, name, function in _functions():
-        for suffix, call in _calls(function, types.get(function)):
-            if function in types:
-                pool = layers.get(f"block{suffix[:5]}", []) or _alike(function, types, layers) or layers["block"]
-            else:
-                pool = [octets for layer in _suiting(module, name) for octets in layers.get(layer, ())] or everything
+        for suffix, call in _calls(function):
             title = f"{module.__name__.rsplit('.', 1)[-1]}.{name}{suffix}"
-            found[title] = Parser(title, call, pool, varied_xml if name in DOCUMENTS else variation)
+            add(title, call, suiting(module, name), varied_xml if name in DOCUMENTS else variation)
+    for module, kind in _structures():
+        title = f"{module.__name__.rsplit('.', 1)[-1]}.{kind.__name__}"
+        for block_type in getattr(kind, "TYPES", ()):
+            alike = [octets for other in kind.TYPES for octets in layers.get(f"block-{other:04x}", ())]
+            pool = layers.get(f"block-{block_type:04x}") or alike or layers["block"]
+            add(f"{title}-{block_type:04x}", lambda data, kind=kind, of=block_type: kind.of(_raw_block(of, data)), pool)
+        if not getattr(kind, "TYPES", ()):
+            pool = suiting(module, kind.__name__)
+            add(title, kind.parse, pool)
+            add(f"{title}-little", lambda data, kind=kind: kind.parse(data, little_endian=True), pool)
+    found["station.plug_station"] = Parser("station.plug_station", plug_everything, layers.get("gsdml", ()), varied_xml)
     return sorted(found.values(), key=lambda parser: parser.name)

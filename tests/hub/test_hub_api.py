@@ -83,7 +83,7 @@ def test_what_is_a_drives_own_goes_to_the_shard_that_has_it(world):
                 200,
                 json={"kind": "farm", "farm": "x", "instance": "../", "farm_seconds": 1e99, "pnfarm": "1"},
             ),
-            "its clock is none",
+            "its clock is not valid",
         ),
     ],
 )
@@ -231,6 +231,20 @@ def test_a_trace_is_on_drives_of_one_shard(world):
     assert_problem(world.get(f"traces/{trace}"), 404, trace)
     world.lose(2)
     assert_problem(world.get(f"traces/{trace}"), 503, "not known is the rest")
+
+
+def test_conditions_and_tags_pass_between_a_client_and_the_shard():
+    world = HubWorld(("axis-{n:02}", 1))
+    conditions = []
+
+    def answer(request):
+        conditions.append(request.headers.get("if-match"))
+        return httpx.Response(412, json={"detail": "changed meanwhile"}, headers={"ETag": '"2"'})
+
+    world[1].trouble = answer
+    refused = world.request("PUT", "drives/axis-01/params/1", json={"value": 1}, headers={"If-Match": '"1"'})
+    assert (refused.status_code, refused.headers["etag"]) == (412, '"2"')
+    assert conditions == ['"1"']
 
 
 def test_access_is_checked_as_a_farm_checks_it():

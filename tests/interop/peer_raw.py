@@ -17,15 +17,10 @@ from uuid import uuid4
 
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.cm.control import control_response, emit_control_block
+from pnfarm.protocols.profinet.wire.cm.control import control_response
 from pnfarm.protocols.profinet.wire.dcp.blocks import OptionId, UnknownBlock
 from pnfarm.protocols.profinet.wire.dcp.pdu import DcpPdu, emit_dcp, frame_id_of, parse_dcp
-from pnfarm.protocols.profinet.wire.records.iod import (
-    IodReadReqHeader,
-    IodWriteReqHeader,
-    emit_read_request,
-    emit_write_request,
-)
+from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader, IodWriteReqHeader, emit_write_request
 from pnfarm.protocols.profinet.wire.rpc.epm import NIL_HANDLE, LookupRequest, emit_lookup_request, parse_lookup_response
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     NIL_UUID,
@@ -255,7 +250,7 @@ def rpc(ip, vendor, device):
         return RpcPdu(**{**fields, **changes})
 
     def read(index, api=0, slot=0, subslot=1, little=True, room=4096, uuid=NIL_UUID):
-        args = RequestArgs(room, emit_read_request(IodReadReqHeader(1, uuid, api, slot, subslot, index, room)))
+        args = RequestArgs(room, IodReadReqHeader(1, uuid, api, slot, subslot, index, room).emit())
         drep = b"\x10\0\0" if little else b"\0\0\0"
         return {"body": emit_request_args(args, little_endian=little), "drep": drep}
 
@@ -351,7 +346,7 @@ def taken_call(own, seconds=2.0):
     pdu = parse_rpc(data)
     args = parse_request_args(pdu.body, little_endian=pdu.little_endian)
     (block, *_) = parse_blocks(args.payload)
-    payload = emit_control_block(control_response(block))
+    payload = control_response(block).emit()
     body = emit_response_args(ResponseArgs(OK, payload, args.args_maximum), little_endian=pdu.little_endian)
     answer = RpcPdu(
         PacketType.RESPONSE, UUID_PNIO_CONTROLLER, pdu.activity, pdu.object_uuid, pdu.sequence, pdu.opnum, body,

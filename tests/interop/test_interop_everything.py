@@ -21,7 +21,7 @@ from pnfarm.farm.file.reading import parse_farm
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmType
-from pnfarm.protocols.profinet.wire.any_block import emit_block, parse_blocks
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArProperties, ArType
 from pnfarm.protocols.profinet.wire.cm.expected import ExpectedSubmoduleBlockReq, ModuleDiffBlock
 from pnfarm.protocols.profinet.wire.dcp.blocks import AliasBlock, NameBlock, OptionId, UnknownBlock
@@ -203,9 +203,9 @@ class Scene:
                 peer.read(index, api, slot, subslot)
                 peer.feed(0.01)
         for index, text in ((0xAFF1, ImText(0x21, b"pump".ljust(54))), (0xAFF2, ImText(0x22, b"2026-01-31 10:00"))):
-            assert peer.write(index, emit_block(text)).status == 0
+            assert peer.write(index, text.emit()).status == 0
         check = pdev.PortDataCheck(0, 0x8001, (wanted.CheckPeers((wanted.ExpectedPeer(b"port-001", b"nobody"),)),))
-        assert peer.write(0x802B, emit_block(check), 0, 0, 0x8001).status == 0
+        assert peer.write(0x802B, check.emit(), 0, 0, 0x8001).status == 0
         peer.feed(0.2)
         assert peer.read(0x802B, 0, 0, 0x8001).status == 0
         # far too long for the record, and for one PDU

@@ -11,7 +11,7 @@ from collections import Counter
 import pytest
 from interop_rig import HERE, Capture, needed, running, tshark_fields, tshark_tree
 
-from pnfarm.protocols.profinet.wire.records.fsu import FsHello, FsuDataAdjust, emit_fsu_data_adjust
+from pnfarm.protocols.profinet.wire.records.fsu import FsHello, FsuDataAdjust
 
 DRIVES = ["{name: 'axis-{n:02}', count: 3, model: akd-profinet, ip: 10.77.0.11/22, limits: lax, hello: true}"]
 PLC_MAC = "02:00:00:00:fa:01"
@@ -55,7 +55,7 @@ def records(plc):
             plc.ask("read", name="axis-01", index=index, api=api, slot=slot, subslot=subslot)
     plc.ask("write", name="axis-01", index=0xAFF1, api=0, slot=0, data="002100380100" + "41" * 54)
     plc.ask("write", name="axis-01", index=0x1234, data="00")
-    hello = emit_fsu_data_adjust(FsuDataAdjust((FsHello(1, 50, 2, 0),))).hex()
+    hello = FsuDataAdjust((FsHello(1, 50, 2, 0),)).emit().hex()
     assert plc.ask("write", name="axis-01", index=0x8090, api=0, slot=0, subslot=0x8000, data=hello)["status"] == 0
     # no such parameter; a change that is refused; a description; a text; two parameters, one of them wrong
     for data in (

@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 
 import anyio
 import pytest
+from cell_file import CELL
 
 import pnfarm
 from pnfarm.api import serve_farm
@@ -233,3 +234,42 @@ def test_a_rig_gives_plain_functions_and_ends_its_thread(tmp_path):
     rig.close()
     with pytest.raises(ConfigError, match="the rig is not running"):
         rig.run(1)
+
+
+def test_signals_of_a_device_are_written_and_awaited_by_the_api():
+    async def work():
+        text = CELL.replace("drives:", "api: 127.0.0.1:0\ndrives:", 1)
+        async with served(text) as url, pnfarm.Farm.connect(url) as farm:
+            await farm.wait_connected(20)
+            device = await farm.device("island-1").refresh()
+            assert device.signals["part_present"] is False
+            await device.write({"part_present": True, "pressure": 6.57})
+            assert device.signals["part_present"] is True
+            assert await device.wait_for("pressure", 6.57, within=1) < 1
+            assert await device.wait_for("slot1_input_3", "on", within=1) < 1
+            assert device.good("valve")
+            with pytest.raises(ConfigError, match="valve: is an output: the controller alone writes it"):
+                await device.write({"part_present": False, "valve": True})
+            assert device.signals["part_present"] is True
+            with pytest.raises(pnfarm.NotInTime, match=r"island-1\.valve = false"):
+                await device.wait_for("valve", True, within=0.05)
+            with pytest.raises(ConfigError, match="is not a signal, did you mean pressure"):
+                await device.wait_for("presure", 1, within=1)
+            with pytest.raises(ConfigError, match="there is no device 'island-2'"):
+                farm.device("island-2")
+
+    asyncio.run(work())
+
+
+def test_a_rig_has_the_signals_of_its_devices(tmp_path):
+    file = tmp_path / "cell.pnfarm.yml"
+    file.write_text(CELL.replace("drives:", "api: off\ndrives:", 1))
+    with Rig(file) as rig:
+        rig.wait_connected()
+        device = rig.device("island-1")
+        device.signals["part_present"] = True
+        assert device.signals["part_present"] is True
+        assert device.wait_for("part_present", True, within=1) < 1
+        assert [one.name for one in rig.devices if one.connected] == ["island-1"]
+        with pytest.raises(ConfigError, match="the controller alone writes it"):
+            device.signals.set({"valve": True})

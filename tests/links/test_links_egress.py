@@ -159,7 +159,7 @@ async def test_reports_lost_where_the_kernel_lists_nothing_leave_each_drive_its_
 @pytest.mark.asyncio
 async def test_where_the_kernel_does_not_tell_addresses_a_drive_sends_by_its_own_interface(cable, ip, monkeypatch):
     def refused(index):
-        raise EnvironmentError_(f"the kernel does not tell the addresses of interface {index}")
+        raise EnvironmentError_(f"the kernel does not report the addresses of interface {index}")
 
     nic, _ = cable
     link = MacvlanLink("line-1", nic, send="auto")

@@ -63,7 +63,7 @@ def test_a_pty_in_time_is_fine_and_one_that_is_late_is_told(measured):
     assert line.detail.endswith("on this machine; a master waits 3.12 ms at 19200 bit/s (max T_SDR)")
     _, line = findings("{kind: veth, lines: {profibus: {pty: auto, baud: 500000}}}")
     assert line.ok is None
-    assert "a master waits 0.2 ms at 500000 bit/s (max T_SDR) unless it is told to wait longer" in line.detail
+    assert "a master waits 0.2 ms at 500000 bit/s (max T_SDR) unless it is set to wait longer" in line.detail
     assert line.remedy == "a longer slot time in the master, and as `latest_answer` of the line"
 
 

@@ -107,5 +107,5 @@ def test_a_port_in_the_farm_file_may_ask_for_it_and_nothing_else():
     assert make_line(section, bus("profibus")).baud == 1_500_000
     link, drive = "{kind: serial, pty: auto, baud: auto}", "{name: a, model: moog-msd-dp, address: 5}"
     text = f"farm: dp\nlink: {link}\ndrives:\n  - {drive}\n"
-    with pytest.raises(FarmFileError, match="no port whose rate could be tried"):
+    with pytest.raises(FarmFileError, match="no port whose rate can be tried"):
         parse_farm(text)

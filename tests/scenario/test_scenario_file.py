@@ -155,5 +155,7 @@ def test_any_steps_give_a_scenario_or_errors(value: object) -> None:
 def test_the_schema_knows_every_step_and_key() -> None:
     schema = scenario_schema()
     kinds = schema["$defs"]["Step"]["properties"]
-    assert {"wait", "fault", "clear", "expect", "load", "parallel", "repeat", "power", "param", "find"} == set(kinds)
+    assert {"wait", "fault", "clear", "expect", "load", "parallel", "repeat", "power", "param", "set", "find"} == set(
+        kinds
+    )
     assert "f702" in str(schema["$defs"]["Fault"])

@@ -18,12 +18,7 @@ from pnfarm.protocols.profinet.dcp.client import DcpClient
 from pnfarm.protocols.profinet.rpc.client import RpcClient
 from pnfarm.protocols.profinet.rpc.events import CallReturned
 from pnfarm.protocols.profinet.rpc.fragments import Peer
-from pnfarm.protocols.profinet.wire.records.iod import (
-    API_NONE,
-    IodReadReqHeader,
-    emit_read_request,
-    parse_read_response,
-)
+from pnfarm.protocols.profinet.wire.records.iod import API_NONE, IodReadReqHeader, parse_read_response
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_DEVICE, Opnum
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, parse_ethernet
 
@@ -153,7 +148,7 @@ class Bystander:
 
     def implicit_read(self, index: int, api: int = 0, slot: int = 0, subslot: int = 1, length: int = 4096) -> bytes:
         """The request's blocks."""
-        return emit_read_request(IodReadReqHeader(1, NIL, api, slot, subslot, index, length))
+        return IodReadReqHeader(1, NIL, api, slot, subslot, index, length).emit()
 
     def read_without(self, station: Station, index: int, api: int = 0, slot: int = 0, subslot: int = 1) -> bytes | None:
         """A record, without a connection; None when it was refused or not answered."""

@@ -19,7 +19,6 @@ from pnfarm.protocols.enip.wire.cpf import (
     ConnectedData,
     NullAddress,
     UnconnectedData,
-    emit_common_packet,
     emit_items,
 )
 from pnfarm.protocols.enip.wire.encapsulation import Command, EncapsulationPdu, emit_encapsulation
@@ -98,18 +97,18 @@ class Tape:
         """A CIP message in SendRRData."""
         del side
         items = CommonPacket((NullAddress(), UnconnectedData(octets)))
-        return emit_encapsulation(EncapsulationPdu(Command.SEND_RR_DATA, emit_common_packet(items), SESSION))
+        return emit_encapsulation(EncapsulationPdu(Command.SEND_RR_DATA, items.emit(), SESSION))
 
     def ask(self, request: message.MessageRequest) -> None:
-        self.segment(0, self.packed(0, message.emit_request(request)))
+        self.segment(0, self.packed(0, request.emit()))
 
     def answer(self, service: int, data: bytes = b"", status: int = 0, extended: tuple[int, ...] = ()) -> None:
-        self.segment(1, self.packed(1, message.emit_reply(message.MessageReply(service, status, extended, data))))
+        self.segment(1, self.packed(1, message.MessageReply(service, status, extended, data).emit()))
 
     def connected(self, side: int, connection: int, count: int, octets: bytes) -> None:
         """A CIP message in SendUnitData."""
         items = ConnectedAddress(connection), ConnectedData(count.to_bytes(2, "little") + octets)
-        data = emit_common_packet(CommonPacket(items))
+        data = CommonPacket(items).emit()
         self.encapsulated(side, Command.SEND_UNIT_DATA, data)
 
     def io(
@@ -167,7 +166,7 @@ def connect(tape: Tape, asked: fo.ForwardOpen | None = None, api_us: int = 10_00
     service = Service.LARGE_FORWARD_OPEN if asked.large else Service.FORWARD_OPEN
     tape.ask(message.message_request(service, MANAGER, fo.emit_forward_open(asked)))
     reply = fo.ForwardOpenReply(IDS[0], asked.t_to_o_id, asked.triad, api_us, api_us)
-    tape.answer(service, fo.emit_forward_open_reply(reply))
+    tape.answer(service, reply.emit())
 
 
 def command(control: int = 0, kind: int = 0x26, response: int = 0x20, **words: int) -> bytes:
@@ -188,7 +187,7 @@ def everything() -> list[bytes]:
     tape.ask(message.message_request(GET, logical_path(0x0F, 1, 1)))
     tape.answer(GET, bytes(4))
     asked = [message.message_request(GET, logical_path(1, 1, number)) for number in (1, 7)]
-    inner = [message.emit_request(one) for one in asked]
+    inner = [one.emit() for one in asked]
     tape.ask(
         message.message_request(
             Service.MULTIPLE_SERVICE_PACKET, logical_path(2, 1), message.emit_multiple_service(inner)

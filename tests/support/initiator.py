@@ -24,20 +24,9 @@ from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes, ArBlockReq
-from pnfarm.protocols.profinet.wire.cm.control import (
-    ControlBlock,
-    ControlCommand,
-    SubmoduleList,
-    control_response,
-    emit_control_block,
-)
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, SubmoduleList, control_response
 from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockRes, IocrType
-from pnfarm.protocols.profinet.wire.records.iod import (
-    IodReadReqHeader,
-    IodWriteReqHeader,
-    emit_read_request,
-    emit_write_request,
-)
+from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader, IodWriteReqHeader, emit_write_request
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_CONTROLLER, Opnum
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
@@ -81,7 +70,7 @@ class Initiator(Bystander):
             if isinstance(event, CallReceived):
                 blocks = parse_blocks(event.payload)
                 self.calls.append(tuple(blocks))
-                self.server.respond(event.call, OK, emit_control_block(control_response(blocks[0])), self.now)
+                self.server.respond(event.call, OK, control_response(blocks[0]).emit(), self.now)
         for datagram in self.server.to_send(self.now):
             self.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, self.now)
         while self.heard:
@@ -180,10 +169,10 @@ class Initiator(Bystander):
 
     def release(self) -> Answer:
         block = ControlBlock(BlockType.RELEASE_REQ, self.uuid, self.number, ControlCommand.RELEASE)
-        return self.called(self.station, Opnum.RELEASE, emit_control_block(block))
+        return self.called(self.station, Opnum.RELEASE, block.emit())
 
     def read(self, index: int, api: int = 0, slot: int = 0, subslot: int = 1, length: int = 32768) -> Answer:
-        payload = emit_read_request(IodReadReqHeader(1, self.uuid, api, slot, subslot, index, length))
+        payload = IodReadReqHeader(1, self.uuid, api, slot, subslot, index, length).emit()
         return self.called(self.station, Opnum.READ, payload, length + 64)
 
     def write(

@@ -34,30 +34,24 @@ class Throttle:
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
-        self._requests = 0
-        self._streams = 0
+        #: Requests at work, and streams that are open.
+        self._open = {False: 0, True: 0}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
-        elif scope["path"] in STREAMS:
-            if self._streams >= MOST_STREAMS:
-                await _refuse(scope, receive, send, f"{MOST_STREAMS} event streams are open, the most that a farm has")
-                return
-            self._streams += 1
-            try:
-                await self._app(scope, receive, send)
-            finally:
-                self._streams -= 1
-        else:
-            if self._requests >= MOST_REQUESTS:
-                await _refuse(scope, receive, send, f"{MOST_REQUESTS} requests are being answered; try again")
-                return
-            self._requests += 1
-            try:
-                await self._app(scope, receive, _in_pieces(send))
-            finally:
-                self._requests -= 1
+            return
+        stays = scope["path"] in STREAMS
+        if self._open[stays] >= (MOST_STREAMS if stays else MOST_REQUESTS):
+            streams = f"{MOST_STREAMS} event streams are open, the most that a farm has"
+            requests = f"{MOST_REQUESTS} requests are being answered; try again"
+            await _refuse(scope, receive, send, streams if stays else requests)
+            return
+        self._open[stays] += 1
+        try:
+            await self._app(scope, receive, send if stays else _in_pieces(send))
+        finally:
+            self._open[stays] -= 1
 
 
 async def _refuse(scope: Scope, receive: Receive, send: Send, sentence: str) -> None:

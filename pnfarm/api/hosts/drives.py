@@ -96,16 +96,13 @@ class FarmDrives:
 def _fault_memory(station: Axis) -> list[list[dict[str, Any]]]:
     """The buffer by situation, the newest first."""
     known = station.model.faults
-    found = []
-    for situation in fault_situations(station.handle.axis):
-        numbers = [code & NUMBER_MASK for code in situation]
-        found.append(
-            [
-                {"number": number, "label": fault_label(number), "name": known[number].name if number in known else ""}
-                for number in numbers
-            ]
-        )
-    return found
+    return [
+        [
+            {"number": number, "label": fault_label(number), "name": known[number].name if number in known else ""}
+            for number in (code & NUMBER_MASK for code in situation)
+        ]
+        for situation in fault_situations(station.handle.axis)
+    ]
 
 
 def _matching(station: Axis, text: str) -> list[Parameter]:

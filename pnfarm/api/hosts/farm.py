@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import anyio
@@ -76,8 +77,7 @@ class FarmItself:
         async with self._examining:
             if self._examined is None or time.monotonic() - self._examined[0] > FINDINGS_SECONDS:
                 found = await anyio.to_thread.run_sync(examine)
-                shown = [{"name": one.name, "ok": one.ok, "detail": one.detail, "remedy": one.remedy} for one in found]
-                self._examined = time.monotonic(), shown
+                self._examined = time.monotonic(), list(map(asdict, found))
             return {"findings": self._examined[1]}
 
     async def reactions(self) -> dict[str, Any]:

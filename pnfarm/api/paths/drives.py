@@ -145,8 +145,8 @@ def add_drive(path: Paths, drives: DriveHost) -> None:
     @path("GET drives/{name}/params", ParameterList)
     async def get_parameters(
         name: str,
-        text: Annotated[str, Query(max_length=100, description="What the number, the name or the unit has.")] = "",
-        begin: Annotated[int, Query(alias="from", ge=0, description="Leave out so many of the first.")] = 0,
+        text: Annotated[str, Query(max_length=100, description="Text in the number, the name or the unit.")] = "",
+        begin: Annotated[int, Query(alias="from", ge=0, description="Skip this many.")] = 0,
         most: Annotated[int, Query(ge=1, le=MOST_PARAMETERS)] = 100,
     ) -> Json:
         """A drive's parameters: all, or those with a text in their number, name or unit."""

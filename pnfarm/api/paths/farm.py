@@ -11,6 +11,7 @@ from starlette.responses import PlainTextResponse, Response
 from pnfarm.api.schemas.farm import Engine  # noqa: TC001 - pydantic reads the annotations of fields
 from pnfarm.version import __version__
 from pnfarm.web.bodies import Json, Schema
+from pnfarm.web.paths import text
 
 if TYPE_CHECKING:
     from pnfarm.api.paths.host import Host
@@ -78,7 +79,7 @@ class Clock(Schema):
     kind: Literal["farm", "hub"]
     farm: str
     pnfarm: str = Field(description="Version.")
-    instance: str = Field(description="Another one in each run: then event numbers and the farm's clock begin anew.")
+    instance: str = Field(description="Another one in each run: then event numbers and the farm's clock restart.")
     farm_seconds: float = Field(description="The farm's clock.")
     wall_seconds: float = Field(description="Seconds since the epoch, by this machine's clock.")
     newest_event: int = Field(description="Sequence number of the newest entry of the event log.")
@@ -171,12 +172,7 @@ def add_farm(path: Paths, farm: FarmHost) -> None:
         """Whether the engine ticks."""
         return Json(await farm.ready())
 
-    @path(
-        "GET metrics",
-        {200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
-        outside=True,
-        response_class=PlainTextResponse,
-    )
+    @path("GET metrics", text("text/plain"), outside=True, response_class=PlainTextResponse)
     async def metrics() -> Response:
         """Metrics in Prometheus's text format."""
         octets, media_type = await farm.metrics()

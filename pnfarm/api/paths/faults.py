@@ -9,8 +9,9 @@ from urllib.parse import quote
 from fastapi import Query, Request
 from pydantic import Field
 
-from pnfarm.api.changes import FaultCleared, FaultRequested, changes_nothing, shortened, who
+from pnfarm.api.changes import FaultCleared, FaultRequested, changes_nothing, who
 from pnfarm.buses.registry import fault_kinds
+from pnfarm.vocabulary.quoting import shortened
 from pnfarm.web.bodies import PREFIX, Json, Schema, body_of, read_object
 from pnfarm.web.errors import RequestError
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Fault", "Faults", "FaultsHost", "Outcome", "Reset", "Targets", "add_faults"]
 
+#: Names of drives in one entry of the log.
+MOST_NAMES = 16
 #: How far ahead the start of a fault may be set by the clock.
 MOST_AHEAD_SECONDS = 10.0
 
@@ -53,7 +56,7 @@ class FaultKind(Schema):
     kind: str
     family: str
     doc: str
-    occurrence: str = Field(description="What `count` counts, and what `probability` is of.")
+    occurrence: str = Field(description="What `count` and `probability` refer to.")
     wire: str = Field(description="What a capture shows.")
     reports: str = Field(description="What controllers report.")
     buses: dict[str, KindOnBus] = Field(description="What differs on a bus, by its name.")
@@ -189,7 +192,8 @@ def add_faults(path: Paths, host: Host, faults: FaultsHost) -> None:
     """Declare them."""
 
     def note(request: Request, event: type[FaultRequested | FaultCleared], *found: Mapping[str, Any]) -> None:
-        host.note(*(event(*who(request), one["id"], one["kind"], shortened(list(one["drives"]))) for one in found))
+        names = [shortened(list(one["drives"]), MOST_NAMES) for one in found]
+        host.note(*(event(*who(request), one["id"], one["kind"], n) for one, n in zip(found, names, strict=True)))
 
     @path("GET fault-kinds", FaultKinds)
     async def get_kinds() -> Json:

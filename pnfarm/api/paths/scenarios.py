@@ -14,6 +14,7 @@ from pnfarm.api.paths.faults import FaultEvidence  # noqa: TC001 - pydantic read
 from pnfarm.vocabulary.issues import FarmFileError
 from pnfarm.web.bodies import PREFIX, Json, Schema, body_of, checked, read_object
 from pnfarm.web.errors import RequestError, named_by_path
+from pnfarm.web.paths import text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -192,18 +193,14 @@ def add_scenarios(path: Paths, scenarios: KeptScenarios, now: Callable[[], int])
         scenario_id: str,
         cases_from: Annotated[
             int | None,
-            Query(ge=0, description="Only how far it is, and the cases that ended, but for so many of the first."),
+            Query(ge=0, description="Only its progress, and the ended cases after this many."),
         ] = None,
     ) -> Json:
         """One scenario: verdict, cases, timeline; while it runs, what there is so far."""
         found = known(scenario_id)
         return Json(found.as_dict() if cases_from is None else found.progress(cases_from, now()))
 
-    @path(
-        "GET scenarios/{scenario_id}/report",
-        {200: {"content": {"text/html": {"schema": {"type": "string"}}}}},
-        response_class=Response,
-    )
+    @path("GET scenarios/{scenario_id}/report", text("text/html"), response_class=Response)
     async def get_report(scenario_id: str) -> Response:
         """The report of a scenario that ended, as a page for a browser."""
         from pnfarm.scenario.report.page import report_html  # noqa: PLC0415 - only for those who open one
@@ -211,8 +208,8 @@ def add_scenarios(path: Paths, scenarios: KeptScenarios, now: Callable[[], int])
         found = known(scenario_id)
         if not found.run.finished:
             raise RequestError(f"{scenario_id} still runs; its report is there at its end", status=HTTPStatus.CONFLICT)
-        text = await anyio.to_thread.run_sync(report_html, found.as_dict())
-        return Response(text, media_type="text/html", headers={"Content-Security-Policy": REPORT_POLICY})
+        page = await anyio.to_thread.run_sync(report_html, found.as_dict())
+        return Response(page, media_type="text/html", headers={"Content-Security-Policy": REPORT_POLICY})
 
     @path("DELETE scenarios/{scenario_id}", ScenarioRecord)
     async def delete_scenario(scenario_id: str) -> Json:

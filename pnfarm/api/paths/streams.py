@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol
 from fastapi import Header, Query, Request
 from starlette.responses import Response, StreamingResponse
 
+from pnfarm.web.paths import text
+
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Mapping
 
@@ -43,10 +45,7 @@ def add_streams(path: Paths, streams: StreamsHost) -> None:
     def opened(stream: AsyncIterator[str] | AsyncIterator[bytes]) -> Response:
         return StreamingResponse(stream, media_type="text/event-stream", headers={"Cache-Control": "no-store"})
 
-    def described(stream: dict[str, str]) -> dict[int, Any]:
-        return {200: {"content": {"text/event-stream": {"schema": stream}}}}
-
-    @path("GET events", described(EVENT_STREAM), response_class=StreamingResponse)
+    @path("GET events", text("text/event-stream", EVENT_STREAM), response_class=StreamingResponse)
     async def events(
         last_event_id: Annotated[str | None, Header(description="Sequence number of the last entry received.")] = None,
         drive: Annotated[str | None, Query(description="Only entries of this drive.")] = None,
@@ -59,7 +58,7 @@ def add_streams(path: Paths, streams: StreamsHost) -> None:
         begin = last_event_id if last_event_id is not None or after is None else str(after)
         return opened(streams.events(begin, drive, follow=follow))
 
-    @path("GET live", described(LIVE_STREAM), response_class=StreamingResponse)
+    @path("GET live", text("text/event-stream", LIVE_STREAM), response_class=StreamingResponse)
     async def live(
         request: Request,
         drive: Annotated[str | None, Query(description="The drive in detail.")] = None,

@@ -56,7 +56,7 @@ class Drive(Schema):
     station_address: int | None = Field(description="Address on a serial line; null on a network.")
     powered: bool
     state: str = Field(description="S1..S5 of the PROFIdrive state machine; boot, or off.")
-    status: list[str] = Field(description="What holds of ready, enabled, in_operation, at_rest, homed, task_active ...")
+    status: list[str] = Field(description="Which hold of ready, enabled, in_operation, at_rest, homed, task_active ...")
     zsw1: str = Field(description="Status word 1 of PROFIdrive, hexadecimal; 0 on a bus without it.")
     zsw1_bits: list[str]
     stw1: str = Field(description="Control word 1 of PROFIdrive, hexadecimal; 0 on a bus without it.")
@@ -105,10 +105,8 @@ class Drive(Schema):
     )
     faults_injected: list[str] = Field(description="Ids of the active injected faults.")
     fault_memory: list[list[KeptFault]] = Field(
-        default_factory=list,
-        description="The fault buffer by situation, newest first; only for a single drive.",
+        default_factory=list, description="The fault buffer by situation, newest first; only for a single drive."
     )
     events: list[LogEntry] = Field(
-        default_factory=list,
-        description="Last events, oldest first; only for a single drive, not in a list of drives.",
+        default_factory=list, description="Last events, oldest first; only for a single drive, not in a list of drives."
     )

@@ -28,15 +28,19 @@ class LineView(Schema):
     name: str = Field(description="The name of the bus.")
     way: str = Field(description="pty, port, connect or listen.")
     where: str = Field(description="What the other end connects to.")
-    up: bool = Field(description="Whether somebody is at the other end, as far as the way can tell.")
+    up: bool = Field(description="Whether the line is connected, as far as the farm can detect it.")
     baud: int
     telegrams_received: int
     telegrams_sent: int
     octets_received: int
     octets_sent: int
     octets_lost: dict[str, int] = Field(description="Octets that could not be sent, by reason.")
-    interruptions: dict[str, int] = Field(description="How often the way broke or could not be opened, by reason.")
-    dropped: dict[str, int] = Field(description="What came and was no telegram, by reason; garbage counts octets.")
+    interruptions: dict[str, int] = Field(
+        description="How often the connection broke or could not be opened, by reason."
+    )
+    dropped: dict[str, int] = Field(
+        description="Received data that are not telegrams, by reason; garbage counts octets."
+    )
     counts: dict[str, int] = Field(description="Requests of some kinds: repeated, diagnosis, refused.")
     answers_withheld: int = Field(description="Answers that would have begun later than allowed.")
     reply_seconds_mean: float | None = Field(description="From a request's last octet to its answer, in this process.")
@@ -58,7 +62,7 @@ class StandingView(Schema):
     """The database of the drives' memory, and the lease of these drives in it."""
 
     memory: str = Field(description="The database, without password.")
-    memory_up: bool = Field(description="Whether what drives are told to save can be saved.")
+    memory_up: bool = Field(description="Whether the drives can save.")
     memory_reason: str = Field(description="Why not; empty if it can.")
     lease: str = Field(description="held, lost or waiting: without it being held, the drives are mute.")
     renewed_seconds_ago: float | None

@@ -47,9 +47,10 @@ _PROBLEM = PROBLEMS["default"]["content"]
 #: Status -> when it is answered.
 _WHEN = {
     "401": "The token is missing or wrong",
-    "403": "This client may not: a token that only reads, or a page of another origin",
+    "403": "Not permitted: a token that only reads, or a page of another origin",
     "404": "Nothing has this name, number or id",
     "409": "Not in the present state",
+    "412": "It has changed since the ETag of If-Match",
     "422": "The request is wrong; `errors` says field by field what is allowed",
 }
 
@@ -62,6 +63,8 @@ def problems_of(method: str, path: str, operation: Mapping[str, Any]) -> dict[st
         found.append("404")
     if named and (method != "get" or "/params/" in path or path.endswith("/report")):
         found.append("409")
+    if "ETag" in str(operation["responses"]) and method != "get":
+        found.append("412")
     if method != "get" or "parameters" in operation:
         found.append("422")
     return {status: {"description": _WHEN[status], "content": _PROBLEM} for status in found}

@@ -67,16 +67,11 @@ def axis_program(section: Program) -> AxisProgram:
 
 def configure(row: Any, wanted: AxisProgram, steps: Mapping[str, Any]) -> None:
     """Fill a row of the table with a program, and with what the drive's bus knows of the drive, by the row's fields."""
-    row.kind = wanted.kind
-    row.enable = wanted.enable
+    for field in ("kind", "enable", "period_ns", "acknowledge_after_ns", "acceleration", "dwell_ns"):
+        setattr(row, field, getattr(wanted, field))
     row.speed = wanted.speed_rpm
-    row.period_ns = wanted.period_ns
-    row.acknowledge_after_ns = wanted.acknowledge_after_ns
-    for index, target in enumerate(wanted.targets):
-        row.targets[index] = target
     row.target_count = len(wanted.targets)
-    row.acceleration = wanted.acceleration
-    row.dwell_ns = wanted.dwell_ns
+    row.targets[: len(wanted.targets)] = wanted.targets
     for step, value in steps.items():
         setattr(row, step, value)
     row.active = 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.parameters.store import ParameterStore
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pnfarm.config.drive import DriveConfig
     from pnfarm.drives.description.model import Model
 
-__all__ = ["KnownSteps", "SignalSteps", "signal_steps"]
+__all__ = ["KnownSteps", "SignalSteps", "powered_axis", "signal_steps"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,41 +47,38 @@ class SignalSteps:
         )
 
 
+def powered_axis(model: Model, numbers: dict[str | int, int | Sequence[int]], *, motor: bool = False) -> Any:
+    """An axis record as after power-on, with what the drive works out of these parameters, and of its motor."""
+    axes, image = AXIS.allocate(1), IMAGE.allocate(1)
+    if motor:
+        model.apply_motor(axes[0])
+    store = ParameterStore(model, AxisHandle(axes[0], image[0]))
+    store.commission(numbers)
+    store.power_on()
+    return axes[0]
+
+
 def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps:
     """The steps as the drive itself works them out of its parameters and the telegram."""
-    axes, image = AXIS.allocate(1), IMAGE.allocate(1)
-    axis = axes[0]
-    store = ParameterStore(model, AxisHandle(axis, image[0]))
     numbers: dict[str | int, int | Sequence[int]] = {
         key: int(value, 0) if isinstance(value, str) else int(value) for key, value in drive.params.items()
     }
-    store.commission(numbers)
-    store.power_on()
+    axis = powered_axis(model, numbers)
+    own, jog, ramp = axis.profidrive.settings, axis.jog.settings, axis.ramp.settings
+    known = model.profidrive.telegrams.get(telegram)
+    speed_up = ramp_step(own.task_acceleration_step, jog.acceleration, ramp.acceleration)
+    speed_down = ramp_step(own.task_deceleration_step, jog.deceleration, ramp.deceleration)
     return SignalSteps(
-        velocity_step=float(axis.profidrive.settings.velocity_step),
-        velocity_step_b=float(axis.profidrive.settings.velocity_step_b),
-        task_form=model.profidrive.telegrams[telegram].tasks if telegram in model.profidrive.telegrams else TASKS_NONE,
+        velocity_step=float(own.velocity_step),
+        velocity_step_b=float(own.velocity_step_b),
+        task_form=TASKS_NONE if known is None else known.tasks,
         control_config=int(axis.asked.settings.control_config),
-        target_step=float(axis.profidrive.settings.target_step) or float(axis.travel.settings.position_step),
-        task_velocity_step=float(axis.profidrive.settings.task_velocity_step) or 1.0,
-        task_acceleration_step=float(
-            ramp_step(
-                axis.profidrive.settings.task_acceleration_step,
-                axis.jog.settings.acceleration,
-                axis.ramp.settings.acceleration,
-            )
-        )
-        or 1.0,
-        task_deceleration_step=float(
-            ramp_step(
-                axis.profidrive.settings.task_deceleration_step,
-                axis.jog.settings.deceleration,
-                axis.ramp.settings.deceleration,
-            )
-        )
-        or 1.0,
-        task_ramps_signed=bool(axis.profidrive.settings.task_ramps_signed),
-        ramp_step=float(axis.profidrive.settings.acceleration_step) or 1.0,
+        target_step=float(own.target_step) or float(axis.travel.settings.position_step),
+        task_velocity_step=float(own.task_velocity_step) or 1.0,
+        task_acceleration_step=float(speed_up) or 1.0,
+        task_deceleration_step=float(speed_down) or 1.0,
+        task_ramps_signed=bool(own.task_ramps_signed),
+        ramp_step=float(own.acceleration_step) or 1.0,
     )
 
 

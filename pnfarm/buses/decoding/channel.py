@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.captures.conversations import CyclicChannel
 from pnfarm.captures.packet import Description
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
 __all__ = ["SummedChannel", "limited"]
 
@@ -22,14 +23,21 @@ _SUMS = (
 
 
 def limited(
-    told: dict[str, int], what: str, text: str, *, place: str = "", family: str = "", **details: object
+    told: dict[str, int],
+    what: str,
+    text: str,
+    details: Mapping[str, Any] = MappingProxyType({}),
+    *,
+    counts: Mapping[str, str] = MappingProxyType({}),
+    place: str = "",
+    family: str = "",
 ) -> Iterator[Description]:
     """A line, unless there were many of its kind; ``told`` counts them, ``place`` says where, for the last one."""
     number = told[what] = told.get(what, 0) + 1
-    if number < MOST_LINES:
-        yield Description(what, text, details, family=family)
-    elif number == MOST_LINES:
-        yield Description(what, f"{text}; further ones{place} are not shown", details, family=family)
+    if number == MOST_LINES:
+        text += f"; further ones{place} are not shown"
+    if number <= MOST_LINES:
+        yield Description(what, text, details, counts, family)
 
 
 @dataclass(slots=True, eq=False, kw_only=True)
@@ -61,7 +69,7 @@ class SummedChannel:
 
     def limited(self, what: str, text: str, **details: object) -> Iterator[Description]:
         """See :func:`limited`."""
-        return limited(self.told, what, text, place=" on this channel", **details)  # type: ignore[arg-type]
+        return limited(self.told, what, text, details, place=" on this channel")
 
     def passed(self, now: int) -> int:
         """The time since the last frame; it counts, unless the capture goes back in time."""

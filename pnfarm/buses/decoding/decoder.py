@@ -29,8 +29,6 @@ class SharedState(Generic[_Key, _Channel, _Template, _Observed]):
     def __init__(self, capture: Capture) -> None:
         self.capture = capture
         self.stations = capture.stations
-        self.gap_cycles = capture.gap_cycles
-        self.every_frame = capture.every_frame
         #: Cyclic channels by their addresses and number.
         self.channels: Bounded[_Key, _Channel] = Bounded()
         #: Layouts of a farm file, by the drive's MAC address and whether the drive sends.
@@ -54,12 +52,3 @@ class FamilyDecoder(FrameDecoder, Generic[_Shared]):
         for channel in self.shared.channels.values():
             if channel.frames:
                 yield channel.summary()
-
-    @property
-    def observed(self) -> Any:
-        """See :attr:`SharedState.observed`."""
-        return self.shared.observed
-
-    @observed.setter
-    def observed(self, observed: Any) -> None:
-        self.shared.observed = observed

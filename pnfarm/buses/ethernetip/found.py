@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pnfarm.buses.ethernetip.decode.decoder import EthernetIpDecoder
-    from pnfarm.buses.ethernetip.decode.observed import Observed, SeenAdapter, SeenOpening
+    from pnfarm.buses.ethernetip.decode.observed import SeenAdapter, SeenOpening
     from pnfarm.drives.description.model import Model
 
 __all__ = ["found"]
@@ -32,7 +32,9 @@ PREFIX = 24
 
 def found(decoder: EthernetIpDecoder) -> Iterator[FoundDrive | FoundStation]:
     """Drives first, then other adapters; originators are named by their adapters."""
-    observed: Observed = decoder.observed
+    observed = decoder.shared.observed
+    if observed is None:
+        return iter(())
     openings: dict[Any, SeenOpening] = {}
     for (_, device), opening in observed.openings.items():
         # an owner's says more than a listener's, and one that was accepted more than one that was refused

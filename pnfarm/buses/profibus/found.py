@@ -34,7 +34,8 @@ _US = 1_000
 
 def found(decoder: ProfibusDecoder) -> Iterator[FoundDrive | FoundStation]:
     """Drives first, then other slaves."""
-    slaves = [] if decoder.observed is None else decoder.observed.slaves
+    observed = decoder.shared.observed
+    slaves = [] if observed is None else observed.slaves
     return drives_first(_station(seen, decoder.polled_ns(seen.address)) for seen in slaves)
 
 
@@ -48,7 +49,7 @@ def _station(seen: SeenSlave, cycle_ns: int) -> FoundDrive | FoundStation:
     if seen.address <= HIGHEST_ADDRESS:
         keys["address"] = seen.address
     else:
-        notes.append(f"it had address {seen.address}, which is that of a slave that nobody gave one")
+        notes.append(f"it had address {seen.address}, the default of a slave without an address")
     return FoundDrive(f"drive-{seen.address}", known.name, keys, (*notes, *facts), line=LINE)
 
 
@@ -75,5 +76,5 @@ def _like(seen: SeenSlave) -> Iterator[str]:
     for model, telegram in models_with_identifiers(seen.identifiers):
         yield (
             f"telegram {telegram} of {model} has the same identifiers: {{model: {model}, "
-            f"identity: {{device: 0x{seen.ident:04X}}}}} would stand for it if it is one"
+            f"identity: {{device: 0x{seen.ident:04X}}}}} would replace it if it is one"
         )

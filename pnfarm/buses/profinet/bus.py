@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, cast
 
-from pnfarm.buses.imports import ImportingBus
+from pnfarm.buses.imports import ImportingBus, ProjectBus
 from pnfarm.buses.search import SearchBus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
 
     from fastapi import FastAPI
 
     from pnfarm.buses.bus import DeviceServices, RouteHost
-    from pnfarm.buses.caex import CaexElement
     from pnfarm.buses.described import DescribedIdentity
     from pnfarm.buses.devices import DeviceRows
-    from pnfarm.buses.imports import FoundDrive, FoundStation
     from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
     from pnfarm.buses.profinet.described.kind import DescribedSettings
     from pnfarm.buses.profinet.device.device import ProfinetDevice
@@ -29,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["PROFINET", "Profinet"]
 
 
-class Profinet(ImportingBus, SearchBus):
+class Profinet(ImportingBus, ProjectBus, SearchBus):
     """See the module's docstring."""
 
     name = "profinet"
@@ -37,11 +35,6 @@ class Profinet(ImportingBus, SearchBus):
     link_kinds = frozenset({"macvlan", "veth", "tap", "memory"})
     frame_families = ("cyclic", "dcp", "rpc", "alarm", "lldp", "ptcp", "snmp")
     description_key = "gsdml"
-
-    def of_project(self, root: CaexElement, folders: Sequence[Path], base: Path) -> Iterable[FoundDrive | FoundStation]:
-        from pnfarm.buses.profinet.project import of_project
-
-        return of_project(root, folders, base)
 
     def described_identity(self, path: Path, model: Model, own: Mapping[str, Any]) -> DescribedIdentity:
         from pnfarm.buses.profinet.gsdml_file import load_gsdml
@@ -73,12 +66,14 @@ class Profinet(ImportingBus, SearchBus):
 
     def described_device(self, station: Station, services: DeviceServices) -> ProfinetDevice:
         from pnfarm.buses.profinet.described.kind import DescribedKind
+        from pnfarm.buses.profinet.described.summary import station_description
         from pnfarm.buses.profinet.device.device import ProfinetDevice
 
         kind = DescribedKind(
             station, cast("DescribedSettings", station.config), services.channels.columns, services.plain_row
         )
         station.signals = kind.signals
+        station.description = station_description(kind.described.plugged)
         return ProfinetDevice(station, services, kind, kind.described.plugged.number_of_ars)
 
     def commands(self) -> Iterable[Command]:

@@ -57,9 +57,8 @@ def _item_signals(submodule: PluggedSubmodule, direction: Direction, item: Plugg
     def datum(text: str, octet: int, bit: int | None = None) -> Datum:
         return Datum(text, direction, submodule.slot, submodule.subslot, octet, bit)
 
-    bits = item.bits or item.all_bits
     if item.use_as_bits or item.bits:
-        for octet, bit, name in bits:
+        for octet, bit, name in item.bits or item.all_bits:
             yield _Found(datum(name, octet, bit), BOOL)
     elif item.data_type in _WITH_STATUS:
         kind = _WITH_STATUS[item.data_type]

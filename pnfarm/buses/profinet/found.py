@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pnfarm.buses.profinet.decode.decoder import ProfinetDecoder
-    from pnfarm.buses.profinet.decode.observed import Observed, SeenConnection, SeenStation
+    from pnfarm.buses.profinet.decode.observed import SeenConnection, SeenStation
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.telegrams.telegram import Telegram
     from pnfarm.protocols.profinet.wire.cm.expected import ExpectedApi, ExpectedSubmodule
@@ -30,7 +30,9 @@ _MS = 1e6
 
 def found(decoder: ProfinetDecoder) -> Iterator[FoundDrive | FoundStation]:
     """Devices that were connected, then other stations; controllers are named by their devices."""
-    observed: Observed = decoder.observed
+    observed = decoder.shared.observed
+    if observed is None:
+        return iter(())
     connected: dict[bytes, SeenConnection] = {}
     for connection in observed.connections.values():
         # one that a device accepted says more than one that it refused
@@ -147,7 +149,7 @@ def _identity(
         telegram = _telegram(drive_model, api, data)
         if telegram is None:
             told = f"slot {api.slot}, module 0x{api.module_ident:08X}: {'/'.join(map(str, _lengths(data)))} octets"
-            notes.append(f"{told} in and out are no telegram that could be told")
+            notes.append(f"{told} in and out match no telegram")
             continue
         notes.append(f"telegram {telegram.number} in slot {api.slot}")
         if all(module.ident != api.module_ident for module in telegram.modules):

@@ -204,7 +204,7 @@ def _dap_submodules(dap: Dap, model: Model, notes: list[str]) -> dict[int, int]:
         notes.append(f"its access point has no submodule in {told}, where the drive has one")
     if more := sorted(described.keys() - own):
         told = ", ".join(f"0x{subslot:04X}" for subslot in more)
-        notes.append(f"its access point has submodules in {told}, which the drive has not")
+        notes.append(f"its access point has submodules in {told}, which the drive does not have")
     return {subslot: described[subslot] for subslot in sorted(own & described.keys())}
 
 

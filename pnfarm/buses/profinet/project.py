@@ -158,7 +158,7 @@ def _telegram(
         if ident is None:
             notes.append(f"{file.name} has no module {module_id!r}, which the project plugs")
         elif ident not in numbers:
-            notes.append(f"module {module.name or module_id} (0x{ident:X}) is no telegram that could be told")
+            notes.append(f"module {module.name or module_id} (0x{ident:X}) is not a known telegram")
         else:
             notes.append(f"telegram {numbers[ident]}: {module.name or module_id}")
             first = numbers[ident] if first is None else first

@@ -35,7 +35,7 @@ def command(
 ) -> None:
     """Run the benchmarks, and compare the farm with the floor of this machine.
 
-    Exit codes: 1 a goal was missed; 3 none was missed, but one could not be judged, because others were at work.
+    Exit codes: 1 a goal was missed; 3 none was missed, but one could not be judged, because of other load.
     """
     from pnfarm.bench.catalogue import BENCHMARKS, chosen, measured
     from pnfarm.bench.report import markdown, print_table

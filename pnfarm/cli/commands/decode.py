@@ -13,6 +13,7 @@ import typer
 
 from pnfarm.buses import registry
 from pnfarm.errors import ConfigError
+from pnfarm.terminal.output import print_json, print_line, seconds
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -211,8 +212,6 @@ def _learn_farm(path: Path, decoder: Decoder) -> None:
 
 
 def _summary(decoder: Decoder, stations: Iterable[str], output: DecodeFormat) -> None:
-    from pnfarm.terminal.output import print_json, print_line
-
     talks = decoder.summary()
     asked = {mac.hex(":") if (mac := _mac(text)) is not None else text for text in stations}
     names = {decoder.name(mac) if (mac := _mac(text)) is not None else text for text in stations}
@@ -235,8 +234,6 @@ _COUNTERS = (
 
 
 def _paragraph(talk: dict[str, Any]) -> Iterable[str]:
-    from pnfarm.terminal.output import seconds
-
     families = ", ".join(f"{count} {kind}" for kind, count in talk["families"].items())
     yield f"{' <-> '.join(talk['between'])}: {talk['frames']} frames in {talk['seconds']:.3f} s ({families})"
     for channel in talk["cyclic"]:

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from pnfarm.errors import EnvironmentError_
+from pnfarm.terminal.output import print_json, print_line, print_next, print_section, print_table
 from pnfarm.terminal.settings import Format, FormatOption, ShardOption
 
 __all__ = ["doctor"]
@@ -20,7 +22,7 @@ def doctor(
     file: Annotated[
         Path | None,
         typer.Argument(
-            help="Farm file to judge on this machine: its interface, address and folder, the processor time of its "
+            help="Farm file to check on this machine: its interface, address and folder, the processor time of its "
             "drives, its serial lines, whose ports must not be in use.",
             metavar="[FILE]",
             show_default=False,
@@ -31,9 +33,7 @@ def doctor(
 ) -> None:
     """Check whether this machine can run a farm, and show how to fix what is missing."""
     from pnfarm.cli.farm_file import read, shard_option
-    from pnfarm.errors import EnvironmentError_
     from pnfarm.farm.doctor.machine import examine
-    from pnfarm.terminal.output import print_json, print_line, print_next, print_table
 
     config = None if file is None else read(file)
     findings = examine()
@@ -50,8 +50,7 @@ def doctor(
         print_table(("", "WHAT", "~FINDING"), rows)
         remedies = [finding for finding in findings if finding.remedy]
         if remedies:
-            print_line()
-            print_table(("WHAT", "~HOW TO FIX IT"), [(finding.name, finding.remedy) for finding in remedies])
+            print_section(("WHAT", "~HOW TO FIX IT"), [(finding.name, finding.remedy) for finding in remedies])
         print_line()
         print_line(_verdict(len(missing), file))
         if not missing:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from pnfarm.cli.completion import complete_drive, complete_fault, complete_kind
+from pnfarm.errors import ConfigError, PnfarmError
+from pnfarm.terminal import client
+from pnfarm.terminal.output import print_found, print_json, print_line, print_next, print_section, print_table
+from pnfarm.terminal.partial import raise_for_missing
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pnfarm.terminal.client import FarmClient
+from pnfarm.vocabulary.quoting import did_you_mean, shortened
 
 __all__ = ["app"]
 
@@ -35,9 +35,6 @@ def kinds(
 ) -> None:
     """List all kinds of fault with their parameters, or show one: what it does, on the wire and to a controller."""
     from pnfarm.buses.registry import fault_kinds
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.output import print_json, print_table
-    from pnfarm.vocabulary.quoting import did_you_mean
 
     if kind is not None:
         known = fault_kinds()
@@ -45,14 +42,14 @@ def kinds(
             raise ConfigError(
                 f"there is no kind of fault {kind!r}{did_you_mean(kind, known)}; `pnfarm fault kinds` lists them"
             )
-        _print_kind(known[kind].as_dict(), output)
+        print_found(known[kind].as_dict(), output, _print_kind)
         return
-    catalogue = [kind.as_dict() for kind in fault_kinds().values()]
-    if output is Format.JSON:
-        print_json({"kinds": catalogue})
-        return
+    print_found({"kinds": [kind.as_dict() for kind in fault_kinds().values()]}, output, _print_kinds)
+
+
+def _print_kinds(found: dict[str, Any]) -> None:
     rows: list[tuple[str, ...]] = []
-    for one in catalogue:
+    for one in found["kinds"]:
         rows.append((one["kind"], one["family"], " ".join(one["directions"]), one["doc"]))
         for name, spec in one["params"].items():
             default = "" if spec["default"] is None else f"; default {spec['default']}"
@@ -60,12 +57,7 @@ def kinds(
     print_table(("KIND", "FAMILY", "DIRECTION", "~WHAT IT DOES"), rows)
 
 
-def _print_kind(kind: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import print_json, print_line, print_table
-
-    if output is Format.JSON:
-        print_json(kind)
-        return
+def _print_kind(kind: dict[str, Any]) -> None:
     rows = [
         ("what it does", kind["doc"]),
         ("family", kind["family"]),
@@ -89,8 +81,7 @@ def _print_kind(kind: dict[str, Any], output: Format) -> None:
              f"{spec['doc']} Allowed: {spec['allowed']}." + (f" [{spec['unit']}]" if spec["unit"] else ""))
             for name, spec in kind["params"].items()
         ]  # fmt: skip
-        print_line()
-        print_table(("PARAMETER", "DEFAULT", "~MEANING"), params)
+        print_section(("PARAMETER", "DEFAULT", "~MEANING"), params)
     needed = [name for name, spec in kind["params"].items() if spec["required"]]
     given = "".join(f" -p {name}=..." for name in needed)
     print_line()
@@ -102,10 +93,7 @@ def add(
     kind: Annotated[
         str,
         typer.Argument(
-            metavar="KIND",
-            help="One of `pnfarm fault kinds`.",
-            show_default=False,
-            autocompletion=complete_kind,
+            metavar="KIND", help="One of `pnfarm fault kinds`.", show_default=False, autocompletion=complete_kind
         ),
     ],
     on: Annotated[
@@ -141,7 +129,7 @@ def add(
     ] = None,
     most: Annotated[int | None, typer.Option(help="At most so many of the drives, by the seed.")] = None,
     rate: Annotated[
-        str | None, typer.Option(metavar="RATE", help="Begin again and again at random, so often, such as 2/min.")
+        str | None, typer.Option(metavar="RATE", help="Begin repeatedly at random, at this rate, such as 2/min.")
     ] = None,
     times: Annotated[int | None, typer.Option(help="With --rate: begin so often on each drive.")] = None,
     ttl: Annotated[
@@ -161,11 +149,6 @@ def add(
     token: TokenOption = None,
 ) -> None:
     """Inject a fault."""
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json, print_line, print_next
-    from pnfarm.terminal.partial import raise_for_missing
-
     body: dict[str, Any] = {"kind": kind, "on": on, "params": dict(map(_parameter, param or []))}
     wanted = {
         "for": duration,
@@ -187,17 +170,17 @@ def add(
     body |= {key: value for key, value in wanted.items() if value is not None}
     if hold and dry_run:
         raise ConfigError("--dry-run injects nothing that --hold could keep: leave one of them out")
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         if dry_run:
             reach = farm.post("faults", body=body, query={"dry_run": "true"})
-            _print_reach(reach, output)
+            print_found(reach, output, _print_reach)
             raise_for_missing(reach)
             return
         fault = farm.post("faults", body=body)
         if output is Format.JSON:
             print_json(fault)
         else:
-            print_line(f"{fault['id']}: {fault['kind']} {fault['state']} on {_shortened(list(fault['drives']))}")
+            print_line(f"{fault['id']}: {fault['kind']} {fault['state']} on {shortened(list(fault['drives']))}")
             if not hold:
                 print_next(
                     f"pnfarm fault list {fault['id']} shows its evidence, pnfarm fault clear {fault['id']} ends it"
@@ -223,22 +206,13 @@ def show(
     token: TokenOption = None,
 ) -> None:
     """List the pending and active faults, or one fault, with their evidence."""
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json
-    from pnfarm.terminal.partial import raise_for_missing
-
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         found = farm.get("faults") if fault_id is None else {"faults": [farm.get("faults", fault_id)]}
-    if output is Format.JSON:
-        print_json(found)
-    else:
-        _print_faults(found)
+    print_found(found, output, _print_faults)
     raise_for_missing(found if fault_id is None else found["faults"][0])
 
 
 def _print_faults(found: dict[str, Any]) -> None:
-    from pnfarm.terminal.output import print_line, print_table
-
     if not found["faults"]:
         known = " on the shards that answer" if found.get("partial") else ""
         print_line(f"no fault is pending or active{known}")
@@ -252,7 +226,7 @@ def _print_faults(found: dict[str, Any]) -> None:
             fault["evidence"]["checks"],
             fault["evidence"]["activations"],
             _confirmation(fault["evidence"]),
-            _shortened(list(fault["drives"])),
+            shortened(list(fault["drives"])),
         )
         for fault in found["faults"]
     ]
@@ -272,20 +246,16 @@ def clear(
     token: TokenOption = None,
 ) -> None:
     """Clear a fault, or all of them; the drives return to normal."""
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json, print_line
-    from pnfarm.terminal.partial import raise_for_missing
-
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         found = farm.post("reset") if fault_id is None else farm.delete("faults", fault_id)
     if output is Format.JSON:
         print_json(found)
     else:
         cleared = found["cleared"] if fault_id is None else [found["id"]]
         none = "no fault was active" + (" on the shards that answer" if found.get("partial") else "")
-        print_line(f"cleared {_shortened(cleared)}" if cleared else none)
+        print_line(f"cleared {shortened(cleared)}" if cleared else none)
         for fault in found.get("faults", []):
-            print_line(f"  {fault['id']}: {fault['kind']} on {_shortened(list(fault['drives']))}")
+            print_line(f"  {fault['id']}: {fault['kind']} on {shortened(list(fault['drives']))}")
     raise_for_missing(found)
 
 
@@ -304,12 +274,7 @@ def _confirmation(evidence: dict[str, Any]) -> str:
     return found
 
 
-def _print_reach(found: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import print_json, print_line, print_table
-
-    if output is Format.JSON:
-        print_json(found)
-        return
+def _print_reach(found: dict[str, Any]) -> None:
     rows = [
         *((drive, "yes", "") for drive in found["drives"]),
         *((entry["drive"], "no", entry["why"]) for entry in found["cannot"]),
@@ -323,13 +288,11 @@ def _print_reach(found: dict[str, Any], output: Format) -> None:
     print_line(f"{what}{refused}{again}")
 
 
-def _keep(farm: FarmClient, fault: dict[str, Any]) -> None:
+def _keep(farm: client.FarmClient, fault: dict[str, Any]) -> None:
     """Renew a fault's time to live until it ends or this command is stopped, then clear it."""
     import signal
     import threading
 
-    from pnfarm.errors import PnfarmError
-    from pnfarm.terminal.output import print_line
     from pnfarm.vocabulary.durations import parse_duration
 
     stop = threading.Event()
@@ -352,8 +315,6 @@ def _keep(farm: FarmClient, fault: dict[str, Any]) -> None:
 
 
 def _parameter(text: str) -> tuple[str, Any]:
-    from pnfarm.errors import ConfigError
-
     key, equals, value = text.partition("=")
     if not equals or not key:
         raise ConfigError(f"--param {text!r} is not a parameter; give NAME=VALUE such as hold=true")
@@ -372,8 +333,3 @@ def _scalar(text: str) -> int | float | bool | str:
         # "nan" and "inf" are text, as in JSON
         return value if abs(value) < float("inf") else text
     return text
-
-
-def _shortened(names: Sequence[str], most: int = 8) -> str:
-    rest = len(names) - most
-    return " ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")

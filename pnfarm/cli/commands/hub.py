@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from pnfarm.terminal.settings import settings
+from pnfarm.errors import ConfigError
+from pnfarm.terminal.client import token_in
+from pnfarm.terminal.output import print_line
+from pnfarm.terminal.settings import setting, settings
 
 if TYPE_CHECKING:
     from pnfarm.farm.file.sections import Api
@@ -20,64 +21,54 @@ _LISTEN = "127.0.0.1:8702"
 def hub(
     shard: Annotated[
         list[str] | None,
-        typer.Option(
+        setting(
             "--shard",
+            "PNFARM_HUB_SHARD",
+            "A farm's API, a URL or HOST:PORT.  Repeatable.",
             metavar="URL",
-            envvar="PNFARM_HUB_SHARD",
-            show_envvar=False,
-            help="A farm's API, a URL or HOST:PORT.  Repeatable.",
             show_default=False,
         ),
     ] = None,
     discover: Annotated[
         list[str] | None,
-        typer.Option(
+        setting(
             "--discover",
+            "PNFARM_HUB_DISCOVER",
+            "A name whose every address in DNS is a farm's; asked anew every 5 s.  Repeatable.",
             metavar="NAME:PORT",
-            envvar="PNFARM_HUB_DISCOVER",
-            show_envvar=False,
-            help="A name whose every address in DNS is a farm's; asked anew every 5 s.  Repeatable.",
             show_default=False,
         ),
     ] = None,
-    api: Annotated[
-        str,
-        typer.Option(
-            "--api", metavar="HOST:PORT", envvar="PNFARM_HUB_API", show_envvar=False, help="Address of the hub's API."
-        ),
-    ] = _LISTEN,
+    api: Annotated[str, setting("--api", "PNFARM_HUB_API", "Address of the hub's API.", metavar="HOST:PORT")] = _LISTEN,
     token: Annotated[
         str | None,
-        typer.Option(
+        setting(
             "--api-token",
+            "PNFARM_HUB_API_TOKEN",
+            "Bearer token of the hub's API; beyond loopback one is made up, and logged, unless it is given.",
             metavar="TOKEN",
-            envvar="PNFARM_HUB_API_TOKEN",
-            show_envvar=False,
-            help="Bearer token of the hub's API; beyond loopback one is made up, and logged, unless it is given.",
         ),
     ] = None,
     read_token: Annotated[
         str | None,
-        typer.Option(
+        setting(
             "--api-read-token",
+            "PNFARM_HUB_API_READ_TOKEN",
+            "Bearer token that may read and change nothing.",
             metavar="TOKEN",
-            envvar="PNFARM_HUB_API_READ_TOKEN",
-            show_envvar=False,
-            help="Bearer token that may read and change nothing.",
         ),
     ] = None,
     shard_token: Annotated[
         str | None,
-        typer.Option(
+        setting(
             "--shard-token",
+            "PNFARM_HUB_SHARD_TOKEN",
+            "Bearer token of the shards' APIs; or set PNFARM_HUB_SHARD_TOKEN_FILE to a file that holds it.",
             metavar="TOKEN",
-            envvar="PNFARM_HUB_SHARD_TOKEN",
-            show_envvar=False,
-            help="Bearer token of the shards' APIs; or set PNFARM_HUB_SHARD_TOKEN_FILE to a file that holds it.",
         ),
     ] = None,
 ) -> None:
-    """Answer the API of several farms as of one, in the foreground until Ctrl-C (docs/hub.md).
+    """Serve the API of several farms as one, in the foreground until Ctrl-C (docs/hub.md).
 
     Options override environment variables: PNFARM_HUB_SHARD and PNFARM_HUB_DISCOVER (several values with spaces
     between them), PNFARM_HUB_API, PNFARM_HUB_API_TOKEN, PNFARM_HUB_API_READ_TOKEN and PNFARM_HUB_SHARD_TOKEN; for the
@@ -85,17 +76,14 @@ def hub(
     """
     import anyio
 
-    from pnfarm.errors import ConfigError
-    from pnfarm.hub.settings import api_of, name_of, token_in, url_of
+    from pnfarm.hub.settings import api_of, name_of, url_of
 
     urls = list(dict.fromkeys(url_of(text) for text in shard or []))
     names = list(dict.fromkeys(name_of(text) for text in discover or []))
     if not urls and not names:
         raise ConfigError("no shard is given: add --shard URL for each farm, or --discover NAME:PORT")
     section = api_of(
-        api,
-        token or token_in("PNFARM_HUB_API_TOKEN_FILE"),
-        read_token or token_in("PNFARM_HUB_API_READ_TOKEN_FILE"),
+        api, token or token_in("PNFARM_HUB_API_TOKEN_FILE"), read_token or token_in("PNFARM_HUB_API_READ_TOKEN_FILE")
     )
     anyio.run(_run, section, urls, names, shard_token or token_in("PNFARM_HUB_SHARD_TOKEN_FILE"))
 
@@ -111,7 +99,6 @@ async def _run(section: Api, urls: list[str], names: list[tuple[str, int]], shar
     from pnfarm.farm.process.garbage import keep_what_is_loaded
     from pnfarm.hub import Hub, make_hub_app
     from pnfarm.hub.tasks import run_hub
-    from pnfarm.terminal.output import print_line
 
     made = secrets.token_urlsafe(24) if section.needs_token and section.token is None else None
     hub = Hub(token=shard_token)

@@ -7,6 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from pnfarm.cli.farm_file import counted
+from pnfarm.errors import ConfigError
+from pnfarm.terminal.output import print_line
+from pnfarm.terminal.working import working
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -47,10 +52,8 @@ def importing(
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace FARM if it is there.")] = False,
 ) -> None:
-    """Make a farm file of a capture or a TIA project's CAx data: what no model stands for is listed in comments."""
-    from pnfarm.errors import ConfigError
+    """Make a farm file from a capture or a TIA project's CAx data; devices without a model are listed in comments."""
     from pnfarm.farm.file.found import farm_name, write_farm
-    from pnfarm.terminal.output import print_line
 
     folder = Path.cwd() if output is None else output.resolve().parent
     if _is_project(file):
@@ -75,21 +78,15 @@ def importing(
         raise ConfigError(f"{output} is there already: give --force to replace it, or another name") from None
     except OSError as exc:
         raise ConfigError(f"{output} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
-    counts = (f"{len(found)} {what}{'' if len(found) == 1 else 's'}" for found, what in _counted(drives, others))
-    print_line(f"{output}: {', '.join(counts)} in comments")
+    print_line(f"{output}: {counted(len(drives), 'drive')}, {counted(len(others), 'other station')} in comments")
     if drives:
         print_line(f"next: pnfarm validate {output}")
     else:
         print_line("next: read its comments, choose a model (`pnfarm models`), and add `drives:`")
 
 
-def _counted(drives: Sequence[FoundDrive], others: Sequence[FoundStation]) -> tuple[tuple[Sequence[object], str], ...]:
-    return (drives, "drive"), (others, "other station")
-
-
 def _is_project(file: Path) -> bool:
     from pnfarm.buses.caex import is_project
-    from pnfarm.errors import ConfigError
 
     try:
         with file.open("rb") as begin:
@@ -102,7 +99,6 @@ def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[F
     from pnfarm.buses import registry
     from pnfarm.buses.caex import MAX_OCTETS, NotCaexError, parse_caex
     from pnfarm.buses.imports import ProjectBus
-    from pnfarm.errors import ConfigError
     from pnfarm.vocabulary.regular_file import read_regular
 
     try:
@@ -110,7 +106,7 @@ def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[F
     except OSError as exc:
         raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
     except NotCaexError as exc:
-        raise ConfigError(f"{file} is no CAx data: {exc}") from exc
+        raise ConfigError(f"{file} is not CAx data: {exc}") from exc
     found = [
         one
         for bus in registry.BUSES.values()
@@ -132,7 +128,6 @@ def _of_capture(file: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
     from pnfarm.buses import registry
     from pnfarm.buses.imports import ImportingBus
     from pnfarm.captures.reading import FrameReader
-    from pnfarm.terminal.working import working
 
     decoder = registry.decoder()
     importing_buses = {key: bus for key, bus in registry.BUSES.items() if isinstance(bus, ImportingBus)}

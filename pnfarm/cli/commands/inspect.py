@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pnfarm.cli.completion import complete_drive
+from pnfarm.errors import ConfigError
+from pnfarm.terminal import client
+from pnfarm.terminal.output import number, print_found, print_line, print_section, print_table, seconds
+from pnfarm.terminal.partial import raise_for_missing
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
 
 if TYPE_CHECKING:
@@ -39,13 +43,9 @@ def inspect(
     token: TokenOption = None,
 ) -> None:
     """Show the drives of the running farm: state, telegram, controller, cycle, last fault."""
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.partial import raise_for_missing
-
     if not follow and not events:
         raise ConfigError("--no-follow needs --events")
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         if name is not None:
             drive = farm.get("drives", name)
             name = str(drive["name"])
@@ -54,16 +54,14 @@ def inspect(
         elif events:
             _follow(farm.events(name, follow=follow), output)
         elif name is not None:
-            _one(drive, farm.get("drives", name, "controller"), output)
+            print_found({**drive, "controller_record": farm.get("drives", name, "controller")}, output, _one)
         else:
             view = farm.get("drives")
-            _all(view, output)
+            print_found(view, output, _all)
             raise_for_missing(view)
 
 
 def _follow(entries: Iterable[dict[str, Any]], output: Format) -> None:
-    from pnfarm.terminal.output import print_line
-
     try:
         for entry in entries:
             print_line(json.dumps(entry) if output is Format.JSON else _event_line(entry))
@@ -84,20 +82,12 @@ def _event_line(entry: dict[str, Any]) -> str:
 
 
 def _data(key: str, value: Any) -> str:
-    from pnfarm.terminal.output import seconds
-
     if key.endswith("_seconds") and isinstance(value, int | float):
         return seconds(float(value))
     return ("no", "yes")[value] if isinstance(value, bool) else str(value)
 
 
-def _all(view: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import number, print_json, print_line, print_table, seconds
-
-    drives = view["drives"]
-    if output is Format.JSON:
-        print_json(view)
-        return
+def _all(view: dict[str, Any]) -> None:
     columns = ("DRIVE", "STATE", ">TELEGRAM", "CONNECTION", "~CONTROLLER", ">CYCLE", ">RPM", "~LAST FAULT", "~INJECTED")
     rows = [
         (
@@ -111,7 +101,7 @@ def _all(view: dict[str, Any], output: Format) -> None:
             _last_fault(drive),
             " ".join(drive["faults_injected"]),
         )
-        for drive in drives
+        for drive in view["drives"]
     ]
     print_table(columns, rows)
     # an older farm's answer has none
@@ -125,8 +115,6 @@ def _all(view: dict[str, Any], output: Format) -> None:
 
 def _standing_text(standing: dict[str, Any]) -> str:
     """The memory's database and the lease in words."""
-    from pnfarm.terminal.output import seconds
-
     memory = "up" if standing["memory_up"] else f"away ({standing['memory_reason']})"
     ago, other = standing["renewed_seconds_ago"], standing["held_by"]
     text = f"memory {standing['memory']}: {memory}; lease {standing['lease']}"
@@ -139,12 +127,10 @@ def _standing_text(standing: dict[str, Any]) -> str:
 
 def _line_text(line: dict[str, Any]) -> str:
     """A serial line in words."""
-    from pnfarm.terminal.output import seconds
-
     dropped = sum(line["dropped"].values())
     reply = line["reply_seconds_mean"]
     return (
-        f"line {line['name']}: {line['way']} {line['where']}, {'up' if line['up'] else 'nobody at the other end'}, "
+        f"line {line['name']}: {line['way']} {line['where']}, {'up' if line['up'] else 'no client connected'}, "
         f"{line['baud']} bit/s, {line['telegrams_received']} telegrams received, {line['telegrams_sent']} sent"
         + (f", {dropped} wrong" if dropped else "")
         + (f", {line['answers_withheld']} answers withheld as too late" if line["answers_withheld"] else "")
@@ -168,13 +154,10 @@ def _last_fault(drive: dict[str, Any]) -> str:
     return _fault_text(fault) + (" (active)" if drive["fault"] else "")
 
 
-def _one(drive: dict[str, Any], controller: dict[str, Any], output: Format) -> None:
+def _one(drive: dict[str, Any]) -> None:
     from pnfarm.farm.views.discard_texts import discard_text
-    from pnfarm.terminal.output import number, print_json, print_line, print_table
 
-    if output is Format.JSON:
-        print_json({**drive, "controller_record": controller})
-        return
+    controller = drive.pop("controller_record")
     events = drive.pop("events", [])
     discards = drive.get("frames_discarded") or {}
     details = drive.get("details") or {}
@@ -185,13 +168,11 @@ def _one(drive: dict[str, Any], controller: dict[str, Any], output: Format) -> N
         rows[place:place] = [("frames discarded", number(sum(discards.values())))]
     print_table(("FIELD", "~VALUE"), rows)
     if discards:
-        print_line()
         most = sorted(discards.items(), key=lambda entry: (-entry[1], entry[0]))
         table = [(number(count), reason, discard_text(reason)) for reason, count in most]
-        print_table((">DISCARDED", "REASON", "~WHAT IT MEANS"), table)
+        print_section((">DISCARDED", "REASON", "~WHAT IT MEANS"), table)
     _print_relations(relations)
-    print_line()
-    print_table(("CONTROLLER DID", "~VALUE"), _controller_rows(controller))
+    print_section(("CONTROLLER DID", "~VALUE"), _controller_rows(controller))
     if events:
         print_line()
         for entry in events[-LAST_EVENTS:]:
@@ -200,8 +181,6 @@ def _one(drive: dict[str, Any], controller: dict[str, Any], output: Format) -> N
 
 def _print_relations(relations: list[dict[str, Any]]) -> None:
     """What was agreed for each connection, and what is where in its frames."""
-    from pnfarm.terminal.output import number, print_line, print_table, seconds
-
     for one in relations:
         channels = one.pop("channels")
         facts = (f"{key.removesuffix('_seconds').replace('_', ' ')} {_cell(key, value)}" for key, value in one.items())
@@ -223,7 +202,6 @@ def _print_relations(relations: list[dict[str, Any]]) -> None:
 
 def _controller_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
     """What the controller did, and its newest start-up and reaction."""
-    from pnfarm.terminal.output import number, seconds
 
     def mean(distribution: dict[str, Any]) -> str:
         value = distribution["mean_seconds"]
@@ -262,8 +240,6 @@ def _controller_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _cell(key: str, value: Any) -> str:
-    from pnfarm.terminal.output import seconds
-
     match value:
         case None:
             return "-"

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pnfarm.cli.completion import complete_model
+from pnfarm.errors import ConfigError
+from pnfarm.terminal.output import print_json, print_line, print_section, print_table
 from pnfarm.terminal.settings import Format, FormatOption
 
 if TYPE_CHECKING:
@@ -49,16 +51,13 @@ def models(
     farm: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE",
-            help="Farm file whose `parameter_lists` add parameters to the model.",
-            show_default=False,
+            metavar="FILE", help="Farm file whose `parameter_lists` add parameters to the model.", show_default=False
         ),
     ] = None,
 ) -> None:
     """List the drive models, or show one with the source of each value."""
     from pnfarm.drives import catalogue
     from pnfarm.drives.description.as_json import as_json
-    from pnfarm.errors import ConfigError
 
     if model is None:
         if parameters is not None:
@@ -73,8 +72,6 @@ def models(
         if not found["parameters"]:
             raise ConfigError(f"{found['name']} has no parameter {parameters!r}; '*' shows all of them")
     if output is Format.JSON:
-        from pnfarm.terminal.output import print_json
-
         print_json(found if parameters is None else found["parameters"])
     elif parameters is not None:
         _print_parameters(found["parameters"])
@@ -100,8 +97,6 @@ def _matches(row: dict[str, Any], glob: str) -> bool:
 
 
 def _print_parameters(rows: list[dict[str, Any]]) -> None:
-    from pnfarm.terminal.output import print_table
-
     columns = (">PNU", "NAME", "TYPE", ">DEFAULT", "UNIT", "SCALE", "ACCESS", "EFFECT", "~SOURCE", "~NOTE")
     keys = ("pnu", "name", "type", "default", "unit", "scale", "access", "effect", "source", "note")
     print_table(columns, [tuple(row[key] for key in keys) for row in rows])
@@ -109,7 +104,6 @@ def _print_parameters(rows: list[dict[str, Any]]) -> None:
 
 def _list(output: Format) -> None:
     from pnfarm.drives import catalogue
-    from pnfarm.terminal.output import print_json, print_table
 
     entries = catalogue.models().values()
     if output is Format.JSON:
@@ -122,7 +116,6 @@ def _list(output: Format) -> None:
 
 def _print(found: dict[str, Any]) -> None:
     from pnfarm.drives.parameters.effects import EFFECTS
-    from pnfarm.terminal.output import print_line, print_table
 
     print_line(f"{found['name']}: {found['title']} ({found['maker']}, {found['bus']})")
     print_line(f"manual: {found['manual']}, {found['edition']}")
@@ -131,58 +124,47 @@ def _print(found: dict[str, Any]) -> None:
     for section in ("identity", "limits"):
         if found[section] is None:
             continue
-        print_line()
         values = dict(found[section])
         sources = values.pop("sources")
         rows = [
             (key.replace("_", " "), _value(key, value), sources[key]["source"], sources[key]["note"])
             for key, value in values.items()
         ]
-        print_table((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
+        print_section((section.upper(), "VALUE", "~SOURCE", "~NOTE"), rows)
     for section in (*_FACTS, "bus_facts"):
         if found.get(section):
             title = found["bus"] if section == "bus_facts" else section
-            print_line()
-            print_table((title.replace("_", " ").upper(), "VALUE", "~SOURCE", "~NOTE"), _fact_rows(found[section]))
+            print_section((title.replace("_", " ").upper(), "VALUE", "~SOURCE", "~NOTE"), _fact_rows(found[section]))
     if found["behaviour"]:
-        print_line()
-        print_table(("BEHAVIOUR", "READING", "~WHAT THE DRIVE DOES"), list(_reading_rows(found["behaviour"])))
-        print_line()
+        print_section(("BEHAVIOUR", "READING", "~WHAT THE DRIVE DOES"), list(_reading_rows(found["behaviour"])))
         rows = [(point["name"], point["about"], point["reason"], point["source"]) for point in found["behaviour"]]
-        print_table(("BEHAVIOUR", "~LEFT OPEN", "~REASON OF THE DEFAULT", "~SOURCE"), rows)
+        print_section(("BEHAVIOUR", "~LEFT OPEN", "~REASON OF THE DEFAULT", "~SOURCE"), rows)
     for kind, parts in found["motors"].items():
-        print_line()
         rows = [row for part, facts in parts.items() for row in _fact_rows(facts, f"{part} ")]
-        print_table((f"MOTORS {kind}", "VALUE", "~SOURCE", "~NOTE"), rows)
+        print_section((f"MOTORS {kind}", "VALUE", "~SOURCE", "~NOTE"), rows)
     if found["telegrams"]:
         _print_telegrams(found)
-    print_line()
-    print_table(
+    print_section(
         (">COUNT", "OF", "~SOURCES"),
         [
             (len(found[section]), section, "; ".join(_sources(found[section])))
             for section in ("parameters", "signals", "bits", "faults")
         ],
     )
-    print_line()
     counts = Counter(row["effect"] for row in found["parameters"])
     effects = [(counts[name], name, meaning) for name, meaning in EFFECTS.items()]
-    print_table((">PARAMETERS", "EFFECT", "~MEANING"), effects)
+    print_section((">PARAMETERS", "EFFECT", "~MEANING"), effects)
     print_line()
     print_line(f"Every parameter: pnfarm models {found['name']} --parameters '*'; every row: --format json")
 
 
 def _print_telegrams(found: dict[str, Any]) -> None:
-    from pnfarm.terminal.output import print_line, print_table
-
-    print_line()
     if any(telegram["identifiers"] for telegram in found["telegrams"]):
-        print_table(("TELEGRAM", "IDENTIFIERS", ">IN", ">OUT", "~SOURCE"), _identifier_rows(found))
+        print_section(("TELEGRAM", "IDENTIFIERS", ">IN", ">OUT", "~SOURCE"), _identifier_rows(found))
     else:
         columns = ("MODULE", "IDENT", "SUBSLOT", "SUBMODULE", ">IN", ">OUT", "~SOURCE")
-        print_table(columns, _module_rows(found))
-    print_line()
-    print_table(
+        print_section(columns, _module_rows(found))
+    print_section(
         ("TELEGRAM", "~TO THE DRIVE", "~FROM THE DRIVE", "SOURCE", "~NOTE"),
         [
             (
@@ -242,10 +224,7 @@ def _module_rows(found: dict[str, Any]) -> Iterator[tuple[object, ...]]:
 
 def _sources(rows: list[dict[str, Any]], most: int = 4) -> list[str]:
     """The sources of many rows with their counts, the most frequent first."""
-    counts: dict[str, int] = {}
-    for row in rows:
-        counts[row["source"]] = counts.get(row["source"], 0) + 1
-    ranked = sorted(counts.items(), key=lambda item: -item[1])
+    ranked = Counter(row["source"] for row in rows).most_common()
     shown = [f"{source} ({count})" for source, count in ranked[:most]]
     return [*shown, f"and {len(ranked) - most} more"] if len(ranked) > most else shown
 

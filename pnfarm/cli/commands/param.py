@@ -7,6 +7,9 @@ from typing import Annotated, Any
 import typer
 
 from pnfarm.cli.completion import complete_drive
+from pnfarm.errors import ConfigError
+from pnfarm.terminal import client
+from pnfarm.terminal.output import print_found, print_line
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
 
 __all__ = ["app"]
@@ -47,7 +50,10 @@ OwnOption = Annotated[int, typer.Option("--own-address", metavar="N", help="With
 ModelOption = Annotated[
     str | None,
     typer.Option(
-        "--model", metavar="MODEL", help="With --line: whose names and types of parameters count.", show_default=False
+        "--model",
+        metavar="MODEL",
+        help="With --line: the model whose parameter names and types are used.",
+        show_default=False,
     ),
 ]
 
@@ -65,15 +71,13 @@ def get(
     token: TokenOption = None,
 ) -> None:
     """Read a parameter, of a drive of the running farm or of any station on a line."""
-    from pnfarm.terminal.client import FarmClient
-
     if line is not None:
         from pnfarm.cli.param_line import ask
 
-        _show(ask(line, name, pnu, None, baud=baud, own=own, model=model), output)
+        print_found(ask(line, name, pnu, None, baud=baud, own=own, model=model), output, _show)
         return
-    with FarmClient(api, token) as farm:
-        _show(farm.get("drives", name, "params", pnu), output)
+    with client.FarmClient(api, token) as farm:
+        print_found(farm.get("drives", name, "params", pnu), output, _show)
 
 
 # a negative value is a value, not an option
@@ -93,21 +97,17 @@ def put(
     token: TokenOption = None,
 ) -> None:
     """Write a parameter and print the value that the drive then has."""
-    from pnfarm.terminal.client import FarmClient
-
     wanted = _number(value)
     if line is not None:
         from pnfarm.cli.param_line import ask
 
-        _show(ask(line, name, pnu, wanted, baud=baud, own=own, model=model), output)
+        print_found(ask(line, name, pnu, wanted, baud=baud, own=own, model=model), output, _show)
         return
-    with FarmClient(api, token) as farm:
-        _show(farm.put("drives", name, "params", pnu, body={"value": wanted}), output)
+    with client.FarmClient(api, token) as farm:
+        print_found(farm.put("drives", name, "params", pnu, body={"value": wanted}), output, _show)
 
 
 def _number(text: str) -> int:
-    from pnfarm.errors import ConfigError
-
     try:
         return int(text, 0)
     except ValueError:
@@ -119,12 +119,7 @@ def _number(text: str) -> int:
         raise ConfigError(f"{text!r} is not a parameter value; give a whole number such as 12 or 0x0C") from exc
 
 
-def _show(found: dict[str, Any], output: Format) -> None:
-    from pnfarm.terminal.output import print_json, print_line
-
-    if output is Format.JSON:
-        print_json(found)
-        return
+def _show(found: dict[str, Any]) -> None:
     values = found.get("values")
     value = " ".join(map(str, values)) if values and not found["subindex"] else str(found["value"])
     unit = f" {found['unit']}" if found.get("unit") else ""

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pnfarm.errors import EnvironmentError_
 from pnfarm.farm.process.address_space import ENGINE, require_address_space
+from pnfarm.terminal.output import console, make_table, number, print_json, print_line, print_table, seconds
 from pnfarm.terminal.settings import Format, settings
+from pnfarm.vocabulary.quoting import shortened
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from rich.table import Table
 
@@ -65,8 +68,7 @@ def plc(
         typer.Option("--json", metavar="FILE", help="Write a summary to this file at the end.", dir_okay=False),
     ] = None,
     output: Annotated[
-        Format | None,
-        typer.Option("--format", help="Print a summary at the end; default: a live table on a terminal."),
+        Format | None, typer.Option("--format", help="Print a summary at the end; default: a live table on a terminal.")
     ] = None,
 ) -> None:
     """Run the built-in controller for the drives and devices of a farm file, virtual or real, until Ctrl-C.
@@ -78,7 +80,6 @@ def plc(
     from pnfarm.cli.farm_file import read
     from pnfarm.cli.plc_device import one_device
     from pnfarm.farm.file.choice import bus_of_controller
-    from pnfarm.terminal.output import print_json, print_table
 
     require_address_space(ENGINE)
     if (file is None) == (gsdml is None):
@@ -107,10 +108,10 @@ def plc(
     if output is Format.JSON:
         print_json(summary)
     elif output is Format.TABLE:
-        print_table(_columns(_COLUMNS, several), [_with_bus(row, _cells(row), several) for row in rows])
+        columns = _columns(_COLUMNS, several)
+        print_table(columns, _cells(rows, columns))
     if seconds is not None and quiet and not interrupted:
-        shown = " ".join(quiet[:8]) + (f" and {len(quiet) - 8} more" if len(quiet) > 8 else "")
-        sys.stderr.write(f"pnfarm: {len(quiet)} of {len(rows)} drives never exchanged data: {shown}\n")
+        sys.stderr.write(f"pnfarm: {len(quiet)} of {len(rows)} drives never exchanged data: {shortened(quiet)}\n")
         raise typer.Exit(1)
 
 
@@ -119,8 +120,6 @@ def _is_live() -> bool:
 
 
 def _write(path: Path, summary: dict[str, Any]) -> None:
-    from pnfarm.errors import EnvironmentError_
-
     try:
         path.write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
     except OSError as exc:
@@ -164,7 +163,6 @@ async def _run(
 
 def _say_up(controller: Plc) -> None:
     from pnfarm.cli.farm_file import counted
-    from pnfarm.terminal.output import print_line
 
     several = len(controller.controllers) > 1
     for one, section in zip(controller.controllers, controller.config.controllers, strict=True):
@@ -180,8 +178,6 @@ async def _watch(controller: Plc, live: bool) -> None:
         await controller.wait()
         return
     from rich.live import Live
-
-    from pnfarm.terminal.output import console
 
     out = console()
 
@@ -201,82 +197,47 @@ async def _watch(controller: Plc, live: bool) -> None:
             await controller.wait()
 
 
-_COLUMNS = (
-    "DRIVE",
-    "CONNECTION",
-    "PROGRAM",
-    "IP",
-    ">CYCLE",
-    ">CONNECTS",
-    ">LOSSES",
-    ">FAULTS",
-    ">SENT",
-    ">RECEIVED",
-    "ZSW1",
-    "~LAST REASON",
-)
-#: What a terminal of 80 columns has room for.
-_LIVE_COLUMNS = ("DRIVE", "CONNECTION", "PROGRAM", ">CYCLE", ">LOSSES", ">FAULTS", ">RECEIVED", "~LAST REASON")
-
-
-def _columns(names: tuple[str, ...], several: bool) -> tuple[str, ...]:
-    """With several controllers, each row has its drive's bus."""
-    return (names[0], "BUS", *names[1:]) if several else names
-
-
-def _with_bus(row: dict[str, Any], cells: Sequence[object], several: bool) -> Sequence[object]:
-    return (cells[0], row["bus"], *cells[1:]) if several else cells
-
-
-def _cells(row: dict[str, Any]) -> Sequence[object]:
-    from pnfarm.terminal.output import number, seconds
-
-    return (
-        row["name"],
-        row["state"],
-        row["phase"],
-        row["ip"],
-        seconds(row["cycle_seconds"]),
-        row["connects"],
-        row["losses"],
-        row["faults"],
-        number(row["frames_sent"]),
-        number(row["frames_received"]),
-        f"0x{row['zsw1']:04X}",
-        _reason(row),
-    )
-
-
 def _reason(row: dict[str, Any]) -> str:
     """What stands in the way of a drive: its program's failure, unusable submodules, or the last lost connection."""
     failure = row["program"]["failure"] if row["program"] else ""
     return failure or "; ".join(row["unusable"]) or row["last_reason"]
 
 
+#: What each column shows of a drive.
+_COLUMNS: Mapping[str, Callable[[dict[str, Any]], object]] = {
+    "DRIVE": lambda row: row["name"],
+    "BUS": lambda row: row["bus"],
+    "CONNECTION": lambda row: row["state"],
+    "PROGRAM": lambda row: row["phase"],
+    "IP": lambda row: row["ip"],
+    ">CYCLE": lambda row: seconds(row["cycle_seconds"]),
+    ">CONNECTS": lambda row: row["connects"],
+    ">LOSSES": lambda row: row["losses"],
+    ">FAULTS": lambda row: row["faults"],
+    ">SENT": lambda row: number(row["frames_sent"]),
+    ">RECEIVED": lambda row: number(row["frames_received"]),
+    "ZSW1": lambda row: f"0x{row['zsw1']:04X}",
+    "~LAST REASON": _reason,
+}
+#: What a terminal of 80 columns has room for.
+_LIVE_COLUMNS = ("DRIVE", "BUS", "CONNECTION", "PROGRAM", ">CYCLE", ">LOSSES", ">FAULTS", ">RECEIVED", "~LAST REASON")
+
+
+def _columns(names: Iterable[str], several: bool) -> list[str]:
+    """The bus is shown where there are several controllers."""
+    return [name for name in names if several or name != "BUS"]
+
+
+def _cells(rows: Iterable[dict[str, Any]], columns: Sequence[str]) -> list[list[object]]:
+    return [[_COLUMNS[column](row) for column in columns] for row in rows]
+
+
 def _live_table(controller: Plc, room: int) -> Table:
     """A table of at most ``room`` drives; those that are not running come first."""
-    from pnfarm.terminal.output import make_table, number, seconds
-
     rows = controller.summary()
     hidden = len(rows) - room
     if hidden > 0:
         rows = sorted(rows, key=lambda row: row["state"] == "DATA" and row["phase"] == "running")[:room]
-    several = len(controller.controllers) > 1
-    cells = [
-        _with_bus(
-            row,
-            (
-                row["name"],
-                row["state"],
-                row["phase"],
-                seconds(row["cycle_seconds"]),
-                row["losses"],
-                row["faults"],
-                number(row["frames_received"]),
-                _reason(row),
-            ),
-            several,
-        )
-        for row in rows
-    ]
-    return make_table(_columns(_LIVE_COLUMNS, several), cells, caption=f"... and {hidden} more" if hidden > 0 else "")
+    columns = _columns(_LIVE_COLUMNS, len(controller.controllers) > 1)
+    caption = f"... and {hidden} more" if hidden > 0 else ""
+    return make_table(columns, _cells(rows, columns), caption=caption)

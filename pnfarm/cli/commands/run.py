@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
+from pnfarm.errors import ConfigError, EnvironmentError_, PnfarmError
+from pnfarm.terminal.output import print_next
 from pnfarm.terminal.settings import TokenOption  # noqa: TC001 - the command line is made from the annotations
 
 if TYPE_CHECKING:
@@ -35,7 +37,6 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     """A scenario checked against its farm file.  Raises :class:`ConfigError`."""
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.cli.farm_file import check_impairments, check_program, read
-    from pnfarm.errors import ConfigError
     from pnfarm.farm.farm import model_of
     from pnfarm.farm.file.reading import expand
     from pnfarm.scenario.definition.binding import bind_scenario
@@ -66,7 +67,7 @@ def run(
     ] = None,
     values: Annotated[
         list[str] | None,
-        typer.Option("--set", help="Value of a variable of the scenario; again for each.", metavar="NAME=VALUE"),
+        typer.Option("--set", help="Value of a variable of the scenario. Repeatable.", metavar="NAME=VALUE"),
     ] = None,
     token: TokenOption = None,
 ) -> int:
@@ -77,10 +78,8 @@ def run(
     """
     from pnfarm.cli.errors import report
     from pnfarm.cli.run_progress import Progress, print_summary
-    from pnfarm.errors import ConfigError
     from pnfarm.scenario.definition.file import load_scenario
     from pnfarm.scenario.report.record import EXIT_CODES, Verdict
-    from pnfarm.terminal.output import print_next
 
     variables = _variables(values or [])
     scenario = load_scenario(file, variables)
@@ -155,7 +154,6 @@ class _Signals:
 
 def _variables(given: list[str]) -> dict[str, Any]:
     """``NAME=VALUE``, read as the file would be: ``n=3`` is a number, ``axis=axis-01`` a text."""
-    from pnfarm.errors import ConfigError
     from pnfarm.vocabulary.yaml_lines import YamlError, parse_yaml
 
     found: dict[str, Any] = {}
@@ -173,10 +171,8 @@ def _variables(given: list[str]) -> dict[str, Any]:
 
 def _check_writable(path: Path) -> None:
     """Before a run of minutes, not after it.  Raises :class:`ConfigError`."""
-    from pnfarm.errors import ConfigError
-
     if path.is_dir() or not path.parent.is_dir():
-        what = "is a folder" if path.is_dir() else f"is in {path.parent}, which is no folder"
+        what = "is a folder" if path.is_dir() else f"is in {path.parent}, which is not a folder"
         raise ConfigError(f"{path} {what}; give the name of a file in a folder that exists")
     try:
         with path.open("ab"):
@@ -196,7 +192,6 @@ def _every(
     traced: bool,
 ) -> tuple[dict[str, Any], Exception | None]:
     """One run, or those of a matrix one after the other; those behind one that was cut short do not begin."""
-    from pnfarm.errors import PnfarmError
     from pnfarm.scenario.definition.matrix import not_begun, together
 
     records: list[dict[str, Any]] = []
@@ -236,7 +231,6 @@ def _local(
     import tempfile
     import time
 
-    from pnfarm.errors import ConfigError
     from pnfarm.farm.capture import CaptureSettings
     from pnfarm.scenario.report.capture_slices import failure_windows, keep_failures, slice_capture
     from pnfarm.scenario.report.frame_ring import FrameRing
@@ -309,7 +303,6 @@ def _write(record: dict[str, Any], junit: Path | None, html: Path | None, as_jso
     """Raises :class:`EnvironmentError_`, after having tried each."""
     import json
 
-    from pnfarm.errors import EnvironmentError_
     from pnfarm.scenario.report.junit import write_junit
     from pnfarm.scenario.report.page import report_html
 

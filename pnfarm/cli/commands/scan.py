@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pnfarm.buses import registry
+from pnfarm.errors import ConfigError
+from pnfarm.terminal.output import print_json, print_line
 from pnfarm.terminal.settings import Format, FormatOption
 
 if TYPE_CHECKING:
@@ -51,11 +53,10 @@ def scan(
     no_lldp: Annotated[bool, typer.Option("--no-lldp", help="Do not listen for LLDP.")] = False,
     output: FormatOption = Format.TABLE,
 ) -> None:
-    """Find devices on the wire (name, type, addresses, identity), and neighbours at its other end by LLDP."""
+    """Find devices on the wire (name, type, addresses, identity), and neighbours by LLDP."""
     import anyio
 
     from pnfarm.buses.search import Question
-    from pnfarm.terminal.output import print_json, print_line
 
     searches = registry.searches()
     wanted = _wanted(bus or ())
@@ -80,8 +81,6 @@ def scan(
 
 def _wanted(names: Sequence[str]) -> list[str]:
     """The buses to search, each once."""
-    from pnfarm.errors import ConfigError
-
     known = registry.searches()
     for name in names:
         if name not in known:
@@ -90,8 +89,6 @@ def _wanted(names: Sequence[str]) -> list[str]:
 
 
 def _address(text: str) -> IPv4Address:
-    from pnfarm.errors import ConfigError
-
     try:
         return IPv4Address(text)
     except ValueError as exc:

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from pnfarm.errors import ConfigError, RemoteError
+from pnfarm.terminal import client
+from pnfarm.terminal.output import print_found, print_json, print_line, print_table
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
 
 if TYPE_CHECKING:
-    from pnfarm.terminal.client import FarmClient
     from pnfarm.trace import Recording
 
 __all__ = ["trace"]
@@ -66,14 +68,10 @@ def trace(
     token: TokenOption = None,
 ) -> None:
     """Record signals of drives of the running farm, cycle by cycle, around a trigger."""
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.client import FarmClient
-    from pnfarm.terminal.output import print_json, print_line
-
     for file in files or []:
         _check_file(file)
     most = _seconds(within)
-    with FarmClient(api, token) as farm:
+    with client.FarmClient(api, token) as farm:
         if listed:
             _list(farm, drives, output)
             return
@@ -104,7 +102,6 @@ def trace(
 
 
 def _seconds(text: str | None) -> float | None:
-    from pnfarm.errors import ConfigError
     from pnfarm.vocabulary.durations import read_duration
     from pnfarm.vocabulary.problem import Problem
 
@@ -114,9 +111,8 @@ def _seconds(text: str | None) -> float | None:
         raise ConfigError(f"--within {problem}") from problem
 
 
-def _recorded(farm: FarmClient, body: dict[str, Any], most: float | None) -> Recording:
+def _recorded(farm: client.FarmClient, body: dict[str, Any], most: float | None) -> Recording:
     """Start the trace, wait for its end, read it; it is deleted whatever happens."""
-    from pnfarm.errors import RemoteError
     from pnfarm.trace.recording import Recording
 
     started = farm.post("traces", body=body)
@@ -124,7 +120,7 @@ def _recorded(farm: FarmClient, body: dict[str, Any], most: float | None) -> Rec
     begin = time.monotonic()
     told = False
     try:
-        while (status := farm.ask("traces", trace_id, query={"format": "status"}))["state"] != "complete":
+        while (status := farm.get("traces", trace_id, query={"format": "status"}))["state"] != "complete":
             if most is not None and time.monotonic() - begin > most:
                 what = "was not triggered" if not status["triggered"] else "is not complete"
                 raise RemoteError(f"the trace {what} within {most:g} s (trigger: {body['trigger']})")
@@ -137,9 +133,7 @@ def _recorded(farm: FarmClient, body: dict[str, Any], most: float | None) -> Rec
         farm.delete("traces", trace_id)
 
 
-def _list(farm: FarmClient, drives: list[str], output: Format) -> None:
-    from pnfarm.errors import ConfigError
-    from pnfarm.terminal.output import print_json, print_table
+def _list(farm: client.FarmClient, drives: list[str], output: Format) -> None:
     from pnfarm.vocabulary.globs import means
 
     known = farm.get("drives")["drives"]
@@ -147,19 +141,18 @@ def _list(farm: FarmClient, drives: list[str], output: Format) -> None:
     if not names:
         raise ConfigError(f"no drive matches {' '.join(drives)}; there are {', '.join(d['name'] for d in known)}")
     found = [farm.get("traces", "signals", name) for name in names]
-    if output is Format.JSON:
-        print_json({"drives": found})
-        return
-    rows = [(one["drive"], s["signal"], s["unit"], s["doc"]) for one in found for s in one["signals"]]
+    print_found({"drives": found}, output, _print_signals)
+
+
+def _print_signals(found: dict[str, Any]) -> None:
+    rows = [(one["drive"], s["signal"], s["unit"], s["doc"]) for one in found["drives"] for s in one["signals"]]
     print_table(("DRIVE", "SIGNAL", "UNIT", "~WHAT IT IS"), rows)
 
 
 def _check_file(file: Path) -> None:
     """Before anything is recorded, so that no recording is lost to a misspelt name."""
-    from pnfarm.errors import ConfigError
-
     if file.suffix.lower() not in _FORMS:
-        raise ConfigError(f"-o {file}: what to write is told by the name's end; allowed: {', '.join(_FORMS)}")
+        raise ConfigError(f"-o {file}: the end of the name selects the format; allowed: {', '.join(_FORMS)}")
     if not file.absolute().parent.is_dir():
         raise ConfigError(f"-o {file}: there is no folder {file.parent}")
 
@@ -167,7 +160,6 @@ def _check_file(file: Path) -> None:
 def _write(file: Path, recording: Recording) -> None:
     import json
 
-    from pnfarm.errors import ConfigError
     from pnfarm.trace.plot import as_html, as_svg
 
     match file.suffix.lower():

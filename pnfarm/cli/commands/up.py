@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
+import typer  # noqa: TC002 - typer reads the annotations
 
+from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.process.address_space import ENGINE, require_address_space
-from pnfarm.terminal.settings import FarmFile, ShardOption, settings
+from pnfarm.terminal.output import print_line, print_table
+from pnfarm.terminal.settings import FarmFile, ShardOption, setting, settings
+from pnfarm.terminal.working import working
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -27,8 +31,8 @@ MANY_DRIVES = 100
 #: Rows of the table of drives printed at the start; `pnfarm inspect` shows all.
 MAX_ROWS = 16
 
-#: Heading of the capture options in the help.
-_PANEL = "Capture"
+#: An option of the capture, with a heading of its own in the help.
+_capturing = partial(setting, rich_help_panel="Capture")
 
 #: Parameter of the command -> (key of the farm file, flag, environment).
 _SETTINGS: Mapping[str, tuple[str, str, str]] = {
@@ -47,153 +51,89 @@ def up(
     context: typer.Context,
     file: FarmFile,
     api: Annotated[
-        str | None,
-        typer.Option(
-            "--api",
-            metavar="HOST:PORT",
-            envvar="PNFARM_UP_API",
-            show_envvar=False,
-            help="Address of the API; off for no API.",
-        ),
+        str | None, setting("--api", "PNFARM_UP_API", "Address of the API; off for no API.", metavar="HOST:PORT")
     ] = None,
     token: Annotated[
-        str | None,
-        typer.Option(
-            "--api-token",
-            metavar="TOKEN",
-            envvar="PNFARM_UP_API_TOKEN",
-            show_envvar=False,
-            help="Bearer token of the API.",
-        ),
+        str | None, setting("--api-token", "PNFARM_UP_API_TOKEN", "Bearer token of the API.", metavar="TOKEN")
     ] = None,
     read_token: Annotated[
         str | None,
-        typer.Option(
+        setting(
             "--api-read-token",
+            "PNFARM_UP_API_READ_TOKEN",
+            "Bearer token that may read and change nothing.",
             metavar="TOKEN",
-            envvar="PNFARM_UP_API_READ_TOKEN",
-            show_envvar=False,
-            help="Bearer token that may read and change nothing.",
         ),
     ] = None,
     parent: Annotated[
         str | None,
-        typer.Option(
-            "--parent",
-            metavar="IF",
-            envvar="PNFARM_UP_LINK_PARENT",
-            show_envvar=False,
-            help="Parent interface of the macvlans (link.parent).",
-        ),
+        setting("--parent", "PNFARM_UP_LINK_PARENT", "Parent interface of the macvlans (link.parent).", metavar="IF"),
     ] = None,
     state: Annotated[
-        str | None,
-        typer.Option(
-            "--state",
-            metavar="DIR",
-            envvar="PNFARM_UP_STATE",
-            show_envvar=False,
-            help="Folder for the drives' non-volatile memory.",
-        ),
+        str | None, setting("--state", "PNFARM_UP_STATE", "Folder for the drives' non-volatile memory.", metavar="DIR")
     ] = None,
     cpu: Annotated[
-        int | None,
-        typer.Option(
-            "--realtime-cpu",
-            metavar="N",
-            envvar="PNFARM_UP_REALTIME_CPU",
-            show_envvar=False,
-            help="CPU to run the engine on.",
-        ),
+        int | None, setting("--realtime-cpu", "PNFARM_UP_REALTIME_CPU", "CPU to run the engine on.", metavar="N")
     ] = None,
     fifo: Annotated[
         int | None,
-        typer.Option(
+        setting(
             "--realtime-fifo",
+            "PNFARM_UP_REALTIME_FIFO",
+            "SCHED_FIFO priority of the engine, 1 to 99.",
             metavar="PRIORITY",
-            envvar="PNFARM_UP_REALTIME_FIFO",
-            show_envvar=False,
-            help="SCHED_FIFO priority of the engine, 1 to 99.",
         ),
     ] = None,
     mlockall: Annotated[
         bool | None,
-        typer.Option(
+        setting(
             "--realtime-mlockall/--no-realtime-mlockall",
-            envvar="PNFARM_UP_REALTIME_MLOCKALL",
-            show_envvar=False,
-            help="Lock all memory in RAM.",
+            "PNFARM_UP_REALTIME_MLOCKALL",
+            "Lock all memory in RAM.",
             show_default=False,
         ),
     ] = None,
     shard: Annotated[
         str | None,
-        typer.Option(
-            "--shard",
-            metavar="I/N",
-            envvar="PNFARM_UP_SHARD",
-            show_envvar=False,
-            help="Run only part I of N of the drives, I from 1.",
-        ),
+        setting("--shard", "PNFARM_UP_SHARD", "Run only part I of N of the drives, I from 1.", metavar="I/N"),
     ] = None,
     pcap: Annotated[
         Path | None,
-        typer.Option(
-            "--pcap",
-            metavar="OUT",
-            envvar="PNFARM_UP_PCAP",
-            show_envvar=False,
-            help="Capture the frames of the drives to this pcapng file.",
-            rich_help_panel=_PANEL,
-        ),
+        _capturing("--pcap", "PNFARM_UP_PCAP", "Capture the frames of the drives to this pcapng file.", metavar="OUT"),
     ] = None,
     pcap_drives: Annotated[
         list[str] | None,
-        typer.Option(
+        _capturing(
             "--pcap-drives",
+            "PNFARM_UP_PCAP_DRIVES",
+            "Capture only these drives.  Repeatable.",
             metavar="GLOB",
-            envvar="PNFARM_UP_PCAP_DRIVES",
-            show_envvar=False,
-            help="Capture only these drives.  Repeatable.",
-            rich_help_panel=_PANEL,
             show_default=False,
         ),
     ] = None,
     pcap_only: Annotated[
         list[str] | None,
-        typer.Option(
+        _capturing(
             "--pcap-only",
-            metavar="KIND",
-            envvar="PNFARM_UP_PCAP_ONLY",
-            show_envvar=False,
-            help="Capture only this kind of frame: cyclic, acyclic, dcp, rpc, alarm, lldp, ptcp, snmp, arp, icmp, "
+            "PNFARM_UP_PCAP_ONLY",
+            "Capture only this kind of frame: cyclic, acyclic, dcp, rpc, alarm, lldp, ptcp, snmp, arp, icmp, "
             "other.  Repeatable.",
-            rich_help_panel=_PANEL,
+            metavar="KIND",
             show_default=False,
         ),
     ] = None,
     pcap_size: Annotated[
         str | None,
-        typer.Option(
+        _capturing(
             "--pcap-size",
+            "PNFARM_UP_PCAP_SIZE",
+            "Start a new file OUT_00001_DATE at this size, such as 100MB.",
             metavar="SIZE",
-            envvar="PNFARM_UP_PCAP_SIZE",
-            show_envvar=False,
-            help="Start a new file OUT_00001_DATE at this size, such as 100MB.",
-            rich_help_panel=_PANEL,
         ),
     ] = None,
     pcap_files: Annotated[
         int | None,
-        typer.Option(
-            "--pcap-files",
-            metavar="N",
-            min=1,
-            envvar="PNFARM_UP_PCAP_FILES",
-            show_envvar=False,
-            help="Keep only the newest N files.",
-            rich_help_panel=_PANEL,
-        ),
+        _capturing("--pcap-files", "PNFARM_UP_PCAP_FILES", "Keep only the newest N files.", metavar="N", min=1),
     ] = None,
 ) -> None:
     """Run a farm in the foreground until Ctrl-C; its interfaces are always removed at the end.
@@ -209,37 +149,24 @@ def up(
     from pnfarm.cli.farm_file import check_impairments, read, shard_option
     from pnfarm.links.serial.eager_loop import LOOKING
 
+    # they are read from the context
+    del api, token, read_token, parent, state, cpu, fifo, mlockall
     require_address_space(ENGINE)
-    given = {
-        "api": api,
-        "token": token,
-        "read_token": read_token,
-        "parent": parent,
-        "state": state,
-        "cpu": cpu,
-        "fifo": fifo,
-        "mlockall": mlockall,
-    }
-    config = _overridden(context, read(file), given)
+    config = _overridden(context, read(file), context.params)
     check_impairments(config)
     capture = capture_settings(pcap, pcap_drives, pcap_only, pcap_size, pcap_files)
     anyio.run(_run, config, shard_option(context, shard), capture, backend_options=LOOKING)
 
 
 def capture_settings(
-    path: Path | None,
-    drives: list[str] | None,
-    only: list[str] | None,
-    size: str | None,
-    files: int | None,
+    path: Path | None, drives: list[str] | None, only: list[str] | None, size: str | None, files: int | None
 ) -> CaptureSettings | None:
     """The settings of the capture options, None without a capture; raises :class:`~pnfarm.errors.ConfigError`."""
-    from pnfarm.errors import ConfigError
     from pnfarm.farm.capture import CaptureSettings, parse_size
 
     if path is None:
         if drives or only or size is not None or files is not None:
-            raise ConfigError("say where the capture goes: --pcap OUT.pcapng")
+            raise ConfigError("name the capture's file: --pcap OUT.pcapng")
         return None
     octets = None if size is None else parse_size(size)
     return CaptureSettings(path, tuple(drives or ()), tuple(only or ()), octets, files)
@@ -247,10 +174,9 @@ def capture_settings(
 
 def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, Any]) -> FarmConfig:
     """The file's settings, overridden by environment and flags; an error names the source of the wrong value."""
-    for name, value in given.items():
-        if value is None:
+    for name, (key, flag, variable) in _SETTINGS.items():
+        if (value := given.get(name)) is None:
             continue
-        key, flag, variable = _SETTINGS[name]
         source = context.get_parameter_source(name)
         origin = variable if source is not None and source.name == "ENVIRONMENT" else flag
         if name == "api" and config.api is not None and value != "off":
@@ -268,13 +194,8 @@ def _overridden(context: typer.Context, config: FarmConfig, given: Mapping[str, 
 
 def _secret(config: FarmConfig) -> dict[str, str]:
     """The file's keys of the API's tokens."""
-    section = config.api
-    given = (
-        {}
-        if section is None
-        else {"token": section.token, "token_file": section.token_file, "read_token": section.read_token}
-    )
-    return {key: value for key, value in given.items() if value is not None}
+    keys = ("token", "token_file", "read_token")
+    return {key: value for key in keys if (value := getattr(config.api, key, None)) is not None}
 
 
 def _bracketed(host: str) -> str:
@@ -323,8 +244,6 @@ async def _run(config: FarmConfig, shard: Shard | None, capture: CaptureSettings
 @contextlib.contextmanager
 def _starting(drives: int) -> Iterator[None]:
     """Say that many drives take a while."""
-    from pnfarm.terminal.working import working
-
     if drives < MANY_DRIVES:
         yield
         return
@@ -335,7 +254,6 @@ def _starting(drives: int) -> Iterator[None]:
 def _say_up(farm: Farm, url: str | None) -> None:
     """Print one line for a user or a script; with JSON logs the log has the same as events."""
     from pnfarm.cli.farm_file import counted, link_text
-    from pnfarm.terminal.output import print_line, print_table
 
     if settings.logs_json:
         return
@@ -364,7 +282,6 @@ def down(context: typer.Context, file: FarmFile, shard: ShardOption = None) -> N
     """Remove the interfaces that a killed run of this farm, of its shards or its controller left behind."""
     from pnfarm.cli.farm_file import read, shard_option
     from pnfarm.farm.farm import remove_farm
-    from pnfarm.terminal.output import print_line
 
     config = read(file)
     part = shard_option(context, shard)
@@ -379,7 +296,6 @@ def down(context: typer.Context, file: FarmFile, shard: ShardOption = None) -> N
 
 def _remove_controller(config: FarmConfig) -> list[str]:
     """What a killed `pnfarm plc` left behind; the interfaces of a running one are kept."""
-    from pnfarm.errors import EnvironmentError_
     from pnfarm.links.kernel.interfaces import remove_leftovers_now
     from pnfarm.links.kernel.ownership import FarmLock
 

@@ -17,6 +17,7 @@ from pnfarm.cli.farm_file import (
     shard_option,
     summary,
 )
+from pnfarm.terminal.output import print_json, print_line, print_next
 from pnfarm.terminal.settings import FarmFile, ShardOption  # noqa: TC001 - the command line is made from the annotations
 
 if TYPE_CHECKING:
@@ -41,7 +42,6 @@ def validate(context: typer.Context, file: FarmFile, shard: ShardOption = None) 
     With a shard, also name its drives.
     """
     from pnfarm.cli.commands.run import is_scenario
-    from pnfarm.terminal.output import print_line, print_next
 
     if is_scenario(file):
         print_line(f"{file}: OK, {_scenario_summary(file)}")
@@ -97,8 +97,6 @@ def schema(
     of: Annotated[SchemaOf, typer.Argument(metavar="farm|scenario", help="Kind of file.", show_default=False)],
 ) -> None:
     """Print the JSON Schema of the farm file or the scenario file, for editors."""
-    from pnfarm.terminal.output import print_json
-
     if of is SchemaOf.SCENARIO:
         from pnfarm.scenario.definition.schema import scenario_schema
 

@@ -57,6 +57,8 @@ SCENARIO_TRIES = 3
 STRETCH_NS = 50_000_000
 #: The controllers' event, on every bus.
 CONNECTION_LOST = "connection lost"
+#: Of the live table; those with > are to the right.
+_COLUMNS = ("drive", "model", "state", ">set point", ">speed", ">current", ">cycle", ">sent", ">received", "fault")
 
 
 class Demo:
@@ -113,7 +115,7 @@ class Demo:
         self._report(summary)
         return summary
 
-    async def _open(self, stack: AsyncExitStack) -> Callable[[], Awaitable[None]]:
+    async def _open(self, stack: AsyncExitStack) -> Callable[[], Awaitable[object]]:
         quiet, plc_log = EventLog(quiet=True), EventLog(quiet=True)
         stack.callback(plc_log.subscribe(self._happened))
         if self._in_memory:
@@ -140,11 +142,7 @@ class Demo:
             watched = asyncio.ensure_future(waiting)
             self._watched.append(watched)
             stack.callback(watched.cancel)
-
-        async def release() -> None:
-            await plc.release()
-
-        return release
+        return plc.release
 
     async def _stages(self) -> bool:
         names = [row["name"] for row in self._plc.snapshot()]
@@ -334,20 +332,8 @@ class Demo:
 
     def _picture(self) -> Group:
         table = Table(title="pnfarm demo", title_justify="left", expand=False)
-        for column in (
-            "drive",
-            "model",
-            "state",
-            "set point",
-            "speed",
-            "current",
-            "cycle",
-            "sent",
-            "received",
-            "fault",
-        ):
-            right = column in {"set point", "speed", "current", "cycle", "sent", "received"}
-            table.add_column(column, justify="right" if right else "left", no_wrap=True)
+        for column in _COLUMNS:
+            table.add_column(column.lstrip(">"), justify="right" if column[0] == ">" else "left", no_wrap=True)
         now = self._now()
         for station in self._farm.axes[:24]:
             seen = drive_snapshot(self._farm, station, now, injected={})

@@ -43,7 +43,7 @@ def wants_stored(section: Section, key: str, parameters: Mapping[int, Parameter]
     """The plain stored parameter that a key names; raises :class:`ConfigError` for any other."""
     parameter = parameters.get(section[key].value)
     if parameter is None or parameter.backing is not Backing.STORED or parameter.elements:
-        raise ConfigError(f"{section.where(key)}: {section[key].value} is not a plain parameter that is stored")
+        raise section.wrong(key, f"{section[key].value} is not a plain parameter that is stored")
     return parameter
 
 
@@ -51,16 +51,13 @@ def read_limits(section: Section) -> Limits:
     """The section ``limits``."""
     limits: Limits = section.build(Limits)
     if type(limits.alarms) is not bool:
-        raise ConfigError(f"{section.where('alarms')}: {limits.alarms!r} is neither true nor false")
+        raise section.wrong("alarms", f"{limits.alarms!r} is neither true nor false")
     if not limits.send_clocks or set(limits.send_clocks) - set(SEND_CLOCKS):
-        where = section.where("send_clocks")
-        raise ConfigError(f"{where}: {list(limits.send_clocks)} are not all among {list(SEND_CLOCKS)}")
+        raise section.wrong("send_clocks", f"{list(limits.send_clocks)} are not all among {list(SEND_CLOCKS)}")
     if limits.max_cycle_ns and limits.max_cycle_ns < limits.min_cycle_ns:
-        where = section.where("max_cycle_ns")
-        raise ConfigError(f"{where}: {limits.max_cycle_ns} is below min_cycle_ns, {limits.min_cycle_ns}")
+        raise section.wrong("max_cycle_ns", f"{limits.max_cycle_ns} is below min_cycle_ns, {limits.min_cycle_ns}")
     if not 0 <= limits.motion_tasks <= MOTION_TASKS:
-        where = section.where("motion_tasks")
-        raise ConfigError(f"{where}: {limits.motion_tasks} is not within 0..{MOTION_TASKS}")
+        raise section.wrong("motion_tasks", f"{limits.motion_tasks} is not within 0..{MOTION_TASKS}")
     return limits
 
 
@@ -71,7 +68,7 @@ def read_watched(kind: type[_Watched], section: Section, faults: Mapping[int, Fa
     watched: _Watched = section.build(kind)
     watched = replace(watched, fault=number_of_fault(str(watched.fault), partial(section.where, "fault")))
     if watched.fault not in faults:
-        raise ConfigError(f"{section.where('fault')}: there is no fault {fault_label(watched.fault)}")
+        raise section.wrong("fault", f"there is no fault {fault_label(watched.fault)}")
     return watched
 
 
@@ -83,7 +80,7 @@ def read_motion_tasks(section: Section, parameters: Mapping[int, Parameter]) -> 
     for key in section:
         parameter = wants_stored(section, key, parameters)
         if key in {"number", "next"} and parameter.maximum >= MOTION_TASKS:
-            raise ConfigError(f"{section.where(key)}: PNU {parameter.pnu} goes beyond task {MOTION_TASKS - 1}")
+            raise section.wrong(key, f"PNU {parameter.pnu} goes beyond task {MOTION_TASKS - 1}")
     return numbers
 
 
@@ -95,7 +92,7 @@ def read_position_units(section: Section, parameters: Mapping[int, Parameter]) -
     if not section:
         scaled = next((parameter.pnu for parameter in parameters.values() if parameter.scale == "position"), None)
         if scaled is not None:
-            raise ConfigError(f"{section.where()}: missing, but PNU {scaled} has the scale position")
+            raise section.wrong("", f"missing, but PNU {scaled} has the scale position")
         return None
     units: PositionUnits = section.build(PositionUnits)
     for key in ("scaling", "unit", "numerator", "denominator"):
@@ -103,12 +100,11 @@ def read_position_units(section: Section, parameters: Mapping[int, Parameter]) -
             wants_stored(section, key, parameters)
     for key, number in (("default", units.default), ("multiple", units.multiple)):
         if not isinstance(number, int | float) or number <= 0.0:
-            raise ConfigError(f"{section.where(key)}: {number!r} is not a number above 0")
+            raise section.wrong(key, f"{number!r} is not a number above 0")
     if not units.revolution:
-        raise ConfigError(f"{section.where('revolution')}: must have a number")
+        raise section.wrong("revolution", "must have a number")
     if units.unit and parameters[units.unit].maximum >= len(units.revolution):
-        where = section.where("revolution")
-        raise ConfigError(f"{where}: PNU {units.unit} goes to {parameters[units.unit].maximum}")
+        raise section.wrong("revolution", f"PNU {units.unit} goes to {parameters[units.unit].maximum}")
     for key, pnu in (("scaling", units.scaling), ("numerator", units.numerator), ("denominator", units.denominator)):
         if pnu and parameters[pnu].minimum < 1:
             where = section.where(key)
@@ -122,6 +118,6 @@ def read_parameter_texts(section: Section, parameters: Mapping[int, Parameter]) 
     for key, fact in section.items():
         parameter = parameters.get(int(key))
         if parameter is None or len(fact.value) != parameter.elements:
-            raise ConfigError(f"{section.where(key)}: not an array, or not of {len(fact.value)} elements")
+            raise section.wrong(key, f"not an array, or not of {len(fact.value)} elements")
         found[parameter.pnu] = fact.value
     return found

@@ -61,10 +61,10 @@ def read_description_file(section: Section) -> DescriptionFile | None:
     try:
         datetime.strptime(str(file.date), "%Y%m%d")  # noqa: DTZ007  # a day, in no time zone
     except ValueError:
-        raise ConfigError(f"{section.where('date')}: {file.date!r} is not a date such as 20261121") from None
+        raise section.wrong("date", f"{file.date!r} is not a date such as 20261121") from None
     for key, text in (("family", file.family), ("info_text", file.info_text)):
         if not isinstance(text, str) or not text:
-            raise ConfigError(f"{section.where(key)}: {text!r} is not a text")
+            raise section.wrong(key, f"{text!r} is not a text")
     return file
 
 
@@ -75,9 +75,9 @@ def read_communication_loss(
     loss: CommunicationLoss = section.build(CommunicationLoss)
     loss = replace(loss, fault=number_of_fault(str(loss.fault), partial(section.where, "fault")))
     if loss.fault not in faults or {loss.action_parameter, loss.stop_parameter} - parameters.keys() - {0}:
-        raise ConfigError(f"{section.where()}: names a fault or a parameter that does not exist")
+        raise section.wrong("", "names a fault or a parameter that does not exist")
     if type(loss.on_stop) is not bool or (loss.stop_parameter and "on_stop" in section):
-        raise ConfigError(f"{section.where('on_stop')}: true or false, of a drive without stop_parameter")
+        raise section.wrong("on_stop", "true or false, of a drive without stop_parameter")
     return loss
 
 
@@ -85,16 +85,15 @@ def read_parameter_words(section: Section, telegrams: Iterable[Telegram]) -> Par
     """The section ``parameter_words`` of a drive with a cyclic parameter channel."""
     if not section:
         if any(telegram.parameter_words for telegram in telegrams):
-            raise ConfigError(f"{section.where()}: missing, and a telegram has a parameter channel")
+            raise section.wrong("", "missing, and a telegram has a parameter channel")
         return None
     words: ParameterWords = section.build(ParameterWords)
     unknown = set(words.tasks) - PARAMETER_TASKS if isinstance(words.tasks, tuple) else True
     if unknown or len(words.tasks) > 16:
-        where = section.where("tasks")
-        raise ConfigError(f"{where}: must be at most 16, each one of {', '.join(sorted(PARAMETER_TASKS))}")
+        raise section.wrong("tasks", f"must be at most 16, each one of {', '.join(sorted(PARAMETER_TASKS))}")
     for key, value in section.values_by_key().items():
         if key != "tasks" and value not in range(1, 16):
-            raise ConfigError(f"{section.where(key)}: {value!r} is not a response identifier from 1 to 15")
+            raise section.wrong(key, f"{value!r} is not a response identifier from 1 to 15")
     return words
 
 
@@ -103,15 +102,13 @@ def read_access(section: Section, parameters: Mapping[int, Parameter]) -> Parame
     access: ParameterAccess = section.build(ParameterAccess)
     name = parameters.get(access.station_name)
     if access.station_name and (name is None or not name.text or not name.defaults):
-        where = section.where("station_name")
-        raise ConfigError(f"{where}: {access.station_name} is not a parameter of type String with a default")
+        raise section.wrong("station_name", f"{access.station_name} is not a parameter of type String with a default")
     for key, numbers in (("disabled_only", access.disabled_only), ("absent", access.absent)):
         if unknown := set(numbers) - parameters.keys():
-            raise ConfigError(f"{section.where(key)}: there is no parameter {min(unknown)}")
+            raise section.wrong(key, f"there is no parameter {min(unknown)}")
     elements = [parameters.get(pnu) for pnu in access.mapping_elements]
     if elements and (len(elements) != 2 or any(p is None or not p.elements for p in elements)):
-        where = section.where("mapping_elements")
-        raise ConfigError(f"{where}: {list(access.mapping_elements)} are not two arrays")
+        raise section.wrong("mapping_elements", f"{list(access.mapping_elements)} are not two arrays")
     return access
 
 
@@ -122,9 +119,9 @@ def read_address_mode(section: Section, parameters: Mapping[int, Parameter]) -> 
     mode: AddressMode = section.build(AddressMode)
     parameter = wants_stored(section, "parameter", parameters)
     if not parameter.nonvolatile:
-        raise ConfigError(f"{section.where('parameter')}: {mode.parameter} is not permanent")
+        raise section.wrong("parameter", f"{mode.parameter} is not permanent")
     if not isinstance(mode.dcp, int) or not parameter.allows(mode.dcp):
-        raise ConfigError(f"{section.where('dcp')}: {mode.dcp!r} is not a value of {parameter.name}")
+        raise section.wrong("dcp", f"{mode.dcp!r} is not a value of {parameter.name}")
     return mode
 
 
@@ -134,7 +131,7 @@ def read_lamps(section: Section) -> Lamps | None:
         return None
     lengths = {len(value) if isinstance(value, tuple) else 0 for value in section.values_by_key().values()}
     if 0 in lengths or len(lengths) > 1:
-        raise ConfigError(f"{section.where()}: each state needs as many entries as there are names")
+        raise section.wrong("", "each state needs as many entries as there are names")
     lamps: Lamps = section.build(Lamps)
     return lamps
 
@@ -145,12 +142,12 @@ def read_diagnoses(section: Section, faults: Mapping[int, Fault], limits: Limits
     for key, value in section.values_by_key().items():
         number = number_of_fault(key, partial(section.where, key))
         if number not in faults:
-            raise ConfigError(f"{section.where(key)}: there is no fault {number}")
+            raise section.wrong(key, f"there is no fault {number}")
         if not isinstance(value, int) or not (0x0100 <= value <= 0x7FFF or 0x9000 <= value <= 0x9FFF):
-            raise ConfigError(f"{section.where(key)}: {value!r} is not within 0x0100..0x7FFF and 0x9000..0x9FFF")
+            raise section.wrong(key, f"{value!r} is not within 0x0100..0x7FFF and 0x9000..0x9FFF")
         found[number] = value
     if found and not limits.alarms:
-        raise ConfigError(f"{section.where()}: a drive without alarms reports no diagnosis; it needs limits.alarms")
+        raise section.wrong("", "a drive without alarms reports no diagnosis; it needs limits.alarms")
     return found
 
 
@@ -160,13 +157,13 @@ def read_diagnosis_coding(section: Section, parameters: Mapping[int, Parameter])
         return None
     coding: DiagnosisCoding = section.build(DiagnosisCoding)
     if coding.mode_parameter not in parameters:
-        raise ConfigError(f"{section.where('mode_parameter')}: there is no parameter {coding.mode_parameter}")
+        raise section.wrong("mode_parameter", f"there is no parameter {coding.mode_parameter}")
     unknown = set(coding.modes) - DIAGNOSIS_CODINGS
     if unknown or len(coding.modes) != len(coding.subslots):
         allowed = ", ".join(sorted(DIAGNOSIS_CODINGS))
-        raise ConfigError(f"{section.where('modes')}: each is one of {allowed}, with a subslot for each in subslots")
+        raise section.wrong("modes", f"each is one of {allowed}, with a subslot for each in subslots")
     if not 1 <= coding.user_structure <= 0x7FFF:
-        raise ConfigError(f"{section.where('user_structure')}: {coding.user_structure} is not within 1..0x7FFF")
+        raise section.wrong("user_structure", f"{coding.user_structure} is not within 1..0x7FFF")
     if len(coding.user_fields) != len(coding.user_octets) or set(coding.user_octets) - {1, 2, 4}:
-        raise ConfigError(f"{section.where('user_fields')}: each needs its 1, 2 or 4 octets in user_octets")
+        raise section.wrong("user_fields", "each needs its 1, 2 or 4 octets in user_octets")
     return coding

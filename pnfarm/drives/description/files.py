@@ -173,6 +173,10 @@ class Table(dict[str, Any]):
         """The place of a key, or of the entry."""
         return f"{self._places.get(key, self._place)}, {key}" if key else self._place
 
+    def wrong(self, key: str, what: str) -> ConfigError:
+        """The error of a key."""
+        return ConfigError(f"{self.where(key)}: {what}")
+
     def required(self, key: str) -> Any:
         """The value of a key that must be there."""
         return required(self, key, self._place)

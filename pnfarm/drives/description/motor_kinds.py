@@ -100,9 +100,9 @@ def read_motor_kinds(
     for name, parts in motors.items():
         for part, section in parts.items():
             if name == ROTARY:
-                raise ConfigError(f"{section.where()}: the default motor is in the sections motor and firmware")
+                raise section.wrong("", "the default motor is in the sections motor and firmware")
             if part not in PARTS:
-                raise ConfigError(f"{section.where()}: not one of {', '.join(PARTS)}")
+                raise section.wrong("", f"not one of {', '.join(PARTS)}")
         pitch = parts["kind"]["pitch"].value if "pitch" in parts.get("kind", {}) else 0.0
         if not isinstance(pitch, int | float) or pitch < 0:
             raise ConfigError(f"{parts['kind'].where('pitch')}: {pitch!r} is not a length in mm")
@@ -130,7 +130,7 @@ def axis_values(section: Section, writer: str) -> dict[str, float]:
     for key in section:
         field = AXIS.fields.get(key)
         if field is None or field.writer != writer:
-            raise ConfigError(f"{section.where(key)}: the axis has no such field written by the {writer}")
+            raise section.wrong(key, f"the axis has no such field written by the {writer}")
     return section.values_by_key()
 
 
@@ -139,10 +139,10 @@ def _defaults(section: Section, parameters: Mapping[int, Parameter]) -> dict[int
     by_name = {parameter.name: parameter for parameter in parameters.values()}
     for key, fact in section.items():
         if key not in by_name:
-            raise ConfigError(f"{section.where(key)}: there is no such parameter")
+            raise section.wrong(key, "there is no such parameter")
         parameter = by_name[key]
         value = integer(str(fact.value), section.name, key)
         if not parameter.minimum <= value <= parameter.maximum:
-            raise ConfigError(f"{section.where(key)}: {value} is not within {parameter.minimum}..{parameter.maximum}")
+            raise section.wrong(key, f"{value} is not within {parameter.minimum}..{parameter.maximum}")
         found[parameter.pnu] = value
     return found

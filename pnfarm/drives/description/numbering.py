@@ -6,8 +6,6 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.errors import ConfigError
-
 if TYPE_CHECKING:
     from pnfarm.drives.description.sections import Section
 
@@ -70,15 +68,13 @@ def read_numbering(section: Section) -> Numbering:
     """
     numbering: Numbering = section.build(Numbering)
     if not isinstance(numbering.prefix, str):
-        raise ConfigError(f"{section.where('prefix')}: {numbering.prefix!r} is not text")
+        raise section.wrong("prefix", f"{numbering.prefix!r} is not text")
     for key in ("base", "radix", "digits", "highest"):
         value = getattr(numbering, key)
         if type(value) is not int or not 0 <= value <= HIGHEST_PNU:
-            raise ConfigError(f"{section.where(key)}: {value!r} is not a number from 0 to {HIGHEST_PNU}")
+            raise section.wrong(key, f"{value!r} is not a number from 0 to {HIGHEST_PNU}")
     if numbering.radix not in {10, 16}:
-        raise ConfigError(f"{section.where('radix')}: {numbering.radix} is neither 10 nor 16")
+        raise section.wrong("radix", f"{numbering.radix} is neither 10 nor 16")
     if numbering.base + numbering.highest > HIGHEST_PNU:
-        raise ConfigError(
-            f"{section.where('highest')}: base + highest is {numbering.base + numbering.highest}, above {HIGHEST_PNU}"
-        )
+        raise section.wrong("highest", f"base + highest is {numbering.base + numbering.highest}, above {HIGHEST_PNU}")
     return numbering

@@ -68,16 +68,16 @@ def read_realism(section: Section) -> Realism:
     for key, fact in section.items():
         if key not in BOUNDS:
             names = ", ".join(field.name for field in fields(Realism))
-            raise ConfigError(f"{section.where(key)}: there is no such figure; there are {names}")
+            raise section.wrong(key, f"there is no such figure; there are {names}")
         if fact.unit != _UNITS.get(key, "ns"):
             raise ConfigError(f"{section.where(key)}, unit: {fact.unit!r}; it is {_UNITS.get(key, 'ns')!r}")
         values = fact.value if key in RANGES else (fact.value,)
         if not isinstance(values, tuple) or (key in RANGES and len(values) != 2):
-            raise ConfigError(f"{section.where(key)}: {fact.value!r} is not a list of two, the lowest and the highest")
+            raise section.wrong(key, f"{fact.value!r} is not a list of two, the lowest and the highest")
         least = -BOUNDS[key] if key == "clock_drift" else 0
         if not all(_is_number(value) and least <= value <= BOUNDS[key] for value in values):
-            raise ConfigError(f"{section.where(key)}: {fact.value!r} is not within {least}..{BOUNDS[key]}")
+            raise section.wrong(key, f"{fact.value!r} is not within {least}..{BOUNDS[key]}")
         if key in RANGES and values[0] > values[1]:
-            raise ConfigError(f"{section.where(key)}: {fact.value!r} has a lowest value above its highest")
+            raise section.wrong(key, f"{fact.value!r} has a lowest value above its highest")
         known = replace(known, **{key: fact.value})
     return known

@@ -97,6 +97,10 @@ class Section(dict[str, Fact]):
         """File, line and name of a key, or of the section."""
         return self._place(self.name, key)
 
+    def wrong(self, key: str, what: str) -> ConfigError:
+        """The error of a key, or with an empty one of the section."""
+        return ConfigError(f"{self.where(key)}: {what}")
+
     def values_by_key(self) -> dict[str, Any]:
         """The values without their sources."""
         return {key: fact.value for key, fact in self.items()}

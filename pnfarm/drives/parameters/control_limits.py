@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.drives.description.parts import ControlLimits
 from pnfarm.drives.parameters.factor_group import float_of
 from pnfarm.drives.parameters.parameter import Backing, Form
-from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,7 +35,7 @@ def read_control_limits(section: Section, parameters: Mapping[int, Parameter]) -
         parameter = parameters.get(pnu)
         stored = parameter is not None and parameter.backing is Backing.STORED and parameter.form is Form.FLOAT
         if parameter is None or not stored or parameter.maximum > FINITE:
-            raise ConfigError(f"{section.where(key)}: {pnu} is not a Float that is stored, finite and not below zero")
+            raise section.wrong(key, f"{pnu} is not a Float that is stored, finite and not below zero")
     return limits
 
 

@@ -81,12 +81,12 @@ def read_effects(model: Model, section: Section) -> dict[int, Effect]:
     for key, fact in section.items():
         pnu = int(key)
         if pnu not in model.parameters:
-            raise ConfigError(f"{section.where(key)}: there is no parameter {pnu}")
+            raise section.wrong(key, f"there is no parameter {pnu}")
         try:
             effect = Effect(fact.value)
         except ValueError:
             known = ", ".join(each.value for each in Effect)
-            raise ConfigError(f"{section.where(key)}: {fact.value!r} is not one of {known}") from None
+            raise section.wrong(key, f"{fact.value!r} is not one of {known}") from None
         if effect is _derived(model, model.canonical(model.parameters[pnu])) or not fact.note:
             raise ConfigError(
                 f"{section.where(key)}: its row gives the same effect without this entry, or the reason is missing"

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.description.parts import FactorGroup
 from pnfarm.drives.parameters.parameter import Backing
-from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,7 +48,7 @@ def read_factor_group(section: Section, parameters: Mapping[int, Parameter]) -> 
     for key, pnu in section.values_by_key().items():
         parameter = parameters.get(pnu)
         if parameter is None or parameter.backing is not Backing.STORED or parameter.minimum < 1:
-            raise ConfigError(f"{section.where(key)}: {pnu} is not a parameter that is stored and above zero")
+            raise section.wrong(key, f"{pnu} is not a parameter that is stored and above zero")
     return group
 
 

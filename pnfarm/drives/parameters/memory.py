@@ -18,27 +18,22 @@ class NonVolatile(Protocol):
 
     def load(self, station: str) -> dict[str, Any] | None:
         """The values saved last for this station name, None if there are none."""
-        ...
 
     def save(self, station: str, values: dict[str, Any]) -> None:
         """Replace what is kept for this station.
 
         Raises :class:`EnvironmentError_` where that is not known to have happened; :meth:`hold` follows then.
         """
-        ...
 
     def hold(self, station: str, values: dict[str, Any]) -> None:
         """A save failed, and these are the values now: what a drive reads, and what is written when it can be."""
-        ...
 
     @property
     def ready(self) -> bool:
         """Whether a save can succeed now, as far as is known."""
-        ...
 
     def damaged(self, detail: str) -> EnvironmentError_:
         """The error to raise for values that no drive wrote; names their place of storage."""
-        ...
 
 
 class VolatileMemory:

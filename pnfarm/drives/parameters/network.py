@@ -26,16 +26,13 @@ class Network(Protocol):
     @property
     def macs(self) -> tuple[bytes, ...]:
         """MAC address of the station, then of each port."""
-        ...
 
     @property
     def line_rate(self) -> int:
         """Code of a serial line's rate in the drive's parameter, 0 without one."""
-        ...
 
     def allows(self, name: str) -> bool:
         """Whether a station may have this name."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

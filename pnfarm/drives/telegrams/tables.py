@@ -46,16 +46,16 @@ FALLING_BACK = ("MDI_ACC",)
 def _signal(table: Table) -> Signal:
     name, direction = table.required("name"), table.required("direction")
     if direction not in {"setpoint", "actual"}:
-        raise ConfigError(f"{table.where('direction')}: {direction!r} is neither setpoint nor actual")
+        raise table.wrong("direction", f"{direction!r} is neither setpoint nor actual")
     setpoint = direction == "setpoint"
     if name not in (SETPOINT_SLOTS if setpoint else ACTUAL_SLOTS):
-        raise ConfigError(f"{table.where('name')}: the process image has no {direction} {name!r}")
+        raise table.wrong("name", f"the process image has no {direction} {name!r}")
     if table.required("bits") not in {16, 32}:
-        raise ConfigError(f"{table.where('bits')}: {table['bits']!r} is neither 16 nor 32")
+        raise table.wrong("bits", f"{table['bits']!r} is neither 16 nor 32")
     if table.get("readable") and not (setpoint and SETPOINT_SLOTS[name] in SENT_BACK):
-        raise ConfigError(f"{table.where('readable')}: {name!r} is not a set point that the process image echoes")
+        raise table.wrong("readable", f"{name!r} is not a set point that the process image echoes")
     if table.get("stored", False) != name.startswith("SHOWN_"):
-        raise ConfigError(f"{table.where('stored')}: only for a signal SHOWN_0, which is a stored parameter")
+        raise table.wrong("stored", "only for a signal SHOWN_0, which is a stored parameter")
     return Signal(
         number=table.required("number"),
         name=name,
@@ -75,10 +75,10 @@ def _parameter_words(table: Table) -> int:
     """Number of leading words that are a parameter channel: they have no signal of their own."""
     count: int = table.get("parameter_words", 0)
     if count not in {0, PARAMETER_WORDS}:
-        raise ConfigError(f"{table.where('parameter_words')}: {count!r} is neither 0 nor {PARAMETER_WORDS}")
+        raise table.wrong("parameter_words", f"{count!r} is neither 0 nor {PARAMETER_WORDS}")
     for direction in ("output", "input"):
         if table.required(direction)[:count] != ["-"] * count:
-            raise ConfigError(f"{table.where(direction)}: the first {count} words are the parameter channel's, - each")
+            raise table.wrong(direction, f"the first {count} words are the parameter channel's, - each")
     return count
 
 
@@ -92,15 +92,15 @@ def _telegram(
         names = table.required(direction)
         unknown = [name for name in names if name != "-" and name not in signals]
         if unknown:
-            raise ConfigError(f"{table.where(direction)}: there is no signal {unknown[0]!r}")
+            raise table.wrong(direction, f"there is no signal {unknown[0]!r}")
         if len(names) > MAX_WORDS:
-            raise ConfigError(f"{table.where(direction)}: {len(names)} words; a frame carries at most {MAX_WORDS}")
+            raise table.wrong(direction, f"{len(names)} words; a frame carries at most {MAX_WORDS}")
         channel = parameter_signals(setpoint=direction == "output")[:parameter_words]
         words[direction] = channel + tuple(None if name == "-" else signals[name] for name in names[parameter_words:])
         try:
             codes[direction] = signal_codes(words[direction], setpoint=direction == "output")
         except MappingError as exc:
-            raise ConfigError(f"{table.where(direction)}: {exc}") from exc
+            raise table.wrong(direction, f"{exc}") from exc
     if layout is None:
         # its identifiers are all that a bus without numbered modules has of it
         table.required("identifiers")
@@ -163,14 +163,14 @@ def _identifiers(table: Table) -> bytes:
     try:
         return bytes.fromhex(text)
     except (TypeError, ValueError):
-        raise ConfigError(f"{table.where('identifiers')}: {text!r} are no octets in hexadecimal") from None
+        raise table.wrong("identifiers", f"{text!r} are no octets in hexadecimal") from None
 
 
 def _choice(table: Table, key: str, allowed: range) -> int | None:
     """An optional number."""
     value: int | None = table.get(key)
     if value is not None and value not in allowed:
-        raise ConfigError(f"{table.where(key)}: {value!r} is not within {allowed[0]}..{allowed[-1]}")
+        raise table.wrong(key, f"{value!r} is not within {allowed[0]}..{allowed[-1]}")
     return value
 
 
@@ -179,16 +179,14 @@ def _falls_back(table: Table) -> tuple[str, ...]:
     names = tuple(table.get("falls_back", ()))
     for name in names:
         if name not in FALLING_BACK or name not in table["output"]:
-            raise ConfigError(
-                f"{table.where('falls_back')}: {name!r} is not one of {', '.join(FALLING_BACK)} in its output"
-            )
+            raise table.wrong("falls_back", f"{name!r} is not one of {', '.join(FALLING_BACK)} in its output")
     return names
 
 
 def _tasks(table: Table) -> int:
     name = table.get("tasks", "none")
     if name not in TASK_FORMS:
-        raise ConfigError(f"{table.where('tasks')}: {name!r} is not one of {', '.join(TASK_FORMS)}")
+        raise table.wrong("tasks", f"{name!r} is not one of {', '.join(TASK_FORMS)}")
     return TASK_FORMS.index(name)
 
 
@@ -257,9 +255,9 @@ def _check_stored(signal: Signal, table: Table, parameters: Parameters) -> None:
     if signal.stored and (
         shown is None or shown.backing not in {Backing.STORED, Backing.FIELD} or 8 * shown.octets != signal.bits
     ):
-        raise ConfigError(f"{table.where('stored')}: no stored parameter {signal.number} of its length")
+        raise table.wrong("stored", f"no stored parameter {signal.number} of its length")
     if signal.shown_as and signal.shown_as not in parameters:
-        raise ConfigError(f"{table.where('shown_as')}: no parameter {signal.shown_as}")
+        raise table.wrong("shown_as", f"no parameter {signal.shown_as}")
 
 
 def read_telegrams(

@@ -57,14 +57,14 @@ def _line(name: str, way: LineWay, bus: LineBus, measured: ReplyTime, folder: Pa
         if echoed is not None:
             measured = echoed
         else:
-            where = f"this machine at best ({port} heard no echo: join its transmitter and receiver to measure it)"
+            where = f"this machine at best ({port} received no echo: join its transmitter and receiver to measure it)"
     longest = bus.longest_reply_ns(baud)
     limit = f"{longest / 1e6:.3g} ms at {baud} bit/s (max T_SDR)"
     detail = f"answers within {_told(measured)} on {where}; a master waits {limit}"
     if measured.slow_ns <= longest:
         return [Finding(label, True, detail)]
     remedy = "a longer slot time in the master, and as `latest_answer` of the line"
-    return [Finding(label, None, f"{detail} unless it is told to wait longer", remedy)]
+    return [Finding(label, None, f"{detail} unless it is set to wait longer", remedy)]
 
 
 def _told(measured: ReplyTime) -> str:

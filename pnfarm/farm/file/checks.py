@@ -248,7 +248,7 @@ def _check_links(link: Link, groups: Sequence[PlacedGroup[DriveGroup]], report: 
     for name in lines:
         if name not in BUSES or not line_of(BUSES[name]):
             known = [each for each, one in BUSES.items() if line_of(one)]
-            report(("link", "lines", name), f"{shown(name)} is no bus with a serial line", ", ".join(known))
+            report(("link", "lines", name), f"{shown(name)} is not a bus with a serial line", ", ".join(known))
             continue
         _check_baud(("link", "lines", name), lines[name].rate, BUSES[name], report)
     kind = link.kind
@@ -270,7 +270,7 @@ def _check_links(link: Link, groups: Sequence[PlacedGroup[DriveGroup]], report: 
 
 def _check_baud(at: Location, baud: int, bus: Bus, report: Report) -> None:
     if isinstance(bus, LineBus) and baud not in bus.baud_rates:
-        report((*at, "baud"), f"{baud} bit/s is no rate of {bus.title}", ", ".join(map(str, bus.baud_rates)))
+        report((*at, "baud"), f"{baud} bit/s is not a rate of {bus.title}", ", ".join(map(str, bus.baud_rates)))
 
 
 def _check_names(groups: Sequence[PlacedGroup[DriveGroup]], report: Report) -> None:

@@ -188,7 +188,7 @@ def _text(drives: Sequence[FoundDrive], others: Sequence[FoundStation], name: st
             "# drives:",
         ]
     if others:
-        lines += ["", "# Other stations, which no model stands for:"]
+        lines += ["", "# Other stations, without a model:"]
         for one in listed:
             lines += _comment(f"{one.name}: {'; '.join(one.facts)}"[:room], "#   ")
         if len(others) > _MOST_STATIONS:

@@ -245,7 +245,7 @@ class PostgresState:
         except self._driver.Error:
             # libpq's own sentence may quote a password
             raise EnvironmentError_(
-                f"{self.where} is no URL of a database: postgresql://USER@HOST:PORT/DATABASE"
+                f"{self.where} is not the URL of a database: postgresql://USER@HOST:PORT/DATABASE"
             ) from None
         usual = {
             "connect_timeout": 3,

@@ -168,7 +168,7 @@ REASONS: Mapping[str, str] = MappingProxyType(
         "bad-segment": "path with a segment that cannot be read or leads elsewhere",
         "connection": "message of a class 3 connection that is not open",
         "delayed": "ListIdentity while too many answers wait already",
-        "held-answers": "TCP connection closed: its peer asked on and on without waiting for answers",
+        "held-answers": "TCP connection closed: its peer sent requests without waiting for answers",
         "inactivity": "TCP connection closed: no whole message for the inactivity timeout",
         "long": "message longer than a drive holds",
         "options": "encapsulation message with options other than 0",

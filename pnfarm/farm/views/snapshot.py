@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NO_AR",
+    "controller_snapshot",
     "discards",
     "drive_snapshot",
     "injected_faults",
@@ -112,7 +113,7 @@ def drive_snapshot(
         "telegram": telegram,
         "ar_state": connection.state if powered and connection is not None and connection.state else NO_AR,
         "connected": exchanging,
-        "controller": _controller(known) if known is not None else None,
+        "controller": controller_snapshot(known) if known is not None else None,
         "cycle_seconds": known.cycle_ns / 1e9 if known is not None else None,
         "watchdog_seconds": known.watchdog_ns / 1e9 if known is not None else None,
         "connected_seconds": (now - known.connected_ns) / 1e9 if known is not None else None,
@@ -155,7 +156,8 @@ def drive_snapshot(
     }
 
 
-def _controller(connection: ConnectionView) -> dict[str, Any]:
+def controller_snapshot(connection: ConnectionView) -> dict[str, Any]:
+    """The controller at the other end."""
     ip = "" if connection.ip is None else str(connection.ip)
     return {"name": connection.controller, "ip": ip, "mac": format_mac(connection.mac) if connection.mac else ""}
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import InternalError, PnfarmError
 from pnfarm.faults.effects.carrier import AGAIN_SECONDS
 from pnfarm.links.base import unwrap
-from pnfarm.links.memory import MemoryLink
+from pnfarm.links.memory import MemoryLink, at_once
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -117,14 +117,9 @@ class Addresses:
             known.task = asyncio.get_running_loop().create_task(self._change(port, known))
 
     def _change_now(self, port: int, known: _Address) -> None:
-        """In memory nothing blocks, so the coroutine ends at its first step."""
-        step = self._link.set_mac(port, known.target).__await__()
-        try:
-            next(step)
-        except StopIteration:
-            known.linked = known.target
-            return
-        raise InternalError("a memory link blocked when an address changed")
+        blocked = InternalError("a memory link blocked when an address changed")
+        at_once(self._link.set_mac(port, known.target), blocked)
+        known.linked = known.target
 
     async def _change(self, port: int, known: _Address) -> None:
         try:

@@ -14,7 +14,7 @@ class BreakingEffect(ChanceEffect):
     """Aborts each connection that reaches data exchange; without ``count`` and ``for`` only one."""
 
     connection = CONNECTION
-    ends_by_itself = True
+    once = ends_by_itself = True
     _passed: frozenset[int] = frozenset()
 
     def begin(self, now: int) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import InternalError, PnfarmError
 from pnfarm.links.base import unwrap
-from pnfarm.links.memory import MemoryLink
+from pnfarm.links.memory import MemoryLink, at_once
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,15 +60,10 @@ class Carriers:
             self._tasks[port] = asyncio.get_running_loop().create_task(self._run(port, drive))
 
     def _run_now(self, port: int) -> None:
-        """In memory nothing blocks, so the coroutine ends at its first step."""
         wanted = self._pulled[port] > 0
-        step = self._link.set_carrier(port, not wanted).__await__()
-        try:
-            next(step)
-        except StopIteration:
-            self._off[port] = wanted
-            return
-        raise InternalError("a memory link blocked when its carrier changed")
+        blocked = InternalError("a memory link blocked when its carrier changed")
+        at_once(self._link.set_carrier(port, not wanted), blocked)
+        self._off[port] = wanted
 
     async def _run(self, port: int, drive: str) -> None:
         told = False

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, ClassVar
 
 from pnfarm.faults.effects.connection import CONNECTION
-from pnfarm.faults.effects.effect import Effect
+from pnfarm.faults.effects.effect import Effect, Held
 from pnfarm.faults.effects.servo import SERVO
 
 if TYPE_CHECKING:
     from pnfarm.faults.effects.connection import Status
 
-__all__ = ["ConfirmedEffect", "StandingEffect"]
+__all__ = ["ConfirmedEffect", "Held", "StandingEffect"]
 
 
 #: Cycles within which a drive shows in its frames what was done to it: its firmware steps and sends once in each.

@@ -5,10 +5,19 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects.parts import DrivePart, Part
+from pnfarm.table.access.plain import plain
+from pnfarm.table.channel import IDLE
 
-__all__ = ["CONNECTION", "Connection", "ConnectionPart", "Status"]
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.engine.columns import Columns
+    from pnfarm.station.device import ChannelCounts
+
+__all__ = ["CONNECTION", "Connection", "ConnectionPart", "ProviderConnection", "Status"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +75,40 @@ class ConnectionPart(DrivePart, ABC):
     @abstractmethod
     def sent_status(self, status: Status, since: int) -> bool:
         """Whether a cyclic frame that left at or after ``since`` reports this status."""
+
+
+class ProviderConnection(ConnectionPart):
+    """One whose frames the engine sends: rows of its table of providers, and counts of those that are closed."""
+
+    def __init__(self, columns: Columns, settle: Callable[[int], None]) -> None:
+        self._columns = columns
+        self._ppm = plain(columns.ppm)
+        self._settle = settle
+
+    @property
+    @abstractmethod
+    def providers(self) -> list[int]:
+        """Numbers of the open rows."""
+
+    @property
+    @abstractmethod
+    def closed(self) -> ChannelCounts:
+        """Counts of the closed ones."""
+
+    @property
+    def next_ns(self) -> int:
+        """When the next cyclic frame is due."""
+        rows = [self._ppm[number] for number in self.providers]
+        return min((int(row["next_ns"]) for row in rows if row["state"] != IDLE), default=0)
+
+    def cycles(self) -> int:
+        rows = [self._ppm[number] for number in self.providers]
+        return (
+            self.closed.sent + self.closed.suppressed + sum(int(row["sent"]) + int(row["suppressed"]) for row in rows)
+        )
+
+    def sent_data(self, since: int) -> bool:
+        return any(int(self._ppm[number]["last_ns"]) >= since for number in self.providers)
 
 
 CONNECTION: Part[ConnectionPart] = Part("cyclic connection")

@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from abc import ABC
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 from pnfarm.faults.effects.evidence import NOTHING, Evidence
 from pnfarm.faults.effects.parts import Part
@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from pnfarm.faults.effects.injection_fields import InjectionFields
     from pnfarm.faults.effects.parts import InForce, InjectedDrive
 
-__all__ = ["POLL_NS", "ChanceEffect", "Effect", "Tally", "Window", "seed_of"]
+__all__ = ["POLL_NS", "ChanceEffect", "Effect", "Held", "Tally", "Window", "seed_of"]
 
+#: A list of the drive, and what an effect puts into it; None for an effect that does something else.
+Held: TypeAlias = "tuple[InForce[Any], Any] | None"
 #: Longest interval between two checks of an effect whose end is not known in advance.
 POLL_NS = 50_000_000
 
@@ -98,7 +100,7 @@ class Effect(ABC):  # noqa: B024 - what an effect overrides is its own choice
     def prepare(self) -> None:  # noqa: B027 - most need nothing
         """Read the parameters. Raises :class:`ConfigError` when this drive cannot do it."""
 
-    def held(self) -> tuple[InForce[Any], Any] | None:
+    def held(self) -> Held:
         """What is in force from begin to end, behind the list of the drive that it is in."""
         return None
 
@@ -136,13 +138,15 @@ class Effect(ABC):  # noqa: B024 - what an effect overrides is its own choice
 
 
 class ChanceEffect(Effect):
-    """Each occurrence with ``probability``, up to ``count``; one that ends by itself has one without count and for."""
+    """Each occurrence with ``probability``, up to ``count``; ``once``: without count and for one."""
+
+    once = False
 
     def prepare(self) -> None:
         spec = self.spec
         self._probability = 1.0 if spec.probability is None else spec.probability
         self._random = SplitMix64(seed_of(spec, self.drive.name))
-        self._count = 1 if self.ends_by_itself and not (spec.count or spec.for_ns) else spec.count
+        self._count = 1 if self.once and not (spec.count or spec.for_ns) else spec.count
 
     @property
     def exhausted(self) -> bool:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from pnfarm.faults.effects.connection import CONNECTION
 from pnfarm.faults.effects.effect import POLL_NS, Effect, Window, seed_of
 from pnfarm.faults.effects.evidence import NOTHING, Evidence
-from pnfarm.faults.effects.wire import WIRE
+from pnfarm.faults.effects.wire import WIRE, Impairing
 from pnfarm.faults.gate.choice import Choice
 from pnfarm.faults.gate.frame_words import check_word
 from pnfarm.faults.gate.gate import EVERY_FRAME, GateRule
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["ChosenFramesEffect", "Frames", "FramesEffect"]
 
 
+@dataclass(eq=False)
 class Frames:
     """Rows of the engine and a rule of the gate that act together on one drive's frames.
 
@@ -33,112 +35,95 @@ class Frames:
     changes.  Frames are chosen by ``choice``; without one, each with the injection's probability.
     """
 
-    def __init__(
-        self,
-        spec: InjectionFields,
-        drive: str,
-        wire: Wire,
-        directions: tuple[Direction, ...],
-        *,
-        cyclic: int | None = LOSS,
-        acyclic: FrameClasses | None = EVERY_FRAME,
-        settings: Callable[[Direction], Mapping[str, float]] = lambda _: {},
-        choice: Choice | None = None,
-        rule: Callable[..., GateRule] = GateRule,
-    ) -> None:
-        self._spec = spec
-        self._drive = drive
-        self._wire = wire
-        self._directions = directions
-        self._cyclic = cyclic
-        self._acyclic = acyclic
-        self._settings = settings
-        self._choice = choice
-        self._make_rule = rule
-        self._rows: dict[int, Direction] = {}
-        self._rule: GateRule | None = None
-        self._done = NOTHING
-        self._after = 0
+    spec: InjectionFields
+    drive: str
+    wire: Wire
+    directions: tuple[Direction, ...]
+    cyclic: int | None = LOSS
+    acyclic: FrameClasses | None = EVERY_FRAME
+    settings: Callable[[Direction], Mapping[str, float]] = lambda _: {}
+    choice: Choice | None = None
+    rule: Callable[..., GateRule] = GateRule
+    _rows: dict[int, Direction] = field(default_factory=dict)
+    _gated: GateRule | None = None
+    _done: Evidence = NOTHING
+    _after: int = 0
 
     def begin(self, window: Window) -> None:
-        probability = 1.0 if self._spec.probability is None else self._spec.probability
-        choice = self._choice or Choice(start=probability)
-        seed = seed_of(self._spec, self._drive)
+        probability = 1.0 if self.spec.probability is None else self.spec.probability
+        choice = self.choice or Choice(start=probability)
+        seed = seed_of(self.spec, self.drive)
         self._after = window.after
         try:
-            for index, direction in enumerate(self._directions if self._cyclic is not None else ()):
-                number = self._wire.impair(
-                    direction,
-                    self._cyclic or 0,
-                    probability=choice.start,
-                    seed=seed + index,
-                    count=self._spec.count or 0,
-                    after=window.after,
-                    start_ns=window.start_ns,
-                    stop_ns=window.stop_ns,
-                    settings={**choice.settings(), **self._settings(direction)},
+            for index, direction in enumerate(self.directions if self.cyclic is not None else ()):
+                impairing = Impairing(
+                    choice.start,
+                    seed + index,
+                    self.spec.count or 0,
+                    window,
+                    {**choice.settings(), **self.settings(direction)},
                 )
-                self._rows[number] = direction
-            if self._spec.count and len(self._rows) == 2:
-                self._wire.share_limit(*self._rows)
+                self._rows[self.wire.impair(direction, self.cyclic or 0, impairing)] = direction
+            if self.spec.count and len(self._rows) == 2:
+                self.wire.share_limit(*self._rows)
         except BaseException:
             self.end()
             raise
-        if self._acyclic is not None:
-            self._rule = self._make_rule(
-                self._directions,
-                self._acyclic,
+        if self.acyclic is not None:
+            self._gated = self.rule(
+                self.directions,
+                self.acyclic,
                 choice=choice,
                 seed=seed + 16,
-                count=self._spec.count or 0,
+                count=self.spec.count or 0,
                 stop_ns=window.stop_ns,
                 armed=self._armed,
                 spent=self._spent,
                 lost=self._gate_lost,
             )
-            self._wire.gate(self._rule)
+            self.wire.gate(self._gated)
 
     def _spent(self) -> int:
         """Cyclic frames that the engine acted on."""
-        return sum(self._wire.impairment(row).activations for row in self._rows)
+        return sum(self.wire.impairment(row).activations for row in self._rows)
 
     def _gate_lost(self) -> None:
         """An acyclic frame was lost: subtract it from the rest of ``count`` for the cyclic ones."""
-        if self._spec.count and self._rule is not None:
+        if self.spec.count and self._gated is not None:
             for number in self._rows:
-                self._wire.set_limit(number, self._spec.count - self._rule.evidence().activations)
+                self.wire.set_limit(number, self.spec.count - self._gated.evidence().activations)
 
     def _armed(self) -> bool:
         """The engine has let the healthy frames pass."""
-        return not self._after or any(self._wire.impairment(row).checks > self._after for row in self._rows)
+        return not self._after or any(self.wire.impairment(row).checks > self._after for row in self._rows)
 
     def end(self) -> None:
         rows, self._rows = self._rows, {}
         for number in rows:
-            self._done += self._wire.unimpair(number)
-        if self._rule is not None:
-            self._wire.ungate(self._rule)
-            self._done += self._rule.evidence()
-            self._rule = None
+            self._done += self.wire.unimpair(number)
+        if self._gated is not None:
+            self.wire.ungate(self._gated)
+            self._done += self._gated.evidence()
+            self._gated = None
 
     def evidence(self) -> Evidence:
         seen = self._done
         for number in self._rows:
-            seen += self._wire.impairment(number)
-        return seen if self._rule is None else seen + self._rule.evidence()
+            seen += self.wire.impairment(number)
+        return seen if self._gated is None else seen + self._gated.evidence()
 
     @property
     def waiting(self) -> int:
         """Frames that are held at present."""
-        waiting = sum(self._wire.waiting(number) for number in self._rows)
-        return waiting if self._rule is None else waiting + self._rule.waiting
+        waiting = sum(self.wire.waiting(number) for number in self._rows)
+        return waiting if self._gated is None else waiting + self._gated.waiting
 
     @property
     def remaining(self) -> int:
         """Occurrences left of ``count``; 1 without such a limit."""
-        if self._spec.count is None:
+        if self.spec.count is None:
             return 1
-        return self._spec.count - self.evidence().activations
+        return self.spec.count - self.evidence().activations
 
 
 class FramesEffect(Effect):

@@ -8,6 +8,7 @@ something has one that undoes it, and both may be called by several injections a
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Generic, Protocol, Self, TypeVar, cast, overload
 
 from pnfarm.errors import InternalError
@@ -84,6 +85,7 @@ class InForce(list[P]):
         self._changed()
 
 
+@dataclass(eq=False)
 class InjectedDrive:
     """One drive.
 
@@ -91,32 +93,23 @@ class InjectedDrive:
     ``machines`` returns a new object after each boot.  ``bus`` is the name of its bus.
     """
 
-    def __init__(
-        self,
-        name: str,
-        names: Callable[[], tuple[str, ...]],
-        models: tuple[str, ...],
-        parts: Mapping[Part[Any], DrivePart],
-        machines: Callable[[], object],
-        bus: str = "",
-    ) -> None:
-        self.name = name
-        self.bus = bus
-        self._names = names
-        self.models = models
-        self._parts = parts
-        self._machines = machines
-        self._known = machines()
-        #: The node that an axis belongs to, and the names of a node's axes, where there are several.
-        self.node: InjectedDrive | None = None
-        self.axes: list[str] = []
+    name: str
+    _names: Callable[[], tuple[str, ...]]
+    models: tuple[str, ...]
+    _parts: Mapping[Part[Any], DrivePart]
+    _machines: Callable[[], object]
+    bus: str = ""
+    #: The node that an axis belongs to, and the names of a node's axes, where there are several.
+    node: InjectedDrive | None = None
+    axes: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._known = self._machines()
 
     def with_axis(self, name: str, parts: Mapping[Part[Any], DrivePart]) -> InjectedDrive:
         """An axis of this node: it has ``parts`` of its own, and finds the others here."""
-        axis = InjectedDrive(name, lambda: (name,), self.models, parts, self._machines, self.bus)
-        axis.node = self
         self.axes.append(name)
-        return axis
+        return InjectedDrive(name, lambda: (name,), self.models, parts, self._machines, self.bus, self)
 
     def hit_by(self, needs: Iterable[Part[Any]]) -> list[str]:
         """Names of those whom an effect with these needs hits if it is aimed here: the node once, or its axes."""

@@ -48,7 +48,6 @@ class ServoAxis(Protocol):
     @property
     def configured_name(self) -> str:
         """As the farm file has it."""
-        ...
 
     @property
     def model(self) -> Model: ...
@@ -59,17 +58,14 @@ class ServoAxis(Protocol):
     @property
     def powered(self) -> bool:
         """Whether the control supply is on."""
-        ...
 
     @property
     def refused_ns(self) -> int:
         """When it last ignored a request to acknowledge, because of an injection."""
-        ...
 
     @property
     def fault_counts(self) -> Mapping[int, int]:
         """How often each fault began a fault situation."""
-        ...
 
 
 class Servo(DrivePart):
@@ -180,8 +176,7 @@ class Servo(DrivePart):
         """Show a warning in front of the others; raises :class:`ConfigError` when there is no room for it."""
         if fault not in self._warnings and len({other.number for other in self._warnings}) == WARNING_SLOTS:
             raise ConfigError(
-                f"{self._station.configured_name} shows {WARNING_SLOTS} warnings already, as many as there is room "
-                "for; clear one"
+                f"{self._station.configured_name} shows {WARNING_SLOTS} warnings already, the maximum; clear one"
             )
         self._warnings.append(fault)
         self._command(CMD_RAISE_WARNING, fault.number)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError, InternalError
@@ -13,13 +14,26 @@ if TYPE_CHECKING:
 
     from pnfarm.engine.channels.impairments import CyclicEvidence, ImpairmentTable
     from pnfarm.faults.effects.carrier import Carriers
+    from pnfarm.faults.effects.effect import Window
     from pnfarm.faults.gate.gate import DelayRule, GatedLink, GateRule, Listener
     from pnfarm.faults.gate.socket_gate import SocketGate
     from pnfarm.wire.direction import Direction
 
-__all__ = ["AGREED_LENGTH", "MESSAGES", "WIRE", "Wire"]
+__all__ = ["AGREED_LENGTH", "MESSAGES", "WIRE", "Impairing", "Wire"]
 
 
+@dataclass(frozen=True, slots=True)
+class Impairing:
+    """Which cyclic frames are hit.  ``count`` 0: no limit; ``settings`` are fields of the row, by the kind."""
+
+    probability: float
+    seed: int
+    count: int
+    window: Window
+    settings: Mapping[str, float]
+
+
+@dataclass(eq=False)
 class Wire(DrivePart):
     """``station`` is the drive's row of the table, ``port`` its port of the link.
 
@@ -28,30 +42,17 @@ class Wire(DrivePart):
     with streams and datagrams; what holds for acyclic frames holds for them.
     """
 
-    def __init__(
-        self,
-        drive: str,
-        station: int,
-        port: int,
-        impairments: ImpairmentTable,
-        gate: GatedLink,
-        carriers: Carriers,
-        carrier_changed: Callable[[bool], None],
-        *,
-        classes: frozenset[str] | None = None,
-        messages: frozenset[str] = frozenset(),
-        sockets: SocketGate | None = None,
-    ) -> None:
-        self._drive = drive
-        self._station = station
-        self._port = port
-        self._impairments = impairments
-        self._gate = gate
-        self._carriers = carriers
-        self._carrier_changed = carrier_changed
-        self.classes = classes
-        self.messages = messages
-        self._sockets = sockets
+    _drive: str
+    _station: int
+    _port: int
+    _impairments: ImpairmentTable
+    _gate: GatedLink
+    _carriers: Carriers
+    _carrier_changed: Callable[[bool], None]
+    _: KW_ONLY
+    classes: frozenset[str] | None = None
+    messages: frozenset[str] = frozenset()
+    sockets: SocketGate | None = None
 
     def rebooted(self, now: int) -> None:
         del now
@@ -60,32 +61,18 @@ class Wire(DrivePart):
     def forget(self) -> None:
         """The drive lost its supply: drop what is held back."""
         self._gate.forget(self._port)
-        if self._sockets is not None:
-            self._sockets.forget(self._port)
+        if self.sockets is not None:
+            self.sockets.forget(self._port)
 
     def in_force(self) -> list[Any]:
         pulled = ["cable"] if self._carriers.is_pulled(self._port) else []
-        sockets = [] if self._sockets is None else self._sockets.in_force(self._port)
+        sockets = [] if self.sockets is None else self.sockets.in_force(self._port)
         return [*self._impairments.of_station(self._station), *self._gate.in_force(self._port), *sockets, *pulled]
 
     # cyclic frames
 
-    def impair(
-        self,
-        direction: Direction,
-        kind: int,
-        *,
-        probability: float,
-        seed: int,
-        count: int,
-        after: int,
-        start_ns: int,
-        stop_ns: int,
-        settings: Mapping[str, float] | None = None,
-    ) -> int:
+    def impair(self, direction: Direction, kind: int, how: Impairing) -> int:
         """Let the engine act on the cyclic frames of one direction, as in :mod:`pnfarm.table.impairment`; its number.
-
-        ``settings`` are fields of the row, by the kind.
 
         Raises :class:`~pnfarm.errors.ConfigError` when the engine's rows are all in use.
         """
@@ -94,13 +81,13 @@ class Wire(DrivePart):
                 self._station,
                 direction,
                 kind,
-                probability=probability,
-                seed=seed,
-                count=count,
-                after=after,
-                start_ns=start_ns,
-                stop_ns=stop_ns,
-                settings=settings,
+                probability=how.probability,
+                seed=how.seed,
+                count=how.count,
+                after=how.window.after,
+                start_ns=how.window.start_ns,
+                stop_ns=how.window.stop_ns,
+                settings=how.settings,
             )
         except InternalError as exc:
             raise ConfigError(
@@ -132,26 +119,26 @@ class Wire(DrivePart):
     def gate(self, rule: GateRule) -> None:
         """Apply ``rule`` to every acyclic frame."""
         self._gate.add(self._port, rule)
-        if self._sockets is not None:
-            self._sockets.add(self._port, rule)
+        if self.sockets is not None:
+            self.sockets.add(self._port, rule)
 
     def ungate(self, rule: GateRule) -> None:
         """Remove it."""
         self._gate.remove(self._port, rule)
-        if self._sockets is not None:
-            self._sockets.remove(self._port, rule)
+        if self.sockets is not None:
+            self.sockets.remove(self._port, rule)
 
     def delay(self, rule: DelayRule) -> None:
         """Let ``rule`` hold back acyclic frames that the drive sends."""
         self._gate.delay(self._port, rule)
-        if self._sockets is not None:
-            self._sockets.delay(self._port, rule)
+        if self.sockets is not None:
+            self.sockets.delay(self._port, rule)
 
     def undelay(self, rule: DelayRule) -> None:
         """Remove it; frames that no other rule holds back leave at once."""
         self._gate.undelay(self._port, rule)
-        if self._sockets is not None:
-            self._sockets.undelay(self._port, rule)
+        if self.sockets is not None:
+            self.sockets.undelay(self._port, rule)
 
     # a second station at the drive's port
 

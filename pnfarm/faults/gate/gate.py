@@ -9,7 +9,7 @@ from __future__ import annotations
 import heapq
 from collections import deque
 from collections.abc import Callable, Container
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from pnfarm.faults.effects.evidence import Evidence
@@ -63,11 +63,9 @@ class LateRule(Protocol):
 
     def asked(self, now: int) -> int:
         """Delay of the present one, ns; 0: in time."""
-        ...
 
     def left(self, *, sent: bool) -> None:
         """A delayed one has left, or (``sent`` False) never will."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,6 +91,7 @@ class _Held:
 DueFrame = tuple[int, bytes]
 
 
+@dataclass(eq=False)
 class GateRule:
     """Loses frames of ``classes``, lets something pass ``instead`` of them, or gives them another ``shape``.
 
@@ -102,46 +101,37 @@ class GateRule:
     so that they are independent.
     """
 
-    def __init__(
-        self,
-        directions: Sequence[Direction],
-        classes: FrameClasses = EVERY_FRAME,
-        *,
-        probability: float = 1.0,
-        seed: int = 0,
-        count: int = 0,
-        stop_ns: int = 0,
-        armed: Callable[[], bool] = lambda: True,
-        spent: Callable[[], int] = lambda: 0,
-        lost: Callable[[], None] = lambda: None,
-        instead: Callable[[bytes], bytes | None] = lambda _: None,
-        choice: Choice | None = None,
-        shape: Shape | None = None,
-        of_messages: bool = False,
-    ) -> None:
-        self.classes = classes
+    directions: Sequence[Direction]
+    classes: FrameClasses = EVERY_FRAME
+    _: KW_ONLY
+    probability: float = 1.0
+    seed: int = 0
+    count: int = 0
+    stop_ns: int = 0
+    armed: Callable[[], bool] = lambda: True
+    spent: Callable[[], int] = lambda: 0
+    lost: Callable[[], None] = lambda: None
+    instead: Callable[[bytes], bytes | None] = lambda _: None
+    choice: Choice | None = None
+    shape: Shape | None = None
+    of_messages: bool = False
+
+    def __post_init__(self) -> None:
         #: What it takes of a stream, TCP repeats; else it takes or changes whole messages, or makes them late.
-        self.is_repeated = shape is None and not of_messages
-        self._count = count
-        self._stop_ns = stop_ns
-        self._armed = armed
-        self._spent = spent
-        self._on_loss = lost
-        self.instead = instead
-        self.shape = shape
+        self.is_repeated = self.shape is None and not self.of_messages
         #: Frames that the gate holds for this rule.
         self.waiting = 0
-        choice = choice or Choice(start=probability)
+        choice = self.choice or Choice(start=self.probability)
         self._chosen = {
-            direction: Chooser(choice, SplitMix64(seed + index)) for index, direction in enumerate(directions)
+            direction: Chooser(choice, SplitMix64(self.seed + index)) for index, direction in enumerate(self.directions)
         }
-        self._evidence = dict.fromkeys(directions, Evidence())
+        self._evidence = dict.fromkeys(self.directions, Evidence())
 
     def acts(self, direction: Direction, frame_class: str, now: int) -> bool:
         """Whether it may act on a frame of this class."""
-        if direction not in self._evidence or (self._stop_ns and now >= self._stop_ns):
+        if direction not in self._evidence or (self.stop_ns and now >= self.stop_ns):
             return False
-        return not self.exhausted and frame_class in self.classes and self._armed()
+        return not self.exhausted and frame_class in self.classes and self.armed()
 
     def chooses(self, direction: Direction, now: int) -> bool:
         """Whether it acts on the present frame."""
@@ -156,7 +146,7 @@ class GateRule:
         lost = self.chooses(direction, now)
         self._evidence[direction] = seen + (Evidence(1, 1, now, now, confirmed=True) if lost else Evidence(1))
         if lost:
-            self._on_loss()
+            self.lost()
         return lost
 
     def left(
@@ -181,7 +171,7 @@ class GateRule:
     @property
     def exhausted(self) -> bool:
         """Whether ``count`` frames were lost, here and elsewhere."""
-        return bool(self._count) and self.evidence().activations + self._spent() >= self._count
+        return bool(self.count) and self.evidence().activations + self.spent() >= self.count
 
 
 class GatedLink(LinkWrapper):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.station.splitmix import SplitMix64
@@ -16,47 +17,41 @@ __all__ = ["LINE_OCTETS", "Shape", "corrupted"]
 LINE_OCTETS = 24
 
 
+@dataclass(eq=False)
 class Shape:
     """``copies`` more of a frame; ``bits`` inverted in it (``whole``: also in the addresses); later by ``delay_ns``
 
     and up to ``jitter_ns`` more, in order unless one ``overtakes``.  Each direction has its own random sequence.
     """
 
-    def __init__(
-        self,
-        seed: int,
-        *,
-        copies: int = 0,
-        bits: int = 0,
-        whole: bool = False,
-        delay_ns: int = 0,
-        jitter_ns: int = 0,
-        overtakes: bool = False,
-    ) -> None:
-        self._random: dict[Direction, SplitMix64] = {"out": SplitMix64(seed), "in": SplitMix64(seed + 1)}
-        self._copies = copies
-        self._bits = bits
-        self._whole = whole
-        self._delay_ns = delay_ns
-        self._jitter_ns = jitter_ns
-        self._overtakes = overtakes
+    seed: int
+    _: KW_ONLY
+    copies: int = 0
+    bits: int = 0
+    whole: bool = False
+    delay_ns: int = 0
+    jitter_ns: int = 0
+    overtakes: bool = False
+
+    def __post_init__(self) -> None:
+        self._random: dict[Direction, SplitMix64] = {"out": SplitMix64(self.seed), "in": SplitMix64(self.seed + 1)}
         self._free_ns: dict[Direction, int] = {"out": 0, "in": 0}
 
     def hit(self, direction: Direction, frame: bytes, due: int, *, bare: bool = False) -> list[tuple[int, bytes]]:
         """(time, octets) of what goes on instead of a frame, or of octets without headers, that would at ``due``."""
         random = self._random[direction]
-        if self._bits:
-            frame = corrupted(frame, self._bits, random, whole=self._whole or bare)
-        due += self._delay_ns + int(random.uniform() * self._jitter_ns)
-        if self._delay_ns or self._jitter_ns:
-            if not self._overtakes:
+        if self.bits:
+            frame = corrupted(frame, self.bits, random, whole=self.whole or bare)
+        due += self.delay_ns + int(random.uniform() * self.jitter_ns)
+        if self.delay_ns or self.jitter_ns:
+            if not self.overtakes:
                 due = max(due, self._free_ns[direction])
             self._free_ns[direction] = due
-        return [(due, frame)] * (1 + self._copies)
+        return [(due, frame)] * (1 + self.copies)
 
     def passes(self, direction: Direction, due: int) -> int:
         """When a frame that is not hit goes on: it waits behind those that are delayed, unless it may overtake."""
-        return due if self._overtakes else max(due, self._free_ns[direction])
+        return due if self.overtakes else max(due, self._free_ns[direction])
 
 
 def corrupted(frame: bytes, bits: int, random: SplitMix64, *, whole: bool) -> bytes:

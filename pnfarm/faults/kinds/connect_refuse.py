@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pnfarm.faults.effects.effect import ChanceEffect
+from pnfarm.faults.effects.effect import ChanceEffect, Held
 from pnfarm.faults.effects.requests import CONNECT_REQUESTS
 from pnfarm.faults.kind import EACH, InjectionKind
-
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -26,7 +23,7 @@ class ConnectRefuse(ChanceEffect):
     def _asked(self, now: int) -> Any:
         return self._refusal if self.occurs(now) else None
 
-    def held(self) -> tuple[InForce[Any], Any]:
+    def held(self) -> Held:
         return self.requests.hooks, self._asked
 
 
@@ -39,7 +36,5 @@ KIND = InjectionKind(
     takes=EACH,
     place=20,
     wire="Requests for a connection are answered with an error code.",
-    reports=(
-        "The device stays failed; the diagnosis shows the connection as refused. A controller asks again and again."
-    ),
+    reports=("The device stays failed; the diagnosis shows the connection as refused. A controller tries repeatedly."),
 )

@@ -23,7 +23,7 @@ class Corrupt(ShapedEffect):
 KIND = InjectionKind(
     "corrupt",
     "frames",
-    "Bits of frames are inverted behind the frame check: the frame check sequence on the wire is right.",
+    "Bits of frames are inverted; the frame check sequence on the wire is still right.",
     "a frame that is changed",
     Corrupt,
     {
@@ -39,7 +39,7 @@ KIND = InjectionKind(
     },
     directions=EVERY_DIRECTION,
     takes=FRAMES,
-    wire="Inverted bits behind the EtherType, with `whole` in front of it as well.",
+    wire="Inverted bits after the EtherType, with `whole` before it as well.",
     reports="Depends on the bit: wrong data, a frame that is discarded, or one that is nobody's. IP and UDP discard by "
     "their checksums.",
     place=50,

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from pnfarm.faults.effects.confirmed import StandingEffect
+from pnfarm.faults.effects.confirmed import Held, StandingEffect
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -16,7 +11,7 @@ __all__ = ["KIND"]
 class DigitalInput(StandingEffect):
     """The input is on until the injection ends."""
 
-    def held(self) -> tuple[InForce[Any], Any]:
+    def held(self) -> Held:
         return self.servo.inputs, int(self.values["input"])
 
 
@@ -30,5 +25,5 @@ KIND = InjectionKind(
     takes=HELD,
     place=120,
     wire="The input's bits in the drive's words and parameters, as far as its telegram has them.",
-    reports="Nothing by the bus.",
+    reports="The bus reports nothing.",
 )

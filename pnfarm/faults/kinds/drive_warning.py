@@ -38,5 +38,5 @@ KIND = InjectionKind(
     takes=HELD,
     place=30,
     wire="ZSW1.7 (warning present) is set.",
-    reports="Nothing by the bus: the PLC program sees it in ZSW1.",
+    reports="The bus reports nothing: the PLC program sees it in ZSW1.",
 )

@@ -16,7 +16,7 @@ class Duplicate(ShapedEffect):
     """So many copies."""
 
     cyclic = DUPLICATE
-    no_streams = "a stream never brings an octet twice: TCP leaves out what it has already"
+    no_streams = "a stream never delivers an octet twice: TCP discards repeated ones"
     row: ClassVar = {"amount": "copies"}
     shaped: ClassVar = {"copies": "copies"}
 
@@ -24,12 +24,12 @@ class Duplicate(ShapedEffect):
 KIND = InjectionKind(
     "duplicate",
     "frames",
-    "Frames arrive more than once, one behind the other.",
+    "Frames arrive more than once, one after the other.",
     "a frame that is repeated",
     Duplicate,
     {
         "frames": FRAMES_PARAM,
-        "copies": ParamSpec("whole number", "Copies behind the frame.", default=1, low=1, high=8),
+        "copies": ParamSpec("whole number", "Copies after the frame.", default=1, low=1, high=8),
     },
     directions=EVERY_DIRECTION,
     takes=FRAMES,

@@ -51,6 +51,6 @@ KIND = InjectionKind(
     takes=frozenset({"count", "for", "cycles"}),
     place=35,
     wire="ZSW1.3 (fault present) stays set after an edge of STW1.7; PNU 945 and 947 keep the number.",
-    reports="Nothing by the bus: the program acknowledges and sees ZSW1.3 as before. S7-1500: a technology object's "
-    "drive alarm comes again after MC_Reset (assumed). CODESYS: MC_Reset ends with an error (assumed).",
+    reports="The bus reports nothing: the program acknowledges and sees ZSW1.3 as before. S7-1500: a technology "
+    "object's drive alarm comes again after MC_Reset (assumed). CODESYS: MC_Reset ends with an error (assumed).",
 )

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from pnfarm.faults.effects.confirmed import StandingEffect
+from pnfarm.faults.effects.confirmed import Held, StandingEffect
 from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -22,7 +17,7 @@ class LimitSwitch(StandingEffect):
         warns = self.servo.warns_of_limit(self._side) and self.connection.reports(Status.WARNING)
         self.status = Status.WARNING if warns else None
 
-    def held(self) -> tuple[InForce[Any], Any]:
+    def held(self) -> Held:
         return self.servo.limits, self._side
 
 
@@ -37,6 +32,6 @@ KIND = InjectionKind(
     takes=HELD,
     place=80,
     wire="The words and warnings that the drive's manual has for the switch; the velocity falls to 0.",
-    reports="Nothing by the bus: the program sees the drive's words. S7-1500: a positioning axis that watches its "
+    reports="The bus reports nothing: the program sees the drive's words. S7-1500: a positioning axis that watches its "
     "following error stops with technology alarm 521.",
 )

@@ -67,7 +67,7 @@ KIND = InjectionKind(
     takes=frozenset({"count", "for"}),
     misfits=_misfits,
     place=40,
-    wire="No carrier again and again.",
+    wire="No carrier, repeatedly.",
     reports="After each watchdog, IO device failure (S7-1500: OB86; CODESYS: the device is shown as not running "
     "(assumed)). Then the connection is set up again.",
 )

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pnfarm.faults.effects.confirmed import StandingEffect
+from pnfarm.faults.effects.confirmed import Held, StandingEffect
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND", "AddedLoad"]
 
@@ -18,7 +15,7 @@ _ANY_LOAD: dict[str, Any] = {"low": -1e6, "high": 1e6}
 class AddedLoad(StandingEffect):
     """Torque, inertia and friction in addition to the present ones."""
 
-    def held(self) -> tuple[InForce[Any], Any]:
+    def held(self) -> Held:
         return self.servo.loads, tuple(float(self.values[name]) for name in ("torque", "inertia", "friction"))
 
 
@@ -37,6 +34,6 @@ KIND = InjectionKind(
     takes=HELD,
     place=90,
     wire="Current and velocity change as far as the telegram has them.",
-    reports="Nothing by the bus. A positioning axis that watches its following error may stop (S7-1500: technology "
+    reports="The bus reports nothing. A positioning axis that watches its following error may stop (S7-1500: "
     "alarm 521).",
 )

@@ -35,7 +35,7 @@ KIND = InjectionKind(
     {"frames": FRAMES_PARAM, **CHOICE_PARAMS},
     directions=EVERY_DIRECTION,
     takes=FRAMES,
-    wire="Frames are missing; those that come are as ever, with the cycle counters of their own cycles.",
+    wire="Frames are missing; the others are unchanged, with the cycle counters of their own cycles.",
     reports="Cyclic frames: nothing below the watchdog, then IO device failure (S7-1500; CODESYS assumed). Acyclic "
     "ones are repeated.",
     misfits=choice_misfits,

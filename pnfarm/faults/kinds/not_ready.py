@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from pnfarm.faults.effects.confirmed import StandingEffect
+from pnfarm.faults.effects.confirmed import Held, StandingEffect
 from pnfarm.faults.effects.connection import Status
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -19,7 +14,7 @@ class NotReady(StandingEffect):
 
     status = Status.INHIBITED
 
-    def held(self) -> tuple[InForce[Any], Any]:
+    def held(self) -> Held:
         return self.servo.lacks, str(self.values["missing"])
 
 
@@ -41,5 +36,5 @@ KIND = InjectionKind(
     takes=HELD,
     place=110,
     wire="ZSW1.6 (switching on inhibited) is set, ZSW1.0 to 1.2 fall.",
-    reports="Nothing by the bus: the PLC program sees it in ZSW1.",
+    reports="The bus reports nothing: the PLC program sees it in ZSW1.",
 )

@@ -50,7 +50,7 @@ KIND = InjectionKind(
     {"off": ParamSpec("duration", "How long the supply is off.", default="1s")},
     takes=frozenset({"count"}),
     place=130,
-    wire="The frames end without a farewell; later the drive starts as after power on (LLDP, DCP, Connect).",
+    wire="The frames end without notice; later the drive starts as after power on (LLDP, DCP, Connect).",
     reports="After the watchdog, IO device failure (S7-1500: OB86; CODESYS: the device is shown as not running "
     "(assumed)). The device comes back.",
 )

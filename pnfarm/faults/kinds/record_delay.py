@@ -31,5 +31,5 @@ KIND = InjectionKind(
     takes=EACH,
     place=30,
     wire="Parameter responses are late.",
-    reports="Nothing by the bus: the program's acyclic job takes longer.",
+    reports="The bus reports nothing: the program's acyclic job takes longer.",
 )

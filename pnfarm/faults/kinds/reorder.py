@@ -45,7 +45,7 @@ KIND = InjectionKind(
     },
     directions=EVERY_DIRECTION,
     takes=FRAMES,
-    wire="Cyclic frames with an older cycle counter behind newer ones.",
+    wire="Cyclic frames with an older cycle counter after newer ones.",
     reports="A cyclic frame that was overtaken is discarded for its cycle counter: as one that is lost.",
     misfits=_check,
     place=40,

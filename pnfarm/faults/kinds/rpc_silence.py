@@ -30,7 +30,7 @@ class RpcSilence(FramesEffect):
 KIND = InjectionKind(
     "rpc-silence",
     "connection",
-    "Acyclic messages (for connections, parameters, control) are lost; cyclic data go on.",
+    "Acyclic messages (for connections, parameters, control) are lost; cyclic data continue.",
     "a message that is lost; `count` holds for each direction",
     RpcSilence,
     directions=EVERY_DIRECTION,

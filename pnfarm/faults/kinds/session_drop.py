@@ -13,7 +13,7 @@ class SessionDrop(ChanceEffect):
     """Each stream once the drive has answered on it; without ``count`` and ``for`` one."""
 
     sockets = SOCKETS
-    ends_by_itself = True
+    once = ends_by_itself = True
     _passed: frozenset[int] = frozenset()
 
     def begin(self, now: int) -> None:
@@ -39,5 +39,5 @@ KIND = InjectionKind(
     takes=EACH,
     place=92,
     wire="A FIN of the drive; a message on its way gets no answer.",
-    reports="The session is gone, and made anew; messages that had no answer fail or are sent again.",
+    reports="The session ends, and is set up again; messages that had no answer fail or are sent again.",
 )

@@ -30,7 +30,7 @@ KIND = InjectionKind(
     "liveness",
     "The sign of life stands: of the drive in ZSW2, or with direction `in` the controller's in STW2, which the drive "
     "monitors.  When it ends, the true count follows.",
-    "a cyclic frame whose count stands",
+    "a cyclic frame whose count is frozen",
     Freeze,
     directions=("out", "in", "both"),
     takes=FRAMES,

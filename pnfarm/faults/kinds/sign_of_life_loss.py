@@ -10,8 +10,8 @@ __all__ = ["KIND"]
 KIND = InjectionKind(
     "sign-of-life-loss",
     "liveness",
-    "The sign of life stands: sign-of-life-freeze.",
-    "a cyclic frame whose count stands",
+    "The sign of life freezes: sign-of-life-freeze.",
+    "a cyclic frame whose count is frozen",
     Freeze,
     directions=("out", "in", "both"),
     takes=FRAMES,

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-from pnfarm.faults.effects.confirmed import StandingEffect
+from pnfarm.faults.effects.confirmed import Held, StandingEffect
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
-
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -23,7 +18,7 @@ class SlowRamp(StandingEffect):
             what = f"{self.drive.name} ({self.drive.models[0]}) has no ramp generator, which slow-ramp needs"
             raise InjectionError([("kind", f"{what}: its controller makes the ramps", "")])
 
-    def held(self) -> tuple[InForce[Any], Any]:
+    def held(self) -> Held:
         return self.servo.slow_ramps, self._factor
 
 
@@ -46,6 +41,6 @@ KIND = InjectionKind(
     takes=HELD,
     place=105,
     wire="The actual velocity (NIST_A, NIST_B) reaches the set point later; so do ZSW1.8 and ZSW1.10.",
-    reports="Nothing by the bus. A program that waits for ZSW1.10 or a position waits longer. A technology object that "
-    "makes the ramps itself and watches the following error stops the axis (S7-1500: technology alarm 521).",
+    reports="The bus reports nothing. A program that waits for ZSW1.10 or a position waits longer. A technology object "
+    "that makes the ramps and watches its following error stops the axis (S7-1500: technology alarm 521).",
 )

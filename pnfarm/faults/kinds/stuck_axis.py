@@ -17,6 +17,6 @@ KIND = InjectionKind(
     preset={"torque": 0.0, "inertia": 0.0, "friction": 1e9},
     place=100,
     wire="The actual velocity stays 0 and the current rises; then the drive's own fault in ZSW1.3.",
-    reports="Nothing by the bus before the drive's own fault. S7-1500: a positioning axis that watches its following "
-    "error stops with technology alarm 521. CODESYS: SoftMotion reports a lag error (assumed).",
+    reports="The bus reports nothing before the drive's own fault. S7-1500: a positioning axis that watches its "
+    "following error stops with technology alarm 521. CODESYS: SoftMotion reports a lag error (assumed).",
 )

@@ -19,7 +19,7 @@ class Timeout(ChanceEffect):
 
     wire = WIRE
     connection = CONNECTION
-    ends_by_itself = True
+    once = ends_by_itself = True
     _frames: Frames | None = None
     _keys: frozenset[int] = frozenset()
     _passed: frozenset[int] = frozenset()

@@ -75,7 +75,7 @@ PROFIDRIVE_RECORD = subject(
         Field("speed_error_bit", "u1", "", "parameter", "ZSW1.8 in speed control: SPEED_*"),
         Field("speed_reached_bit", "u1", "", "parameter", "ZSW1.10 in speed control: SPEED_*"),
         Field("following_error_bit", "u1", "", "parameter", "1 = ZSW1.8 in position mode reports a following error"),
-        Field("moving_bit", "u1", "", "parameter", "1 = ZSW1.13 means that the axis moves, not that it stands"),
+        Field("moving_bit", "u1", "", "parameter", "1 = ZSW1.13 means that the axis moves, not that it is at rest"),
         Field("reached_without_task", "u1", "", "parameter", "ZSW1.10 in position mode: REACHED_*"),
         Field(
             "shows",

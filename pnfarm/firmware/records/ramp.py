@@ -20,7 +20,7 @@ RAMP_RECORD = subject(
             "parameter",
             "quick stop ramp in position mode, 0 = as quick_stop_deceleration",
         ),
-        Field("standstill", "f8", "rpm", "parameter", "below this the axis stands (CS.VTHRESH)"),
+        Field("standstill", "f8", "rpm", "parameter", "below this the axis is at rest (CS.VTHRESH)"),
         Field("velocity_window", "f8", "rpm", "parameter", "window of ZSW1.8 and ZSW1.10"),
         Field("additive_speed", "f8", "rpm", "parameter", "added to the speed set point in operation"),
         Field("speed_override", "f8", "", "parameter", "factor of every requested speed", default=1.0),

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote
 
 from fastapi import FastAPI, Request
 from starlette.responses import Response  # noqa: TC002 - FastAPI reads the annotations of handlers
 
 from pnfarm.api.app import add_one_drive
-from pnfarm.api.changes import changes_nothing
+from pnfarm.hub.hosts.passing import Passing
 from pnfarm.hub.hub import passed_on, read
 from pnfarm.hub.merging import joined_engine, unreachable_drive
-from pnfarm.hub.shards import AwayError, no_steps
-from pnfarm.web.bodies import PREFIX, Json, read_object
+from pnfarm.hub.shards import AwayError
+from pnfarm.web.bodies import PREFIX, Json
 from pnfarm.web.errors import NotFoundError
 
 if TYPE_CHECKING:
@@ -23,11 +22,15 @@ if TYPE_CHECKING:
 __all__ = ["HubDrives"]
 
 
-class HubDrives:
-    """As :class:`~pnfarm.api.paths.drives.DrivesHost`."""
+#: Slashes of the path of a drive itself.
+DRIVE_STEPS = f"{PREFIX}/drives/name".count("/")
+
+
+class HubDrives(Passing):
+    """As :class:`~pnfarm.api.paths.drives.DrivesHost`; what is below a drive is passed on."""
 
     def __init__(self, hub: Hub) -> None:
-        self._hub = hub
+        super().__init__(hub, "drives/{name}", hub.shards.owner)
 
     async def listed(self) -> dict[str, Any]:
         """``GET drives`` of all shards; drives of those that are away as they were seen last."""
@@ -73,38 +76,19 @@ class HubDrives:
         }
 
     def add_drive(self, app: FastAPI) -> None:
-        """What is below a drive: described as a farm's, and answered by the shard that has it."""
+        """What is below a drive."""
         farm = FastAPI()
-        # their handlers are not called
+        # nobody answers there
         nobody: Any = None
         add_one_drive(farm, nobody, nobody)
-        for route in farm.routes:
-            if getattr(route, "path", "").startswith(f"{PREFIX}/drives/{{name}}"):
-                methods = sorted(route.methods)  # type: ignore[attr-defined]  # those of the API have it
-                app.add_api_route(route.path, self._pass_on, methods=methods, include_in_schema=False)  # type: ignore[attr-defined]
-                # never reached: the one before answers
-                app.router.routes.append(route)
+        self.add(app, farm)
 
-    async def _pass_on(self, request: Request) -> Response:
-        hub, name = self._hub, str(request.path_params["name"])
-        shard = hub.shards.owner(name)
-        path = request.scope["path"].removeprefix(f"{PREFIX}/")
-        no_steps(path)
-        body = None
-        if request.method in {"PUT", "POST", "PATCH"} and int(request.headers.get("content-length", "0") or 0):
-            body = await read_object(request)
-        if request.method not in {"GET", "HEAD"}:
-            changes_nothing(request)
-        try:
-            answer = await hub.ask(
-                shard, request.method, quote(path, safe="/"), body=body, query=str(request.url.query)
-            )
-        except AwayError as exc:
-            later = "" if request.method == "GET" else "; whether it was carried out is not known"
-            raise AwayError(f"{name} is unreachable: {exc}{later}", exc.event, exc.slug) from exc
+    async def answer(self, request: Request) -> Response:
+        shard, answer = await self.asked(request)
+        name = str(request.path_params["name"])
         if answer.status == 404 and name not in shard.drives:
             raise NotFoundError(f"there is no drive {name!r}")
-        if request.method == "GET" and path.count("/") == 1 and answer.good:
+        if request.method == "GET" and answer.good and request.scope["path"].count("/") == DRIVE_STEPS:
             return Json(self._shown(shard, read(shard, answer, "name")))
         return passed_on(answer)
 

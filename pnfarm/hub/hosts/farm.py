@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from prometheus_client import CONTENT_TYPE_LATEST, CollectorRegistry, generate_latest
 
-from pnfarm.api.paths.farm import clock_of
+from pnfarm.api.paths.farm import Health, clock_of
 from pnfarm.hub.merging import joined_health
 from pnfarm.hub.metrics import HubCollector
 from pnfarm.hub.shards import AwayError
@@ -17,11 +17,6 @@ if TYPE_CHECKING:
     from pnfarm.hub.shards import Shard
 
 __all__ = ["HubItself"]
-
-_HEALTH = (
-    "engine", "lateness", "lateness_mean_seconds", "last_seconds", "engine_late_seconds", "loop_late_seconds",
-    "stolen_seconds",
-)  # fmt: skip
 
 
 class HubItself:
@@ -59,7 +54,7 @@ class HubItself:
 
     async def health(self) -> dict[str, Any]:
         hub = self._hub
-        good = (await hub.ask_all("GET", "health", *_HEALTH)).good
+        good = (await hub.ask_all("GET", "health", *Health.model_fields)).good
         worst = max(good, key=lambda shard: float(good[shard]["engine_late_seconds"]), default=None)
         missing = [shard.told() for shard in hub.shards if shard not in good]
         return {

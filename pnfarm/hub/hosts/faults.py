@@ -47,14 +47,6 @@ _REFUSED = (HTTPStatus.BAD_REQUEST, HTTPStatus.INTERNAL_SERVER_ERROR)
 
 
 @dataclass(frozen=True, slots=True)
-class _Known:
-    """A drive as globs see it."""
-
-    names: tuple[str, ...]
-    models: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class _Plan:
     """Whom a fault hits: drives by shard; those of shards that are away."""
 
@@ -78,7 +70,7 @@ class HubFaults:
         hub.check_any()
         spec = seeded(fault_kinds().parse(fields))
         try:
-            names, left_out = chosen(spec, {name: _Known(*found) for name, found in hub.shards.known_as.items()})
+            names, left_out = chosen(spec, hub.shards.known_as)
         except InjectionError as exc:
             if away := [shard.label for shard in hub.shards.unreachable if not shard.drives]:
                 raise AwayError(f"{exc}; not known are the drives of {', '.join(away)}") from exc
@@ -273,13 +265,12 @@ class HubFaults:
         hub = self._hub
         hub.check_any()
         no_steps(fault_id)
-        own, at, label = fault_id.rpartition("@")
-        if at and _OWN.fullmatch(own):
+        own, label = _parted(fault_id)
+        if label:
             shards = [shard for shard in hub.shards if shard.label == label]
             if shards and not shards[0].asked:
                 raise shards[0].away()
         else:
-            own = fault_id
             shards = list(hub.shards)
             if _OWN.fullmatch(fault_id):
                 allowed = f"{fault_id}@HOST:PORT with the shard, as `pnfarm fault list` shows it"
@@ -310,9 +301,7 @@ class HubFaults:
 
     def _joined(self, fault_id: str) -> dict[str, Any]:
         hub = self._hub
-        own, at, label = fault_id.rpartition("@")
-        if not (at and _OWN.fullmatch(own)):
-            own, label = fault_id, ""
+        own, label = _parted(fault_id)
         parts = [
             (at_hub(shard.faults[own], shard.clock.to_hub), shard.asked)
             for shard in hub.shards
@@ -320,6 +309,12 @@ class HubFaults:
         ]
         order = {name: place for place, name in enumerate(hub.shards.names)}
         return {**joined_fault(parts, hub.specs.get(fault_id), order), "id": fault_id}
+
+
+def _parted(fault_id: str) -> tuple[str, str]:
+    """A fault's id on the shards, and the shard's label, if it has one."""
+    own, _, label = fault_id.rpartition("@")
+    return (own, label) if _OWN.fullmatch(own) else (fault_id, "")
 
 
 def _is_late(answer: Answer) -> bool:
@@ -341,5 +336,5 @@ def _fault(shard: Shard, answer: Answer) -> dict[str, Any]:
     try:
         at_hub(found, lambda seconds: seconds + 0.0)
     except (KeyError, TypeError, AttributeError) as exc:
-        raise AwayError(f"{shard.label} tells a fault as no farm does", slug="garbage") from exc
+        raise AwayError(f"{shard.label} reports a fault as no farm does", slug="garbage") from exc
     return found

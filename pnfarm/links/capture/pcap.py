@@ -27,24 +27,20 @@ if TYPE_CHECKING:
     from pnfarm.wire.direction import Direction
 
 __all__ = [
-    "PcapLink",
-    "PcapngWriter",
-    "interface_description",
-    "interface_statistics",
-    "packet_block",
-    "section_header",
-]
+    "COMMENT", "ENHANCED_PACKET", "IF_NAME", "INTERFACE_DESCRIPTION", "INTERFACE_STATISTICS", "OPTION_END", "PcapLink",
+    "PcapngWriter", "interface_description", "interface_statistics", "option", "packet_block", "section_header",
+]  # fmt: skip
 
 _SECTION_HEADER = 0x0A0D0D0A
-_INTERFACE_DESCRIPTION = 0x00000001
-_INTERFACE_STATISTICS = 0x00000005
-_ENHANCED_PACKET = 0x00000006
+INTERFACE_DESCRIPTION = 0x00000001
+INTERFACE_STATISTICS = 0x00000005
+ENHANCED_PACKET = 0x00000006
 _BYTE_ORDER_MAGIC = 0x1A2B3C4D
 
-_OPTION_END = 0
-_COMMENT = 1
+OPTION_END = 0
+COMMENT = 1
 _SHB_USERAPPL = 4
-_IF_NAME = 2
+IF_NAME = 2
 _IF_DESCRIPTION = 3
 _IF_MAC = 6
 _IF_TSRESOL = 9
@@ -57,13 +53,14 @@ _DIRECTION_BITS = {"in": 1, "out": 2}
 _FLUSH_NS = 1_000_000_000
 
 
-def _option(code: int, value: bytes) -> bytes:
+def option(code: int, value: bytes) -> bytes:
+    """One option of a block, filled up to whole words."""
     return struct.pack("<HH", code, len(value)) + value + bytes(-len(value) % 4)
 
 
 def _text(code: int, text: str) -> bytes:
     """A text option, empty for no text; an option's length has 16 bits."""
-    return _option(code, text.encode()[:0xFFFC]) if text else b""
+    return option(code, text.encode()[:0xFFFC]) if text else b""
 
 
 def _block(kind: int, body: bytes) -> bytes:
@@ -73,35 +70,35 @@ def _block(kind: int, body: bytes) -> bytes:
 
 def section_header(comment: str = "") -> bytes:
     """The block that begins a file; ``comment`` is shown by Wireshark and capinfos."""
-    options = _text(_COMMENT, comment) + _option(_SHB_USERAPPL, b"pnfarm") + _option(_OPTION_END, b"")
+    options = _text(COMMENT, comment) + option(_SHB_USERAPPL, b"pnfarm") + option(OPTION_END, b"")
     return _block(_SECTION_HEADER, struct.pack("<IHHq", _BYTE_ORDER_MAGIC, 1, 0, -1) + options)
 
 
 def interface_description(name: str, description: str = "", mac: bytes = b"", *, link_type: int = ETHERNET) -> bytes:
     """An interface with nanosecond stamps; they are numbered in the order of their blocks."""
-    options = _text(_IF_NAME, name) + _text(_IF_DESCRIPTION, description)
+    options = _text(IF_NAME, name) + _text(_IF_DESCRIPTION, description)
     if mac:
-        options += _option(_IF_MAC, mac)
-    options += _option(_IF_TSRESOL, b"\x09") + _option(_OPTION_END, b"")
-    return _block(_INTERFACE_DESCRIPTION, struct.pack("<HHI", link_type, 0, 0) + options)
+        options += option(_IF_MAC, mac)
+    options += option(_IF_TSRESOL, b"\x09") + option(OPTION_END, b"")
+    return _block(INTERFACE_DESCRIPTION, struct.pack("<HHI", link_type, 0, 0) + options)
 
 
 def packet_block(interface: int, frame: bytes, wall_ns: int, direction: Direction) -> bytes:
     """One frame; ``wall_ns`` since 1970."""
     head = struct.pack("<IIIII", interface, wall_ns >> 32, wall_ns & 0xFFFFFFFF, len(frame), len(frame))
-    options = _option(_EPB_FLAGS, struct.pack("<I", _DIRECTION_BITS[direction])) + _option(_OPTION_END, b"")
-    return _block(_ENHANCED_PACKET, head + frame + bytes(-len(frame) % 4) + options)
+    options = option(_EPB_FLAGS, struct.pack("<I", _DIRECTION_BITS[direction])) + option(OPTION_END, b"")
+    return _block(ENHANCED_PACKET, head + frame + bytes(-len(frame) % 4) + options)
 
 
 def interface_statistics(interface: int, wall_ns: int, *, written: int, lost: int | None = None) -> bytes:
     """Frame counts of an interface: ``written`` to the file, ``lost`` by the kernel (None: not known here)."""
     body = struct.pack("<III", interface, wall_ns >> 32, wall_ns & 0xFFFFFFFF)
-    body += _option(_ISB_IFRECV, struct.pack("<Q", written + (lost or 0)))
+    body += option(_ISB_IFRECV, struct.pack("<Q", written + (lost or 0)))
     if lost is not None:
-        body += _option(_ISB_OSDROP, struct.pack("<Q", lost))
+        body += option(_ISB_OSDROP, struct.pack("<Q", lost))
     return _block(
-        _INTERFACE_STATISTICS,
-        body + _option(_ISB_USRDELIV, struct.pack("<Q", written)) + _option(_OPTION_END, b""),
+        INTERFACE_STATISTICS,
+        body + option(_ISB_USRDELIV, struct.pack("<Q", written)) + option(OPTION_END, b""),
     )
 
 

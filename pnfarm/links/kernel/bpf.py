@@ -13,7 +13,8 @@ import ctypes
 import socket
 import struct
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from enum import IntEnum
+from typing import TYPE_CHECKING, NamedTuple
 
 from pnfarm.wire.rtc import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID
 
@@ -21,43 +22,41 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Sequence
 
 __all__ = [
-    "GroupReceiver",
-    "Instruction",
-    "acyclic_filter",
-    "assemble",
-    "attach",
-    "cyclic_filter",
-    "datagram_filter",
-    "ethertype_filter",
-    "join_fanout",
-    "runs_of",
-]
+    "ACCEPT", "DROP", "IFINDEX", "OTHER_HOST", "PACKET_TYPE", "GroupReceiver", "Instruction", "Op", "acyclic_filter",
+    "assemble", "attach", "cyclic_filter", "datagram_filter", "ethertype_filter", "join_fanout", "label", "runs_of",
+]  # fmt: skip
 
 SO_ATTACH_FILTER = 26
 MAX_INSTRUCTIONS = 4096  # BPF_MAXINSNS
 
-# Operation codes (linux/bpf_common.h): class | size or operation | mode or source.
-_LD_WORD_ABS = 0x20
-_LD_HALF_ABS = 0x28
-_LD_BYTE_ABS = 0x30
-_LD_HALF_INDEX = 0x48
-_LDX_HEADER_LENGTH = 0xB1
-_JUMP_SET = 0x45
-_JUMP_EQUAL = 0x15
-_JUMP_GREATER = 0x25
-_JUMP_GREATER_EQUAL = 0x35
-_RETURN = 0x06
+
+class Op(IntEnum):
+    """Operation codes (linux/bpf_common.h): class | size or operation | mode or source."""
+
+    LD_WORD = 0x20
+    LD_HALF = 0x28
+    LD_BYTE = 0x30
+    LD_BYTE_INDEXED = 0x50
+    LD_HALF_INDEXED = 0x48
+    LDX_HEADER_LENGTH = 0xB1
+    JUMP = 0x05
+    JUMP_SET = 0x45
+    JUMP_EQUAL = 0x15
+    JUMP_GREATER = 0x25
+    JUMP_GREATER_EQUAL = 0x35
+    RETURN = 0x06
+
 
 # linux/filter.h: loads at these negative offsets read the packet's meta data.
 _ANCILLARY = 0x1_0000_0000 - 0x1000
-_ANCILLARY_PACKET_TYPE = _ANCILLARY + 4
-_ANCILLARY_IFINDEX = _ANCILLARY + 8
+PACKET_TYPE = _ANCILLARY + 4
+IFINDEX = _ANCILLARY + 8
 _ANCILLARY_MARK = _ANCILLARY + 20
 
 # linux/if_packet.h: 0 host, 1 broadcast, 2 multicast, 3 other host, 4 outgoing.  A frame with a VLAN id other than 0 is
 # another host's to the kernel, whatever its destination; a PROFINET controller may request such frames.
 _LAST_PACKET_TYPE_FOR_US = 2
-_BROADCAST, _MULTICAST, _OTHER_HOST = 1, 2, 3
+_BROADCAST, _MULTICAST, OTHER_HOST = 1, 2, 3
 
 #: After destination, source and ethertype; priority tags (VLAN id 0) are gone when a socket sees the frame.
 _FRAME_ID_OFFSET = 14
@@ -76,22 +75,25 @@ _FANOUT_FLAG_UNIQUE_ID = 0x2000
 MOST_RUNS = 32
 
 _NEXT = ""
-_ACCEPT = "accept"
-_DROP = "drop"
+ACCEPT = "accept"
+DROP = "drop"
 
 
-@dataclass(frozen=True, slots=True)
-class Instruction:
+class Instruction(NamedTuple):
     """One operation; a jump names where it goes if true and if false (empty: the next instruction).
 
-    ``label`` is a name by which others jump here.
+    Without ``code`` it is the place of the label that ``if_true`` names.
     """
 
-    code: int
-    k: int
+    code: int | None
+    k: int = 0
     if_true: str = _NEXT
     if_false: str = _NEXT
-    label: str = ""
+
+
+def label(name: str) -> Instruction:
+    """A name by which others jump to the next instruction."""
+    return Instruction(None, 0, name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,11 +108,11 @@ class GroupReceiver:
 
 
 def _load_word(offset: int) -> Instruction:
-    return Instruction(_LD_WORD_ABS, offset)
+    return Instruction(Op.LD_WORD, offset)
 
 
 def _load_half(offset: int) -> Instruction:
-    return Instruction(_LD_HALF_ABS, offset)
+    return Instruction(Op.LD_HALF, offset)
 
 
 def _for_these_ports(
@@ -119,23 +121,25 @@ def _for_these_ports(
     """Frames that came in at one of the farm's interfaces, of packet types up to ``last``; all else is dropped."""
     once = (
         [
-            Instruction(_JUMP_EQUAL, _BROADCAST, "group", _NEXT),
-            Instruction(_JUMP_EQUAL, _MULTICAST, "group", "heard"),
-            Instruction(_LD_WORD_ABS, _ANCILLARY_IFINDEX, label="group"),
-            Instruction(_JUMP_EQUAL, group_receiver.index, _NEXT, _DROP),
+            Instruction(Op.JUMP_EQUAL, _BROADCAST, "group", _NEXT),
+            Instruction(Op.JUMP_EQUAL, _MULTICAST, "group", "heard"),
+            label("group"),
+            Instruction(Op.LD_WORD, IFINDEX),
+            Instruction(Op.JUMP_EQUAL, group_receiver.index, _NEXT, DROP),
             _load_word(_ANCILLARY_MARK),
-            Instruction(_JUMP_EQUAL, group_receiver.mark, _DROP, _NEXT),
-            Instruction(_LD_WORD_ABS, _ANCILLARY_PACKET_TYPE, label="heard"),
+            Instruction(Op.JUMP_EQUAL, group_receiver.mark, DROP, _NEXT),
+            label("heard"),
+            Instruction(Op.LD_WORD, PACKET_TYPE),
         ]
         if group_receiver is not None
         else []
     )
     return [
-        _load_word(_ANCILLARY_IFINDEX),
-        Instruction(_JUMP_GREATER_EQUAL, lowest, _NEXT, _DROP),
-        Instruction(_JUMP_GREATER, highest, _DROP, _NEXT),
-        _load_word(_ANCILLARY_PACKET_TYPE),
-        Instruction(_JUMP_GREATER, last, _DROP, _NEXT),
+        _load_word(IFINDEX),
+        Instruction(Op.JUMP_GREATER_EQUAL, lowest, _NEXT, DROP),
+        Instruction(Op.JUMP_GREATER, highest, DROP, _NEXT),
+        _load_word(PACKET_TYPE),
+        Instruction(Op.JUMP_GREATER, last, DROP, _NEXT),
         *once,
     ]
 
@@ -145,14 +149,14 @@ def datagram_filter(lowest: int, highest: int, service: int) -> bytes:
     return assemble(
         [
             *_for_these_ports(lowest, highest),
-            Instruction(_LD_BYTE_ABS, 14 + 9),
-            Instruction(_JUMP_EQUAL, socket.IPPROTO_UDP, _NEXT, _DROP),
+            Instruction(Op.LD_BYTE, 14 + 9),
+            Instruction(Op.JUMP_EQUAL, socket.IPPROTO_UDP, _NEXT, DROP),
             _load_half(14 + 6),
             # more fragments, or a fragment's offset
-            Instruction(_JUMP_SET, 0x3FFF, _DROP, _NEXT),
-            Instruction(_LDX_HEADER_LENGTH, 14),
-            Instruction(_LD_HALF_INDEX, 14 + 2),
-            Instruction(_JUMP_EQUAL, service, _ACCEPT, _DROP),
+            Instruction(Op.JUMP_SET, 0x3FFF, DROP, _NEXT),
+            Instruction(Op.LDX_HEADER_LENGTH, 14),
+            Instruction(Op.LD_HALF_INDEXED, 14 + 2),
+            Instruction(Op.JUMP_EQUAL, service, ACCEPT, DROP),
         ]
     )
 
@@ -188,13 +192,13 @@ def ethertype_filter(
     """
     instructions = _for_these_ports(lowest, highest, group_receiver=group_receiver)
     if without and not mark:
-        instructions.append(_load_word(_ANCILLARY_IFINDEX))
+        instructions.append(_load_word(IFINDEX))
         for first, last in without[:MOST_RUNS]:
             # in front of this run and behind the one before: in none
-            instructions.append(Instruction(_JUMP_GREATER_EQUAL, first, _NEXT, _ACCEPT))
-            instructions.append(Instruction(_JUMP_GREATER, last, _NEXT, _DROP))
+            instructions.append(Instruction(Op.JUMP_GREATER_EQUAL, first, _NEXT, ACCEPT))
+            instructions.append(Instruction(Op.JUMP_GREATER, last, _NEXT, DROP))
     if mark:
-        instructions += [_load_word(_ANCILLARY_MARK), Instruction(_JUMP_EQUAL, mark, _DROP, _ACCEPT)]
+        instructions += [_load_word(_ANCILLARY_MARK), Instruction(Op.JUMP_EQUAL, mark, DROP, ACCEPT)]
     return assemble(instructions)
 
 
@@ -205,14 +209,14 @@ def acyclic_filter(lowest: int, highest: int, group_receiver: GroupReceiver | No
     """
     return assemble(
         [
-            *_for_these_ports(lowest, highest, _OTHER_HOST, group_receiver),
+            *_for_these_ports(lowest, highest, OTHER_HOST, group_receiver),
             _load_half(_FRAME_ID_OFFSET),
-            Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _NEXT, _DROP),
-            _load_word(_ANCILLARY_PACKET_TYPE),
-            Instruction(_JUMP_EQUAL, _OTHER_HOST, _NEXT, _ACCEPT),
+            Instruction(Op.JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _NEXT, DROP),
+            _load_word(PACKET_TYPE),
+            Instruction(Op.JUMP_EQUAL, OTHER_HOST, _NEXT, ACCEPT),
             _load_half(_FRAME_ID_OFFSET),
-            *(Instruction(_JUMP_EQUAL, frame_id, _ACCEPT, _NEXT) for frame_id in ALARM_FRAME_IDS[:-1]),
-            Instruction(_JUMP_EQUAL, ALARM_FRAME_IDS[-1], _ACCEPT, _DROP),
+            *(Instruction(Op.JUMP_EQUAL, frame_id, ACCEPT, _NEXT) for frame_id in ALARM_FRAME_IDS[:-1]),
+            Instruction(Op.JUMP_EQUAL, ALARM_FRAME_IDS[-1], ACCEPT, DROP),
         ]
     )
 
@@ -224,9 +228,9 @@ def cyclic_filter(lowest: int, highest: int) -> bytes:
     """
     return assemble(
         [
-            *_for_these_ports(lowest, highest, _OTHER_HOST),
+            *_for_these_ports(lowest, highest, OTHER_HOST),
             _load_half(_FRAME_ID_OFFSET),
-            Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _DROP, _ACCEPT),
+            Instruction(Op.JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, DROP, ACCEPT),
         ]
     )
 
@@ -244,7 +248,7 @@ def join_fanout(acyclic: socket.socket, cyclic: socket.socket) -> None:
         program = assemble_choice(
             [
                 _load_half(_FANOUT_FRAME_ID_OFFSET),
-                Instruction(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, _DROP, _ACCEPT),
+                Instruction(Op.JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, DROP, ACCEPT),
             ]
         )
         buffer = ctypes.create_string_buffer(program, len(program))
@@ -255,27 +259,36 @@ def join_fanout(acyclic: socket.socket, cyclic: socket.socket) -> None:
 
 def assemble_choice(instructions: Sequence[Instruction]) -> bytes:
     """Like :func:`assemble`, but *accept* answers 1 and *drop* answers 0: the number of a socket."""
-    ends = struct.pack("=HBBI", _RETURN, 0, 0, 1) + struct.pack("=HBBI", _RETURN, 0, 0, 0)
+    ends = struct.pack("=HBBI", Op.RETURN, 0, 0, 1) + struct.pack("=HBBI", Op.RETURN, 0, 0, 0)
     return assemble(instructions)[: -len(ends)] + ends
 
 
-def assemble(instructions: Sequence[Instruction]) -> bytes:
-    """Lay out as an array of ``struct sock_filter``; ends with *accept whole frame* and *drop*.
+def assemble(instructions: Sequence[Instruction], whole: int = 0xFFFF) -> bytes:
+    """Lay out as an array of ``struct sock_filter``; ends with *accept*, of ``whole`` octets, and *drop*.
 
     Falling off the end accepts.  Raises :class:`ValueError` for a jump that a program cannot express.
     """
-    places = {_ACCEPT: len(instructions), _DROP: len(instructions) + 1}
-    places |= {instruction.label: place for place, instruction in enumerate(instructions) if instruction.label}
-    if len(instructions) + 2 > MAX_INSTRUCTIONS:
-        raise ValueError(f"{len(instructions)} instructions are more than a socket filter may have")
+    places: dict[str, int] = {}
+    laid_out: list[Instruction] = []
+    for instruction in instructions:
+        if instruction.code is None:
+            places[instruction.if_true] = len(laid_out)
+        else:
+            laid_out.append(instruction)
+    places |= {ACCEPT: len(laid_out), DROP: len(laid_out) + 1}
+    if len(laid_out) + 2 > MAX_INSTRUCTIONS:
+        raise ValueError(f"{len(laid_out)} instructions are more than a socket filter may have")
     code = bytearray()
-    for place, instruction in enumerate(instructions):
-        jumps = [places.get(target, place + 1) - place - 1 for target in (instruction.if_true, instruction.if_false)]
-        if max(jumps) > 0xFF:
+    for place, (operation, k, *targets) in enumerate(laid_out):
+        jumps = [places[target] - place - 1 if target else 0 for target in targets]
+        if operation == Op.JUMP:
+            # the only one that reaches everywhere
+            k, jumps = jumps[0], [0, 0]
+        elif max(jumps) > 0xFF:
             raise ValueError(f"instruction {place} jumps over more than 255 others")
-        code += struct.pack("=HBBI", instruction.code, *jumps, instruction.k)
-    code += struct.pack("=HBBI", _RETURN, 0, 0, 0xFFFF)
-    code += struct.pack("=HBBI", _RETURN, 0, 0, 0)
+        code += struct.pack("=HBBI", operation, *jumps, k)
+    code += struct.pack("=HBBI", Op.RETURN, 0, 0, whole)
+    code += struct.pack("=HBBI", Op.RETURN, 0, 0, 0)
     return bytes(code)
 
 

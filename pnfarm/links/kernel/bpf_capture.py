@@ -6,10 +6,9 @@ every test is made twice, for a frame with and without a tag.
 
 from __future__ import annotations
 
-import struct
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
-from pnfarm.links.kernel.bpf import MAX_INSTRUCTIONS
+from pnfarm.links.kernel.bpf import ACCEPT, DROP, IFINDEX, OTHER_HOST, PACKET_TYPE, Instruction, Op, assemble, label
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.rtc import ALARM_FRAME_IDS, FIRST_ACYCLIC_FRAME_ID, FIRST_CYCLIC_FRAME_ID
 
@@ -26,14 +25,6 @@ KINDS: dict[str, frozenset[str]] = {
     "acyclic": frozenset(ATOMS) - {"cyclic"},
 }
 
-# Operation codes (linux/bpf_common.h).
-_LD_WORD, _LD_HALF, _LD_BYTE = 0x20, 0x28, 0x30
-_LD_HALF_INDEXED, _LD_BYTE_INDEXED, _LDX_HEADER_LENGTH = 0x48, 0x50, 0xB1
-_JUMP, _JUMP_EQUAL, _JUMP_GREATER, _JUMP_GREATER_EQUAL, _JUMP_SET = 0x05, 0x15, 0x25, 0x35, 0x45
-_RETURN = 0x06
-_ANCILLARY = 0x1_0000_0000 - 0x1000
-_PACKET_TYPE, _IFINDEX = _ANCILLARY + 4, _ANCILLARY + 8
-_OTHER_HOST = 3
 _WHOLE_FRAME = 0x40000
 
 _FIRST_DCP, _LAST_DCP = 0xFEFC, 0xFEFF
@@ -48,15 +39,6 @@ _UDP_HEAD, _RPC_VERSION = 8, 4
 _OFFSET_MASK = 0x1FFF
 #: Most runs of interface indexes that are distinguished; a farm's interfaces are made in a row.
 _MAXIMUM_RUNS = 900
-
-
-class _Op(NamedTuple):
-    """An instruction, or (``code`` None) the place of a label; jumps name labels, empty is the next instruction."""
-
-    code: int | None
-    k: int = 0
-    if_true: str = ""
-    if_false: str = ""
 
 
 def atoms_of(kinds: Iterable[str]) -> frozenset[str]:
@@ -81,98 +63,73 @@ def capture_filter(indexes: Collection[int], atoms: Collection[str], *, others: 
     ``others`` keeps frames for other hosts too.  Where the indexes are too scattered, all interfaces between
     the first and the last pass.  A frame too short for its kind is dropped.
     """
-    program = [_Op(_LD_WORD, _IFINDEX)]
+    program = [Instruction(Op.LD_WORD, IFINDEX)]
     for number, (lowest, highest) in enumerate(_runs(indexes)):
         program += [
-            _Op(_JUMP_GREATER, highest, f"run {number}"),
-            _Op(_JUMP_GREATER_EQUAL, lowest, "", f"below {number}"),
-            _Op(_JUMP, 0, "ours"),
-            _Op(None, 0, f"below {number}"),
-            _Op(_JUMP, 0, "drop"),
-            _Op(None, 0, f"run {number}"),
+            Instruction(Op.JUMP_GREATER, highest, f"run {number}"),
+            Instruction(Op.JUMP_GREATER_EQUAL, lowest, "", f"below {number}"),
+            Instruction(Op.JUMP, 0, "ours"),
+            label(f"below {number}"),
+            Instruction(Op.JUMP, 0, DROP),
+            label(f"run {number}"),
         ]
-    program += [_Op(_JUMP, 0, "drop"), _Op(None, 0, "ours")]
+    program += [Instruction(Op.JUMP, 0, DROP), label("ours")]
     if not others:
-        program += [_Op(_LD_WORD, _PACKET_TYPE), _Op(_JUMP_EQUAL, _OTHER_HOST, "no")]
+        program += [Instruction(Op.LD_WORD, PACKET_TYPE), Instruction(Op.JUMP_EQUAL, OTHER_HOST, DROP)]
     if set(atoms) < set(ATOMS):
-        program += [_Op(_LD_HALF, 12), _Op(_JUMP_EQUAL, ETHERTYPE_VLAN, "tagged")]
+        program += [Instruction(Op.LD_HALF, 12), Instruction(Op.JUMP_EQUAL, ETHERTYPE_VLAN, "tagged")]
         program += _kinds("", 12, atoms)
-        program += [_Op(None, 0, "tagged"), *_kinds("tagged ", 16, atoms)]
-    program += [_Op(None, 0, "yes"), _Op(_RETURN, _WHOLE_FRAME)]
-    program += [_Op(None, 0, "no"), _Op(None, 0, "drop"), _Op(_RETURN, 0)]
-    return _assemble(program)
+        program += [label("tagged"), *_kinds("tagged ", 16, atoms)]
+    return assemble(program, _WHOLE_FRAME)
 
 
-def _kinds(name: str, base: int, atoms: Collection[str]) -> list[_Op]:
+def _kinds(name: str, base: int, atoms: Collection[str]) -> list[Instruction]:
     """The decision for a frame whose EtherType is at offset ``base``."""
-    to = {atom: "yes" if atom in atoms else "no" for atom in ATOMS}
-    enip = "yes" if {"enip", "cip"} & set(atoms) else "no"
+    to = {atom: ACCEPT if atom in atoms else DROP for atom in ATOMS}
+    enip = ACCEPT if {"enip", "cip"} & set(atoms) else DROP
     network = base + 2
     return [
-        _Op(_LD_HALF, base),
-        _Op(_JUMP_EQUAL, ETHERTYPE_PROFINET, f"{name}pn"),
-        _Op(_JUMP_EQUAL, ETHERTYPE_ARP, to["arp"]),
-        _Op(_JUMP_EQUAL, ETHERTYPE_LLDP, to["lldp"]),
-        _Op(_JUMP_EQUAL, ETHERTYPE_IPV4, f"{name}ip", to["other"]),
-        _Op(None, 0, f"{name}pn"),
-        _Op(_LD_HALF, network),
-        _Op(_JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, f"{name}acyclic"),
-        _Op(_JUMP_GREATER_EQUAL, FIRST_CYCLIC_FRAME_ID, to["cyclic"]),
-        *(_Op(_JUMP_EQUAL, frame_id, to["ptcp"]) for frame_id in _SYNCS),
-        _Op(_JUMP, 0, to["other"]),
-        _Op(None, 0, f"{name}acyclic"),
-        *(_Op(_JUMP_EQUAL, frame_id, to["alarm"]) for frame_id in ALARM_FRAME_IDS),
-        *(_Op(_JUMP_EQUAL, frame_id, to["ptcp"]) for frame_id in _CLOCKS),
-        _Op(_JUMP_GREATER_EQUAL, _FIRST_DCP, "", to["other"]),
-        _Op(_JUMP_GREATER, _LAST_DCP, to["other"], to["dcp"]),
-        _Op(None, 0, f"{name}ip"),
-        _Op(_LD_BYTE, network + 9),
-        _Op(_JUMP_EQUAL, _ICMP, to["icmp"]),
-        _Op(_JUMP_EQUAL, _UDP, f"{name}udp"),
-        _Op(_JUMP_EQUAL, _TCP, "", to["other"]),
-        _Op(_LD_HALF, network + 6),
-        _Op(_JUMP_SET, _OFFSET_MASK, to["other"]),
-        _Op(_LDX_HEADER_LENGTH, network),
-        _Op(_LD_HALF_INDEXED, network),
-        _Op(_JUMP_EQUAL, _ENIP_PORT, enip),
-        _Op(_LD_HALF_INDEXED, network + 2),
-        _Op(_JUMP_EQUAL, _ENIP_PORT, enip, to["other"]),
-        _Op(None, 0, f"{name}udp"),
+        Instruction(Op.LD_HALF, base),
+        Instruction(Op.JUMP_EQUAL, ETHERTYPE_PROFINET, f"{name}pn"),
+        Instruction(Op.JUMP_EQUAL, ETHERTYPE_ARP, to["arp"]),
+        Instruction(Op.JUMP_EQUAL, ETHERTYPE_LLDP, to["lldp"]),
+        Instruction(Op.JUMP_EQUAL, ETHERTYPE_IPV4, f"{name}ip", to["other"]),
+        label(f"{name}pn"),
+        Instruction(Op.LD_HALF, network),
+        Instruction(Op.JUMP_GREATER_EQUAL, FIRST_ACYCLIC_FRAME_ID, f"{name}acyclic"),
+        Instruction(Op.JUMP_GREATER_EQUAL, FIRST_CYCLIC_FRAME_ID, to["cyclic"]),
+        *(Instruction(Op.JUMP_EQUAL, frame_id, to["ptcp"]) for frame_id in _SYNCS),
+        Instruction(Op.JUMP, 0, to["other"]),
+        label(f"{name}acyclic"),
+        *(Instruction(Op.JUMP_EQUAL, frame_id, to["alarm"]) for frame_id in ALARM_FRAME_IDS),
+        *(Instruction(Op.JUMP_EQUAL, frame_id, to["ptcp"]) for frame_id in _CLOCKS),
+        Instruction(Op.JUMP_GREATER_EQUAL, _FIRST_DCP, "", to["other"]),
+        Instruction(Op.JUMP_GREATER, _LAST_DCP, to["other"], to["dcp"]),
+        label(f"{name}ip"),
+        Instruction(Op.LD_BYTE, network + 9),
+        Instruction(Op.JUMP_EQUAL, _ICMP, to["icmp"]),
+        Instruction(Op.JUMP_EQUAL, _UDP, f"{name}udp"),
+        Instruction(Op.JUMP_EQUAL, _TCP, "", to["other"]),
+        Instruction(Op.LD_HALF, network + 6),
+        Instruction(Op.JUMP_SET, _OFFSET_MASK, to["other"]),
+        Instruction(Op.LDX_HEADER_LENGTH, network),
+        Instruction(Op.LD_HALF_INDEXED, network),
+        Instruction(Op.JUMP_EQUAL, _ENIP_PORT, enip),
+        Instruction(Op.LD_HALF_INDEXED, network + 2),
+        Instruction(Op.JUMP_EQUAL, _ENIP_PORT, enip, to["other"]),
+        label(f"{name}udp"),
         # a further fragment has no ports; only calls are longer than a frame
-        _Op(_LD_HALF, network + 6),
-        _Op(_JUMP_SET, _OFFSET_MASK, to["rpc"]),
-        _Op(_LDX_HEADER_LENGTH, network),
-        _Op(_LD_HALF_INDEXED, network),
-        *(_Op(_JUMP_EQUAL, port, to["snmp"]) for port in _SNMP_PORTS),
-        _Op(_JUMP_EQUAL, _ENIP_PORT, enip),
-        _Op(_LD_HALF_INDEXED, network + 2),
-        *(_Op(_JUMP_EQUAL, port, to["snmp"]) for port in _SNMP_PORTS),
-        _Op(_JUMP_EQUAL, _ENIP_PORT, enip),
-        _Op(_JUMP_EQUAL, _IO_PORT, to["cyclic"]),
+        Instruction(Op.LD_HALF, network + 6),
+        Instruction(Op.JUMP_SET, _OFFSET_MASK, to["rpc"]),
+        Instruction(Op.LDX_HEADER_LENGTH, network),
+        Instruction(Op.LD_HALF_INDEXED, network),
+        *(Instruction(Op.JUMP_EQUAL, port, to["snmp"]) for port in _SNMP_PORTS),
+        Instruction(Op.JUMP_EQUAL, _ENIP_PORT, enip),
+        Instruction(Op.LD_HALF_INDEXED, network + 2),
+        *(Instruction(Op.JUMP_EQUAL, port, to["snmp"]) for port in _SNMP_PORTS),
+        Instruction(Op.JUMP_EQUAL, _ENIP_PORT, enip),
+        Instruction(Op.JUMP_EQUAL, _IO_PORT, to["cyclic"]),
         # calls use any port; each begins with the protocol's version
-        _Op(_LD_BYTE_INDEXED, network + _UDP_HEAD),
-        _Op(_JUMP_EQUAL, _RPC_VERSION, to["rpc"], to["other"]),
+        Instruction(Op.LD_BYTE_INDEXED, network + _UDP_HEAD),
+        Instruction(Op.JUMP_EQUAL, _RPC_VERSION, to["rpc"], to["other"]),
     ]
-
-
-def _assemble(program: list[_Op]) -> bytes:
-    places: dict[str, int] = {}
-    instructions: list[_Op] = []
-    for op in program:
-        if op.code is None:
-            places[op.if_true] = len(instructions)
-        else:
-            instructions.append(op)
-    if len(instructions) > MAX_INSTRUCTIONS:
-        raise ValueError(f"{len(instructions)} instructions are more than a socket filter may have")
-    code = bytearray()
-    for place, op in enumerate(instructions):
-        # no name: the next instruction
-        far, near = (places[target] - place - 1 if target else 0 for target in (op.if_true, op.if_false))
-        if op.code == _JUMP:
-            code += struct.pack("=HBBI", _JUMP, 0, 0, far)
-        elif max(far, near) > 0xFF:
-            raise ValueError(f"instruction {place} jumps over more than 255 others")
-        else:
-            code += struct.pack("=HBBI", op.code or 0, far, near, op.k)
-    return bytes(code)

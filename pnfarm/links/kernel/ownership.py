@@ -224,7 +224,7 @@ def _names_from(common: str) -> list[str]:
     try:
         lines = _SOCKETS.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError as exc:
-        raise EnvironmentError_(f"{_SOCKETS} cannot be read, which tells what runs: {exc.strerror}") from exc
+        raise EnvironmentError_(f"{_SOCKETS} cannot be read, which lists what runs: {exc.strerror}") from exc
     names = (line.rpartition(" @")[2] for line in lines if f" @{common}" in line)
     return sorted(set(names))
 

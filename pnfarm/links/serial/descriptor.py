@@ -344,7 +344,7 @@ class PtyLine(FdLine):
             self._make_link(self._link)
         self._try()
         if not self.is_up:
-            self._tell(False, f"{self.where}: waits for somebody to open it")
+            self._tell(False, f"{self.where}: waits for a client")
 
     def _make_link(self, link: Path) -> None:
         self._claim = _claimed(link)

@@ -97,7 +97,6 @@ class LineTally(Protocol):
     @property
     def way(self) -> str:
         """As :attr:`Line.kind`, or ``memory``."""
-        ...
 
     @property
     def where(self) -> str: ...
@@ -110,19 +109,16 @@ class LineTally(Protocol):
     @property
     def telegrams(self) -> tuple[int, int]:
         """Received and sent by the farm."""
-        ...
 
     @property
     def dropped(self) -> Mapping[str, int]:
         """What came and was no telegram, by reason."""
-        ...
 
     @property
     def replies(self) -> ReplyTimes: ...
     @property
     def withheld(self) -> int:
         """Answers that would have begun too late, and were not given."""
-        ...
 
 
 class Line(Protocol):
@@ -131,60 +127,47 @@ class Line(Protocol):
     @property
     def kind(self) -> str:
         """The way: ``pty``, ``port``, ``connect``, ``listen``, ``rfc2217``."""
-        ...
 
     @property
     def where(self) -> str:
         """What a user connects to, in words: the path of a pty, HOST:PORT.  Complete once the line is open."""
-        ...
 
     @property
     def baud(self) -> int | None:
         """Bits per second; None where the medium has no rate of its own that this end knows."""
-        ...
 
     @property
     def has_rate(self) -> bool:
         """Whether octets leave at the rate as soon as they are sent: times of the standard count from here."""
-        ...
 
     @property
     def counters(self) -> LineCounters:
         """What went over it."""
-        ...
 
     @property
     def is_up(self) -> bool:
         """Whether somebody is at the far end, as far as the way can tell."""
-        ...
 
     async def open(self) -> None:
         """Take the way; raises :class:`~pnfarm.errors.EnvironmentError_` for one that cannot be.
 
         A far end that is only absent is no error: the line tries again.
         """
-        ...
 
     async def close(self) -> None:
         """Give the way back.  Closing twice, or a line that was never opened, does nothing."""
-        ...
 
     def send(self, octets: bytes | memoryview) -> None:
         """Put octets on the line now; never blocks, never raises: what cannot go is counted."""
-        ...
 
     def set_receiver(self, receiver: LineReceiver) -> None:
         """Set who hears the line; it is called in the event loop."""
-        ...
 
     def set_at_once(self, at_once: AtOnce) -> None:
         """Set who is asked before the receiver, where the event loop has a way to do so before its next turn."""
-        ...
 
     def set_news(self, news: LineNews) -> None:
         """Set who is told that the far end came or went."""
-        ...
 
     def set_baud(self, baud: int) -> None:
         """Change the rate, where the way has one; others ignore it."""
-        ...

@@ -29,7 +29,7 @@ from pnfarm.protocols.enip.objects.message_router import message_router_object
 from pnfarm.protocols.enip.objects.qos import QosData, qos_object
 from pnfarm.protocols.enip.objects.tcp_ip import TcpIpData, tcp_ip_object
 from pnfarm.protocols.enip.status import Service
-from pnfarm.protocols.enip.wire.message import MessageReply, emit_reply, parse_request
+from pnfarm.protocols.enip.wire.message import MessageReply, parse_request
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -169,7 +169,7 @@ class Adapter:
         inner = self._unwrapped(message)
         if isinstance(inner, Answer):
             reply = MessageReply(Service.UNCONNECTED_SEND, inner.status, inner.extended, inner.data)
-            return emit_reply(reply), ()
+            return reply.emit(), ()
         answer = self.router.handle(inner, origin, now, UNCONNECTED_ROOM)
         return None if answer is None else (answer, tuple(origin.reply_items))
 

@@ -38,17 +38,14 @@ from pnfarm.protocols.enip.status import ConnectionStatus, GeneralStatus, Servic
 from pnfarm.protocols.enip.wire.cpf import AF_INET, SocketAddress
 from pnfarm.protocols.enip.wire.forward_open import (
     ConnectionType,
+    ForwardClose,
     ForwardCloseReply,
     ForwardOpen,
     ForwardOpenReply,
     ForwardRefusal,
     Triad,
-    emit_forward_close_reply,
-    emit_forward_open_reply,
-    emit_forward_refusal,
-    parse_forward_close,
+    UnconnectedSend,
     parse_forward_open,
-    parse_unconnected_send,
 )
 
 if TYPE_CHECKING:
@@ -118,7 +115,7 @@ class ConnectionManager:
         except Refusal as refusal:
             self.counts[_reject(refusal.extended)] += 1
             self._note(ConnectionRefused(refusal.status, refusal.extended, request.triad, origin.address))
-            return Answer(refusal.status, emit_forward_refusal(ForwardRefusal(request.triad)), refusal.extended)
+            return Answer(refusal.status, ForwardRefusal(request.triad).emit(), refusal.extended)
         if connection.offer is not None:
             origin.reply_items.extend(self._socket_items(connection))
         reply = ForwardOpenReply(
@@ -128,7 +125,7 @@ class ConnectionManager:
             connection.o_to_t_api_us,
             connection.t_to_o_api_us,
         )
-        return Answer(data=emit_forward_open_reply(reply))
+        return Answer(data=reply.emit())
 
     def _check(self, request: ForwardOpen, origin: Origin) -> _Asked:
         if any(connection.triad == request.triad for connection in self.connections.values()):
@@ -249,16 +246,16 @@ class ConnectionManager:
     def _forward_close(self, data: bytes, now: int) -> Answer:
         self.counts["close_requests"] += 1
         try:
-            request = parse_forward_close(data)
+            request = ForwardClose.parse(data)
         except DecodeError as exc:
             self.counts["close_format_rejects"] += 1
             return refused(GeneralStatus.NOT_ENOUGH_DATA if exc.reason == "short" else GeneralStatus.TOO_MUCH_DATA)
         for connection in self.connections.values():
             if connection.triad == request.triad:
                 self._end(connection, ConnectionEvent.CLOSE, CloseReason.FORWARD_CLOSE, now)
-                return Answer(data=emit_forward_close_reply(ForwardCloseReply(request.triad)))
+                return Answer(data=ForwardCloseReply(request.triad).emit())
         self.counts["close_other_rejects"] += 1
-        body = emit_forward_refusal(ForwardRefusal(request.triad))
+        body = ForwardRefusal(request.triad).emit()
         return Answer(_FAILURE, body, (ConnectionStatus.CONNECTION_NOT_FOUND,))
 
     def close(self, number: int, now: int) -> None:
@@ -394,7 +391,7 @@ class ConnectionManager:
         The device has one port and routes nowhere: every route is refused as a port that is not there.
         """
         try:
-            request = parse_unconnected_send(data)
+            request = UnconnectedSend.parse(data)
         except DecodeError:
             return refused(_FAILURE, ConnectionStatus.UNCONNECTED_PARAMETER)
         if request.route:

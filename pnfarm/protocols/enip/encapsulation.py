@@ -41,9 +41,7 @@ from pnfarm.protocols.enip.wire.cpf import (
     NullAddress,
     SocketAddress,
     UnconnectedData,
-    emit_common_packet,
     emit_items,
-    parse_common_packet,
 )
 from pnfarm.protocols.enip.wire.encapsulation import (
     HEADER_OCTETS,
@@ -54,10 +52,8 @@ from pnfarm.protocols.enip.wire.encapsulation import (
     EncapsulationStatus,
     RegisterSession,
     emit_encapsulation,
-    emit_register_session,
     parse_encapsulation,
     parse_header,
-    parse_register_session,
 )
 from pnfarm.protocols.enip.wire.identity import IdentityItem, ServiceItem
 
@@ -309,7 +305,7 @@ class Encapsulation:
                 self._step(at, SessionEvent.UNREGISTER, now)
         else:
             try:
-                packet = parse_common_packet(pdu.data)
+                packet = CommonPacket.parse(pdu.data)
             except DecodeError as exc:
                 self.discards[exc.reason] += 1
                 self._reply(at, _refusal(pdu, EncapsulationStatus.INCORRECT_DATA), now)
@@ -333,11 +329,11 @@ class Encapsulation:
         if at.state is SessionState.ESTABLISHED:
             return replace(pdu, status=EncapsulationStatus.INVALID_COMMAND, session=at.session)
         try:
-            asked = parse_register_session(pdu.data)
+            asked = RegisterSession.parse(pdu.data)
         except DecodeError:
             return _refusal(pdu, EncapsulationStatus.INVALID_LENGTH)
         if asked != RegisterSession():
-            body = emit_register_session(RegisterSession(PROTOCOL_VERSION, 0))
+            body = RegisterSession(PROTOCOL_VERSION, 0).emit()
             return replace(pdu, status=EncapsulationStatus.UNSUPPORTED_PROTOCOL_REVISION, data=body, session=0)
         self._last_session = (self._last_session + 1) & 0xFFFFFFFF or 1
         at.session = self._last_session
@@ -355,7 +351,7 @@ class Encapsulation:
             self._reply(at, _refusal(pdu, EncapsulationStatus.INCORRECT_DATA), now)
             return
         reply, items = answer
-        body = emit_common_packet(CommonPacket((NullAddress(), UnconnectedData(reply), *items)))
+        body = CommonPacket((NullAddress(), UnconnectedData(reply), *items)).emit()
         self._reply(at, replace(pdu, data=body), now)
 
     def _connected(self, at: _Stream, pdu: EncapsulationPdu, packet: CommonPacket, now: int) -> None:
@@ -369,7 +365,7 @@ class Encapsulation:
             self.discards["connection"] += 1  # a message of a connection has no reply that could say so
             return
         connection_id, reply = answer
-        body = emit_common_packet(CommonPacket((ConnectedAddress(connection_id), ConnectedData(reply))))
+        body = CommonPacket((ConnectedAddress(connection_id), ConnectedData(reply))).emit()
         self._reply(at, replace(pdu, data=body), now)
 
     def _refuse_long(self, at: _Stream, header: EncapsulationHeader) -> None:

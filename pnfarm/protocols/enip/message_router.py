@@ -30,7 +30,6 @@ from pnfarm.protocols.enip.wire.message import (
     MessageReply,
     MessageRequest,
     emit_multiple_service,
-    emit_reply,
     parse_multiple_service,
     parse_request,
 )
@@ -123,11 +122,11 @@ class MessageRouter:
         except DecodeError as exc:
             if exc.reason != "short" or not message:
                 return None
-            return emit_reply(MessageReply(message[0] & ~REPLY, GeneralStatus.PATH_SIZE_INVALID))
+            return MessageReply(message[0] & ~REPLY, GeneralStatus.PATH_SIZE_INVALID).emit()
         answer = self._answer(request, origin, now, room)
-        reply = emit_reply(MessageReply(request.service, answer.status, answer.extended, answer.data))
+        reply = MessageReply(request.service, answer.status, answer.extended, answer.data).emit()
         if len(reply) > room:
-            reply = emit_reply(MessageReply(request.service, GeneralStatus.REPLY_DATA_TOO_LARGE))
+            reply = MessageReply(request.service, GeneralStatus.REPLY_DATA_TOO_LARGE).emit()
         return reply
 
     def _answer(self, request: MessageRequest, origin: Origin | None, now: int, room: int) -> Answer:
@@ -171,9 +170,9 @@ class MessageRouter:
 
     def _embedded(self, message: bytes, origin: Origin | None, now: int, room: int) -> bytes:
         if message[0] == Service.MULTIPLE_SERVICE_PACKET:
-            return emit_reply(MessageReply(message[0], GeneralStatus.SERVICE_NOT_SUPPORTED))
+            return MessageReply(message[0], GeneralStatus.SERVICE_NOT_SUPPORTED).emit()
         reply = self.handle(message, origin, now, room)
-        return reply or emit_reply(MessageReply(message[0] & ~REPLY, GeneralStatus.SERVICE_NOT_SUPPORTED))
+        return reply or MessageReply(message[0] & ~REPLY, GeneralStatus.SERVICE_NOT_SUPPORTED).emit()
 
 
 def _object_service(target: CipObject, path: ObjectPath, request: MessageRequest, room: int) -> Answer:
@@ -196,16 +195,16 @@ def _object_service(target: CipObject, path: ObjectPath, request: MessageRequest
 
 def _attribute_list(target: CipObject, instance: int, data: bytes, room: int) -> Answer:
     """``Count u16, Number u16 ...``; answered by ``Count u16``, then ``Number u16, Status u16, Data`` for each."""
-    r = Reader(data)
+    r = Reader(data, little=True)
     try:
-        numbers = [r.u16le() for _ in range(r.u16le())]
+        numbers = [r.u16() for _ in range(r.u16())]
         r.expect_end()
     except DecodeError as exc:
         return refused(GeneralStatus.NOT_ENOUGH_DATA if exc.reason == "short" else GeneralStatus.TOO_MUCH_DATA)
-    w, status = Writer().u16le(len(numbers)), GeneralStatus.SUCCESS
+    w, status = Writer(little=True).u16(len(numbers)), GeneralStatus.SUCCESS
     for number in numbers:
         answer = target.get(instance, number)
-        w.u16le(number).u16le(answer.status)
+        w.u16(number).u16(answer.status)
         if answer.ok:
             w.bytes(answer.data)
         else:

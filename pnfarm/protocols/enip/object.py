@@ -121,7 +121,7 @@ class AttributeObject:
 
     def service(self, instance: int, service: int, data: bytes) -> Answer:
         if service == Service.GET_ATTRIBUTES_ALL and instance in self.all_of:
-            w = Writer()
+            w = Writer(little=True)
             for number in self.all_of[instance]:
                 w.bytes(_octets(self.attributes[instance][number]))
             return Answer(data=w.getvalue())
@@ -136,21 +136,21 @@ class AttributeObject:
 
         Where an attribute's length is not known, the rest cannot be read (CIP volume 1, appendix A-4.4).
         """
-        r, w, status = Reader(data), Writer(), int(GeneralStatus.SUCCESS)
+        r, w, status = Reader(data, little=True), Writer(little=True), int(GeneralStatus.SUCCESS)
         try:
-            count = r.u16le()
-            w.u16le(count)
+            count = r.u16()
+            w.u16(count)
             for place in range(count):
-                number = r.u16le()
+                number = r.u16()
                 found = self.attributes.get(instance, {}).get(number)
                 size = None if found is None else found.size if found.kind is None else found.kind.size
                 if found is None or size is None:
                     status = GeneralStatus.ATTRIBUTE_LIST_ERROR
-                    w.u16le(number).u16le(GeneralStatus.ATTRIBUTE_NOT_SUPPORTED)
+                    w.u16(number).u16(GeneralStatus.ATTRIBUTE_NOT_SUPPORTED)
                     return Answer(status, UINT.emit(place + 1) + w.getvalue()[2:])
                 answer = self.set(instance, number, r.bytes(size))
                 status = status if answer.ok else GeneralStatus.ATTRIBUTE_LIST_ERROR
-                w.u16le(number).u16le(answer.status)
+                w.u16(number).u16(answer.status)
             r.expect_end()
         except DecodeError as exc:
             return refused(GeneralStatus.NOT_ENOUGH_DATA if exc.reason == "short" else GeneralStatus.TOO_MUCH_DATA)

@@ -35,8 +35,6 @@ from pnfarm.protocols.enip.wire.cpf import (
     NullAddress,
     SocketAddress,
     UnconnectedData,
-    emit_common_packet,
-    parse_common_packet,
 )
 from pnfarm.protocols.enip.wire.encapsulation import (
     HEADER_OCTETS,
@@ -44,7 +42,6 @@ from pnfarm.protocols.enip.wire.encapsulation import (
     EncapsulationPdu,
     RegisterSession,
     emit_encapsulation,
-    emit_register_session,
     parse_encapsulation,
     parse_header,
 )
@@ -52,18 +49,11 @@ from pnfarm.protocols.enip.wire.epath import logical_path
 from pnfarm.protocols.enip.wire.forward_open import (
     ForwardClose,
     ForwardOpen,
+    ForwardOpenReply,
     Triad,
-    emit_forward_close,
     emit_forward_open,
-    parse_forward_open_reply,
 )
-from pnfarm.protocols.enip.wire.message import (
-    MessageReply,
-    MessageRequest,
-    emit_request,
-    message_request,
-    parse_reply,
-)
+from pnfarm.protocols.enip.wire.message import MessageReply, MessageRequest, message_request, parse_reply
 
 __all__ = ["Originator", "OriginatorSettings"]
 
@@ -175,7 +165,7 @@ class Originator:
 
     def forward_close(self, triad: Triad, path: bytes, now: int) -> int:
         """Close a connection; a target that does not know it (0x0107) has closed it as well."""
-        body = emit_forward_close(ForwardClose(triad, path))
+        body = ForwardClose(triad, path).emit()
         return self._unconnected(message_request(Service.FORWARD_CLOSE, _MANAGER, body), (), triad, now)
 
     def connected_request(self, connection_id: int, request: MessageRequest, now: int) -> int:
@@ -187,7 +177,7 @@ class Originator:
         elif len(connection.waiting) >= self.settings.pending:
             self._fail(pending, "too many requests are waiting")
         else:
-            connection.waiting.append((pending, emit_request(request)))
+            connection.waiting.append((pending, request.emit()))
             self._next(connection, now)
         return pending.number
 
@@ -210,8 +200,8 @@ class Originator:
             self._fail(pending, "too many requests are waiting")
         else:
             self._wait(pending, now)
-            packet = CommonPacket((NullAddress(), UnconnectedData(emit_request(request)), *items))
-            self._send(Command.SEND_RR_DATA, emit_common_packet(packet), pending.number)
+            packet = CommonPacket((NullAddress(), UnconnectedData(request.emit()), *items))
+            self._send(Command.SEND_RR_DATA, packet.emit(), pending.number)
         return pending.number
 
     def _new(self, service: int, asked: ForwardOpen | Triad | None = None) -> _Pending:
@@ -231,7 +221,7 @@ class Originator:
         self._wait(pending, now)
         data = connection.count.to_bytes(2, "little") + octets
         packet = CommonPacket((ConnectedAddress(connection.o_to_t_id), ConnectedData(data)))
-        self._send(Command.SEND_UNIT_DATA, emit_common_packet(packet), 0)
+        self._send(Command.SEND_UNIT_DATA, packet.emit(), 0)
 
     def _free(self, pending: _Pending, now: int) -> None:
         """The class 3 connection that this request held may send its next one."""
@@ -265,7 +255,7 @@ class Originator:
             self._fail(pending, f"encapsulation status 0x{pdu.status:02X}", pdu.status)
             return
         try:
-            match parse_common_packet(pdu.data).items:
+            match CommonPacket.parse(pdu.data).items:
                 case (NullAddress(), UnconnectedData(data), *others):
                     items = tuple(item for item in others if isinstance(item, SocketAddress))
                     self._answered(pending, parse_reply(data), items)
@@ -276,7 +266,7 @@ class Originator:
 
     def _connected_reply(self, pdu: EncapsulationPdu, now: int) -> None:
         try:
-            match parse_common_packet(pdu.data).items:
+            match CommonPacket.parse(pdu.data).items:
                 case (ConnectedAddress(connection_id), ConnectedData(data), *_):
                     pass
                 case _:
@@ -300,7 +290,7 @@ class Originator:
             case ForwardOpen() if reply.status:
                 self._notes.append(ConnectionNotMade(number, asked, reply, status_text(reply.status, reply.extended)))
             case ForwardOpen():
-                made = parse_forward_open_reply(reply.data)
+                made = ForwardOpenReply.parse(reply.data)
                 if made.triad != asked.triad:
                     raise DecodeError("bad-value", "the reply is about another connection")
                 if asked.transport.transport == 3:
@@ -346,7 +336,7 @@ class Originator:
             case "_send_register":
                 self.session, self._held = 0, b""
                 self._deadlines.set(_SESSION, now + self.settings.timeout_ns)
-                self._send(Command.REGISTER_SESSION, emit_register_session(RegisterSession()), 0)
+                self._send(Command.REGISTER_SESSION, RegisterSession().emit(), 0)
             case "_report_registered":
                 self._deadlines.set(_SESSION, None)
                 self._notes.append(SessionRegistered(self.session))

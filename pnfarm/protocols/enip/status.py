@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+from pnfarm.wire.code import words_of
+
 __all__ = ["ConnectionStatus", "GeneralStatus", "Service", "status_text"]
 
 
@@ -156,16 +158,9 @@ class ConnectionStatus(IntEnum):
 
 def status_text(status: int, extended: tuple[int, ...] = ()) -> str:
     """A status in words, with the first extended word: ``connection failure: o to t size (0x0127)``."""
-    text = _words(GeneralStatus, status, f"status 0x{status:02X}")
+    text = words_of(GeneralStatus, status, f"status 0x{status:02X}")
     if not extended:
         return text
     if status == GeneralStatus.CONNECTION_FAILURE:
-        return f"{text}: {_words(ConnectionStatus, extended[0], 'extended')} (0x{extended[0]:04X})"
+        return f"{text}: {words_of(ConnectionStatus, extended[0], 'extended')} (0x{extended[0]:04X})"
     return f"{text} (0x{extended[0]:04X})"
-
-
-def _words(kind: type[IntEnum], value: int, otherwise: str) -> str:
-    try:
-        return kind(value).name.lower().replace("_", " ")
-    except ValueError:
-        return otherwise

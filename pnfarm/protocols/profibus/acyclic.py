@@ -23,9 +23,6 @@ from pnfarm.protocols.profibus.wire.dpv1 import (
     InitiateAnswer,
     Refusal,
     ResourceManager,
-    emit_access,
-    emit_refusal,
-    parse_abort,
     parse_access,
     parse_initiate,
 )
@@ -56,15 +53,12 @@ class RecordSlave(Protocol):
 
     def note(self, event: SlaveEvent) -> None:
         """Something happened."""
-        ...
 
     def answer_data(self, telegram: Telegram, data: bytes) -> Line:
         """An answer with data of the services of DP-V1."""
-        ...
 
     def answer_without(self, telegram: Telegram, answer: Answer) -> Line:
         """An answer of theirs without."""
-        ...
 
 
 class _Records:
@@ -97,7 +91,7 @@ class _Records:
 
     def refuse(self, function: int, code1: ErrorCode1) -> None:
         """The next poll gets a negative response."""
-        self._working, self._ready = None, emit_refusal(Refusal(function | NEGATIVE, code1))
+        self._working, self._ready = None, Refusal(function | NEGATIVE, code1).emit()
 
     def work(self, now: int) -> None:
         """Go on with what is not done yet."""
@@ -120,9 +114,9 @@ class _Records:
             else:
                 # the drive has no use for it (assumed: the manual lists the service and says nothing of its data)
                 raise RecordRefusedError(ErrorCode1.FEATURE_NOT_SUPPORTED)
-            self._ready = emit_access(answer)
+            self._ready = answer.emit()
         except RecordRefusedError as exc:
-            self._ready = emit_refusal(Refusal(access.function | NEGATIVE, exc.code1, exc.code2))
+            self._ready = Refusal(access.function | NEGATIVE, exc.code1, exc.code2).emit()
         self._working = None
 
     def take(self, now: int) -> bytes | None:
@@ -238,13 +232,13 @@ class ClassTwo:
         else:
             connection.waiting = _initiate_answer(initiate, slave.options.longest_record)
             slave.note(AcyclicOpened(telegram.source, free))
-        return slave.answer_data(telegram, ResourceManager(free, timeout).octets())
+        return slave.answer_data(telegram, ResourceManager(free, timeout).emit())
 
     def _take(self, data: bytes, connection: _Connection, now: int) -> None:
         function = data[0]
         try:
             if function == Function.ABORT:
-                self._forget(connection.sap, parse_abort(data).reason)
+                self._forget(connection.sap, Abort.parse(data).reason)
             elif function == Function.IDLE:
                 if connection.waiting is None and not connection.records.busy:
                     connection.waiting = bytes((Function.IDLE,))
@@ -262,7 +256,7 @@ class ClassTwo:
         """The next poll gets an Abort, then the connection is gone."""
         connection.records.reset()
         connection.over = True
-        connection.waiting = Abort(AbortSubnet.NO, reason).octets()
+        connection.waiting = Abort(AbortSubnet.NO, reason).emit()
         self._slave.note(AcyclicClosed(connection.master, connection.sap, reason))
 
     def _forget(self, sap: int, reason: int) -> None:
@@ -292,4 +286,4 @@ def _initiate_answer(initiate: Initiate, longest: int) -> bytes:
     """Source and destination of the request, exchanged."""
     source, destination = initiate.source, initiate.destination
     tail = bytes((0, len(destination), 0, len(source))) + destination + source
-    return InitiateAnswer(longest, (1, 0), (0, 0), initiate.profile, tail).octets()
+    return InitiateAnswer(longest, (1, 0), (0, 0), initiate.profile, tail).emit()

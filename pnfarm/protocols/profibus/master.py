@@ -21,8 +21,6 @@ from pnfarm.protocols.profibus.wire.dp import (
     Parameters,
     PrmStatus,
     StationStatus,
-    emit_parameters,
-    parse_diagnosis,
 )
 from pnfarm.protocols.profibus.wire.telegram import (
     BROADCAST,
@@ -337,7 +335,7 @@ class Master:
             control, self._control = self._control, None
             telegram = Telegram(
                 BROADCAST, self.settings.address, REQUEST | Request.SDN_HIGH, Sap.GLOBAL_CONTROL, Sap.MASTER,
-                control.octets(),
+                control.emit(),
             )  # fmt: skip
             self._ready = _Pending(None, telegram, emit_telegram(telegram), acyclic=False, left=0)
             return
@@ -405,7 +403,7 @@ class Master:
         plan = station.plan
         if self._released and station.state is not SlaveState.STOPPED:
             unlock = Parameters(PrmStatus.UNLOCK_REQ, (1, 1), 0, plan.ident)
-            return self._srd(station, Sap.SET_PARAMETERS, Sap.MASTER, emit_parameters(unlock), Request.SRD_HIGH)
+            return self._srd(station, Sap.SET_PARAMETERS, Sap.MASTER, unlock.emit(), Request.SRD_HIGH)
         match station.state:
             case SlaveState.WAITING:
                 if station.due_ns > now:
@@ -416,7 +414,7 @@ class Master:
                 return self._diagnose(station)
             case SlaveState.PARAMETERS:
                 return self._srd(
-                    station, Sap.SET_PARAMETERS, Sap.MASTER, emit_parameters(self._parameters(plan)), Request.SRD_HIGH
+                    station, Sap.SET_PARAMETERS, Sap.MASTER, self._parameters(plan).emit(), Request.SRD_HIGH
                 )
             case SlaveState.CONFIGURATION:
                 return self._srd(station, Sap.CHECK_CONFIGURATION, Sap.MASTER, plan.identifiers, Request.SRD_HIGH)
@@ -503,7 +501,7 @@ class Master:
 
     def _diagnosed(self, station: Station, telegram: Line, now: int) -> None:
         try:
-            diagnosis = parse_diagnosis(telegram.data if isinstance(telegram, Telegram) else b"")
+            diagnosis = Diagnosis.parse(telegram.data if isinstance(telegram, Telegram) else b"")
         except DecodeError as exc:
             self._lose(station, f"a diagnosis that cannot be read: {exc}", now)
             return

@@ -14,8 +14,8 @@ from pnfarm.protocols.profibus.wire.dpv1 import (
     AbortSubnet,
     Function,
     Initiate,
-    parse_initiate_answer,
-    parse_resource_manager,
+    InitiateAnswer,
+    ResourceManager,
 )
 from pnfarm.protocols.profibus.wire.telegram import Answer, Sap
 
@@ -89,7 +89,7 @@ class Connection:
         match self.state:
             case AccessState.CLOSED:
                 self.state, self._begin_ns = AccessState.INITIATING, now
-                return Sap.RESOURCE_MANAGER, Sap.MASTER_2, Initiate(SEND_TIMEOUT_NS).octets()
+                return Sap.RESOURCE_MANAGER, Sap.MASTER_2, Initiate(SEND_TIMEOUT_NS).emit()
             case AccessState.INITIATING:
                 return Sap.RESOURCE_MANAGER, Sap.MASTER_2, b""
             case AccessState.OPENING:
@@ -106,7 +106,7 @@ class Connection:
         if not self.is_connected:
             return None
         self.state = AccessState.CLOSED
-        return self._sap, Sap.MASTER_2, Abort(AbortSubnet.NO, AbortReason.USER).octets()
+        return self._sap, Sap.MASTER_2, Abort(AbortSubnet.NO, AbortReason.USER).emit()
 
     def _head(self) -> bytes:
         """The first request, or a poll for its answer."""
@@ -137,7 +137,7 @@ class Connection:
         if data[0] == Function.ABORT:
             self.lost(f"the slave ended the connection: {data[1:3].hex(' ')}", now)
         elif self.state is AccessState.INITIATING:
-            found = parse_resource_manager(data)
+            found = ResourceManager.parse(data)
             self._sap = found.sap
             self._send_timeout_ns = max(SEND_TIMEOUT_NS // 10, found.send_timeout_ns or SEND_TIMEOUT_NS)
             self.state = AccessState.OPENING
@@ -145,7 +145,7 @@ class Connection:
             if data[0] == Function.INITIATE | NEGATIVE:
                 self.lost("the slave refuses the connection", now)
                 return
-            parse_initiate_answer(data)
+            InitiateAnswer.parse(data)
             self.state = AccessState.OPEN
             self.opened += 1
         elif data[0] == Function.IDLE:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profibus.wire.dpv1 import NEGATIVE, Access, Function, emit_access, parse_access, parse_refusal
+from pnfarm.protocols.profibus.wire.dpv1 import NEGATIVE, Access, Function, parse_access, parse_refusal
 
 __all__ = ["RecordRequest"]
 
@@ -39,7 +39,7 @@ class RecordRequest:
         return self.done and not self.error
 
     def octets(self) -> bytes:
-        return emit_access(Access(self.function, self.slot, self.index, self.length, self.data))
+        return Access(self.function, self.slot, self.index, self.length, self.data).emit()
 
     def fail(self, why: str) -> None:
         self.done, self.error = True, why

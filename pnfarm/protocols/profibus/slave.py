@@ -31,15 +31,14 @@ from pnfarm.protocols.profibus.wire.dp import (
     NO_MASTER,
     Control,
     DpState,
+    GlobalControl,
     Parameters,
     PrmStatus,
+    SetAddress,
     StationStatus,
     V1Status1,
     V1Status3,
     diagnosis_octets,
-    parse_global_control,
-    parse_parameters,
-    parse_set_address,
 )
 from pnfarm.protocols.profibus.wire.telegram import (
     BROADCAST,
@@ -493,7 +492,7 @@ class Slave:
 
     def _set_parameters(self, telegram: Telegram, now: int) -> Line:
         try:
-            parameters = parse_parameters(telegram.data)
+            parameters = Parameters.parse(telegram.data)
         except DecodeError as exc:
             self.dropped[exc.reason] += 1
             return ShortAck()
@@ -570,7 +569,7 @@ class Slave:
 
     def _set_address(self, telegram: Telegram) -> Line:
         try:
-            wanted = parse_set_address(telegram.data)
+            wanted = SetAddress.parse(telegram.data)
         except DecodeError as exc:
             self.dropped[exc.reason] += 1
             return ShortAck()
@@ -589,7 +588,7 @@ class Slave:
             self.dropped[_NOT_HERE] += 1
             return
         try:
-            control = parse_global_control(telegram.data)
+            control = GlobalControl.parse(telegram.data)
         except DecodeError as exc:
             self.dropped[exc.reason] += 1
             return

@@ -15,7 +15,7 @@ from pnfarm.vocabulary.conditions import ConditionError
 from pnfarm.vocabulary.globs import read_globs
 from pnfarm.vocabulary.issues import FarmFileError
 from pnfarm.vocabulary.problem import Problem
-from pnfarm.vocabulary.quoting import did_you_mean, few_hints
+from pnfarm.vocabulary.quoting import did_you_mean, few_hints, shortened, shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.catalogue import Catalogue
     from pnfarm.scenario.definition.file import Scenario
     from pnfarm.scenario.definition.steps import Step
+    from pnfarm.signals.signal import Signal
     from pnfarm.station.conditions import Condition
     from pnfarm.vocabulary.issues import FileIssue
 
@@ -35,10 +36,14 @@ MAX_ISSUES = 100
 
 @dataclass(frozen=True, slots=True)
 class Binding:
-    """A scenario and its farm's drives (name and model, in the farm's order)."""
+    """A scenario and its farm's drives (name and model, in the farm's order).
+
+    ``devices``: the signals of each; None where they are not known before the scenario runs.
+    """
 
     scenario: Scenario
     drives: Mapping[str, Model]
+    devices: Mapping[str, Mapping[str, Signal]] | None = None
 
     def chosen(self, step: Step, key: str = "drive") -> list[str]:
         """Names of the drives that a key of a step means; all without the key."""
@@ -72,7 +77,12 @@ class Binding:
 
 
 @few_hints()
-def bind_scenario(scenario: Scenario, drives: Mapping[str, Model], kinds: Catalogue) -> Binding:
+def bind_scenario(
+    scenario: Scenario,
+    drives: Mapping[str, Model],
+    kinds: Catalogue,
+    devices: Mapping[str, Mapping[str, Signal]] | None = None,
+) -> Binding:
     """Check every step against the farm; of a matrix, one run at a time.
 
     Raises :class:`FarmFileError` with all that is wrong.
@@ -82,7 +92,7 @@ def bind_scenario(scenario: Scenario, drives: Mapping[str, Model], kinds: Catalo
             "matrix: repeats the whole scenario, with a farm for each run, and this farm runs already; "
             "use `repeat: {for: ...}` in the steps, or `pnfarm run` with a farm file"
         )
-    binding = Binding(scenario, drives)
+    binding = Binding(scenario, drives, devices)
     issues: dict[FileIssue, None] = {}
     names: set[str] = set()
     for step in scenario.every_step():
@@ -123,6 +133,8 @@ def _errors(binding: Binding, step: Step, kinds: Catalogue, names: set[str]) -> 
                 yield key, f"column {error.column}: {error.what}", error.allowed
         case "param" if not missing:
             yield from _parameter_errors(binding, step)
+        case "set" if binding.devices is not None:
+            yield from _signal_errors(binding.devices, step)
         case "load":
             wanted = step.values["total"] if "total" in step.values else step.values["drives"]
             key = "total" if "total" in step.values else "drives"
@@ -154,6 +166,25 @@ def _fault_errors(binding: Binding, given: Mapping[str, Any], kinds: Catalogue) 
                     model.fault(wanted)
                 except ConfigError as error:
                     yield "params", str(error), f"a fault of `pnfarm models {model.name}`"
+
+
+def _signal_errors(devices: Mapping[str, Mapping[str, Signal]], step: Step) -> Iterator[tuple[str, str, str]]:
+    for station, values in step.values["signals"].items():
+        known = devices.get(station)
+        if known is None:
+            hint = did_you_mean(station, devices)
+            yield station, f"there is no device {shown(station)}{hint}", shortened(list(devices)) or "none"
+            continue
+        for name, value in values.items():
+            key, signal = f"{station}.{name}", known.get(name)
+            if signal is None:
+                yield (
+                    key,
+                    f"{station} has no such signal{did_you_mean(name, known)}",
+                    f"a name of `pnfarm io {station}`",
+                )
+            elif (problem := signal.refusal(value)) is not None:
+                yield key, problem.what, problem.allowed
 
 
 def _parameter_errors(binding: Binding, step: Step) -> Iterator[tuple[str, str, str]]:

@@ -13,7 +13,7 @@ from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.scenario.definition.steps import QUANTILES, STEPS, Step
+from pnfarm.scenario.definition.steps import QUANTILES, STEPS, WHOLE, Step
 from pnfarm.scenario.find import FIND, number_of, read_range
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path
 from pnfarm.vocabulary.problem import Problem
@@ -299,8 +299,8 @@ class _Reader:
     def _content(self, kind: str, content: Any, at: Location) -> dict[str, Any] | None:
         known = STEPS[kind]
         before = len(self._issues)
-        if kind == "fault":
-            content = {"spec": content}
+        if kind in WHOLE:
+            content = {WHOLE[kind]: content}
         elif known.short and not isinstance(content, dict):
             content = {known.short: content}
         if not isinstance(content, dict):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.scenario.definition.file import KEYS
-from pnfarm.scenario.definition.steps import STEPS
+from pnfarm.scenario.definition.steps import STEPS, WHOLE
 from pnfarm.scenario.find import FIND
 
 if TYPE_CHECKING:
@@ -37,7 +37,8 @@ def scenario_schema() -> dict[str, Any]:
     shared = fault.pop("$defs", {})
     for name, key in fault.get("properties", {}).items():
         fault["properties"][name] = {"anyOf": [key, _VARIABLE]}
-    kinds = {name: {"description": kind.doc, **_step(kind)} for name, kind in STEPS.items() if name != "fault"}
+    kinds = {name: {"description": kind.doc, **_step(kind)} for name, kind in STEPS.items() if name not in WHOLE}
+    kinds["set"] = {"description": STEPS["set"].doc, **STEPS["set"].keys["signals"].schema}
     kinds["fault"] = {"description": STEPS["fault"].doc, "$ref": "#/$defs/Fault"}
     steps = {"type": "array", "items": {"$ref": "#/$defs/Step"}, "minItems": 1}
     kinds["parallel"] = {

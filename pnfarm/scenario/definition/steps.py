@@ -24,6 +24,7 @@ __all__ = [
     "DEFAULT_WITHIN_NS",
     "QUANTILES",
     "STEPS",
+    "WHOLE",
     "Bound",
     "Key",
     "MetricName",
@@ -150,6 +151,22 @@ def _values(value: Any) -> dict[str, int | float | str]:
     return dict(value)
 
 
+def _signals(value: Any) -> dict[str, dict[str, bool | int | float | str]]:
+    """By station."""
+    allowed = "a mapping of signals to values, such as {island-1.part_present: true}"
+    if not isinstance(value, dict) or not 0 < len(value) <= 64:
+        raise Problem(f"is {shown(value)}", allowed)
+    found: dict[str, dict[str, bool | int | float | str]] = {}
+    for key, item in value.items():
+        station, _, signal = str(key).rpartition(".")
+        if not station or not signal:
+            raise Problem(f"{shown(key)} is not a signal", "STATION.SIGNAL, such as island-1.part_present")
+        if not isinstance(item, bool | int | float | str):
+            raise Problem(f"{key} is {shown(item)}", "true or false, a number or a text")
+        found.setdefault(station, {})[signal] = item
+    return found
+
+
 def _mapping(value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise Problem(f"is {shown(value)}", "a mapping such as {kind: f702, on: axis-01, as: trip}")
@@ -247,6 +264,9 @@ class Step:
             case "power":
                 word = next(word for word in ("on", "off", "cycle") if word in values)
                 return f"power {word} {' '.join(values[word])}"
+            case "set":
+                every = [(f"{s}.{n}", v) for s, values in values["signals"].items() for n, v in values.items()]
+                return "set " + ", ".join(f"{name} = {shown(value)}" for name, value in every)
             case "param":
                 return f"param {drives}: " + ", ".join(f"{name} = {value}" for name, value in values["set"].items())
             case _:
@@ -262,6 +282,9 @@ def _drives_key(doc: str) -> Key:
 
 
 _TITLE = Key(read_title, "Title in reports.")
+
+#: Steps whose content is the value of one key.
+WHOLE: Mapping[str, str] = {"fault": "spec", "set": "signals"}
 
 #: Steps that only act or check; `parallel` and `repeat` hold others and are read by
 #: :mod:`pnfarm.scenario.definition.file`.
@@ -330,6 +353,18 @@ STEPS: Mapping[str, StepKind] = {
         {word: _drives_key(f"Drives to switch {word}") for word in ("off", "on", "cycle")},
         one_of=("off", "on", "cycle"),
         example="power: {off: axis-01}",
+    ),
+    "set": StepKind(
+        "Write signals of devices, as `pnfarm io` does: of each device all at once, or none.",
+        {
+            "signals": Key(
+                _signals,
+                "STATION.SIGNAL: its new value.",
+                {"type": "object", "additionalProperties": {"type": ["boolean", "number", "string"]}},
+            )
+        },
+        required=("signals",),
+        example="set: {island-1.part_present: true, island-1.pressure: 6.5}",
     ),
     "param": StepKind(
         "Write parameters, by number or the maker's name, as `pnfarm param set` does.",

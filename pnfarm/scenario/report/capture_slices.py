@@ -11,6 +11,8 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, BinaryIO
 
+from pnfarm.links.capture import pcap
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
@@ -22,11 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["LONGEST", "Window", "failure_windows", "keep_failures", "slice_capture"]
 
-# pcapng: types of blocks, codes of options
-_INTERFACE_DESCRIPTION = 0x00000001
-_INTERFACE_STATISTICS = 0x00000005
-_ENHANCED_PACKET = 0x00000006
-_OPTION_END, _COMMENT, _IF_NAME = 0, 1, 2
 #: Time before the step and behind its end that belongs to the slice, seconds.
 BEFORE = 1.0
 BEHIND = 0.5
@@ -95,12 +92,12 @@ def slice_capture(source: Path, target: Path, windows: Sequence[Window], *, appe
     drives: list[str] = []
     with source.open("rb") as inside, target.open("ab" if append else "wb") as out:
         for kind, block in _blocks(inside):
-            if kind == _INTERFACE_STATISTICS:
+            if kind == pcap.INTERFACE_STATISTICS:
                 # they count the whole capture
                 continue
-            if kind == _INTERFACE_DESCRIPTION:
+            if kind == pcap.INTERFACE_DESCRIPTION:
                 drives.append(_interface_name(block))
-            if kind != _ENHANCED_PACKET:
+            if kind != pcap.ENHANCED_PACKET:
                 out.write(block)
                 continue
             interface, high, low = struct.unpack_from("<III", block, 8)
@@ -118,14 +115,14 @@ def slice_capture(source: Path, target: Path, windows: Sequence[Window], *, appe
 
 
 def _interface_name(block: bytes) -> str:
-    return next((value.decode("utf-8", "replace") for code, value in _options(block, 16) if code == _IF_NAME), "")
+    return next((value.decode("utf-8", "replace") for code, value in _options(block, 16) if code == pcap.IF_NAME), "")
 
 
 def _options(block: bytes, start: int) -> Iterator[tuple[int, bytes]]:
     end = len(block) - 4
     while start + 4 <= end:
         code, length = struct.unpack_from("<HH", block, start)
-        if code == _OPTION_END:
+        if code == pcap.OPTION_END:
             return
         yield code, block[start + 4 : start + 4 + length]
         start += 4 + length + -length % 4
@@ -137,14 +134,10 @@ def _with_comments(block: bytes, comments: Sequence[str]) -> bytes:
         return block
     captured = struct.unpack_from("<I", block, 20)[0]
     at = _PACKET_HEAD + captured + -captured % 4
-    new = b"".join(_option(_COMMENT, text.encode()[:1000]) for text in comments)
-    rest = block[at:-4] or _option(_OPTION_END, b"")
+    new = b"".join(pcap.option(pcap.COMMENT, text.encode()[:1000]) for text in comments)
+    rest = block[at:-4] or pcap.option(pcap.OPTION_END, b"")
     length = at + len(new) + len(rest) + 4
     return block[:4] + struct.pack("<I", length) + block[8:at] + new + rest + struct.pack("<I", length)
-
-
-def _option(code: int, value: bytes) -> bytes:
-    return struct.pack("<HH", code, len(value)) + value + bytes(-len(value) % 4)
 
 
 def _blocks(file: BinaryIO) -> Iterator[tuple[int, bytes]]:

@@ -37,7 +37,7 @@ from pnfarm.protocols.enip.wire import forward_open as fo
 from pnfarm.protocols.enip.wire.cpf import NullAddress, UnconnectedData, emit_items
 from pnfarm.protocols.enip.wire.encapsulation import Command, EncapsulationPdu, emit_encapsulation
 from pnfarm.protocols.enip.wire.epath import emit_epath, logical_path
-from pnfarm.protocols.enip.wire.message import MessageReply, emit_multiple_service, emit_reply, emit_request
+from pnfarm.protocols.enip.wire.message import MessageReply, emit_multiple_service
 from pnfarm.protocols.enip.wire.message import message_request as request
 from tests.fuzz.mutate import mutated
 
@@ -71,7 +71,7 @@ def test_a_session_is_told_from_its_first_segment_to_its_last():
 
 def reads(tape: Tape, numbers: range) -> bytes:
     """Requests for so many attributes as one sequence of octets."""
-    return b"".join(tape.packed(0, emit_request(request(GET, logical_path(1, 1, number)))) for number in numbers)
+    return b"".join(tape.packed(0, request(GET, logical_path(1, 1, number)).emit()) for number in numbers)
 
 
 WANTED = [f"Identity 0x01/1, attribute {n} {name}" for n, name in ((1, "Vendor ID"), (2, "Device Type"))]
@@ -237,8 +237,8 @@ def test_each_request_and_reply_of_a_packet_of_several_is_a_line():
     tape = Tape()
     inner = [request(GET, logical_path(1, 1, number)) for number in (1, 99)]
     tape.ask(request(Service.MULTIPLE_SERVICE_PACKET, logical_path(2, 1), emit_multiple_service(
-        [emit_request(one) for one in inner])))  # fmt: skip
-    replies = [emit_reply(MessageReply(GET, data=b"\xc4\1")), emit_reply(MessageReply(GET, 0x14))]
+        [one.emit() for one in inner])))  # fmt: skip
+    replies = [MessageReply(GET, data=b"\xc4\1").emit(), MessageReply(GET, 0x14).emit()]
     tape.answer(Service.MULTIPLE_SERVICE_PACKET, emit_multiple_service(replies), 0x1E)
     assert tape.lines()[2:] == [
         "cip: Multiple_Service_Packet.req 2 requests to Message Router 0x02/1",
@@ -259,9 +259,9 @@ def test_a_reply_without_its_request_says_so():
 def test_a_message_on_a_class_3_connection_is_paired_by_its_count():
     tape = Tape()
     for count, attribute in ((1, 1), (2, 2)):
-        tape.connected(0, 5, count, emit_request(request(GET, logical_path(1, 1, attribute))))
+        tape.connected(0, 5, count, request(GET, logical_path(1, 1, attribute)).emit())
     for count, value in ((2, 16), (1, 452)):
-        tape.connected(1, 6, count, emit_reply(MessageReply(GET, data=value.to_bytes(2, "little"))))
+        tape.connected(1, 6, count, MessageReply(GET, data=value.to_bytes(2, "little")).emit())
     assert behind(tape.lines(), "cip: Get_Attribute_Single.res OK,") == [
         "Identity 0x01/1, attribute 2 Device Type: 16",
         "Identity 0x01/1, attribute 1 Vendor ID: 452",
@@ -270,8 +270,8 @@ def test_a_message_on_a_class_3_connection_is_paired_by_its_count():
 
 def test_a_request_that_is_routed_is_shown_with_its_way():
     tape = Tape()
-    inner = emit_request(request(GET, logical_path(1, 1, 1)))
-    sent = fo.emit_unconnected_send(fo.UnconnectedSend(inner, b"\1\0"))
+    inner = request(GET, logical_path(1, 1, 1)).emit()
+    sent = fo.UnconnectedSend(inner, b"\1\0").emit()
     tape.ask(request(Service.UNCONNECTED_SEND, MANAGER, sent))
     tape.answer(GET, b"\xc4\1")
     tape.ask(request(Service.UNCONNECTED_SEND, MANAGER, sent))
@@ -301,8 +301,8 @@ def test_an_encapsulation_error_is_told_in_words():
 def test_a_forward_open_is_shown_with_all_fields_and_so_is_its_answer():
     tape = Tape()
     connect(tape, forward_open(t_to_o=fo.NetworkParameters(66, fo.ConnectionType.MULTICAST)), api_us=20_000)
-    tape.ask(request(Service.FORWARD_CLOSE, MANAGER, fo.emit_forward_close(fo.ForwardClose(fo.Triad(7, 1, 2), b""))))
-    tape.answer(Service.FORWARD_CLOSE, fo.emit_forward_close_reply(fo.ForwardCloseReply(fo.Triad(7, 1, 2))))
+    tape.ask(request(Service.FORWARD_CLOSE, MANAGER, fo.ForwardClose(fo.Triad(7, 1, 2), b"").emit()))
+    tape.answer(Service.FORWARD_CLOSE, fo.ForwardCloseReply(fo.Triad(7, 1, 2)).emit())
     decoder, lines = tape.decoded()
     assert described(decoder, lines)[2:] == [
         (
@@ -326,7 +326,7 @@ def test_a_forward_open_is_shown_with_all_fields_and_so_is_its_answer():
 def test_a_refused_forward_open_says_why_and_what_would_be_right():
     tape = Tape()
     tape.ask(request(Service.FORWARD_OPEN, MANAGER, fo.emit_forward_open(forward_open())))
-    refusal = fo.emit_forward_refusal(fo.ForwardRefusal(fo.Triad(7, 0x1234, 0x5678)))
+    refusal = fo.ForwardRefusal(fo.Triad(7, 0x1234, 0x5678)).emit()
     tape.answer(Service.FORWARD_OPEN, refusal, status=1, extended=(0x0127, 64))
     decoder, lines = tape.decoded()
     assert described(decoder, lines)[-1] == (

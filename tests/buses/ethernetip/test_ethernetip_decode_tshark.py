@@ -14,7 +14,7 @@ from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire import forward_open as fo
 from pnfarm.protocols.enip.wire.encapsulation import Command
 from pnfarm.protocols.enip.wire.epath import logical_path
-from pnfarm.protocols.enip.wire.message import emit_multiple_service, emit_request
+from pnfarm.protocols.enip.wire.message import emit_multiple_service
 from pnfarm.protocols.enip.wire.message import message_request as request
 
 pytestmark = pytest.mark.interop
@@ -36,16 +36,16 @@ def recorded() -> Tape:
     tape.ask(request(Service.GET_ATTRIBUTES_ALL, logical_path(1, 1)))
     tape.answer(Service.GET_ATTRIBUTES_ALL, struct.pack("<HHHBBHI", 452, 16, 1, 1, 13, 0, 9) + b"\3AKD")
     singles = [request(GET, logical_path(0x0F, number, 1)) for number in (1, 300, 8192)]
-    packed = b"".join(tape.packed(0, emit_request(one)) for one in singles)
+    packed = b"".join(tape.packed(0, one.emit()) for one in singles)
     for part in (packed[:70], packed[70:100], packed[100:]):
         tape.segment(0, part)
     for status in (0, 0x14, 0):
         tape.answer(GET, b"" if status else bytes(4), status)
     tape.ask(request(SET, logical_path(0x25, 1, 3), b"\1"))
     tape.answer(SET, status=0x0C)
-    inner = [emit_request(one) for one in singles[:2]]
+    inner = [one.emit() for one in singles[:2]]
     tape.ask(request(Service.MULTIPLE_SERVICE_PACKET, logical_path(2, 1), emit_multiple_service(inner)))
-    sent = fo.emit_unconnected_send(fo.UnconnectedSend(inner[0], b"\1\0"))
+    sent = fo.UnconnectedSend(inner[0], b"\1\0").emit()
     tape.ask(request(Service.UNCONNECTED_SEND, MANAGER, sent))
     tape.answer(GET, bytes(4))
     multicast = fo.NetworkParameters(66, fo.ConnectionType.MULTICAST)
@@ -55,11 +55,11 @@ def recorded() -> Tape:
         tape.io(1, IDS[1], number + 5, bytes(64))
     other = forward_open(triad=fo.Triad(8, 1, 2), large=True, t_to_o=multicast, t_to_o_id=0x330003)
     tape.ask(request(Service.LARGE_FORWARD_OPEN, MANAGER, fo.emit_forward_open(other)))
-    refusal = fo.emit_forward_refusal(fo.ForwardRefusal(other.triad))
+    refusal = fo.ForwardRefusal(other.triad).emit()
     tape.answer(Service.LARGE_FORWARD_OPEN, refusal, 1, (0x0128, 64))
     closing = fo.ForwardClose(fo.Triad(7, 4660, 0x5678), forward_open().path)
-    tape.ask(request(Service.FORWARD_CLOSE, MANAGER, fo.emit_forward_close(closing)))
-    tape.answer(Service.FORWARD_CLOSE, fo.emit_forward_close_reply(fo.ForwardCloseReply(fo.Triad(7, 4660, 0x5678))))
+    tape.ask(request(Service.FORWARD_CLOSE, MANAGER, closing.emit()))
+    tape.answer(Service.FORWARD_CLOSE, fo.ForwardCloseReply(fo.Triad(7, 4660, 0x5678)).emit())
     tape.encapsulated(0, Command.UNREGISTER_SESSION)
     return tape
 

@@ -29,7 +29,7 @@ from pnfarm.protocols.enip.status import GeneralStatus, Service
 from pnfarm.protocols.enip.wire.data_types import TYPES
 from pnfarm.protocols.enip.wire.epath import emit_epath, logical_path, parse_epath
 from pnfarm.protocols.enip.wire.forward_open import ConnectionType, NetworkParameters
-from pnfarm.protocols.enip.wire.message import emit_request, message_request, parse_reply
+from pnfarm.protocols.enip.wire.message import message_request, parse_reply
 
 MULTICAST, POINT_TO_POINT = ConnectionType.MULTICAST, ConnectionType.POINT_TO_POINT
 NAMES = sorted(name for name, entry in models().items() if entry.bus == "ethernetip")
@@ -163,7 +163,7 @@ def test_every_parameters_path_answers_with_its_type_and_size(rig, sheet):
 
 def attribute(adapter, instance, number):
     """The Parameter object's answer without a session: 666 parameters take long over one."""
-    asked = emit_request(message_request(Service.GET_ATTRIBUTE_SINGLE, logical_path(0x0F, instance, number)))
+    asked = message_request(Service.GET_ATTRIBUTE_SINGLE, logical_path(0x0F, instance, number)).emit()
     reply, _ = adapter.unconnected(0, 0, (IPv4Address("10.77.1.100"), 50_000), asked, (), 0)
     return parse_reply(reply)
 

@@ -10,7 +10,7 @@ from pnfarm.buses.ethernetip.controller.session import TRANSITIONS, SessionState
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.connection_check import Refusal
 from pnfarm.protocols.enip.status import ConnectionStatus
-from pnfarm.protocols.enip.wire.cpf import UnconnectedData, parse_common_packet
+from pnfarm.protocols.enip.wire.cpf import CommonPacket, UnconnectedData
 from pnfarm.protocols.enip.wire.encapsulation import parse_encapsulation
 from pnfarm.protocols.enip.wire.epath import ElectronicKey, parse_epath
 from pnfarm.protocols.enip.wire.forward_open import ConnectionType, ForwardOpen, parse_forward_open
@@ -22,7 +22,7 @@ DRIVE_PATH = "20062401"
 
 
 def forward_open(octets: bytes) -> ForwardOpen:
-    _, data = parse_common_packet(parse_encapsulation(octets).data).items
+    _, data = CommonPacket.parse(parse_encapsulation(octets).data).items
     assert isinstance(data, UnconnectedData)
     return parse_forward_open(parse_request(data.data).data)
 

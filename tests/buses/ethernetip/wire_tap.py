@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.enip.status import Service
-from pnfarm.protocols.enip.wire.cpf import ConnectedData, UnconnectedData, parse_common_packet
+from pnfarm.protocols.enip.wire.cpf import CommonPacket, ConnectedData, UnconnectedData
 from pnfarm.protocols.enip.wire.encapsulation import Command, parse_encapsulation
 from pnfarm.protocols.enip.wire.message import parse_request
 from pnfarm.wire.endpoint import StreamData, StreamEnd
@@ -45,7 +45,7 @@ class WireTap:
         pdu = parse_encapsulation(data)
         if pdu.command not in {Command.SEND_RR_DATA, Command.SEND_UNIT_DATA}:
             return Command(pdu.command).name
-        for item in parse_common_packet(pdu.data).items:
+        for item in CommonPacket.parse(pdu.data).items:
             if isinstance(item, UnconnectedData):
                 request = parse_request(item.data)
             elif isinstance(item, ConnectedData):

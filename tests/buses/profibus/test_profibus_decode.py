@@ -15,7 +15,7 @@ from pnfarm.cli.main import main
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.links.capture.pcap import PcapngWriter
-from pnfarm.protocols.profibus.wire.dpv1 import Access, Function, Initiate, emit_access
+from pnfarm.protocols.profibus.wire.dpv1 import Access, Function, Initiate
 from pnfarm.protocols.profibus.wire.telegram import Request, Sap, ShortAck, Telegram, Token, emit_telegram
 
 FARM = """
@@ -173,9 +173,9 @@ def test_set_slave_add_initiate_and_refusals_are_told(tmp_path, capsys):
     capture = written(
         tmp_path,
         Telegram(126, 1, srd, Sap.SET_SLAVE_ADDRESS, Sap.MASTER, bytes.fromhex("15 0a 8e ff")), ShortAck(),
-        Telegram(21, 9, srd, Sap.RESOURCE_MANAGER, Sap.MASTER_2, Initiate(500_000_000).octets()),
+        Telegram(21, 9, srd, Sap.RESOURCE_MANAGER, Sap.MASTER_2, Initiate(500_000_000).emit()),
         Telegram(9, 21, 0x08, Sap.MASTER_2, Sap.RESOURCE_MANAGER, bytes.fromhex("56 02 00 32")),
-        Telegram(21, 9, srd, 2, Sap.MASTER_2, emit_access(Access(Function.READ, 0, 48, 10))), ShortAck(),
+        Telegram(21, 9, srd, 2, Sap.MASTER_2, Access(Function.READ, 0, 48, 10).emit()), ShortAck(),
         Telegram(21, 9, 0x5D, 2, Sap.MASTER_2),
         Telegram(9, 21, 0x08, Sap.MASTER_2, 2, bytes.fromhex("de 80 b0 00")),
         Telegram(21, 9, srd, 2, Sap.MASTER_2, bytes.fromhex("58 00 20")), ShortAck(),

@@ -9,7 +9,7 @@ import pytest
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
 from pnfarm.farm.views.snapshot import drive_snapshot
-from pnfarm.protocols.profibus.wire.dp import Control, Parameters, PrmStatus, SetAddress, StationStatus, emit_parameters
+from pnfarm.protocols.profibus.wire.dp import Control, Parameters, PrmStatus, SetAddress, StationStatus
 from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram
 
 DP = model("moog-msd-dp")
@@ -120,7 +120,7 @@ def test_a_new_address_of_the_parameter_counts_from_the_next_power_on(farm):
 def test_a_master_sets_the_address_where_the_switches_leave_it_to_the_parameter(farm):
     line = farm(1, address="control_unit: 23", running=False)
     station = line.core.axis("msd-01")
-    data = SetAddress(31, DP.profidrive.identity.device_id, locks=True).octets()
+    data = SetAddress(31, DP.profidrive.identity.device_id, locks=True).emit()
     station.device.receive(emit_telegram(Telegram(23, 9, 0x6D, Sap.SET_SLAVE_ADDRESS, Sap.MASTER, data)), line.now_ns)
     line.core.settle(station.station, line.now_ns)
     assert shown(line)["station_address"] == 31
@@ -175,7 +175,7 @@ def test_lamps_tell_the_state(farm):
 def test_a_wrong_set_prm_is_shown_by_the_red_lamp(farm):
     line = farm(running=False)
     station = line.core.axis("msd-01")
-    wrong = emit_parameters(Parameters(PrmStatus.LOCK_REQ, (1, 1), 11, 0x1234))
+    wrong = Parameters(PrmStatus.LOCK_REQ, (1, 1), 11, 0x1234).emit()
     station.device.receive(emit_telegram(Telegram(11, 9, 0x6D, Sap.SET_PARAMETERS, Sap.MASTER, wrong)), line.now_ns)
     assert lamps(line) == ("off", "2 x flashes, pause", "off")
 
@@ -306,12 +306,12 @@ def test_a_rate_that_profibus_lacks_is_refused_with_those_that_it_has(link, plac
     text = f"farm: dp\nlink: {link}\ndrives:\n  - {{name: a, model: moog-msd-dp, address: 5}}\n"
     with pytest.raises(FarmFileError) as caught:
         parse_farm(text)
-    assert f"{place}: 10000 bit/s is no rate of PROFIBUS; allowed: 9600, 19200, 31250, 45450," in str(caught.value)
+    assert f"{place}: 10000 bit/s is not a rate of PROFIBUS; allowed: 9600, 19200, 31250, 45450," in str(caught.value)
 
 
 def test_a_line_cannot_connect_to_port_0():
     text = "farm: dp\nlink: {kind: serial, connect: 'plc:0'}\ndrives:\n  - {name: a, model: moog-msd-dp, address: 5}\n"
-    with pytest.raises(FarmFileError, match=r"link\.connect: is 'plc:0', and port 0 is nobody's"):
+    with pytest.raises(FarmFileError, match=r"link\.connect: is 'plc:0', and port 0 is reserved"):
         parse_farm(text)
 
 

@@ -19,7 +19,7 @@ from pnfarm.cli.main import main
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.links.capture.pcap import PcapngWriter
-from pnfarm.protocols.profibus.wire.dp import Diagnosis, Parameters, PrmStatus, StationStatus, emit_diagnosis
+from pnfarm.protocols.profibus.wire.dp import Diagnosis, Parameters, PrmStatus, StationStatus
 from pnfarm.protocols.profibus.wire.dp import emit_parameters as set_prm
 from pnfarm.protocols.profibus.wire.telegram import Sap, ShortAck, Telegram, emit_telegram
 from pnfarm.testing import Line
@@ -102,14 +102,14 @@ def test_slaves_of_a_capture_become_drives_that_the_same_master_connects(capsys,
 
 
 def test_a_slave_with_an_ident_number_of_no_model_is_listed_with_the_model_that_could_stand_for_it(capsys, capture):
-    seen = plain(imported(capsys, capture).partition("which no model stands for")[2])
+    seen = plain(imported(capsys, capture).partition("Other stations, without a model")[2])
     assert "station 40: address 40, ident 0x0777" in seen
     assert "telegram 1 of moog-msd-dp has the same identifiers" in seen
     assert "identity: {device: 0x0777}" in seen
 
 
 def test_a_slave_is_told_by_its_diagnosis_alone_and_one_that_never_answered_is_not_there(capsys, tmp_path):
-    told = emit_diagnosis(Diagnosis(StationStatus.PRM_REQ | StationStatus.ALWAYS_1, 255, IDENT))
+    told = Diagnosis(StationStatus.PRM_REQ | StationStatus.ALWAYS_1, 255, IDENT).emit()
     parameters = set_prm(Parameters(PrmStatus.LOCK_REQ, (0, 0), 11, IDENT))
     file = written(
         tmp_path, asked(7, Sap.SLAVE_DIAGNOSIS), answered(7, Sap.SLAVE_DIAGNOSIS, told),
@@ -124,7 +124,7 @@ def test_a_slave_is_told_by_its_diagnosis_alone_and_one_that_never_answered_is_n
 
 
 def test_what_get_cfg_tells_and_a_master_with_another_ident_number_are_noted(capsys, tmp_path):
-    told = emit_diagnosis(Diagnosis(StationStatus.PRM_FAULT | StationStatus.ALWAYS_1, 255, 0x1234))
+    told = Diagnosis(StationStatus.PRM_FAULT | StationStatus.ALWAYS_1, 255, 0x1234).emit()
     file = written(
         tmp_path, asked(9, Sap.SET_PARAMETERS, set_prm(Parameters(PrmStatus.LOCK_REQ, (0, 0), 11, IDENT))), ShortAck(),
         asked(9, Sap.SLAVE_DIAGNOSIS), answered(9, Sap.SLAVE_DIAGNOSIS, told),
@@ -141,7 +141,7 @@ def test_what_get_cfg_tells_and_a_master_with_another_ident_number_are_noted(cap
 
 
 def test_a_drive_without_an_address_is_one_whose_switches_are_off(capsys, tmp_path):
-    told = emit_diagnosis(Diagnosis(StationStatus.PRM_REQ | StationStatus.ALWAYS_1, 255, IDENT))
+    told = Diagnosis(StationStatus.PRM_REQ | StationStatus.ALWAYS_1, 255, IDENT).emit()
     text = imported(capsys, written(tmp_path, asked(126, 60), answered(126, 60, told)))
     (drive,) = expand(parse_farm(text))
     assert drive.address is None
@@ -161,7 +161,7 @@ def test_drives_of_a_network_and_of_a_line_have_both_in_their_link():
 
 
 def _pool():
-    told = emit_diagnosis(Diagnosis(StationStatus.ALWAYS_1, 3, IDENT, bytes((12, 0x81, *range(10)))))
+    told = Diagnosis(StationStatus.ALWAYS_1, 3, IDENT, bytes((12, 0x81, *range(10)))).emit()
     parameters = set_prm(Parameters(PrmStatus.LOCK_REQ | PrmStatus.WD_ON, (10, 1), 11, IDENT, 1, b"\x80\0\0"))
     for address in (7, 126):
         yield from (

@@ -11,7 +11,7 @@ from pnfarm.buses.profibus.device.fast_path import FastPath, answer_poll
 from pnfarm.drives.catalogue import model
 from pnfarm.engine.columns import allocate
 from pnfarm.farm.views.snapshot import drive_snapshot
-from pnfarm.protocols.profibus.wire.dp import Parameters, PrmStatus, emit_parameters
+from pnfarm.protocols.profibus.wire.dp import Parameters, PrmStatus
 from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram, parse_telegram
 from pnfarm.table.compiling.compiled import IS_COMPILED
 from pnfarm.table.image import IMAGE
@@ -87,7 +87,7 @@ class Bench:
                 octets[value % len(octets)] ^= 1 + value % 255
                 self.hear(bytes(octets))
             case "set-up":
-                user = emit_parameters(Parameters(LOCK, (5, 1), 11, self.ident, 1, b"\x80\x00\x00"))
+                user = Parameters(LOCK, (5, 1), 11, self.ident, 1, b"\x80\x00\x00").emit()
                 self.ask(address, Sap.SET_PARAMETERS, user, FCB)
                 self.ask(address, Sap.CHECK_CONFIGURATION, self.identifiers, FCV)
             case "diagnosis":

@@ -17,7 +17,7 @@ from pnfarm.buses.profibus.device.station_address import StationAddress, station
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.description.parts import Fact
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profibus.wire.dp import Diagnosis, StationStatus, emit_diagnosis, parse_diagnosis
+from pnfarm.protocols.profibus.wire.dp import Diagnosis, StationStatus
 
 DP = model("moog-msd-dp")
 PRODUCT = Product.of(DP)
@@ -49,10 +49,10 @@ def test_4_1_the_switches_are_two_digits_s2_before_s1():
 def test_table_9_21_a_fault_and_a_warning_fill_the_18_octets():
     error, warning = 1 << 16 | 11, 2 << 16 | 20
     extended = extended_diagnosis(PRODUCT, 1, error, warning)
-    data = emit_diagnosis(Diagnosis(StationStatus.ALWAYS_1 | StationStatus.EXT_DIAG, 1, 0x0A8E, extended))
+    data = Diagnosis(StationStatus.ALWAYS_1 | StationStatus.EXT_DIAG, 1, 0x0A8E, extended).emit()
     assert len(data) == 18
     assert data[3:] == bytes.fromhex("01 0A8E 0C 81 00 00 0001 000B 0002 0014")
-    (block,) = parse_diagnosis(data).blocks()
+    (block,) = Diagnosis.parse(data).blocks()
     assert block.kind == "device"
     assert block.octets == extended
 

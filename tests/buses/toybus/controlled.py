@@ -174,9 +174,6 @@ class ToyCore:
 class ControlledPart(ToyPart):
     controller = ToyController
 
-    def check_devices(self, controller, claims, report):
-        pass
-
     def check_controller(self, controller, groups, known, report):
         if controller.pace_ns >= SILENCE_NS:
             report(("controller", "pace"), "is longer than the drives wait", "less than 100ms")

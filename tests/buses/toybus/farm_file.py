@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pydantic import Field
 
+from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.config.drive import DriveConfig, DriveGroup
 
 
@@ -24,11 +24,8 @@ class ToyDrive(DriveConfig):
         return [] if self.node is None else [("node", self.node, str(self.node))]
 
 
-class ToyPart:
+class ToyPart(FarmFilePart):
     drives = ToyDrives
-    controller = None
-    together: Mapping[str, Sequence[str]] = {}
-    judged_by_model: frozenset[str] = frozenset()
 
     def check_name(self, at, name, report):
         return True
@@ -36,14 +33,6 @@ class ToyPart:
     def check_group(self, at, group, report):
         if group.node is not None and group.node + group.count - 1 > 126:
             report((*at, "node"), "counts past the last node", "0 to 126")
-
-    def check_model(self, at, group, model, report):
-        pass
-
-    def check_devices(self, controller, claims, report):
-        raise AssertionError("the toy bus has no controller")
-
-    check_controller = check_devices
 
     def drive(self, common, group, step, model, expansion):
         mac = expansion.macs.auto(common.name)

@@ -119,32 +119,28 @@ class Bench:
 
     def unconnected(self, session, octets, *items, stream=1):
         packet = cpf.CommonPacket((cpf.NullAddress(), cpf.UnconnectedData(octets), *items))
-        (reply,) = self.ask(
-            EncapsulationPdu(Command.SEND_RR_DATA, cpf.emit_common_packet(packet), session, context=b"context!"), stream
-        )
+        (reply,) = self.ask(EncapsulationPdu(Command.SEND_RR_DATA, packet.emit(), session, context=b"context!"), stream)
         assert reply.context == b"context!"
         assert reply.status == 0
-        _, data, *more = cpf.parse_common_packet(reply.data).items
+        _, data, *more = cpf.CommonPacket.parse(reply.data).items
         return message.parse_reply(data.data), more
 
     def request(self, session, service, path, data=b"", stream=1):
-        octets = message.emit_request(message.message_request(service, path, data))
+        octets = message.message_request(service, path, data).emit()
         return self.unconnected(session, octets, stream=stream)[0]
 
     def open(self, session, request, *items, stream=1):
         """The Connection Manager's reply to a Forward_Open."""
-        octets = message.emit_request(
-            message.message_request(0x5B if request.large else 0x54, MANAGER, fo.emit_forward_open(request))
-        )
+        octets = message.message_request(0x5B if request.large else 0x54, MANAGER, fo.emit_forward_open(request)).emit()
         return self.unconnected(session, octets, *items, stream=stream)
 
     def opened(self, session, request, *items, stream=1):
         reply, more = self.open(session, request, *items, stream=stream)
         assert (reply.status, reply.extended) == (0, ())
-        return fo.parse_forward_open_reply(reply.data), more
+        return fo.ForwardOpenReply.parse(reply.data), more
 
     def close(self, session, triad, stream=1):
-        body = fo.emit_forward_close(fo.ForwardClose(triad, b""))
+        body = fo.ForwardClose(triad, b"").emit()
         return self.request(session, 0x4E, MANAGER, body, stream)
 
     def take(self, kind):

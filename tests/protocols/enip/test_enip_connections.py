@@ -129,7 +129,7 @@ REFUSALS = [
 def test_each_refusal_has_its_extended_status(bench, session, change, extended):
     reply, items = bench.open(session, replace_request(change))
     assert (reply.status, reply.extended) == (0x01, extended)
-    assert fo.parse_forward_refusal(reply.data).triad == io_request().triad
+    assert fo.ForwardRefusal.parse(reply.data).triad == io_request().triad
     assert items == []
     (event,) = bench.take(ConnectionRefused)
     assert event.extended == extended
@@ -250,7 +250,7 @@ def test_an_interval_below_the_minimum_is_rounded_up_taken_or_refused(below, ans
 def test_a_forward_close_frees_the_connection_for_the_next(bench, session):
     bench.opened(session, io_request())
     reply = bench.close(session, io_request().triad)
-    assert fo.parse_forward_close_reply(reply.data).triad == io_request().triad
+    assert fo.ForwardCloseReply.parse(reply.data).triad == io_request().triad
     (event,) = bench.take(ConnectionClosed)
     assert event.reason is CloseReason.FORWARD_CLOSE
     assert event.connection.state is ConnectionState.NON_EXISTENT
@@ -354,16 +354,16 @@ def unit(bench, session, connection_id, count, octets, stream=1):
     """The replies to a message of a class 3 connection: connection id, count, message."""
     data = count.to_bytes(2, "little") + octets
     packet = cpf.CommonPacket((cpf.ConnectedAddress(connection_id), cpf.ConnectedData(data)))
-    replies = bench.ask(EncapsulationPdu(Command.SEND_UNIT_DATA, cpf.emit_common_packet(packet), session), stream)
+    replies = bench.ask(EncapsulationPdu(Command.SEND_UNIT_DATA, packet.emit(), session), stream)
     found = []
     for reply in replies:
-        address, payload = cpf.parse_common_packet(reply.data).items
+        address, payload = cpf.CommonPacket.parse(reply.data).items
         found.append((address.connection_id, int.from_bytes(payload.data[:2], "little"), payload.data[2:]))
     return found
 
 
-WRITE = message.emit_request(message.message_request(0x10, logical_path(0x0F, 1, 1), (9).to_bytes(4, "little")))
-READ = message.emit_request(message.message_request(0x0E, logical_path(0x0F, 1, 1)))
+WRITE = message.message_request(0x10, logical_path(0x0F, 1, 1), (9).to_bytes(4, "little")).emit()
+READ = message.message_request(0x0E, logical_path(0x0F, 1, 1)).emit()
 
 
 def test_explicit_messages_of_a_connection_are_answered_with_their_count_and_the_originators_id(bench, session):
@@ -436,14 +436,14 @@ def test_explicit_connections_are_bounded():
 
 def test_a_reply_of_a_connection_fits_its_size(bench, session):
     reply, _ = bench.opened(session, explicit_request(size=40))
-    big = message.emit_request(message.message_request(0x0E, logical_path(4, 102, 3)))
+    big = message.message_request(0x0E, logical_path(4, 102, 3)).emit()
     ((_, _, octets),) = unit(bench, session, reply.o_to_t_id, 1, big)
     assert message.parse_reply(octets).status == 0x11
 
 
 def test_connections_cannot_be_opened_over_a_connection(bench, session):
     reply, _ = bench.opened(session, explicit_request())
-    octets = message.emit_request(message.message_request(0x54, MANAGER, fo.emit_forward_open(io_request())))
+    octets = message.message_request(0x54, MANAGER, fo.emit_forward_open(io_request())).emit()
     ((_, _, answer),) = unit(bench, session, reply.o_to_t_id, 1, octets)
     assert message.parse_reply(answer).status == 0x08
 

@@ -24,7 +24,7 @@ REGISTER = EncapsulationPdu(Command.REGISTER_SESSION, b"\1\0\0\0")
 
 def rr(session, message=READ_VENDOR, **more):
     packet = cpf.CommonPacket((cpf.NullAddress(), cpf.UnconnectedData(message)))
-    return EncapsulationPdu(Command.SEND_RR_DATA, cpf.emit_common_packet(packet), session, **more)
+    return EncapsulationPdu(Command.SEND_RR_DATA, packet.emit(), session, **more)
 
 
 @pytest.fixture
@@ -99,10 +99,10 @@ def test_a_second_session_on_a_stream_is_refused_and_a_session_of_another_stream
     [
         b"",
         bytes(6),
-        cpf.emit_common_packet(cpf.CommonPacket((cpf.NullAddress(),))),
-        cpf.emit_common_packet(cpf.CommonPacket((cpf.UnconnectedData(READ_VENDOR), cpf.NullAddress()))),
-        cpf.emit_common_packet(cpf.CommonPacket((cpf.NullAddress(), cpf.UnconnectedData(READ_VENDOR)), interface=1)),
-        cpf.emit_common_packet(cpf.CommonPacket((cpf.NullAddress(), cpf.UnconnectedData(b"")))),
+        cpf.CommonPacket((cpf.NullAddress(),)).emit(),
+        cpf.CommonPacket((cpf.UnconnectedData(READ_VENDOR), cpf.NullAddress())).emit(),
+        cpf.CommonPacket((cpf.NullAddress(), cpf.UnconnectedData(READ_VENDOR)), interface=1).emit(),
+        cpf.CommonPacket((cpf.NullAddress(), cpf.UnconnectedData(b""))).emit(),
     ],
 )
 def test_items_that_are_no_unconnected_request_are_incorrect_data(bench, data):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pnfarm.protocols.enip.wire import message
 from pnfarm.protocols.enip.wire.epath import Logical, LogicalSegment, PortSegment, emit_epath, logical_path
-from pnfarm.protocols.enip.wire.forward_open import UnconnectedSend, emit_unconnected_send
+from pnfarm.protocols.enip.wire.forward_open import UnconnectedSend
 
 
 @pytest.fixture
@@ -142,9 +142,9 @@ def test_ethernet_link_and_qos_and_connection_manager_are_read(ask):
 
 def test_several_services_in_one_packet_are_answered_one_by_one(ask):
     requests = [
-        message.emit_request(message.message_request(0x0E, logical_path(1, 1, 1))),
-        message.emit_request(message.message_request(0x0E, logical_path(1, 1, 99))),
-        message.emit_request(message.message_request(0x0A, logical_path(2, 1), b"\0\0")),
+        message.message_request(0x0E, logical_path(1, 1, 1)).emit(),
+        message.message_request(0x0E, logical_path(1, 1, 99)).emit(),
+        message.message_request(0x0A, logical_path(2, 1), b"\0\0").emit(),
     ]
     reply = ask(0x0A, logical_path(2, 1), message.emit_multiple_service(requests))
     assert reply.status == 0x1E
@@ -156,9 +156,9 @@ def test_several_services_in_one_packet_are_answered_one_by_one(ask):
 
 
 def test_replies_never_grow_beyond_what_a_message_holds(ask):
-    read = message.emit_request(message.message_request(0x0E, logical_path(4, 102, 3)))
+    read = message.message_request(0x0E, logical_path(4, 102, 3)).emit()
     reply = ask(0x0A, logical_path(2, 1), message.emit_multiple_service([read] * 30))
-    assert len(message.emit_reply(reply)) <= 504
+    assert len(reply.emit()) <= 504
     inner = [message.parse_reply(octets).status for octets in message.parse_multiple_service(reply.data)]
     assert inner[0] == 0
     assert inner[-1] == 0x11
@@ -167,11 +167,11 @@ def test_replies_never_grow_beyond_what_a_message_holds(ask):
 
 
 def test_a_message_for_the_drive_itself_in_an_unconnected_send_is_carried_out_and_a_route_is_refused(ask):
-    inner = message.emit_request(message.message_request(0x0E, logical_path(1, 1, 1)))
-    reply = ask(0x52, logical_path(6, 1), emit_unconnected_send(UnconnectedSend(inner)))
+    inner = message.message_request(0x0E, logical_path(1, 1, 1)).emit()
+    reply = ask(0x52, logical_path(6, 1), UnconnectedSend(inner).emit())
     assert (reply.service, reply.status, reply.data) == (0x0E, 0, b"\xc4\1")
     route = emit_epath([PortSegment(1, b"\0")])
-    refused = ask(0x52, logical_path(6, 1), emit_unconnected_send(UnconnectedSend(inner, route)))
+    refused = ask(0x52, logical_path(6, 1), UnconnectedSend(inner, route).emit())
     assert (refused.service, refused.status, refused.extended) == (0x52, 1, (0x0311,))
     assert ask(0x52, logical_path(6, 1), b"\0").extended == (0x0205,)
 

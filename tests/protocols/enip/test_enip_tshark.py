@@ -116,7 +116,7 @@ def capture(tmp_path_factory):
         exchange()
     reads = [message.message_request(0x0E, logical_path(class_id, 1, 1)) for class_id in (1, 2, 6, 0xF5, 0xF6, 0x0F)]
     whole = [message.message_request(0x01, logical_path(class_id, 1)) for class_id in (1, 2, 6, 0xF5)]
-    several = message.emit_multiple_service([message.emit_request(request) for request in reads])
+    several = message.emit_multiple_service([request.emit() for request in reads])
     others = [
         message.message_request(0x03, logical_path(1, 1), b"\2\0\1\0\7\0"),
         message.message_request(0x0A, logical_path(2, 1), several),

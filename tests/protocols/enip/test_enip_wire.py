@@ -27,25 +27,25 @@ PAIRS = {
         ),
     ),
     "register": (
-        encapsulation.parse_register_session,
-        encapsulation.emit_register_session,
+        encapsulation.RegisterSession.parse,
+        encapsulation.RegisterSession.emit,
         st.builds(encapsulation.RegisterSession, anything.u16, anything.u16),
     ),
     "items": (cpf.parse_items, cpf.emit_items, st.lists(anything.items, max_size=5).map(tuple)),
-    "packet": (cpf.parse_common_packet, cpf.emit_common_packet, anything.packets),
+    "packet": (cpf.CommonPacket.parse, cpf.CommonPacket.emit, anything.packets),
     "epath": (epath.parse_epath, epath.emit_epath, anything.paths),
-    "request": (message.parse_request, message.emit_request, anything.requests),
-    "reply": (message.parse_reply, message.emit_reply, anything.replies),
+    "request": (message.parse_request, message.MessageRequest.emit, anything.requests),
+    "reply": (message.parse_reply, message.MessageReply.emit, anything.replies),
     "several": (
         message.parse_multiple_service,
         message.emit_multiple_service,
         st.lists(st.binary(min_size=1, max_size=30), max_size=8).map(tuple),
     ),
-    "open-reply": (fo.parse_forward_open_reply, fo.emit_forward_open_reply, anything.forward_open_replies),
-    "refusal": (fo.parse_forward_refusal, fo.emit_forward_refusal, anything.forward_refusals),
-    "close": (fo.parse_forward_close, fo.emit_forward_close, anything.forward_closes),
-    "close-reply": (fo.parse_forward_close_reply, fo.emit_forward_close_reply, anything.forward_close_replies),
-    "unconnected-send": (fo.parse_unconnected_send, fo.emit_unconnected_send, anything.unconnected_sends),
+    "open-reply": (fo.ForwardOpenReply.parse, fo.ForwardOpenReply.emit, anything.forward_open_replies),
+    "refusal": (fo.ForwardRefusal.parse, fo.ForwardRefusal.emit, anything.forward_refusals),
+    "close": (fo.ForwardClose.parse, fo.ForwardClose.emit, anything.forward_closes),
+    "close-reply": (fo.ForwardCloseReply.parse, fo.ForwardCloseReply.emit, anything.forward_close_replies),
+    "unconnected-send": (fo.UnconnectedSend.parse, fo.UnconnectedSend.emit, anything.unconnected_sends),
 }  # fmt: skip
 
 
@@ -67,7 +67,7 @@ PARSERS = {
     "open": fo.parse_forward_open,
     "large-open": lambda data: fo.parse_forward_open(data, large=True),
     "header": encapsulation.parse_header,
-    "socket": cpf.parse_socket_address,
+    "socket": cpf.SocketAddress.parse,
     "class1": class1.parse_class1,
     "class1-header": lambda data: class1.parse_class1(data, header=True),
     **{f"type-{kind.name}": kind.parse for kind in data_types.TYPES.values()},
@@ -98,9 +98,7 @@ def test_a_cut_message_is_a_decode_error(name, data):
 
 
 def test_register_session_is_the_standards_28_octets():
-    pdu = encapsulation.EncapsulationPdu(
-        encapsulation.Command.REGISTER_SESSION, encapsulation.emit_register_session(encapsulation.RegisterSession())
-    )
+    pdu = encapsulation.EncapsulationPdu(encapsulation.Command.REGISTER_SESSION, encapsulation.RegisterSession().emit())
     expected = "65 00 04 00 00000000 00000000 0000000000000000 00000000 01 00 00 00"
     assert encapsulation.emit_encapsulation(pdu) == bytes.fromhex(expected)
 
@@ -197,7 +195,7 @@ def test_requests_and_replies_are_told_apart():
     assert reason(message.parse_request, b"\x8e\0") == "bad-type"
     assert reason(message.parse_reply, b"\x0e\0\0\0") == "bad-type"
     refusal = message.MessageReply(0x54, 1, (0x127, 70), b"")
-    assert message.emit_reply(refusal) == bytes.fromhex("d4 00 01 02 2701 4600")
+    assert refusal.emit() == bytes.fromhex("d4 00 01 02 2701 4600")
 
 
 def test_a_class_1_datagram_has_sequence_count_and_run_idle_header():

@@ -8,7 +8,7 @@ from dp_line import IDENT, MS, DpLine
 from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, SlaveState
 from pnfarm.protocols.profibus.record_request import RecordRequest
 from pnfarm.protocols.profibus.slave_user import ExchangeBegan, Left, ParametersTaken
-from pnfarm.protocols.profibus.wire.dp import Control, DpState, Parameters, PrmStatus, StationStatus, emit_parameters
+from pnfarm.protocols.profibus.wire.dp import Control, DpState, Parameters, PrmStatus, StationStatus
 from pnfarm.protocols.profibus.wire.telegram import Sap, ShortAck, Telegram, parse_telegram
 
 
@@ -128,7 +128,7 @@ def test_a_slave_of_another_master_is_left_alone_and_taken_once_it_is_free():
     slave, plan = line.slaves[0], line.plans[0]
 
     def other(status):
-        octets = emit_parameters(Parameters(status, (0, 0), 11, IDENT))
+        octets = Parameters(status, (0, 0), 11, IDENT).emit()
         slave.receive(Telegram(plan.address, 9, 0x6D, Sap.SET_PARAMETERS, Sap.MASTER, octets), line.now)
 
     other(PrmStatus.LOCK_REQ)

@@ -13,16 +13,15 @@ from pnfarm.protocols.profibus.slave_user import AddressSet, BaudFound, BaudLost
 from pnfarm.protocols.profibus.wire.dp import (
     NO_MASTER,
     Control,
+    Diagnosis,
     DpState,
     GlobalControl,
     Parameters,
     PrmStatus,
     SetAddress,
     StationStatus,
-    emit_parameters,
-    parse_diagnosis,
 )
-from pnfarm.protocols.profibus.wire.dpv1 import Access, Function, Initiate, emit_access
+from pnfarm.protocols.profibus.wire.dpv1 import Access, Function, Initiate
 from pnfarm.protocols.profibus.wire.telegram import (
     BROADCAST,
     Answer,
@@ -51,7 +50,7 @@ class Bench:
         return self.slave.receive(Telegram(3, source, function, dsap, None if dsap is None else ssap, data), self.now)
 
     def parameters(self, status=LOCK, *, factors=(10, 1), ident=IDENT, group=1, user=b"\x80\x00\x00", tsdr=11):
-        octets = emit_parameters(Parameters(status, factors, tsdr, ident, group, user))
+        octets = Parameters(status, factors, tsdr, ident, group, user).emit()
         return self.ask(Sap.SET_PARAMETERS, octets)
 
     def exchange(self, *, data=DATA):
@@ -64,7 +63,7 @@ class Bench:
     def diagnosis(self, source=2):
         answer = self.ask(Sap.SLAVE_DIAGNOSIS, source=source)
         assert (answer.dsap, answer.ssap) == (Sap.MASTER, Sap.SLAVE_DIAGNOSIS)
-        return parse_diagnosis(answer.data)
+        return Diagnosis.parse(answer.data)
 
 
 @pytest.fixture
@@ -161,7 +160,7 @@ def test_each_master_has_a_bit_of_its_own_for_repetitions(bench):
 
 def test_another_master_sees_that_it_is_locked_and_changes_nothing(bench):
     bench.exchange()
-    octets = emit_parameters(Parameters(LOCK, (1, 1), 11, IDENT))
+    octets = Parameters(LOCK, (1, 1), 11, IDENT).emit()
     assert bench.ask(Sap.SET_PARAMETERS, octets, source=5) == ShortAck()
     assert bench.ask(None, DATA, source=5).code == Answer.RS
     found = bench.diagnosis(source=5)
@@ -295,7 +294,7 @@ def test_empty_outputs_are_clear_only_for_a_slave_with_fail_safe_that_was_asked_
 
 
 def control(bench, command, groups=0, source=2, destination=BROADCAST):
-    octets = GlobalControl(command, groups).octets()
+    octets = GlobalControl(command, groups).emit()
     telegram = Telegram(destination, source, SDN, Sap.GLOBAL_CONTROL, Sap.MASTER, octets)
     assert bench.slave.receive(telegram, bench.now) is None
 
@@ -343,15 +342,15 @@ def test_the_watchdog_ends_what_its_master_no_longer_asks_for(bench):
 
 
 def test_the_address_changes_with_the_answer_and_only_where_it_may(bench):
-    assert bench.ask(Sap.SET_SLAVE_ADDRESS, SetAddress(8, IDENT, locks=True).octets()) == ShortAck()
+    assert bench.ask(Sap.SET_SLAVE_ADDRESS, SetAddress(8, IDENT, locks=True).emit()) == ShortAck()
     assert bench.slave.address == 8
     assert AddressSet(8, locks=True) in bench.slave.take_events()
     answer = bench.slave.receive(
-        Telegram(8, 2, SRD, Sap.SET_SLAVE_ADDRESS, Sap.MASTER, SetAddress(9, IDENT).octets()), bench.now
+        Telegram(8, 2, SRD, Sap.SET_SLAVE_ADDRESS, Sap.MASTER, SetAddress(9, IDENT).emit()), bench.now
     )
     assert answer.code == Answer.RS
     other = Bench()
-    other.ask(Sap.SET_SLAVE_ADDRESS, SetAddress(8, IDENT + 1).octets())
+    other.ask(Sap.SET_SLAVE_ADDRESS, SetAddress(8, IDENT + 1).emit())
     assert other.slave.address == 3
 
 
@@ -378,16 +377,16 @@ def test_a_static_diagnosis_is_asked_for_again(bench):
 
 def test_class_1_reads_and_writes_only_with_dp_v1_enabled(bench):
     bench.exchange()
-    write = emit_access(Access(Function.WRITE, 0, 47, 2, b"hi"))
+    write = Access(Function.WRITE, 0, 47, 2, b"hi").emit()
     assert bench.ask(Sap.MSAC1, write, ssap=Sap.MSAC1) == ShortAck()
     assert bench.ask(Sap.MSAC1, ssap=Sap.MSAC1).data == bytes.fromhex("5f 00 2f 02")
-    bench.ask(Sap.MSAC1, emit_access(Access(Function.READ, 0, 47, 200)), ssap=Sap.MSAC1)
-    busy = bench.ask(Sap.MSAC1, emit_access(Access(Function.READ, 0, 47, 200)), ssap=Sap.MSAC1)
+    bench.ask(Sap.MSAC1, Access(Function.READ, 0, 47, 200).emit(), ssap=Sap.MSAC1)
+    busy = bench.ask(Sap.MSAC1, Access(Function.READ, 0, 47, 200).emit(), ssap=Sap.MSAC1)
     assert busy.code == Answer.RR
     assert bench.ask(Sap.MSAC1, ssap=Sap.MSAC1).data == bytes.fromhex("5e 00 2f 02") + b"hi"
     assert bench.ask(Sap.MSAC1, b"\x00", ssap=Sap.MSAC1).code == Answer.UE
     bench.drive.refuse = (0xB0, 7)
-    bench.ask(Sap.MSAC1, emit_access(Access(Function.READ, 0, 48, 20)), ssap=Sap.MSAC1)
+    bench.ask(Sap.MSAC1, Access(Function.READ, 0, 48, 20).emit(), ssap=Sap.MSAC1)
     assert bench.ask(Sap.MSAC1, ssap=Sap.MSAC1).data == bytes.fromhex("de 80 b0 07")
     plain = Bench()
     plain.parameters(user=b"")
@@ -396,7 +395,7 @@ def test_class_1_reads_and_writes_only_with_dp_v1_enabled(bench):
 
 
 def initiated(bench, source=5):
-    manager = bench.ask(Sap.RESOURCE_MANAGER, Initiate(500_000_000).octets(), ssap=Sap.MASTER_2, source=source)
+    manager = bench.ask(Sap.RESOURCE_MANAGER, Initiate(500_000_000).emit(), ssap=Sap.MASTER_2, source=source)
     assert manager.data[0] == Function.RESOURCE_MANAGER
     sap = manager.data[1]
     assert bench.ask(sap, ssap=Sap.MASTER_2, source=source).data[0] == Function.INITIATE
@@ -407,10 +406,10 @@ def test_several_masters_of_class_2_have_connections_of_their_own():
     bench = Bench(connections=2)
     first, second = initiated(bench), initiated(bench, source=6)
     assert first != second
-    full = bench.ask(Sap.RESOURCE_MANAGER, Initiate(10).octets(), ssap=Sap.MASTER_2, source=7)
+    full = bench.ask(Sap.RESOURCE_MANAGER, Initiate(10).emit(), ssap=Sap.MASTER_2, source=7)
     assert full.code == Answer.RR
     assert bench.ask(second, ssap=Sap.MASTER_2, source=5).code == Answer.RS, "it is another's"
-    bench.ask(first, emit_access(Access(Function.WRITE, 0, 47, 1, b"a")), ssap=Sap.MASTER_2, source=5)
+    bench.ask(first, Access(Function.WRITE, 0, 47, 1, b"a").emit(), ssap=Sap.MASTER_2, source=5)
     assert bench.ask(first, ssap=Sap.MASTER_2, source=5).data[0] == Function.WRITE
     bench.ask(first, bytes((Function.IDLE,)), ssap=Sap.MASTER_2, source=5)
     assert bench.ask(first, ssap=Sap.MASTER_2, source=5).data == bytes((Function.IDLE,))
@@ -422,14 +421,14 @@ def test_several_masters_of_class_2_have_connections_of_their_own():
 
 
 def test_requests_of_class_2_with_exchanged_access_points_are_taken_where_the_model_says_so():
-    initiate = Initiate(500_000_000).octets()
+    initiate = Initiate(500_000_000).emit()
     assert Bench().ask(Sap.MASTER_2, initiate, ssap=Sap.RESOURCE_MANAGER, source=5).code == Answer.RS
     bench = Bench(class_two_exchanged=True)
     manager = bench.ask(Sap.MASTER_2, initiate, ssap=Sap.RESOURCE_MANAGER, source=5)
     assert (manager.dsap, manager.ssap) == (Sap.RESOURCE_MANAGER, Sap.MASTER_2)
     sap = manager.data[1]
     assert bench.ask(Sap.MASTER_2, ssap=sap, source=5).data[0] == Function.INITIATE
-    bench.ask(Sap.MASTER_2, emit_access(Access(Function.WRITE, 0, 47, 1, b"a")), ssap=sap, source=5)
+    bench.ask(Sap.MASTER_2, Access(Function.WRITE, 0, 47, 1, b"a").emit(), ssap=sap, source=5)
     assert bench.ask(Sap.MASTER_2, ssap=sap, source=5).data[0] == Function.WRITE
     assert initiated(bench, source=6) != sap, "the usual order beside it"
 

@@ -43,9 +43,9 @@ def test_the_short_form_for_data_without_access_points_has_the_same_octets(desti
 @given(st.binary(max_size=300))
 def test_any_octets_are_a_telegram_or_refused(octets):
     for parse in (
-        parse_telegram, dp.parse_diagnosis, dp.parse_parameters, dp.parse_identifiers, dp.parse_global_control,
-        dp.parse_set_address, dpv1.parse_access, dpv1.parse_refusal, dpv1.parse_initiate, dpv1.parse_initiate_answer,
-        dpv1.parse_resource_manager, dpv1.parse_abort,
+        parse_telegram, dp.Diagnosis.parse, dp.Parameters.parse, dp.parse_identifiers, dp.GlobalControl.parse,
+        dp.SetAddress.parse, dpv1.parse_access, dpv1.parse_refusal, dpv1.parse_initiate, dpv1.InitiateAnswer.parse,
+        dpv1.ResourceManager.parse, dpv1.Abort.parse,
     ):  # fmt: skip
         try:
             parse(octets)
@@ -141,27 +141,27 @@ def test_identifiers_say_their_lengths():
 
 def test_a_diagnosis_is_read_in_blocks():
     octets = bytes.fromhex("08 0c 00 02 0b ad 0c 81 00 00 00 01 00 20 00 00 00 00")
-    found = dp.parse_diagnosis(octets)
+    found = dp.Diagnosis.parse(octets)
     assert dp.StationStatus.EXT_DIAG in found.status
     assert (found.master, found.ident) == (2, 0x0BAD)
     assert [block.octets for block in found.blocks()] == [octets[6:]]
-    assert dp.emit_diagnosis(found) == octets
+    assert found.emit() == octets
 
 
 def test_dp_v1_pdus_have_the_manuals_octets():
     # Moog MSD manual 9.1: Req.id, slot, index 2F, length, data
     write = dpv1.Access(dpv1.Function.WRITE, 0, 0x2F, 2, b"\x01\x02")
-    assert dpv1.emit_access(write) == bytes.fromhex("5f 00 2f 02 01 02")
+    assert write.emit() == bytes.fromhex("5f 00 2f 02 01 02")
     assert dpv1.parse_access(bytes.fromhex("5f 00 2f 02 01 02")) == write
-    assert dpv1.emit_refusal(dpv1.Refusal(0xDE, 0xB5)) == bytes.fromhex("de 80 b5 00")
+    assert dpv1.Refusal(0xDE, 0xB5).emit() == bytes.fromhex("de 80 b5 00")
     initiate = dpv1.Initiate(1_000_000_000)
-    assert dpv1.parse_initiate(initiate.octets()) == initiate
+    assert dpv1.parse_initiate(initiate.emit()) == initiate
     manager = dpv1.ResourceManager(7, 500_000_000)
-    assert dpv1.parse_resource_manager(manager.octets()) == manager
+    assert dpv1.ResourceManager.parse(manager.emit()) == manager
     abort = dpv1.Abort(0, 0x13, b"\x01")
-    assert dpv1.parse_abort(abort.octets()) == abort
+    assert dpv1.Abort.parse(abort.emit()) == abort
     answer = dpv1.InitiateAnswer(240)
-    assert dpv1.parse_initiate_answer(answer.octets()) == answer
+    assert dpv1.InitiateAnswer.parse(answer.emit()) == answer
 
 
 def test_times_of_the_line_follow_its_rate():

@@ -13,13 +13,7 @@ from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq
-from pnfarm.protocols.profinet.wire.cm.control import (
-    ControlBlock,
-    ControlCommand,
-    SubmoduleList,
-    control_response,
-    emit_control_block,
-)
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, SubmoduleList, control_response
 from pnfarm.protocols.profinet.wire.cm.expected import ExpectedSubmoduleBlockReq, ModuleDiffBlock
 from pnfarm.protocols.profinet.wire.cm.iocr import FrameSlot, IocrApi
 
@@ -111,7 +105,7 @@ class Controller:
 
     def release(self):
         block = ControlBlock(BlockType.RELEASE_REQ, self.uuid, self.number, ControlCommand.RELEASE)
-        return self.bench.call(1, emit_control_block(block))[0]
+        return self.bench.call(1, block.emit())[0]
 
     def confirm_calls(self):
         """Answer what the device calls; the blocks of each call."""
@@ -119,7 +113,7 @@ class Controller:
         for call in self.bench.cm.calls():
             blocks = parse_blocks(call.payload)
             seen.append(blocks)
-            answer = emit_control_block(control_response(blocks[0]))
+            answer = control_response(blocks[0]).emit()
             self.bench.cm.call_returned(call.token, OK, answer, self.bench.now)
         return seen
 

@@ -22,15 +22,10 @@ from pnfarm.protocols.profinet.description import (
 )
 from pnfarm.protocols.profinet.records.store import DeviceRecords
 from pnfarm.protocols.profinet.rpc.fragments import Peer
-from pnfarm.protocols.profinet.wire.any_block import Block, emit_blocks, parse_blocks
-from pnfarm.protocols.profinet.wire.block import BlockType
+from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.block import Block, BlockType
 from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq, ArBlockReq
-from pnfarm.protocols.profinet.wire.cm.control import (
-    ControlBlock,
-    ControlCommand,
-    control_response,
-    emit_control_block,
-)
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, control_response
 from pnfarm.protocols.profinet.wire.cm.expected import (
     DataDescription,
     ExpectedApi,
@@ -228,7 +223,7 @@ class Bench:
         return self.cm.ars[-1].key
 
     def control(self, block_type, command, opnum=4, uuid=UUID_1, session=7, **fields):
-        return self.call(opnum, emit_control_block(ControlBlock(block_type, uuid, session, command, **fields)))
+        return self.call(opnum, ControlBlock(block_type, uuid, session, command, **fields).emit())
 
     def prm_end(self):
         return self.control(BlockType.PRM_END_REQ, ControlCommand.PRM_END)
@@ -239,7 +234,7 @@ class Bench:
     def confirm(self, call, status=OK):
         """Answer ApplicationReady as a controller does."""
         request = parse_blocks(call.payload)[0]
-        answer = emit_control_block(control_response(request)) if status.ok else b""
+        answer = control_response(request).emit() if status.ok else b""
         self.cm.call_returned(call.token, status, answer, self.now)
 
     def establish(self, **changes):

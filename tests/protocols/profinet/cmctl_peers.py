@@ -12,16 +12,10 @@ from pnfarm.protocols.profinet.cm.controller.cmctl import CmController, CmctlSta
 from pnfarm.protocols.profinet.cm.controller.events import ArFailed, CmctlEvent, ControllerCall, Timeouts
 from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.wire.alarms.rta import parse_rta_error
-from pnfarm.protocols.profinet.wire.any_block import Block, emit_blocks, parse_blocks
-from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
+from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
+from pnfarm.protocols.profinet.wire.block import Block, BlockType, split_blocks
 from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes, ArBlockReq, ArBlockRes
-from pnfarm.protocols.profinet.wire.cm.control import (
-    ControlBlock,
-    ControlCommand,
-    control_response,
-    emit_control_block,
-    parse_control_block,
-)
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, control_response
 from pnfarm.protocols.profinet.wire.cm.expected import (
     DiffApi,
     DiffModule,
@@ -30,16 +24,15 @@ from pnfarm.protocols.profinet.wire.cm.expected import (
     ModuleDiffBlock,
     ModuleState,
     SubmoduleProperties,
-    emit_module_diff_block,
     submodule_state,
 )
 from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockReq, IocrBlockRes
 from pnfarm.protocols.profinet.wire.records.iod import (
+    IodReadReqHeader,
     IodReadResHeader,
     IodWriteResHeader,
     emit_read_response,
     emit_write_response,
-    parse_read_request,
     parse_write_request,
 )
 from pnfarm.protocols.profinet.wire.rpc.pdu import OK, Opnum, PnioStatus
@@ -137,14 +130,14 @@ class ScriptedDevice:
         return single, emit_write_response(answers)
 
     def _read(self, payload: bytes) -> tuple[PnioStatus, bytes]:
-        h = parse_read_request(payload)
+        h = IodReadReqHeader.parse(payload)
         if h.index in self.refused_indexes:
             return self.refused_indexes[h.index], b""
         answer = IodReadResHeader(h.sequence_number, h.ar_uuid, h.api, h.slot, h.subslot, h.index)
         return OK, emit_read_response(answer, self.record)
 
     def _control(self, payload: bytes) -> tuple[PnioStatus, bytes]:
-        return OK, emit_control_block(control_response(parse_control_block(split_blocks(payload)[0])))
+        return OK, control_response(ControlBlock.of(split_blocks(payload)[0])).emit()
 
 
 @dataclass
@@ -192,8 +185,8 @@ def ready_payload(
     **changes: object,
 ) -> bytes:
     block = ControlBlock(block_type, plan.ar_uuid, plan.session_key, ControlCommand.APPLICATION_READY)
-    payload = emit_control_block(replace(block, **changes))
-    return payload + (emit_module_diff_block(diff) if diff else b"")
+    payload = replace(block, **changes).emit()
+    return payload + (diff.emit() if diff else b"")
 
 
 def without_block(payload: bytes, block_type: int) -> bytes:

@@ -14,7 +14,6 @@ from pnfarm.protocols.profinet.wire.records.iod import (
     NIL_UUID,
     IodReadReqHeader,
     IodWriteReqHeader,
-    emit_read_request,
     emit_write_request,
     parse_read_response,
 )
@@ -57,7 +56,7 @@ def connect_tool(bench):
 
 def read(bench, index, slot=0, subslot=1, api=0, *, uuid=UUID_1, target=NIL_UUID, length=4096):
     """ErrorCode1, or the record."""
-    request = emit_read_request(IodReadReqHeader(5, uuid, api, slot, subslot, index, length, target))
+    request = IodReadReqHeader(5, uuid, api, slot, subslot, index, length, target).emit()
     status, answer = bench.call(READ_IMPLICIT if uuid == NIL_UUID else READ, request, 8192)
     return parse_read_response(answer).data if status.ok else status.error_code1
 

@@ -16,12 +16,11 @@ from pnfarm.protocols.profinet.alarms.channel import (
     PeerAborted,
 )
 from pnfarm.protocols.profinet.errors import OK, ErrorCode, RtaError, pnio_error, rta_status
-from pnfarm.protocols.profinet.wire.alarms.notification import acknowledge, emit_alarm, parse_alarm
+from pnfarm.protocols.profinet.wire.alarms.notification import acknowledge, parse_alarm
 from pnfarm.protocols.profinet.wire.alarms.rta import (
     FIRST_SEND,
     RtaPdu,
     RtaType,
-    emit_rta,
     error_of,
     error_pdu,
     next_sequence,
@@ -215,7 +214,7 @@ def test_an_alarm_ack_goes_before_alarms_that_wait():
     device.notify(alarm(1), 0)
     device.notify(alarm(2), 0)
     sent(device)
-    device.receive(to_device(DATA, 0xFFFF, 0xFFFE, emit_alarm(alarm(9))), 0)
+    device.receive(to_device(DATA, 0xFFFF, 0xFFFE, alarm(9).emit()), 0)
     (event,) = device.events()
     assert device.acknowledge(event.alarm, 0)
     assert [pdu.pdu_type for pdu in sent(device)] == [ACK]
@@ -243,7 +242,7 @@ def test_a_full_queue_refuses_and_keeps_what_it_has():
 
 def test_an_alarm_longer_than_agreed_is_refused_here_and_ends_the_channel_there():
     device = device_end(max_alarm_data_length=200)
-    octets = len(emit_alarm(alarm(1, size=0)))
+    octets = len(alarm(1, size=0).emit())
     with pytest.raises(AlarmRefusedError, match="201 octets, at most 200") as refused:
         device.notify(alarm(1, size=201 - octets), 0)
     assert refused.value.reason == "too-long"
@@ -337,7 +336,7 @@ def test_pdus_that_do_not_fit_change_nothing(pdu, reason):
 
 def test_a_number_out_of_turn_is_answered_by_a_nack_that_names_the_last_one():
     device = device_end()
-    device.receive(to_device(DATA, 3, 0xFFFE, emit_alarm(alarm(1))), 0)
+    device.receive(to_device(DATA, 3, 0xFFFE, alarm(1).emit()), 0)
     (nack,) = sent(device)
     assert (nack.pdu_type, nack.send_sequence, nack.ack_sequence, nack.body) == (NACK, 0xFFFE, 0xFFFE, b"")
     assert device.events() == []
@@ -349,9 +348,9 @@ def test_a_number_out_of_turn_is_answered_by_a_nack_that_names_the_last_one():
     [
         (b"", RtaError.ALARM_IND_ERROR),
         (bytes.fromhex("0101 0002 0100"), RtaError.ALARM_IND_ERROR),
-        (emit_alarm(alarm(1))[:-1], RtaError.ALARM_IND_ERROR),
-        (emit_alarm(alarm(1)) + b"\0", RtaError.ALARM_IND_ERROR),
-        (emit_alarm(alarm(1, high=True)), RtaError.ALARM_IND_ERROR),
+        (alarm(1).emit()[:-1], RtaError.ALARM_IND_ERROR),
+        (alarm(1).emit() + b"\0", RtaError.ALARM_IND_ERROR),
+        (alarm(1, high=True).emit(), RtaError.ALARM_IND_ERROR),
         (bytes(201), RtaError.ALARM_DATA_TOO_LONG),
     ],
 )
@@ -367,8 +366,8 @@ def test_a_faulty_alarm_ends_the_channel_unacknowledged(body, code):
 
 def test_an_alarm_before_the_answer_to_the_last_one_is_a_protocol_violation():
     device = device_end()
-    device.receive(to_device(DATA, 0xFFFF, 0xFFFE, emit_alarm(alarm(1))), 0)
-    device.receive(to_device(DATA, 0, 0xFFFE, emit_alarm(alarm(2))), 0)
+    device.receive(to_device(DATA, 0xFFFF, 0xFFFE, alarm(1).emit()), 0)
+    device.receive(to_device(DATA, 0, 0xFFFE, alarm(2).emit()), 0)
     assert device.events() == [
         AlarmReceived(alarm(1)),
         AlarmFailed(RtaError.PROTOCOL_VIOLATION, "an alarm before the AlarmAck of the one before was confirmed"),
@@ -378,13 +377,13 @@ def test_an_alarm_before_the_answer_to_the_last_one_is_a_protocol_violation():
 def test_an_alarm_ack_for_another_alarm_ends_the_channel():
     device = device_end()
     device.notify(alarm(1), 0)
-    device.receive(to_device(DATA, 0xFFFF, 0xFFFF, emit_alarm(acknowledge(alarm(2)))), 0)
+    device.receive(to_device(DATA, 0xFFFF, 0xFFFF, acknowledge(alarm(2)).emit()), 0)
     assert device.events() == [AlarmFailed(RtaError.ALARM_IND_ERROR, "an AlarmAck that answers another alarm")]
 
 
 def test_an_unexpected_alarm_ack_is_acknowledged_and_counted():
     device = device_end()
-    device.receive(to_device(DATA, 0xFFFF, 0xFFFE, emit_alarm(acknowledge(alarm(2)))), 0)
+    device.receive(to_device(DATA, 0xFFFF, 0xFFFE, acknowledge(alarm(2)).emit()), 0)
     assert [pdu.pdu_type for pdu in sent(device)] == [ACK]
     assert device.events() == []
     assert device.dropped == {"out-of-turn-alpmi-alarm-ack-ind": 1}
@@ -393,7 +392,7 @@ def test_an_unexpected_alarm_ack_is_acknowledged_and_counted():
 def test_an_alarm_ack_without_the_transport_acknowledgement_does_not_stop_the_timer():
     device = device_end(retries=1)
     device.notify(alarm(1), 0)
-    device.receive(to_device(DATA, 0xFFFF, 0xFFFE, emit_alarm(acknowledge(alarm(1)))), 0)
+    device.receive(to_device(DATA, 0xFFFF, 0xFFFE, acknowledge(alarm(1)).emit()), 0)
     assert device.events() == [AlarmAcknowledged(1, alarm(1), OK)]
     device.notify(alarm(2), 0)
     assert [pdu.type for pdu in sent(device)] == [RtaType.DATA, RtaType.ACK]
@@ -439,7 +438,7 @@ class OneSequence:
         self.received_before, self.expected = self.expected, (self.expected + 1) & 0x7FFF
         taken = parse_alarm(pdu.body)
         self.alarms.append(taken)
-        return [answer(ACK, self.sent_before), answer(DATA, self.send, emit_alarm(acknowledge(taken)))]
+        return [answer(ACK, self.sent_before), answer(DATA, self.send, acknowledge(taken).emit())]
 
     def talk(self, device):
         while frames := sent(device):
@@ -466,7 +465,7 @@ class ProfinetPy:
         while frames := sent(device):
             for pdu in frames:
                 before = self._listener._exp_seq_num
-                self._listener._process_alarm(emit_rta(pdu)[2:], pdu.frame_id == 0xFC01, bytes(6))
+                self._listener._process_alarm(pdu.emit()[2:], pdu.frame_id == 0xFC01, bytes(6))
                 if pdu.type == RtaType.DATA and self._listener._exp_seq_num != before:
                     self.alarms.append(parse_alarm(pdu.body))
                 answers, self._answers = self._answers, []
@@ -510,7 +509,7 @@ def test_a_peer_that_counts_twice_is_never_taken_for_one_that_counts_once():
         device.notify(alarm(1, high=high), 0)
         sent(device)
         device.receive(to_device(ACK, 0xFFFF, 0xFFFF, high=high), 0)
-        body = emit_alarm(acknowledge(alarm(1, high=high)))
+        body = acknowledge(alarm(1, high=high)).emit()
         device.receive(to_device(DATA, 0xFFFF, 0xFFFF, body, high=high), 0)
     assert len(device.events()) == 2
     assert not device.dropped

@@ -17,7 +17,7 @@ from pnfarm.protocols.profinet.alarms.channel import (
     AlarmRefusedError,
     PeerAborted,
 )
-from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge, emit_alarm
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification, acknowledge
 from pnfarm.protocols.profinet.wire.alarms.rta import RtaPdu, parse_rta
 
 #: What the wire does to a frame: the delays of its copies, in nanoseconds; none for a lost one.
@@ -130,7 +130,7 @@ def test_with_retries_enough_every_loss_is_made_good(fates, raised):
 bodies = st.one_of(
     st.just(b""),
     st.binary(max_size=40),
-    st.sampled_from((emit_alarm(alarm(1)), emit_alarm(acknowledge(alarm(1))), emit_alarm(alarm(1, high=True)))),
+    st.sampled_from((alarm(1).emit(), acknowledge(alarm(1)).emit(), alarm(1, high=True).emit())),
     st.just(bytes(400)),
 )
 numbers = st.one_of(st.sampled_from((0xFFFE, 0xFFFF, 0, 1, 0x7FFF)), st.integers(0, 0xFFFF))

@@ -40,13 +40,13 @@ from pnfarm.protocols.profinet.cm.device.events import (
 from pnfarm.protocols.profinet.cm.device.states import TRANSITIONS, CmdevEvent
 from pnfarm.protocols.profinet.errors import RtaError
 from pnfarm.protocols.profinet.rpc.fragments import Peer
-from pnfarm.protocols.profinet.wire.alarms.rta import RtaErrorPdu, emit_rta_error, parse_rta_error, rta_error
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaErrorPdu, error_pdu, parse_rta_error, rta_error
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks, parse_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.connect import ArRpcBlockReq, ArServerBlock
-from pnfarm.protocols.profinet.wire.cm.control import ControlCommand, control_response, emit_control_block
+from pnfarm.protocols.profinet.wire.cm.control import ControlCommand, control_response
 from pnfarm.protocols.profinet.wire.cm.expected import ModuleDiffBlock
-from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader, emit_read_request
+from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum, PnioStatus
 
 P = Plan()
@@ -194,10 +194,10 @@ def test_the_controllers_err_rta_ends_the_ar_without_an_answer():
     bench = Bench()
     key = bench.establish()
     bench.events()
-    frame = emit_rta_error(rta_error(0, 5, RtaError.ABORT_REQUEST)) + bytes(24)
+    frame = error_pdu(rta_error(0, 5, RtaError.ABORT_REQUEST)).emit() + bytes(24)
     bench.cm.receive_rta(frame, b"\x02" * 6, 0)
-    bench.cm.receive_rta(emit_rta_error(rta_error(1, 5, 13)), CONTROLLER_MAC, 0)
-    bench.cm.receive_rta(emit_rta_error(rta_error(0, 6, 13)), CONTROLLER_MAC, 0)
+    bench.cm.receive_rta(error_pdu(rta_error(1, 5, 13)).emit(), CONTROLLER_MAC, 0)
+    bench.cm.receive_rta(error_pdu(rta_error(0, 6, 13)).emit(), CONTROLLER_MAC, 0)
     assert bench.cm.ar(key) is not None
     assert bench.cm.dropped["rta-unknown-reference"] == 3
     bench.cm.receive_rta(frame, CONTROLLER_MAC, 0)
@@ -320,11 +320,11 @@ def test_a_malformed_confirmation_aborts_the_ar(change):
     bench, call = waiting_for_confirmation()
     answer = control_response(parse_blocks(call.payload)[0])
     payload = {
-        "command": emit_control_block(replace(answer, command=1)),
-        "session": emit_control_block(replace(answer, session_key=1)),
-        "type": emit_control_block(replace(answer, block_type=0x8110)),
+        "command": replace(answer, command=1).emit(),
+        "session": replace(answer, session_key=1).emit(),
+        "type": replace(answer, block_type=0x8110).emit(),
         "empty": b"",
-        "two": emit_control_block(answer) * 2,
+        "two": answer.emit() * 2,
     }[change]
     bench.cm.call_returned(call.token, PnioStatus(0, 0, 0, 0), payload, 0)
     assert bench.events()[0].error_code2 == RtaError.PROTOCOL_VIOLATION
@@ -446,7 +446,7 @@ def test_an_acyclic_ar_whose_tool_fell_silent_ends_with_its_activity_timeout():
     assert bench.cm.next_deadline() == silent
     # each of its calls restarts the time
     bench.now = silent - 1
-    bench.call(Opnum.READ, emit_read_request(IodReadReqHeader(1, tool.uuid, 0, 0, 1, 0xAFF0, 4096)))
+    bench.call(Opnum.READ, IodReadReqHeader(1, tool.uuid, 0, 0, 1, 0xAFF0, 4096).emit())
     bench.cm.handle_timeout(silent)
     assert bench.cm.ars == (tool,)
     bench.events()
@@ -489,7 +489,7 @@ def test_captured_err_rta_pdus_are_parsed_and_built():
     short = bytes.fromhex("fe01000000001401000600050004cf81fd00")
     pdu = parse_rta_error(short + bytes(10))
     assert (pdu.send_sequence, pdu.ack_sequence, pdu.status.error_code2) == (6, 5, 0)
-    assert emit_rta_error(pdu) == short
+    assert error_pdu(pdu).emit() == short
     assert parse_rta_error(bytes.fromhex("fe01000000001401000500050004cf81fd0b002a010e")).status.error_code2 == 11
 
 
@@ -507,7 +507,7 @@ def test_captured_err_rta_pdus_are_parsed_and_built():
     )
 )
 def test_err_rta_pdus_are_parsed_back(pdu):
-    assert parse_rta_error(emit_rta_error(pdu)) == pdu
+    assert parse_rta_error(error_pdu(pdu).emit()) == pdu
 
 
 @settings(max_examples=200)

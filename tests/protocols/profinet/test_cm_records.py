@@ -12,8 +12,8 @@ from pnfarm.protocols.profinet.cm.device.events import RecordWritten
 from pnfarm.protocols.profinet.cm.device.records import serve_write
 from pnfarm.protocols.profinet.errors import AccessError, CmrpcError, ConnectFault, ErrorCode, RecordError, pnio_error
 from pnfarm.protocols.profinet.records.store import IoData, NoRecords
-from pnfarm.protocols.profinet.wire.any_block import emit_block, parse_blocks
-from pnfarm.protocols.profinet.wire.block import RawBlock, emit_raw_block
+from pnfarm.protocols.profinet.wire.any_block import parse_blocks
+from pnfarm.protocols.profinet.wire.block import RawBlock
 from pnfarm.protocols.profinet.wire.records import identification
 from pnfarm.protocols.profinet.wire.records.iod import (
     NIL_UUID,
@@ -21,7 +21,6 @@ from pnfarm.protocols.profinet.wire.records.iod import (
     IodWriteReqHeader,
     RecordWrite,
     emit_multiple_write_request,
-    emit_read_request,
     emit_write_request,
     parse_read_response,
     parse_write_response,
@@ -53,7 +52,7 @@ def bench():
 
 def read(bench, index, slot=0, subslot=1, api=0, length=1024, uuid=UUID_1, target=NIL_UUID, opnum=2, room=32_000):
     request = IodReadReqHeader(5, uuid, api, slot, subslot, index, length, target)
-    return bench.call(opnum, emit_read_request(request), room)
+    return bench.call(opnum, request.emit(), room)
 
 
 def record(bench, index, **place):
@@ -149,7 +148,7 @@ def test_a_read_of_an_unknown_ar_is_refused(bench):
 
 
 def test_a_faulty_read_header_names_its_field(bench):
-    good = bytearray(emit_read_request(IodReadReqHeader(5, NIL_UUID, 0, 0, 1, 0xAFF0, 100)))
+    good = bytearray(IodReadReqHeader(5, NIL_UUID, 0, 0, 1, 0xAFF0, 100).emit())
     for position, octet, codes in ((1, 8, (8, 0)), (3, 61, (8, 1)), (4, 2, (8, 2)), (5, 1, (8, 3))):
         broken = bytes(good[:position]) + bytes([octet]) + bytes(good[position + 1 :])
         status, _ = bench.call(5, broken)
@@ -339,12 +338,12 @@ def test_im1_to_im4_are_there_when_the_drive_says_so():
     bench = Bench(replace(DRIVE, im0=replace(DRIVE.im0, im_supported=0b0110)))
     bench.establish()
     text = b"pump".ljust(32) + b"hall 3".ljust(22)
-    assert write(bench, 0xAFF1, emit_block(identification.ImText(0x21, text)))[0].ok
+    assert write(bench, 0xAFF1, identification.ImText(0x21, text).emit())[0].ok
     assert parse_blocks(record(bench, 0xAFF1)) == (identification.ImText(0x21, text),)
     assert parse_blocks(record(bench, 0xAFF2)) == (identification.ImText(0x22, b" " * 16),)
     assert read(bench, 0xAFF3)[0].error_code1 == 0xB0
-    assert write(bench, 0xAFF1, emit_block(identification.ImText(0x22, b" " * 16)))[0].error_code1 == 0xB8
-    assert write(bench, 0xAFF1, emit_raw_block(RawBlock(0x21, b"x")))[0].error_code1 == 0xB1
+    assert write(bench, 0xAFF1, identification.ImText(0x22, b" " * 16).emit())[0].error_code1 == 0xB8
+    assert write(bench, 0xAFF1, RawBlock(0x21, b"x").emit())[0].error_code1 == 0xB1
     assert write(bench, 0xAFF1, b"")[0].error_code1 == 0xB1
 
 

@@ -12,8 +12,8 @@ from pnfarm.protocols.profinet.alarms.channel import AlarmAcknowledged, AlarmCha
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmctlState
 from pnfarm.protocols.profinet.cm.controller.events import AlarmIndicated, ArAborted, ArFailed, ArReleased
 from pnfarm.protocols.profinet.errors import OK, ErrorCode, RtaError, pnio_error, rta_status
-from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, emit_alarm
-from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, emit_rta, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem
+from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, parse_rta
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
@@ -85,7 +85,7 @@ def test_there_is_nothing_to_acknowledge_without_a_connection() -> None:
     up = line()
     assert up.controller.alarms is None
     assert not up.controller.acknowledge_alarm(alarm(1), 0)
-    up.controller.receive_rta(emit_rta(parse_rta(bytes.fromhex("fe01000100141111fffffffe0000"))), DEVICE_MAC, 0)
+    up.controller.receive_rta(parse_rta(bytes.fromhex("fe01000100141111fffffffe0000")).emit(), DEVICE_MAC, 0)
     assert up.controller.dropped == {"rta-of-another-station": 1}
 
 
@@ -134,8 +134,8 @@ def test_a_faulty_alarm_ends_the_ar_in_every_state(ready: bool) -> None:
     if ready:
         up.ready()
         up.run()
-    pdu = replace(parse_rta(bytes.fromhex("fe01 0001 0014 1111 ffff fffe 0000")), body=emit_alarm(alarm(1, high=True)))
-    up.controller.receive_rta(emit_rta(pdu), DEVICE_MAC, up.now)
+    pdu = replace(parse_rta(bytes.fromhex("fe01 0001 0014 1111 ffff fffe 0000")), body=alarm(1, high=True).emit())
+    up.controller.receive_rta(pdu.emit(), DEVICE_MAC, up.now)
     (end,) = up.run()
     if ready:
         assert isinstance(end, ArAborted)
@@ -178,6 +178,6 @@ def test_alarm_frames_that_do_not_fit_are_counted() -> None:
     up = established()
     good = parse_rta(bytes.fromhex("fe01 0001 0014 1301 fffe ffff 0000"))
     for pdu in (good, replace(good, source=7), replace(good, pdu_type=0x23), replace(good, pdu_type=0x19)):
-        up.controller.receive_rta(emit_rta(pdu), DEVICE_MAC, 0)
+        up.controller.receive_rta(pdu.emit(), DEVICE_MAC, 0)
     assert up.controller.dropped == {"rta-late-ack": 1, "rta-reference": 1, "rta-version": 1, "rta-type": 1}
     assert up.run() == []

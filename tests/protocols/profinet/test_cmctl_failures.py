@@ -43,7 +43,7 @@ from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
 from pnfarm.protocols.profinet.wire.cm.connect import (
     ArBlockRes,
 )
-from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, parse_control_block
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock
 from pnfarm.protocols.profinet.wire.cm.expected import (
     ArInfo,
     DiffApi,
@@ -319,7 +319,7 @@ def test_application_ready_is_confirmed_again_and_after_a_plug_with_its_own_bloc
     assert up.ready()[0][1] == OK
     plug = ready_payload(up.controller.plan, BlockType.APPLICATION_READY_PLUG_REQ, alarm_sequence_number=5)
     ((_, status, payload),) = up.ready(plug)
-    answer = parse_control_block(split_blocks(payload)[0])
+    answer = ControlBlock.of(split_blocks(payload)[0])
     assert (status, answer.block_type, answer.alarm_sequence_number) == (OK, BlockType.APPLICATION_READY_PLUG_RES, 5)
     assert up.run() == [ApplicationReadyReceived(()), ApplicationReadyReceived((), after_plug=True)]
 

@@ -30,12 +30,12 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     RecordWriteDone,
 )
 from pnfarm.protocols.profinet.errors import OK, RtaError, rta_status
-from pnfarm.protocols.profinet.wire.alarms.rta import emit_rta_error, parse_rta_error, rta_error
+from pnfarm.protocols.profinet.wire.alarms.rta import error_pdu, parse_rta_error, rta_error
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.connect import (
     AlarmCrBlockRes,
 )
-from pnfarm.protocols.profinet.wire.records.iod import parse_read_request
+from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum, PnioStatus
 from pnfarm.wire.ethernet import VlanTag
 
@@ -117,7 +117,7 @@ def test_the_sequence_number_of_records_wraps() -> None:
     for n in range(4):
         up.controller.read_implicit(n, 0, 0, 1, 1, 8)
     assert [(e.tag, e.data) for e in up.run() if isinstance(e, RecordRead)] == [(n, b"record") for n in range(4)]
-    asked = [parse_read_request(call.payload).sequence_number for call in up.device.seen]
+    asked = [IodReadReqHeader.parse(call.payload).sequence_number for call in up.device.seen]
     assert asked == [0xFFFE, 0xFFFF, 0, 1]
 
 
@@ -171,7 +171,7 @@ def test_a_device_may_end_a_released_ar_with_its_own_rta_error() -> None:
     up = established(ScriptedDevice({Opnum.RELEASE: lambda *_: None}))
     up.controller.release(up.now)
     up.run()
-    pdu = emit_rta_error(rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.RELEASE_RECEIVED))
+    pdu = error_pdu(rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.RELEASE_RECEIVED)).emit()
     up.controller.receive_rta(pdu, DEVICE_MAC, up.now)
     assert up.run() == [ArReleased()]
 
@@ -266,7 +266,7 @@ def test_an_expired_watchdog_aborts_the_ar_and_tells_the_device_code_5() -> None
 def test_an_rta_error_of_the_device_aborts_the_ar_and_is_not_answered() -> None:
     up = established()
     up.controller.read_record("waits", 0, 0, 1, 1, 64)
-    pdu = emit_rta_error(rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.LINK_DOWN))
+    pdu = error_pdu(rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.LINK_DOWN)).emit()
     up.controller.receive_rta(pdu, DEVICE_MAC, up.now)
     waits, end = up.run()
     assert waits == RecordRead("waits", None, None, "the connection was aborted")
@@ -280,7 +280,7 @@ def test_an_rta_error_during_the_start_up_fails_it() -> None:
     up = line()
     up.controller.connect(0)
     up.run()
-    pdu = emit_rta_error(rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.CMI_TIMEOUT))
+    pdu = error_pdu(rta_error(1, DEVICE_ALARM_REFERENCE, RtaError.CMI_TIMEOUT)).emit()
     up.controller.receive_rta(pdu, DEVICE_MAC, 0)
     (end,) = up.run()
     assert isinstance(end, ArFailed)
@@ -289,9 +289,9 @@ def test_an_rta_error_during_the_start_up_fails_it() -> None:
 
 def test_rta_frames_of_others_change_nothing() -> None:
     up = established()
-    good = emit_rta_error(rta_error(1, DEVICE_ALARM_REFERENCE, 5))
+    good = error_pdu(rta_error(1, DEVICE_ALARM_REFERENCE, 5)).emit()
     up.controller.receive_rta(good, bytes(6), 0)
-    up.controller.receive_rta(emit_rta_error(rta_error(2, DEVICE_ALARM_REFERENCE, 5)), DEVICE_MAC, 0)
+    up.controller.receive_rta(error_pdu(rta_error(2, DEVICE_ALARM_REFERENCE, 5)).emit(), DEVICE_MAC, 0)
     up.controller.receive_rta(good[:9], DEVICE_MAC, 0)
     assert up.run() == []
     assert up.controller.state is CmctlState.DATA

@@ -27,11 +27,8 @@ from pnfarm.protocols.profinet.cm.controller.events import (
 )
 from pnfarm.protocols.profinet.errors import OK
 from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.cm.connect import (
-    ArServerBlock,
-    emit_ar_server_block,
-)
-from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, parse_control_block
+from pnfarm.protocols.profinet.wire.cm.connect import ArServerBlock
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand
 from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockRes
 from pnfarm.protocols.profinet.wire.records.iod import parse_write_request
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum, PnioStatus
@@ -48,7 +45,7 @@ def test_a_start_up_goes_from_connect_over_writes_and_prm_end_to_application_rea
     assert up.controller.state is CmctlState.W_ARDY
     ((call, status, payload),) = up.ready()
     assert (call, status) == ("call", OK)
-    assert parse_control_block(split_blocks(payload)[0]) == ControlBlock(
+    assert ControlBlock.of(split_blocks(payload)[0]) == ControlBlock(
         BlockType.APPLICATION_READY_RES, AR_UUID, 7, ControlCommand.DONE
     )
     assert up.run() == [ApplicationReadyReceived(()), ArEstablished()]
@@ -78,7 +75,7 @@ def test_a_device_that_assigns_another_input_frame_id_is_followed() -> None:
 def test_blocks_that_a_controller_does_not_need_are_passed_over() -> None:
     def more(status: PnioStatus, payload: bytes) -> tuple[PnioStatus, bytes]:
         unknown = bytes.fromhex("8999 0004 0100 abcd")
-        return status, unknown + payload + emit_ar_server_block(ArServerBlock(b"axis-01"))
+        return status, unknown + payload + ArServerBlock(b"axis-01").emit()
 
     up = line(ScriptedDevice({Opnum.CONNECT: more}))
     assert up.start()[-1] == ArEstablished()

@@ -16,7 +16,6 @@ from pnfarm.protocols.profinet.diagnosis import (
     Severity,
     diagnosis_blocks,
 )
-from pnfarm.protocols.profinet.wire.any_block import emit_block
 from pnfarm.protocols.profinet.wire.records.diagnosis import ChannelSpecifier, Direction, Maintenance, UserItem
 
 PLACE = (0x3A00, 1, 1)
@@ -215,7 +214,7 @@ MANUAL = {
 def test_the_layouts_of_a_drives_manual_come_out_octet_for_octet(name, length):
     entry, text = MANUAL[name]
     (block,) = diagnosis_blocks([entry], version=0x0001)
-    octets = emit_block(block)
+    octets = block.emit()
     assert octets.hex(" ", 2) == text
     assert len(octets) == length
 

@@ -19,9 +19,7 @@ from pnfarm.protocols.profinet.wire.records.diagnosis import (
     ExtChannelDiagnosis,
     MaintenanceItem,
     UserItem,
-    emit_diagnosis_data,
     emit_items,
-    parse_diagnosis_data,
     parse_items,
 )
 from pnfarm.protocols.profinet.wire.records.diagnosis_texts import describe_error_type
@@ -69,22 +67,22 @@ def test_an_item_that_is_cut_off_and_no_item_at_all_are_refused():
 def test_version_1_0_of_the_block_names_no_api():
     item = ChannelDiagnosis(0x8000, ChannelProperties(), 5)
     block = DiagnosisData(0, 1, 2, 0x8000, ChannelProperties(), 0x8000, (item,), 0x0100)
-    raw = emit_diagnosis_data(block)
+    raw = block.emit()
     assert raw.hex(" ", 2) == "0010 0012 0100 0001 0002 8000 0800 8000 8000 0800 0005"
     assert parse_blocks(raw) == (block,)
     with pytest.raises(ValueError, match="API 0"):
-        emit_diagnosis_data(DiagnosisData(1, 1, 2, 0x8000, ChannelProperties(), 0x8000, (item,), 0x0100))
+        DiagnosisData(1, 1, 2, 0x8000, ChannelProperties(), 0x8000, (item,), 0x0100).emit()
 
 
 def test_a_block_holds_items_of_one_usi():
     items = (UserItem(5, b"x"),)
     with pytest.raises(ValueError, match="0x0005"):
-        emit_diagnosis_data(DiagnosisData(0, 1, 2, 0x8000, ChannelProperties(), 0x8000, items))
+        DiagnosisData(0, 1, 2, 0x8000, ChannelProperties(), 0x8000, items).emit()
 
 
 def test_a_block_of_another_type_is_refused():
     with pytest.raises(DecodeError, match="bad-type"):
-        parse_diagnosis_data(RawBlock(0x0011, bytes(40)))
+        DiagnosisData.of(RawBlock(0x0011, bytes(40)))
 
 
 def test_error_types_in_words():

@@ -14,7 +14,6 @@ from pnfarm.protocols.profinet.wire.records.fsu import (
     FSU_DATA_ADJUST_INDEX,
     FsHello,
     FsuDataAdjust,
-    emit_fsu_data_adjust,
     parse_fsu_data_adjust,
 )
 from pnfarm.protocols.profinet.wire.records.iod import IodWriteReqHeader, emit_write_request
@@ -41,7 +40,7 @@ RECORD = FsuDataAdjust((FsHello(2, 300, 5, 500),))
 
 @given(st.builds(FsuDataAdjust, st.lists(hellos | others, max_size=4).map(tuple), version))
 def test_a_record_survives_the_wire(record):
-    assert parse_fsu_data_adjust(emit_fsu_data_adjust(record)) == record
+    assert parse_fsu_data_adjust(record.emit()) == record
 
 
 @given(st.binary(max_size=80) | st.binary(max_size=40).map(lambda data: b"\x06\x08\0\x24\1\0\0\0\6\0\0\x14" + data))
@@ -50,13 +49,13 @@ def test_any_octets_give_a_record_or_a_decode_error(data):
         record = parse_fsu_data_adjust(data)
     except DecodeError:
         return
-    assert parse_fsu_data_adjust(emit_fsu_data_adjust(record)) == record
+    assert parse_fsu_data_adjust(record.emit()) == record
 
 
 def test_the_first_hello_block_counts_and_other_blocks_are_kept():
     fast = RawBlock(0x0602, b"\0\0")
     record = FsuDataAdjust((fast, FsHello(1, 30, 3, 0), FsHello(0, 30, 3, 0)))
-    read = parse_fsu_data_adjust(emit_fsu_data_adjust(record))
+    read = parse_fsu_data_adjust(record.emit())
     assert read.hello == FsHello(1, 30, 3, 0)
     assert read.blocks[0] == fast
     assert FsuDataAdjust((fast,)).hello is None
@@ -81,7 +80,7 @@ def test_a_broken_record_is_refused_with_the_reason(octets, reason):
 
 @pytest.mark.skipif(shutil.which("tshark") is None, reason="needs tshark")
 def test_wireshark_reads_the_record_as_we_mean_it(tmp_path):
-    data = emit_fsu_data_adjust(RECORD)
+    data = RECORD.emit()
     header = IodWriteReqHeader(1, NIL_UUID, 0, 0, 0x8000, FSU_DATA_ADJUST_INDEX)
     args = emit_request_args(RequestArgs(4096, emit_write_request(header, data)), little_endian=True)
     pdu = RpcPdu(

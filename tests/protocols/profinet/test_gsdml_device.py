@@ -43,9 +43,9 @@ from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 from pnfarm.protocols.profinet.records.store import Index
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks
-from pnfarm.protocols.profinet.wire.block import RawBlock, emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.block import RawBlock, split_blocks
 from pnfarm.protocols.profinet.wire.dcp.blocks import BlockError, ResetToFactoryBlock
-from pnfarm.protocols.profinet.wire.records.identification import parse_identification_data, parse_im0
+from pnfarm.protocols.profinet.wire.records.identification import IdentificationData, Im0
 from pnfarm.table.image import IMAGE
 from pnfarm.wire.ethernet import EthernetFrame, emit_ethernet, parse_ethernet
 from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
@@ -114,7 +114,7 @@ def test_every_module_connects_as_the_file_says_without_a_difference(drive_model
         (block,) = split_blocks(answer)
         real = {
             (api.api, slot.slot, subslot): (slot.module_ident, ident)
-            for api in parse_identification_data(block).apis
+            for api in IdentificationData.of(block).apis
             for slot in api.slots
             for subslot, ident in slot.submodules
         }
@@ -177,7 +177,7 @@ def test_identification_is_at_the_access_point_as_the_file_says(drive_model):
     (dap,) = gsdml.daps
     records = Bench(device).records
     (block,) = split_blocks(records.read(None, 0, 0, 1, Index.IM0, 4096, 0))
-    im0 = parse_im0(block)
+    im0 = Im0.of(block)
     assert im0.order_id.decode().rstrip() == dap.info.order_number
     assert str(im0.hardware_revision) == dap.info.hardware_release
     prefix, *numbers = im0.software_revision
@@ -186,7 +186,7 @@ def test_identification_is_at_the_access_point_as_the_file_says(drive_model):
     carriers = [
         (slot.slot, subslot)
         for raw in split_blocks(records.read(None, 0, 0, 1, Index.IM0_FILTER_DATA, 4096, 0))
-        for api in parse_identification_data(raw).apis
+        for api in IdentificationData.of(raw).apis
         for slot in api.slots
         for subslot, _ in slot.submodules
     ]
@@ -215,7 +215,7 @@ def test_the_writeable_identification_records_are_those_of_the_file(drive_model,
 def test_multiple_write_is_taken_as_the_file_says(drive_model):
     gsdml, device = described(drive_model)
     assert gsdml.daps[0].multiple_write
-    block = emit_raw_block(RawBlock(0x0202, bytes(8)))
+    block = RawBlock(0x0202, bytes(8)).emit()
     port = gsdml.daps[0].ports[0].subslot
     written = tuple(ParameterRecord(0, 0, port, index, block) for index in (0x802B, 0x802F))
     both = station_of(replace(plan_of(gsdml), records=written), device)

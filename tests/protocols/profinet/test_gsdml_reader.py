@@ -6,6 +6,7 @@ import contextlib
 import re
 
 import pytest
+from gsdml_examples import ISLAND
 from gsdml_kit import HEAD, MINIATURE
 from gsdml_versions import VERSIONS, gsdml_of
 from hypothesis import given
@@ -410,3 +411,63 @@ def test_octet_lists_are_written_and_read_back(data):
 def test_the_miniature_is_written_and_read_back():
     gsdml = read()
     assert parse_gsdml(emit_gsdml(gsdml).encode()) == gsdml
+
+
+# texts of values, other languages, F parameters
+
+
+def island_with(old, new):
+    text = ISLAND.read_text(encoding="utf-8")
+    assert old in text
+    return parse_gsdml(text.replace(old, new, 1).encode())
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('ValueItemTarget="V_DELAY"', 'ValueItemTarget="V_NONE"',
+         r"line \d+: Ref/@ValueItemTarget is 'V_NONE', the ID of none that the file describes"),
+        ('<ValueItem ID="V_RANGE">', '<ValueItem ID="V_DELAY">',
+         r"line \d+: ValueItem/@ID is 'V_DELAY', as that of the ValueItem in line \d+; each has its own"),
+        ('Content="0"', 'Content=""', r"line \d+: Assign/@Content is '', allowed is a text that is not empty"),
+        ('BitOffset="0"', 'BitOffset="x"', r"line \d+: BitDataItem/@BitOffset is 'x', allowed is a number"),
+        ('F_SIL DefaultValue="SIL3"', 'F_SIL DefaultValue="SIL4"',
+         r"line \d+: F_SIL/@DefaultValue is 'SIL4', allowed is SIL1, SIL2, SIL3, NoSIL"),
+        ('F_Block_ID DefaultValue="0"', 'F_Block_ID DefaultValue="9"',
+         r"line \d+: F_Block_ID/@DefaultValue is '9', allowed is a number from 0 to 7"),
+        ('F_WD_Time DefaultValue="150" AllowedValues="10..10000"', 'F_WD_Time AllowedValues="10..70000"',
+         r"line \d+: F_WD_Time/@AllowedValues is '10..70000', allowed is numbers up to 65535"),
+        ('F_ParamDescCRC="4711" Index="4"', 'F_ParamDescCRC="4711"', r"F_ParameterRecordDataItem/@Index is missing"),
+        ("</Language>", "</Language>" + '<Language xml:lang="x{}"/>' * 101, r"line \d+: more than 100 languages"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_in_them_is_reported_with_its_line(old, new, sentence):
+    if "{}" in new:
+        new = new.format(*range(101))
+    with pytest.raises(DecodeError, match=sentence):
+        island_with(old, new)
+
+
+def test_other_languages_are_found_by_the_text_of_the_primary_one():
+    languages = parse_gsdml(ISLAND.read_bytes()).languages
+    assert list(languages.texts) == ["de"]
+    assert languages.translated("Serial gateway", "de") == "Serielles Gateway"
+    assert languages.translated("Serial gateway", "fr") == languages.translated("Serial gateway", "en") == (
+        "Serial gateway")  # fmt: skip
+    assert list(languages.wordings("Serial gateway")) == ["Serial gateway", "Serielles Gateway"]
+    assert list(read().languages.wordings("Too hot")) == ["Too hot"]
+
+
+def test_all_f_parameters_are_in_their_places():
+    gsdml = island_with(
+        '<F_WD_Time DefaultValue="150" AllowedValues="10..10000"/>',
+        '<F_WD_Time DefaultValue="150"/><F_WD_Time_2 DefaultValue="300"/>',
+    )
+    (submodule,) = gsdml.module("FDI4").submodules
+    record = submodule.f_parameters
+    assert (record.length, record.defaults().hex()) == (12, "0840" + "0001" * 2 + "0096" + "012c" + "d06c")
+    gsdml = island_with("<F_Par_CRC", '<F_iPar_CRC DefaultValue="0x01020304"/><F_Par_CRC')
+    (submodule,) = gsdml.module("FDI4").submodules
+    record = submodule.f_parameters
+    assert (record.length, record.defaults().hex()) == (14, "0840" + "0001" * 2 + "0096" + "01020304" + "d06c")
+    assert [ref.meaning(ref.value(record.defaults())) for ref in record.refs[:2]] == ["NoCheck", "SIL3"]

@@ -57,10 +57,11 @@ def records(size):
 
 ITEM = st.one_of(
     st.builds(
-        lambda kind, name, bits: DataItem(kind, DATA_TYPE_OCTETS[kind], name, bits),
+        lambda kind, name, as_bits, bits: DataItem(kind, DATA_TYPE_OCTETS[kind], name, as_bits, bits),
         st.sampled_from(sorted(DATA_TYPE_OCTETS)),
         TEXT,
         st.booleans(),
+        tuples(st.tuples(U16, TEXT), 2, unique_by=lambda bit: bit[0]),
     ),
     st.builds(DataItem, st.sampled_from(["OctetString", "VisibleString", "Own"]), st.integers(0, 100), TEXT),
 )
@@ -77,6 +78,7 @@ REF = st.builds(
     name=TEXT,
     changeable=st.booleans(),
     visible=st.booleans(),
+    texts=tuples(st.tuples(ID, TEXT), 2),
 )
 RECORD = st.builds(
     ParameterRecord,
@@ -104,7 +106,7 @@ SUBMODULE = st.builds(
     profisafe=st.booleans(),
 )
 ITEM_REF = st.builds(ItemRef, ID, NUMBERS, NUMBERS, NUMBERS)
-PORT = st.builds(PortSubmodule, MAYBE_ID, U32, U16, TEXT, NUMBERS, U32, U32, records(1))
+PORT = st.builds(PortSubmodule, MAYBE_ID, U32, U16, TEXT, NUMBERS, U32, U32, records(1), NUMBERS)
 RELATIONS = st.builds(
     Relations,
     startup_modes=TOKENS,
@@ -124,6 +126,7 @@ INTERFACE = st.builds(
     *[st.booleans()] * 4,
     relations=RELATIONS,
     records=records(1),
+    writeable_im=NUMBERS,
 )
 MODULE = st.builds(ModuleItem, ID, U32, INFO, NUMBERS, tuples(SUBMODULE, 2), tuples(PORT, 1), tuples(ITEM_REF, 2))
 DAP = st.builds(
@@ -165,14 +168,17 @@ DAP = st.builds(
     own_relations=st.none() | RELATIONS,
 )
 API = st.none() | U32
-EXTENDED = tuples(st.builds(ExtDiagnosis, U16, TEXT, TEXT)).map(lambda e: tuple(sorted(e, key=lambda x: x.error_type)))
-# those of profiles come after the others when they are read
-DIAGNOSIS = st.builds(ChannelDiagnosis, U16, TEXT, TEXT, API, EXTENDED)
+SEVERITIES = st.just(("D",)) | tuples(st.sampled_from(["D", "MR", "MD", "QD"]))
+EXTENDED = tuples(st.builds(ExtDiagnosis, U16, TEXT, TEXT, SEVERITIES)).map(
+    lambda e: tuple(sorted(e, key=lambda x: x.error_type))
+)
+DIAGNOSIS = st.builds(ChannelDiagnosis, U16, TEXT, TEXT, API, EXTENDED, SEVERITIES)
 UNIT = st.builds(UnitDiagnosis, U16, TEXT, TEXT, tuples(REF), API)
 
 
 def makers_first(items):
-    return tuple(sorted(items, key=lambda item: item.api is not None))
+    """In the order of reading: the standard's after the maker's, those of profiles last."""
+    return tuple(sorted(items, key=lambda item: (item.api is not None, getattr(item, "is_standard", False))))
 
 
 def named(items, letter):

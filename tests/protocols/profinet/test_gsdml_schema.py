@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 import pytest
+from gsdml_examples import ISLAND, SCANNER
 from gsdml_versions import VERSIONS, gsdml_of
 from lxml import etree
 
@@ -43,6 +44,11 @@ def test_a_models_file_follows_the_schema(schema, name):
 @pytest.mark.parametrize("version", VERSIONS[VERSIONS.index("2.32") :])
 def test_the_tests_own_files_of_later_versions_follow_the_schema(schema, version):
     assert complaints(schema, gsdml_of(version)) == []
+
+
+@pytest.mark.parametrize("path", [ISLAND, SCANNER])
+def test_the_examples_follow_the_schema(schema, path):
+    assert complaints(schema, path.read_text(encoding="utf-8")) == []
 
 
 @pytest.mark.parametrize(

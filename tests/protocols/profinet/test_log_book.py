@@ -4,7 +4,6 @@ from cm_support import UUID_1, Bench
 
 from pnfarm.protocols.profinet.errors import OK, PnioStatus
 from pnfarm.protocols.profinet.records.log_book import LogBook, LogDetail
-from pnfarm.protocols.profinet.wire.any_block import emit_block
 from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
 from pnfarm.protocols.profinet.wire.records.log_book import LogData, LogEntry
 
@@ -55,6 +54,6 @@ def test_the_end_of_a_connection_without_an_entry_has_no_uuid():
 
 def test_log_data_on_the_wire():
     entry = LogEntry(1_000_000_000, UUID_1, PnioStatus(0xCF, 0x81, 0xFD, 0x05), 3)
-    assert emit_block(LogData(2_000_000_000, (entry,))).hex() == (
+    assert LogData(2_000_000_000, (entry,)).emit().hex() == (
         "0019002c0100" + "0000000077359400" + "0001" + "000000003b9aca00" + UUID_1.hex + "cf81fd05" + "00000003"
     )

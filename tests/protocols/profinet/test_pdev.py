@@ -11,7 +11,7 @@ from pnfarm.protocols.profinet.lldp.agent import LldpPort, LocalPort, LocalSyste
 from pnfarm.protocols.profinet.records.pdev import InterfaceFacts, PdevIndex, PhysicalDevice
 from pnfarm.protocols.profinet.records.pdev_checks import CheckFailed, CheckPassed, PortCounters, PortFacts
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
-from pnfarm.protocols.profinet.wire.block import RawBlock, emit_raw_block, split_blocks
+from pnfarm.protocols.profinet.wire.block import RawBlock, split_blocks
 from pnfarm.protocols.profinet.wire.lldp.pdu import NameMode
 from pnfarm.protocols.profinet.wire.records import iod
 from pnfarm.protocols.profinet.wire.records import pdev as p
@@ -53,7 +53,7 @@ class Bench:
         return self.device.write(None, api, slot, subslot, index, data, now)
 
     def check(self, *checks, subslot=0x8001, now=T0):
-        assert self.write(0x802B, p.emit_port_data(p.PortDataCheck(0, subslot, checks)), subslot, now=now) is None
+        assert self.write(0x802B, p.PortDataCheck(0, subslot, checks).emit(), subslot, now=now) is None
         return self.device.events()
 
     def failing(self, subslot=0x8001):
@@ -126,7 +126,7 @@ def test_expected_data_holds_what_was_written_by_submodule():
     bench = Bench()
     assert bench.read(0xF842, subslot=0) == b""
     bench.check(peers())
-    assert bench.write(0x8071, p.emit_interface_adjust(p.InterfaceAdjust(1)), 0x8000) is None
+    assert bench.write(0x8071, p.InterfaceAdjust(1).emit(), 0x8000) is None
     found = parse_blocks(bench.read(0xF842, subslot=0))
     assert [(m.subslot, [b.block_type for b in m.blocks]) for m in found] == [(0x8000, [0x0250]), (0x8001, [0x0200])]
 
@@ -136,7 +136,7 @@ def test_expected_data_holds_what_was_written_by_submodule():
 
 def test_what_was_written_is_read_back_octet_for_octet_and_nothing_before():
     bench = Bench()
-    data = p.emit_port_data(p.PortDataAdjust(0, 0x8001, (b.AdjustMauType(0x10), b.AdjustDcpBoundary(1))))
+    data = p.PortDataAdjust(0, 0x8001, (b.AdjustMauType(0x10), b.AdjustDcpBoundary(1))).emit()
     assert bench.read(0x802F) == b""
     assert bench.write(0x802F, data) is None
     assert bench.read(0x802F) == data
@@ -154,7 +154,7 @@ def test_the_record_of_a_real_controller_is_taken_and_renames_us():
                         assert bench.write(index, write.data, subslot) is None, hex(index)
                         assert bench.read(index, subslot) == write.data
     assert bench.device.name_mode is NameMode.PORT_AND_STATION
-    assert bench.write(0x8071, p.emit_interface_adjust(p.InterfaceAdjust(0)), 0x8000) is None
+    assert bench.write(0x8071, p.InterfaceAdjust(0).emit(), 0x8000) is None
     assert bench.device.name_mode is NameMode.PORT
 
 
@@ -162,9 +162,9 @@ def test_a_boundary_mutes_lldp_at_its_port_until_it_is_taken_back():
     bench = Bench()
     for boundary, mute in ((1, {0x8001}), (6, set()), (3, {0x8001})):
         adjust = p.PortDataAdjust(0, 0x8001, (b.AdjustPeerToPeerBoundary(boundary),))
-        assert bench.write(0x802F, p.emit_port_data(adjust)) is None
+        assert bench.write(0x802F, adjust.emit()) is None
         assert bench.device.mute_ports == mute
-    assert bench.write(0x802F, p.emit_port_data(p.PortDataAdjust(0, 0x8001))) is None
+    assert bench.write(0x802F, p.PortDataAdjust(0, 0x8001).emit()) is None
     assert bench.device.mute_ports == set()
 
 
@@ -189,7 +189,7 @@ def test_a_read_of_another_api_or_into_too_little_space_is_refused():
     assert Bench().read(0x802A, max_length=20) == RecordError(AccessError.INVALID_RANGE)
 
 
-GOOD = p.emit_port_data(p.PortDataCheck(0, 0x8001, (peers(),)))
+GOOD = p.PortDataCheck(0, 0x8001, (peers(),)).emit()
 
 
 @pytest.mark.parametrize(
@@ -199,12 +199,12 @@ GOOD = p.emit_port_data(p.PortDataCheck(0, 0x8001, (peers(),)))
         (0x802B, 0x8001, GOOD[:-1], AccessError.WRITE_LENGTH_ERROR),
         (0x802B, 0x8001, GOOD + b"\0", AccessError.WRITE_LENGTH_ERROR),
         (0x802B, 0x8001, GOOD + GOOD, AccessError.WRITE_LENGTH_ERROR),
-        (0x802B, 0x8001, emit_raw_block(RawBlock(0x0200, GOOD[6:-4])), AccessError.WRITE_LENGTH_ERROR),
+        (0x802B, 0x8001, RawBlock(0x0200, GOOD[6:-4]).emit(), AccessError.WRITE_LENGTH_ERROR),
         (0x802F, 0x8001, GOOD, AccessError.INVALID_PARAMETER),
         (0x802B, 0x8002, GOOD, AccessError.INVALID_PARAMETER),
-        (0x802B, 0x8001, emit_raw_block(RawBlock(0x0200, GOOD[6:], 0x0200)), AccessError.INVALID_PARAMETER),
-        (0x8071, 0x8000, emit_raw_block(RawBlock(0x0250, bytes(4))), AccessError.WRITE_LENGTH_ERROR),
-        (0x8052, 0x8000, emit_raw_block(RawBlock(0x0213, bytes(4))), AccessError.INVALID_PARAMETER),
+        (0x802B, 0x8001, RawBlock(0x0200, GOOD[6:], 0x0200).emit(), AccessError.INVALID_PARAMETER),
+        (0x8071, 0x8000, RawBlock(0x0250, bytes(4)).emit(), AccessError.WRITE_LENGTH_ERROR),
+        (0x8052, 0x8000, RawBlock(0x0213, bytes(4)).emit(), AccessError.INVALID_PARAMETER),
         (0x802B, 0x8003, GOOD, AccessError.INVALID_SLOT_SUBSLOT),
         (0x802A, 0x8001, GOOD, AccessError.ACCESS_DENIED),
         (0x8080, 0x8000, GOOD, AccessError.ACCESS_DENIED),
@@ -218,7 +218,7 @@ def test_a_wrong_write_is_refused_and_changes_nothing(index, subslot, data, erro
     bench.check(peers())
     assert bench.write(index, data, subslot) == RecordError(error)
     assert bench.read(0x802B) == GOOD
-    assert bench.read(0xF842, subslot=0) == p.emit_multiple_block(p.MultipleBlock(0, 0, 0x8001, split_blocks(GOOD)))
+    assert bench.read(0xF842, subslot=0) == p.MultipleBlock(0, 0, 0x8001, split_blocks(GOOD)).emit()
 
 
 def test_it_handles_the_physical_devices_records_and_no_others():
@@ -238,7 +238,7 @@ def test_no_write_and_no_read_ever_raises(slot, subslot, index, data):
     for place in ((slot, subslot), (0, 0x8000), (0, 0x8001)):
         for what in (index, 0x802B, 0x802F, 0x8071):
             kind = {0x802B: 0x0200, 0x802F: 0x0202, 0x8071: 0x0250}.get(what, index)
-            for octets in (data, emit_raw_block(RawBlock(kind, data)), emit_raw_block(RawBlock(kind, bytes(4) + data))):
+            for octets in (data, RawBlock(kind, data).emit(), RawBlock(kind, bytes(4) + data).emit()):
                 assert isinstance(bench.write(what, octets, place[1], place[0]), RecordError | None)
                 assert isinstance(bench.read(what, place[1], place[0]), RecordError | bytes)
 

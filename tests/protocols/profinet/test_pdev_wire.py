@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.any_block import emit_block, parse_block
-from pnfarm.protocols.profinet.wire.block import RawBlock, split_blocks
+from pnfarm.protocols.profinet.wire.any_block import parse_block
+from pnfarm.protocols.profinet.wire.block import Block, RawBlock, split_blocks
 from pnfarm.protocols.profinet.wire.records import iod
 from pnfarm.protocols.profinet.wire.records import pdev as p
 from pnfarm.protocols.profinet.wire.records import pdev_port as b
@@ -72,20 +72,24 @@ def test_what_is_emitted_is_parsed_back(kind):
     @settings(max_examples=60)
     @given(BLOCKS[kind])
     def run(value):
-        (raw,) = split_blocks(emit_block(value))
+        (raw,) = split_blocks(value.emit())
         assert parse_block(raw) == value
 
     run()
 
 
-@given(st.sampled_from(sorted(p.PARSERS)), st.binary(max_size=200), u16)
+#: Types of the blocks of the physical device.
+PDEV_BLOCKS = {block_type for block_type, kind in Block.KINDS.items() if kind.__module__ == p.__name__}
+
+
+@given(st.sampled_from(sorted(PDEV_BLOCKS)), st.binary(max_size=200), u16)
 def test_any_octets_are_a_value_or_a_decode_error(kind, body, version):
     try:
-        value = p.PARSERS[kind](RawBlock(kind, body, version))
+        value = parse_block(RawBlock(kind, body, version))
     except DecodeError:
         return
-    (raw,) = split_blocks(emit_block(value))
-    assert p.PARSERS[kind](raw) == value
+    (raw,) = split_blocks(value.emit())
+    assert parse_block(raw) == value
 
 
 def wrapped(*subs_octets):
@@ -103,7 +107,7 @@ def test_padding_may_be_inside_or_after_a_block_or_be_missing():
     inside = UNPADDED[:3] + bytes([0x16]) + UNPADDED[4:] + b"\0"
     assert len(UNPADDED) == 25
     for octets in (UNPADDED + b"\0\0\0" + mau, UNPADDED + mau, inside + mau, inside + b"\0\0" + mau, mau + UNPADDED):
-        assert set(p.parse_port_data(wrapped(octets)).blocks) == {PEERS, b.CheckMauType(0x10)}
+        assert set(p.PortDataCheck.of(wrapped(octets)).blocks) == {PEERS, b.CheckMauType(0x10)}
 
 
 @pytest.mark.parametrize("filler", [b"\x0f", b"\x02", b"\xff"])
@@ -113,7 +117,7 @@ def test_padding_may_hold_anything(filler):
     wide = bytes.fromhex("020c 0006 0100 0010") + filler * 2 + filler * 2
     behind = UNPADDED + filler * 3
     for octets in (behind + mau, inside + filler * 2 + mau, wide + behind, mau + behind, wide + inside + filler * 2):
-        assert set(p.parse_port_data(wrapped(octets)).blocks) == {PEERS, b.CheckMauType(0x10)}
+        assert set(p.PortDataCheck.of(wrapped(octets)).blocks) == {PEERS, b.CheckMauType(0x10)}
 
 
 def test_every_block_ends_on_four_octets():
@@ -125,7 +129,7 @@ def test_every_block_ends_on_four_octets():
         b.AdjustDomainBoundary(1, 2),
     ):
         kind = p.PortDataCheck(0, 0x8001, (sub, b.CheckMauType(1)))
-        assert len(p.emit_port_data(kind)) % 4 == 0
+        assert len(kind.emit()) % 4 == 0
 
 
 @pytest.mark.parametrize(
@@ -140,7 +144,7 @@ def test_every_block_ends_on_four_octets():
 )
 def test_a_check_of_the_wrong_shape_is_refused(octets, reason):
     with pytest.raises(DecodeError) as caught:
-        p.parse_port_data(wrapped(octets))
+        p.PortDataCheck.of(wrapped(octets))
     assert caught.value.reason == reason
 
 
@@ -152,8 +156,8 @@ def test_what_real_controllers_write_is_reemitted_octet_for_octet(capture):
             for write in iod.parse_write_request(call.payload).writes:
                 if write.header.index in {0x802B, 0x802F, 0x8071}:
                     (raw,) = split_blocks(write.data)
-                    value = p.PARSERS[raw.block_type](raw)
-                    assert emit_block(value) == write.data
+                    value = parse_block(raw)
+                    assert value.emit() == write.data
                     seen.append(value)
     assert seen == [p.InterfaceAdjust(1)]
 
@@ -199,7 +203,7 @@ def test_a_dissector_reads_what_is(tmp_path):
     )
     statistic = p.PortStatistic(1, 2, 3, 4, 5, 6)
     partial = p.PortStatistic(1, 2, 3, 4, 5, 6, 0x3F, 0x0101)
-    real = [p.emit_port_data_real(port), p.emit_interface_data_real(interface), p.emit_port_statistic(statistic)]
+    real = [port.emit(), interface.emit(), statistic.emit()]
     both = p.MultipleBlock(0, 0, 0x8001, tuple(b for octets in (real[0], real[2]) for b in split_blocks(octets)))
     text = dissected(
         tmp_path,
@@ -207,8 +211,8 @@ def test_a_dissector_reads_what_is(tmp_path):
             (0x802A, 0x8001, real[0]),
             (0x8080, 0x8000, real[1]),
             (0x8072, 0x8001, real[2]),
-            (0x8072, 0x8001, p.emit_port_statistic(partial)),
-            (0xF841, 0, p.emit_multiple_block(both) * 2),
+            (0x8072, 0x8001, partial.emit()),
+            (0xF841, 0, both.emit() * 2),
         ],
     )
     assert text.count("PeerChassisID: switch") == 3
@@ -230,11 +234,11 @@ def test_a_dissector_reads_what_is_wanted(tmp_path):
     text = dissected(
         tmp_path,
         [
-            *[(0x802B, 0x8001, p.emit_port_data(p.PortDataCheck(0, 0x8001, (check,)))) for check in checks],
-            *[(0x802F, 0x8001, p.emit_port_data(p.PortDataAdjust(0, 0x8001, (adjust,)))) for adjust in adjusts],
-            (0x802B, 0x8001, p.emit_port_data(p.PortDataCheck(0, 0x8001, checks))),
-            (0x802F, 0x8001, p.emit_port_data(p.PortDataAdjust(0, 0x8001, adjusts))),
-            (0x8071, 0x8000, p.emit_interface_adjust(p.InterfaceAdjust(1))),
+            *[(0x802B, 0x8001, p.PortDataCheck(0, 0x8001, (check,)).emit()) for check in checks],
+            *[(0x802F, 0x8001, p.PortDataAdjust(0, 0x8001, (adjust,)).emit()) for adjust in adjusts],
+            (0x802B, 0x8001, p.PortDataCheck(0, 0x8001, checks).emit()),
+            (0x802F, 0x8001, p.PortDataAdjust(0, 0x8001, adjusts).emit()),
+            (0x8071, 0x8000, p.InterfaceAdjust(1).emit()),
         ],
     )
     for words in (

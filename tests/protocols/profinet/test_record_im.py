@@ -10,7 +10,6 @@ from record_support import DATA_PLACE, SEVERAL_CARRIERS, WITH_IM, connect_tool, 
 
 from pnfarm.protocols.profinet.description import ImCarrier
 from pnfarm.protocols.profinet.records.im import ImCleared, ImWritten
-from pnfarm.protocols.profinet.wire.any_block import emit_block
 from pnfarm.protocols.profinet.wire.dcp.blocks import ResetMode
 from pnfarm.protocols.profinet.wire.records.identification import ImText
 from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
@@ -29,7 +28,7 @@ def bench():
 
 def test_what_was_written_is_read_by_anyone_and_reported_once(bench):
     for index, text in ((0xAFF1, TAG), (0xAFF2, DATE), (0xAFF3, ImText(0x23, b"x" * 54)), (0xAFF4, SIGNATURE)):
-        assert write(bench, index, emit_block(text)) == 0
+        assert write(bench, index, text.emit()) == 0
         assert read_blocks(bench, index, uuid=NIL_UUID) == (text,)
     events = bench.records.im.events()
     assert events[0] == ImWritten(0, 1, 0xAFF1, TAG.text)
@@ -46,7 +45,7 @@ def test_texts_survive_the_machine_that_took_them():
     texts = {}
     bench = Bench(WITH_IM, texts=texts)
     bench.establish()
-    assert write(bench, 0xAFF1, emit_block(TAG)) == 0
+    assert write(bench, 0xAFF1, TAG.emit()) == 0
     assert read_blocks(Bench(WITH_IM, texts=texts), 0xAFF1, uuid=NIL_UUID) == (TAG,)
     # whatever a memory gives back, the block has its size
     texts[0, 1, 0xAFF2] = b"short"
@@ -58,7 +57,7 @@ def test_texts_survive_the_machine_that_took_them():
 
 @pytest.mark.parametrize("mode", ResetMode)
 def test_a_reset_to_factory_blanks_them_unless_it_is_about_communication(bench, mode):
-    write(bench, 0xAFF1, emit_block(TAG))
+    write(bench, 0xAFF1, TAG.emit())
     bench.records.im.events()
     bench.records.im.reset(mode)
     kept = mode is ResetMode.COMMUNICATION
@@ -67,17 +66,17 @@ def test_a_reset_to_factory_blanks_them_unless_it_is_about_communication(bench, 
 
 
 def test_texts_are_visible_characters_padded_with_blanks(bench):
-    assert write(bench, 0xAFF1, emit_block(ImText(0x21, b"tag".ljust(54, b"\0")))) == 0
+    assert write(bench, 0xAFF1, ImText(0x21, b"tag".ljust(54, b"\0")).emit()) == 0
     assert read_blocks(bench, 0xAFF1) == (ImText(0x21, b"tag".ljust(54)),)
     for octets in (b"tab\t", b"\x7f", "ü".encode("latin-1"), b"a\0b"):
-        assert write(bench, 0xAFF1, emit_block(ImText(0x21, octets.ljust(54)))) == 0xB8
+        assert write(bench, 0xAFF1, ImText(0x21, octets.ljust(54)).emit()) == 0xB8
     assert read_blocks(bench, 0xAFF1) == (ImText(0x21, b"tag".ljust(54)),)
 
 
 def test_what_is_no_im_block_changes_nothing(bench):
-    assert write(bench, 0xAFF1, emit_block(TAG)[:-1]) == 0xB1
-    assert write(bench, 0xAFF1, emit_block(TAG) * 2) == 0xB1
-    assert write(bench, 0xAFF1, emit_block(DATE)) == 0xB8
+    assert write(bench, 0xAFF1, TAG.emit()[:-1]) == 0xB1
+    assert write(bench, 0xAFF1, TAG.emit() * 2) == 0xB1
+    assert write(bench, 0xAFF1, DATE.emit()) == 0xB8
     assert read_blocks(bench, 0xAFF1) == (ImText(0x21, b" " * 54),)
     assert bench.records.im.events() == []
 
@@ -87,20 +86,20 @@ def test_only_what_im0_calls_supported_is_there():
     bench.establish()
     assert isinstance(read(bench, 0xAFF1), bytes)
     assert [read(bench, index) for index in (0xAFF2, 0xAFF4, 0xAFF5)] == [0xB0] * 3
-    assert write(bench, 0xAFF2, emit_block(DATE)) == 0xB0
+    assert write(bench, 0xAFF2, DATE.emit()) == 0xB0
 
 
 def test_a_submodule_without_its_own_answers_with_the_devices_and_takes_nothing(bench):
     assert read(bench, 0xAFF0, **DATA_PLACE) == read(bench, 0xAFF0)
-    assert write(bench, 0xAFF1, emit_block(TAG), **DATA_PLACE) == 0xB6
+    assert write(bench, 0xAFF1, TAG.emit(), **DATA_PLACE) == 0xB6
 
 
 def test_a_tool_may_write_them_while_no_controller_has_the_device():
     bench = Bench(WITH_IM)
     connect_tool(bench)
-    assert write(bench, 0xAFF1, emit_block(TAG), uuid=UUID_2) == 0
+    assert write(bench, 0xAFF1, TAG.emit(), uuid=UUID_2) == 0
     bench.establish()
-    assert write(bench, 0xAFF1, emit_block(TAG), uuid=UUID_2) == 0xB6
+    assert write(bench, 0xAFF1, TAG.emit(), uuid=UUID_2) == 0xB6
 
 
 def test_several_carriers_have_data_of_their_own_and_are_all_listed():
@@ -109,7 +108,7 @@ def test_several_carriers_have_data_of_their_own_and_are_all_listed():
     (im0,) = read_blocks(bench, 0xAFF0, **DATA_PLACE)
     assert im0.order_id == b"MODULE-1".ljust(20)
     assert read_blocks(bench, 0xAFF0)[0].order_id == DRIVE.im0.order_id.encode()
-    assert write(bench, 0xAFF1, emit_block(TAG), api=DRIVE_API, slot=1, subslot=1) == 0
+    assert write(bench, 0xAFF1, TAG.emit(), api=DRIVE_API, slot=1, subslot=1) == 0
     assert read_blocks(bench, 0xAFF1, **DATA_PLACE) == (TAG,)
     assert read_blocks(bench, 0xAFF1) == (ImText(0x21, b" " * 54),)
     # the module's carrier has I&M1 only, the device's all of them
@@ -134,5 +133,5 @@ def test_a_submodule_without_a_carrier_has_no_im():
     bench.establish()
     assert isinstance(read(bench, 0xAFF0, api=DRIVE_API, slot=1), bytes)
     assert read(bench, 0xAFF0) == 0xB0
-    assert write(bench, 0xAFF1, emit_block(TAG)) == 0xB0
+    assert write(bench, 0xAFF1, TAG.emit()) == 0xB0
     assert [b.block_type for b in read_blocks(bench, 0xF840)] == [0x30]

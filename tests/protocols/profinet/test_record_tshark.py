@@ -14,14 +14,8 @@ from record_support import DIAGNOSES, SEVERAL_CARRIERS
 
 from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.profinet.records.store import IoData
-from pnfarm.protocols.profinet.wire.any_block import emit_block
 from pnfarm.protocols.profinet.wire.records.identification import ImText, SubstituteValue
-from pnfarm.protocols.profinet.wire.records.iod import (
-    IodReadReqHeader,
-    IodWriteReqHeader,
-    emit_read_request,
-    emit_write_request,
-)
+from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader, IodWriteReqHeader, emit_write_request
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     PacketType,
     RequestArgs,
@@ -125,12 +119,12 @@ def tape(tmp_path_factory):
         (0xAFF2, DAP, ImText(0x22, b"2026-01-31 10:00")),
         (0x801E, AXIS, SubstituteValue(2, 0x80, bytes(12), 0x80)),
     ):
-        request = emit_write_request(IodWriteReqHeader(5, UUID_1, api, slot, subslot, index), emit_block(block))
+        request = emit_write_request(IodWriteReqHeader(5, UUID_1, api, slot, subslot, index), block.emit())
         status, answer = bench.call(WRITE, request, 8192)
         assert status.ok, (hex(index), status)
         made.call(WRITE, request, status, answer)
     for index, (api, slot, subslot) in READS:
-        request = emit_read_request(IodReadReqHeader(5, UUID_1, api, slot, subslot, index, 4096))
+        request = IodReadReqHeader(5, UUID_1, api, slot, subslot, index, 4096).emit()
         status, answer = bench.call(READ, request, 8192)
         assert status.ok, (hex(index), status)
         made.call(READ, request, status, answer)

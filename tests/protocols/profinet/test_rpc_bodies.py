@@ -12,8 +12,6 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.rpc.bodies import (
     CancelAckBody,
     CancelBody,
-    emit_cancel,
-    emit_cancel_ack,
     parse_cancel,
     parse_cancel_ack,
     parse_fack,
@@ -24,7 +22,7 @@ ids = st.integers(0, 0xFFFFFFFF)
 
 @given(ids, st.booleans())
 def test_cancels_are_read_back(cancel_id, little):
-    body = emit_cancel(CancelBody(cancel_id), little_endian=little)
+    body = CancelBody(cancel_id).emit(little_endian=little)
     assert len(body) == 8
     assert parse_cancel(body, little_endian=little) == CancelBody(cancel_id)
 
@@ -32,7 +30,7 @@ def test_cancels_are_read_back(cancel_id, little):
 @given(ids, st.booleans(), st.booleans())
 def test_cancel_acknowledgements_are_read_back_padded_or_not(cancel_id, accepting, little):
     ack = CancelAckBody(cancel_id, accepting)
-    body = emit_cancel_ack(ack, little_endian=little)
+    body = ack.emit(little_endian=little)
     assert len(body) == 9
     for octets in (body, body + bytes(3)):
         assert parse_cancel_ack(octets, little_endian=little) == ack

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from pnfarm.protocols.profinet.rpc.calls import TRANSITIONS, ClientEventKind, ClientState
 from pnfarm.protocols.profinet.rpc.client import CallFailed, CallReturned, Peer, RpcClient, RpcClientConfig
-from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody, emit_fack, parse_fack
+from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody, parse_fack
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     BODY_MAX,
     FRAGMENT_NONE,
@@ -296,7 +296,7 @@ def test_after_a_long_request_the_server_is_pinged_and_may_say_what_is_missing()
     put(caller, about(first, PacketType.FACK, fragment_number=1))
     _, [ping] = wait(caller)
     assert ping.kind == PacketType.PING
-    arrived = emit_fack(FackBody(5, 65536, 1464, ping.serial), little_endian=True)
+    arrived = FackBody(5, 65536, 1464, ping.serial).emit(little_endian=True)
     [again] = put(caller, about(first, PacketType.NOCALL, fragment_number=1, body=arrived))
     assert again.fragment_number == 2
     [again] = put(caller, about(first, PacketType.NOCALL, fragment_number=FRAGMENT_NONE))

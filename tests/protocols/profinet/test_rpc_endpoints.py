@@ -19,18 +19,16 @@ from pnfarm.protocols.profinet.wire.rpc.epm import (
     EntryHandle,
     EpmOpnum,
     EptEntry,
+    HandleFreed,
     Inquiry,
     LookupRequest,
     LookupResponse,
     Tower,
     VersionOption,
     annotation,
-    emit_handle,
     emit_lookup_request,
     emit_lookup_response,
     emit_tower,
-    parse_handle,
-    parse_handle_freed,
     parse_lookup_request,
     parse_lookup_response,
     parse_tower,
@@ -180,16 +178,16 @@ def test_the_mapper_gives_a_new_address_at_once():
 def test_a_handle_is_freed():
     tool = Tool(mapper())
     handle = tool.lookup(LookupRequest()).handle
-    answer = tool.ask(EpmOpnum.LOOKUP_HANDLE_FREE, emit_handle(handle, little_endian=True))
-    assert parse_handle_freed(answer.body, little_endian=True) == (NIL_HANDLE, 0)
+    answer = tool.ask(EpmOpnum.LOOKUP_HANDLE_FREE, handle.emit(little_endian=True))
+    assert HandleFreed.parse(answer.body, little_endian=True) == HandleFreed(NIL_HANDLE, 0)
 
 
 @pytest.mark.parametrize("opnum", [EpmOpnum.LOOKUP, EpmOpnum.LOOKUP_HANDLE_FREE])
 def test_a_freed_handle_is_a_context_mismatch_and_others_go_on(opnum):
     tool = Tool(mapper())
     handles = [tool.lookup(LookupRequest()).handle for _ in range(2)]
-    tool.ask(EpmOpnum.LOOKUP_HANDLE_FREE, emit_handle(handles[0], little_endian=True))
-    argument = emit_handle(handles[0], little_endian=True)
+    tool.ask(EpmOpnum.LOOKUP_HANDLE_FREE, handles[0].emit(little_endian=True))
+    argument = handles[0].emit(little_endian=True)
     if opnum == EpmOpnum.LOOKUP:
         argument = emit_lookup_request(LookupRequest(handle=handles[0]), little_endian=True)
     answer = tool.ask(opnum, argument)
@@ -203,7 +201,7 @@ def test_a_freed_handle_is_a_context_mismatch_and_others_go_on(opnum):
 @pytest.mark.parametrize("opnum", [EpmOpnum.LOOKUP, EpmOpnum.LOOKUP_HANDLE_FREE])
 def test_a_foreign_handle_is_a_context_mismatch(opnum):
     handle = EntryHandle(0, UUID("11111111-2222-3333-4444-555555555555"))
-    emit = emit_handle if opnum == EpmOpnum.LOOKUP_HANDLE_FREE else emit_lookup_request
+    emit = EntryHandle.emit if opnum == EpmOpnum.LOOKUP_HANDLE_FREE else emit_lookup_request
     argument = handle if opnum == EpmOpnum.LOOKUP_HANDLE_FREE else LookupRequest(handle=handle)
     answer = Tool(mapper()).ask(opnum, emit(argument, little_endian=True))
     assert answer.kind == PacketType.FAULT
@@ -311,7 +309,7 @@ def test_mutated_lookup_responses_give_a_value_or_a_decode_error(response, data)
 
 @given(st.binary(max_size=120), st.booleans())
 def test_any_octets_are_answered_or_refused(octets, little):
-    for parse in (parse_lookup_request, parse_lookup_response, parse_handle, parse_handle_freed):
+    for parse in (parse_lookup_request, parse_lookup_response, EntryHandle.parse, HandleFreed.parse):
         with suppress(DecodeError):
             parse(octets, little_endian=little)
     with suppress(DecodeError):

@@ -23,7 +23,6 @@ from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadReqHeader,
     IodWriteReqHeader,
-    emit_read_request,
     emit_write_request,
     parse_read_response,
     parse_write_response,
@@ -179,7 +178,7 @@ def test_a_60_kb_record_is_read_and_a_4_kb_record_written_through_cm(lost):
 
     net = Network([one := station(11, answer=serve)], [() if index == lost else PERFECT for index in range(200)])
     client = net.client("10.77.0.1")
-    read = emit_read_request(IodReadReqHeader(1, UUID_1, 0, 0, 1, 1, 60_000))
+    read = IodReadReqHeader(1, UUID_1, 0, 0, 1, 1, 60_000).emit()
     write = emit_write_request(IodWriteReqHeader(2, UUID_1, 0, 0, 1, 2), payload(4_096, 4))
     numbers = [net.call(client, one, read), net.call(client, one, write, opnum=Opnum.WRITE)]
     net.run(10_000 * MS)

@@ -34,13 +34,11 @@ from pnfarm.protocols.profinet.wire.records.iod import (
     IodReadResHeader,
     IodWriteReqHeader,
     IodWriteResHeader,
-    emit_read_request,
     emit_read_response,
     emit_write_request,
     emit_write_response,
-    parse_read_request,
 )
-from pnfarm.protocols.profinet.wire.rpc.bodies import CancelBody, emit_cancel
+from pnfarm.protocols.profinet.wire.rpc.bodies import CancelBody
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     OK,
     RPC_PORT,
@@ -214,14 +212,14 @@ def test_wireshark_reads_a_fragmented_exchange_each_way(tmp_path, little):
 
     def serve(event: CallReceived) -> bytes:
         if event.opnum == Opnum.READ:
-            asked = parse_read_request(event.payload)
+            asked = IodReadReqHeader.parse(event.payload)
             header = IodReadResHeader(1, asked.ar_uuid, 0, 0, 1, asked.index, read_size)
             return emit_read_response(header, bytes(read_size))
         return emit_write_response((IodWriteResHeader(2, UUID_1, 0, 0, 1, 2, 0, 0, 0, OK),))
 
     net = Network([one := Station(Peer(ADDRESS, RPC_PORT), answer=serve)])
     client = net.client("10.77.0.1")
-    read = emit_read_request(IodReadReqHeader(1, UUID_1, 0, 0, 1, 1, read_size))
+    read = IodReadReqHeader(1, UUID_1, 0, 0, 1, 1, read_size).emit()
     net.call(client, one, read, little_endian=little)
     net.run(1_000 * MS)
     write = emit_write_request(IodWriteReqHeader(2, UUID_1, 0, 0, 1, 2), bytes(write_size))
@@ -286,7 +284,7 @@ def test_wireshark_reads_every_kind_of_pdu(tmp_path, little):
 def test_wireshark_reads_a_cancel_with_its_number(tmp_path):
     device = server()
     put(device, request(1))
-    cancel = about(request(1), PacketType.CL_CANCEL, body=emit_cancel(CancelBody(7), little_endian=True))
+    cancel = about(request(1), PacketType.CL_CANCEL, body=CancelBody(7).emit(little_endian=True))
     [ack] = put(device, cancel)
     client, own = Peer(PEER.ip, 49152), Peer(ADDRESS, RPC_PORT)
     path = written(tmp_path / "cancel.pcap", [(client, own, emit_rpc(cancel)), (own, client, emit_rpc(ack))])

@@ -33,12 +33,7 @@ from pnfarm.protocols.profinet.rpc.server import (
     RpcServer,
     ServerState,
 )
-from pnfarm.protocols.profinet.wire.rpc.bodies import (
-    CancelAckBody,
-    CancelBody,
-    emit_cancel,
-    parse_cancel_ack,
-)
+from pnfarm.protocols.profinet.wire.rpc.bodies import CancelAckBody, CancelBody, parse_cancel_ack
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     BODY_MAX,
     NIL_UUID,
@@ -329,7 +324,7 @@ def test_a_cancel_is_reported_and_acknowledged():
     device = server()
     put(device, request())
     call = received(device).call
-    cancel = replace(about(request(), PacketType.CL_CANCEL), body=emit_cancel(CancelBody(1), little_endian=True))
+    cancel = replace(about(request(), PacketType.CL_CANCEL), body=CancelBody(1).emit(little_endian=True))
     for _ in range(2):
         [answer] = put(device, cancel)
         assert answer.kind == PacketType.CANCEL_ACK

@@ -9,11 +9,7 @@ from rpc_support import MS, about, big_answer, fragments, put, received, request
 from pnfarm.protocols.profinet.rpc.server import (
     ServerState,
 )
-from pnfarm.protocols.profinet.wire.rpc.bodies import (
-    FackBody,
-    emit_fack,
-    parse_fack,
-)
+from pnfarm.protocols.profinet.wire.rpc.bodies import FackBody, parse_fack
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     BODY_MAX,
     FRAGMENT_NONE,
@@ -114,7 +110,7 @@ def test_a_long_answer_waits_for_each_fragment_to_be_acknowledged():
 def test_an_advertised_window_lets_several_fragments_out():
     device = server()
     big_answer(device)
-    body = emit_fack(FackBody(8, 65536, 1464, 0), little_endian=True)
+    body = FackBody(8, 65536, 1464, 0).emit(little_endian=True)
     burst = put(device, replace(about(request(), PacketType.FACK, fragment_number=0), body=body))
     assert [(part.fragment_number, part.wants_fack) for part in burst] == [(1, False), (2, True)]
     burst = put(device, replace(about(request(), PacketType.FACK, fragment_number=2), body=body))
@@ -124,7 +120,7 @@ def test_an_advertised_window_lets_several_fragments_out():
 def test_a_fack_that_shows_a_gap_makes_the_server_go_back():
     device = server()
     big_answer(device)
-    body = emit_fack(FackBody(8, 65536, 1464, 0), little_endian=True)
+    body = FackBody(8, 65536, 1464, 0).emit(little_endian=True)
     put(device, replace(about(request(), PacketType.FACK, fragment_number=0), body=body))
     burst = put(device, replace(about(request(), PacketType.FACK, fragment_number=1), body=body))
     assert burst[0].fragment_number == 2

@@ -19,13 +19,7 @@ from pnfarm.protocols.profinet.rpc.events import (
     RpcServerConfig,
 )
 from pnfarm.protocols.profinet.rpc.server import CallCancelled, CallReceived, Peer, RpcServer, ServerState
-from pnfarm.protocols.profinet.wire.rpc.bodies import (
-    CancelAckBody,
-    CancelBody,
-    emit_cancel,
-    parse_cancel_ack,
-    parse_fack,
-)
+from pnfarm.protocols.profinet.wire.rpc.bodies import CancelAckBody, CancelBody, parse_cancel_ack, parse_fack
 from pnfarm.protocols.profinet.wire.rpc.epm import LookupRequest, emit_lookup_request
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     FRAGMENT_NONE,
@@ -44,7 +38,7 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
 
 CALL = request(5, bytes(3_000))
 PARTS = fragments(CALL)
-CANCEL = emit_cancel(CancelBody(7), little_endian=True)
+CANCEL = CancelBody(7).emit(little_endian=True)
 ATMO = {"flags1": 0}  # at most once: the idempotent flag is not set
 
 
@@ -310,7 +304,7 @@ def test_a_cancel_that_comes_too_late_is_reported_as_late(little):
     put(device, call)
     device.respond(received(device).call, OK, b"", 0)
     sent(device)
-    [ack] = put(device, about(call, PacketType.CL_CANCEL, body=emit_cancel(CancelBody(9), little_endian=little)))
+    [ack] = put(device, about(call, PacketType.CL_CANCEL, body=CancelBody(9).emit(little_endian=little)))
     assert parse_cancel_ack(ack.body, little_endian=little) == CancelAckBody(9, accepting=False)
     assert device.events() == []
 

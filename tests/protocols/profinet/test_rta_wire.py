@@ -26,7 +26,6 @@ from pnfarm.protocols.profinet.wire.alarms.notification import (
     acknowledge,
     alarm_type_text,
     describe_alarm,
-    emit_alarm,
     emit_alarm_items,
     parse_alarm,
     parse_alarm_items,
@@ -96,7 +95,7 @@ acks = st.builds(
 
 @given(pdus, st.binary(max_size=40))
 def test_an_rta_pdu_survives_the_wire_and_the_padding_after_it(pdu, padding):
-    octets = rta.emit_rta(pdu)
+    octets = pdu.emit()
     assert rta.parse_rta(octets) == pdu
     assert rta.parse_rta(octets + padding) == pdu
 
@@ -107,7 +106,7 @@ def test_any_octets_give_an_rta_pdu_or_a_decode_error(data):
         pdu = rta.parse_rta(data)
     except DecodeError:
         return
-    assert data.startswith(rta.emit_rta(pdu))
+    assert data.startswith(pdu.emit())
 
 
 def test_a_pdu_of_a_reserved_type_and_version_keeps_its_numbers():
@@ -129,14 +128,14 @@ def test_sequence_numbers_start_at_ffff_and_run_to_7fff():
 
 @given(st.one_of(notifications, acks))
 def test_an_alarm_block_survives_the_wire(alarm):
-    assert parse_alarm(emit_alarm(alarm)) == alarm
+    assert parse_alarm(alarm.emit()) == alarm
 
 
 @given(
     st.one_of(
         st.binary(max_size=80),
-        st.binary(max_size=60).map(lambda tail: emit_alarm(AlarmNotification(1, 0, 1, 1)) + tail),
-        st.tuples(notifications, st.integers(0, 80)).map(lambda pair: emit_alarm(pair[0])[: pair[1]]),
+        st.binary(max_size=60).map(lambda tail: AlarmNotification(1, 0, 1, 1).emit() + tail),
+        st.tuples(notifications, st.integers(0, 80)).map(lambda pair: pair[0].emit()[: pair[1]]),
     )
 )
 def test_any_octets_give_an_alarm_block_or_a_decode_error(data):
@@ -144,7 +143,7 @@ def test_any_octets_give_an_alarm_block_or_a_decode_error(data):
         alarm = parse_alarm(data)
     except DecodeError:
         return
-    assert emit_alarm(alarm) == data
+    assert alarm.emit() == data
 
 
 @given(st.binary(max_size=90))
@@ -176,7 +175,7 @@ def test_an_unknown_block_is_no_alarm():
     with pytest.raises(DecodeError, match="bad-type"):
         parse_alarm(bytes.fromhex("0101 0002 0100"))
     with pytest.raises(DecodeError, match="trailing"):
-        parse_alarm(emit_alarm(AlarmAck(1, 0, 1, 1)) + b"\0")
+        parse_alarm(AlarmAck(1, 0, 1, 1).emit() + b"\0")
 
 
 # Words
@@ -224,12 +223,12 @@ def test_captured_alarms_are_parsed_and_built_again_octet_by_octet():
     alarms = []
     for octets in captured():
         pdu = rta.parse_rta(octets)
-        assert octets.startswith(rta.emit_rta(pdu))
+        assert octets.startswith(pdu.emit())
         if pdu.type == rta.RtaType.DATA:
             alarms.append(parse_alarm(pdu.body))
-            assert emit_alarm(alarms[-1]) == pdu.body
+            assert alarms[-1].emit() == pdu.body
         elif pdu.type == rta.RtaType.ERR:
-            assert octets.startswith(rta.emit_rta_error(rta.error_of(pdu)))
+            assert octets.startswith(rta.error_pdu(rta.error_of(pdu)).emit())
     process, process_ack, diagnosis, diagnosis_ack, gone, submodule = alarms
     assert process == AlarmNotification(
         AlarmType.PROCESS, 0, 1, 1, 0x30, 0x130, 0, (AlarmItem(0x0010, b"\x01"),), high=True
@@ -250,7 +249,7 @@ def test_captured_alarms_are_parsed_and_built_again_octet_by_octet():
 @given(st.one_of(st.tuples(), st.lists(single_items, max_size=4).map(tuple)), notifications)
 def test_scapy_reads_what_is_built(entries, alarm):
     alarm = replace(alarm, items=entries, high=False, version=0x0100)
-    packet = AlarmNotification_Low(emit_alarm(alarm))
+    packet = AlarmNotification_Low(alarm.emit())
     assert (packet.AlarmType, packet.API, packet.SlotNumber, packet.SubslotNumber, packet.AlarmSpecifier) == (
         alarm.alarm_type,
         alarm.api,
@@ -271,9 +270,9 @@ def test_a_dissector_reads_what_is_built(tmp_path):
     channel = AlarmItem(0x8000, bytes.fromhex("8000 0800 0010"))
     alarm = AlarmNotification(AlarmType.DIAGNOSIS, 0x3A00, 1, 2, 0x100, 0x68, 0xA805, (maintenance, channel))
     refused = pnio_error(ErrorCode.ALARM_ACK, 0x3C, 1)
-    vars_ = [emit_alarm(alarm), emit_alarm(acknowledge(replace(alarm, high=True), refused))]
+    vars_ = [alarm.emit(), acknowledge(replace(alarm, high=True), refused).emit()]
     packets = [
-        Ether(type=0x8892) / rta.emit_rta(rta.RtaPdu(frame_id, 1, 2, 0x11, 0x11, 3, 4, body))
+        Ether(type=0x8892) / rta.RtaPdu(frame_id, 1, 2, 0x11, 0x11, 3, 4, body).emit()
         for frame_id, body in zip((0xFE01, 0xFC01), vars_, strict=True)
     ]
     path = tmp_path / "alarms.pcap"

@@ -236,7 +236,7 @@ export function Drive({name, tab}) {
       <div class="bar" role="group" aria-label="Usual faults, and the supply">
       <${Act} kind="hot" title="fall silent until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
       <${Act} kind="hot" title="raise fault 702" onClick=${() => inject({kind: "f702", ...on})}>f702<//>
-      <${Act} kind="hot" title="the sign of life stands still for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
+      <${Act} kind="hot" title="the sign of life freezes for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
       <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => inject({kind: "link-down", for: "2s", ...on})}>cable 2 s<//>
       <a class="button" href=${"#/faults?on=" + encodeURIComponent(name)}>other fault…</a>
       ${row.state === -1 ? html`<${Act} title="switch the supply on" onClick=${() => power("power-on")}>Power on<//>` : html`<${Act} title="cut the supply" onClick=${() => power("power-off")}>Power off<//>`}</div>

@@ -127,7 +127,7 @@ function Form({kinds, on, again, names}) {
       <div class="bar send"><${SubmitButton} kind=${kind}/><${Reach} spec=${spec}/></div>
       <dl class="facts"><div><dt>On the wire</dt><dd>${kind.wire}</dd></div><div><dt>Controllers report</dt><dd>${kind.reports}</dd></div>
         ${Object.entries(kind.buses).map(([bus, one]) => html`<div key=${bus}><dt>${bus}</dt><dd>${one.refused || [one.wire, one.reports].filter(Boolean).join(" ") || "as above"}</dd></div>`)}</dl>
-    </form>` : html`<p class="dim">Choose a kind of fault: it tells what a capture shows and what controllers report.</p>`}</div></div>`;
+    </form>` : html`<p class="dim">Choose a kind of fault: the form then shows what is on the wire and what controllers report.</p>`}</div></div>`;
 }
 
 function SubmitButton({kind}) {

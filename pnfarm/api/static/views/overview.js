@@ -77,7 +77,7 @@ function Selection({selected, select, shown}) {
     <div class="bar" role="group" aria-label="Faults for the selected drives">
     <${Act} kind="hot" title="fall silent until the controller's watchdog has expired" onClick=${() => inject({kind: "timeout", ...on})}>timeout<//>
     <${Act} kind="hot" title="raise fault 702" onClick=${() => inject({kind: "f702", ...on})}>f702<//>
-    <${Act} kind="hot" title="the sign of life stands still for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
+    <${Act} kind="hot" title="the sign of life freezes for 2 s" onClick=${() => inject({kind: "sign-of-life-loss", for: "2s", ...on})}>sign-of-life-loss<//>
     <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => inject({kind: "link-down", for: "2s", ...on})}>cable 2 s<//>
     <a class="button" href=${"#/faults?on=" + encodeURIComponent(names.join(","))}>other fault…</a>
     <${Act} title="off and on again" onClick=${() => each("power-cycle", `${plural(names.length, "drive")} power-cycled`)}>Power-cycle<//></div>

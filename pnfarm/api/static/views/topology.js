@@ -53,7 +53,7 @@ export function Topology() {
         <${Act} kind=${"cable " + (down.has(drive.name) ? "open" : drive.connected ? "live" : "idle")} title=${down.has(drive.name) ? "plug the cable" : "pull the cable"} label=${`${down.has(drive.name) ? "Plug" : "Pull"} the cable of ${drive.name}`} onClick=${() => pull(drive)}>${down.has(drive.name) ? "✕ pulled" : drive.connected ? "━ " + time(drive.cycle_seconds) : "┄ no data"}<//>
         <div><div class="line"><a href=${"#/drive/" + encodeURIComponent(drive.name)}>${drive.name}</a> <${State} drive=${drive}/></div>
           <div class="dim small">${[drive.ip || (drive.address === null ? "no address" : `station ${drive.address}`), drive.mac.startsWith("00:00:00") ? "" : drive.mac,
-            drive.neighbours.length ? `hears ${drive.neighbours.join(", ")} by LLDP` : ""].filter(Boolean).join(" · ")}</div></div></li>`)}</ul>
+            drive.neighbours.length ? `LLDP neighbours: ${drive.neighbours.join(", ")}` : ""].filter(Boolean).join(" · ")}</div></div></li>`)}</ul>
       ${members.length > MOST ? html`<p class="dim">and ${members.length - MOST} more, see the overview</p>` : null}</div>`)}
   </section>`;
 }

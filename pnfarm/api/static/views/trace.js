@@ -31,7 +31,7 @@ function Picture({recording, signals}) {
   const times = recording.time, range = zoom || [times[0] || 0, times[times.length - 1] || 1];
   const bitsOf = word => signals.filter(one => one.signal.startsWith(word + ".")).map((one, bit) => ({bit, name: one.signal.split(".")[1]}));
   return html`<div>
-    ${times.length ? html`<p class="dim small">Drag over a plot to zoom all, double-click to go back. The cursor's values stand beside each plot, and each bit's at its row.</p>` : null}
+    ${times.length ? html`<p class="dim small">Drag over a plot to zoom all, double-click to go back. The cursor's values are beside each plot, and each bit's at its row.</p>` : null}
     ${plots.map((columns, place) => html`<${Plot} key=${recording.time[0] + columns.map(one => one.signal).join()} height=${columns[0].form === "real" ? 190 : 110} cursor="trace" range=${range} onZoom=${setZoom} onCursor=${place === 0 ? setAt : null}
       label=${`${columns.map(one => one.signal).join(", ")} from ${range[0].toFixed(3)} to ${range[1].toFixed(3)} s`}
       series=${columns.map(one => ({label: one.signal, unit: one.unit, stepped: one.form !== "real", names: one.labels}))} data=${[times, ...columns.map(one => one.values)]}/>`)}

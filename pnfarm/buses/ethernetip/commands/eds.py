@@ -3,42 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+from pnfarm.terminal.description_file import FolderOption, ModelArgument, write_description
 
 __all__ = ["eds"]
 
 
-def eds(
-    model: Annotated[str, typer.Argument(metavar="MODEL", help="Drive model, one of `pnfarm models`.")],
-    directory: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder for the file, made if need be; - prints it.", allow_dash=True
-        ),
-    ] = Path(),
-) -> None:
+def eds(model: ModelArgument, directory: FolderOption = Path()) -> None:
     """Write a model's EDS file, which describes the virtual drive, and print its path."""
     from pnfarm.buses.ethernetip.description.sheet import comments, describe_model, file_name
-    from pnfarm.drives import catalogue
-    from pnfarm.errors import ConfigError, EnvironmentError_
     from pnfarm.protocols.enip.eds import emit_eds
-    from pnfarm.terminal.output import print_line, print_next
 
-    described = catalogue.model(model)
-    octets = emit_eds(describe_model(described), comments(described))
-    if str(directory) == "-":
-        typer.echo(octets, nl=False)
-        return
-    name = file_name(described)
-    if directory.suffix.lower() == ".eds" and not directory.is_dir():
-        raise ConfigError(f"{directory} is not a folder; give the folder, the file is called {name}")
-    path = directory / name
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(octets)
-    except OSError as exc:
-        raise EnvironmentError_(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
-    print_line(str(path))
-    print_next("install it in the engineering tool (docs/drives/index.md says where)")
+    write_description(model, directory, ".eds", file_name, lambda one: emit_eds(describe_model(one), comments(one)))

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from pnfarm.buses.ethernetip.config.values import Rpi
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
 from pnfarm.config.section import Section
-from pnfarm.config.values import Cidr, Duration, NamePattern, OctetString
-from pnfarm.vocabulary.durations import format_duration
-from pnfarm.vocabulary.problem import Problem
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from pnfarm.config.values import Cidr, Duration, NamePattern, OctetString, between
 
 __all__ = ["USUAL_RPI_NS", "EdsDevice", "EthernetIpController"]
 
@@ -23,14 +18,7 @@ __all__ = ["USUAL_RPI_NS", "EdsDevice", "EthernetIpController"]
 USUAL_RPI_NS = 10_000_000
 LEAST_REQUEST_NS, MOST_REQUEST_NS = 10_000_000, 60_000_000_000
 
-
-def _within_request_bounds(value: int) -> int:
-    if not LEAST_REQUEST_NS <= value <= MOST_REQUEST_NS:
-        raise Problem(f"is {format_duration(value)}", "10ms to 60s")
-    return value
-
-
-RequestTime = Annotated[Duration, AfterValidator(_within_request_bounds)]
+RequestTime = Annotated[Duration, between(LEAST_REQUEST_NS, MOST_REQUEST_NS, "10ms to 60s")]
 
 
 class EdsDevice(Section):
@@ -100,7 +88,3 @@ class EthernetIpController(IpController):
     devices: list[EdsDevice] = Field(
         default_factory=list, max_length=MAX_DRIVES, description="Further devices, each by its EDS file."
     )
-
-    @property
-    def device_names(self) -> Sequence[str]:
-        return [device.name for device in self.devices]

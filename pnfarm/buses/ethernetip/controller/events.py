@@ -7,17 +7,9 @@ from pnfarm.buses.controllers.events import ConnectionBroken, PhaseChanged, Rele
 from pnfarm.station.event import Event, event, shown
 
 __all__ = [
-    "ConnectFailed",
-    "Connected",
-    "ConnectionBroken",
-    "IdentityDiffers",
-    "IdentityUnread",
-    "OldConnectionClosed",
-    "PhaseChanged",
-    "Released",
-    "SessionLost",
-    "SessionResumed",
-]
+    "ConnectFailed", "Connected", "ConnectionBroken", "IdentityDiffers", "IdentityUnread", "OldConnectionClosed",
+    "PhaseChanged", "Released", "SessionLost", "SessionResumed",
+]  # fmt: skip
 
 
 @event()

@@ -38,9 +38,9 @@ class Identification:
 
 def parse_identification(data: bytes) -> Identification:
     """The answer to Get_Attributes_All, which may have more behind it.  Raises ``short``."""
-    r = Reader(data)
-    vendor, device_type, product = r.u16le(), r.u16le(), r.u16le()
-    revision, status, serial = (r.u8(), r.u8()), r.u16le(), r.u32le()
+    r = Reader(data, little=True)
+    vendor, device_type, product = r.u16(), r.u16(), r.u16()
+    revision, status, serial = (r.u8(), r.u8()), r.u16(), r.u32()
     return Identification(vendor, device_type, product, revision, status, serial, r.bytes(r.u8()).decode("latin-1"))
 
 

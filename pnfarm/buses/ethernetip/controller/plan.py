@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.controllers.axis_program import axis_program
 from pnfarm.buses.controllers.plan import describing, own_address, reconnect_after_ns
+from pnfarm.buses.controllers.signal_steps import powered_axis
 from pnfarm.buses.ethernetip.config.controller import USUAL_RPI_NS
 from pnfarm.buses.ethernetip.controller.device_plan import ConnectionPlan, DevicePlan, EthernetIpPlan, ProgramSteps
 from pnfarm.buses.ethernetip.controller.eds_connection import connection_of, device_of
 from pnfarm.buses.ethernetip.device.product import Product
-from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.parameters.given_values import raw_number
-from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.errors import ConfigError
-from pnfarm.firmware.axis import AXIS
 from pnfarm.protocols.enip.eds import LONGEST, parse_eds
 from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, emit_epath, logical_path
-from pnfarm.table.image import IMAGE
 from pnfarm.vocabulary.regular_file import read_regular
 
 if TYPE_CHECKING:
@@ -40,18 +37,13 @@ CLEAR_FAULTS = "DRV.CLRFAULTS"
 
 def program_steps(model: Model, drive: EthernetIpDriveConfig) -> ProgramSteps:
     """Units, ramps of a speed (DRV.ACC, DRV.DEC), as the drive itself works them out of its parameters."""
-    axes, image = AXIS.allocate(1), IMAGE.allocate(1)
-    axis = axes[0]
-    model.apply_motor(axis)
-    store = ParameterStore(model, AxisHandle(axis, image[0]))
     numbers: dict[str | int, int | Sequence[int]] = {}
     for key, value in drive.params.items():
         raw = raw_number(model.resolve(key)[0], value)
         if raw is None:
             raise ConfigError(f"drive {drive.name}: {key} cannot be {value!r}")
         numbers[key] = raw
-    store.commission(numbers)
-    store.power_on()
+    axis = powered_axis(model, numbers, motor=True)
     profile = float(axis.ethernetip.settings.profile_step) or 1.0
     return ProgramSteps(
         front=model.front,

@@ -10,12 +10,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from pnfarm.protocols.enip.originator_events import (
-    ConnectionMade,
-    ConnectionNotMade,
-    RequestAnswered,
-    RequestFailed,
-)
+from pnfarm.protocols.enip.originator_events import ConnectionMade, ConnectionNotMade, RequestAnswered, RequestFailed
 from pnfarm.protocols.enip.originator_states import OriginatorState
 from pnfarm.protocols.enip.status import status_text
 from pnfarm.protocols.enip.wire.epath import emit_epath, logical_path

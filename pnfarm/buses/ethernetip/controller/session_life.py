@@ -193,10 +193,7 @@ class SessionLife(Life[DeviceSession]):
             machine.unregister(now)
             self._carry(session, machine)
             machine.take_events()
-        if session.stream is not None:
-            self.by_stream.pop(session.stream, None)
-            self._sockets.act(self._port.index, StreamEnd(session.stream))
-            session.stream = None
+        self._end_tcp(session)
         session.asked_identity = session.asked_close = None
         session.queue.forget(reason)
 
@@ -209,10 +206,14 @@ class SessionLife(Life[DeviceSession]):
             if isinstance(output, SendTcp):
                 self._sockets.act(self._port.index, StreamData(session.stream, output.data))
             else:
-                self.by_stream.pop(session.stream, None)
-                self._sockets.act(self._port.index, StreamEnd(session.stream))
-                session.stream = None
+                self._end_tcp(session)
         return bool(outputs)
+
+    def _end_tcp(self, session: DeviceSession) -> None:
+        if session.stream is not None:
+            self.by_stream.pop(session.stream, None)
+            self._sockets.act(self._port.index, StreamEnd(session.stream))
+            session.stream = None
 
     # -- streams and time --------------------------------------------------------------------------------------------
 

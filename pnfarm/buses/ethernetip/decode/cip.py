@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from pnfarm.buses.ethernetip.controller.identity import parse_identification
 from pnfarm.buses.ethernetip.decode.identity import learn_identity
 from pnfarm.buses.ethernetip.decode.names import (
     CONNECTION_MANAGER,
@@ -21,7 +22,7 @@ from pnfarm.buses.ethernetip.decode.shared import Asked
 from pnfarm.captures.packet import Description
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.status import GeneralStatus, Service, status_text
-from pnfarm.protocols.enip.wire.forward_open import parse_unconnected_send
+from pnfarm.protocols.enip.wire.forward_open import UnconnectedSend
 from pnfarm.protocols.enip.wire.message import (
     REPLY,
     MessageReply,
@@ -71,7 +72,7 @@ def message(
 def _request(request: MessageRequest, key: AskedKey, route: Route, shared: Shared) -> Iterator[Description]:
     place = place_of(request.path)
     if request.service == Service.UNCONNECTED_SEND and _of_manager(place):
-        sent = parse_unconnected_send(request.data)
+        sent = UnconnectedSend.parse(request.data)
         inner = parse_request(sent.message)
         shared.ask(key, _asked(inner, routed=True))
         text = f"by {path_text(sent.route)}" if sent.route else "to this device itself"
@@ -163,8 +164,8 @@ def _request_text(
 
 
 def _attribute_list(data: bytes) -> list[int]:
-    r = Reader(data)
-    return [r.u16le() for _ in range(r.u16le())]
+    r = Reader(data, little=True)
+    return [r.u16() for _ in range(r.u16())]
 
 
 # -- replies
@@ -239,8 +240,8 @@ def _learn(reply: MessageReply, place: Place | None, route: Route, shared: Share
         return
     if (place.class_id, place.instance) != (IDENTITY, 1) or len(reply.data) < 6:
         return
-    r = Reader(reply.data)
-    learn_identity(shared.stations, route.device_mac, r.u16le(), r.u16le(), r.u16le())
+    r = Reader(reply.data, little=True)
+    learn_identity(shared.stations, route.device_mac, r.u16(), r.u16(), r.u16())
 
 
 def _reply_text(reply: MessageReply, request: MessageRequest | None, place: Place | None, model: Model | None) -> str:
@@ -255,14 +256,11 @@ def _reply_text(reply: MessageReply, request: MessageRequest | None, place: Plac
 
 def _identity(data: bytes) -> str:
     """Attributes 1 to 7 together."""
-    r = Reader(data)
     try:
-        vendor, device_type, product = r.u16le(), r.u16le(), r.u16le()
-        major, minor, status, serial = r.u8(), r.u8(), r.u16le(), r.u32le()
-        name = r.bytes(r.u8()).decode("latin-1")
+        found = parse_identification(data)
     except DecodeError:
         return octets_text(data)
     return (
-        f"{name!r} vendor {vendor} type {device_type} product {product} revision {major}.{minor} "
-        f"status 0x{status:04X} serial 0x{serial:08X}"
+        f"{found.name!r} vendor {found.vendor_id} type {found.device_type} product {found.product_code} "
+        f"revision {'.'.join(map(str, found.revision))} status 0x{found.status:04X} serial 0x{found.serial:08X}"
     )

@@ -41,8 +41,8 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     template = channel.template
     data, header = pdu.data, None
     if template is not None and template.header:
-        r = Reader(data)
-        header, data = r.u32le(), r.rest()
+        r = Reader(data, little=True)
+        header, data = r.u32(), r.rest()
     if template is not None and len(data) != template.octets:
         yield from channel.limited("wrong length", f"{len(data)} octets, {template.octets} expected")
         return
@@ -62,7 +62,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     if first:
         details = {"connection_id": channel.connection_id, "octets": len(data)}
         yield Description("cyclic data begin", _first(channel), details)
-    elif shared.every_frame:
+    elif shared.capture.every_frame:
         text = f"0x{channel.connection_id:08X} sequence {pdu.sequence} count {pdu.count} {_values(channel)}"
         yield Description("cyclic", text.rstrip(), {"connection_id": channel.connection_id})
 
@@ -122,7 +122,7 @@ def _time(channel: Channel, now: int, pdu: Class1Pdu, shared: Shared) -> Iterato
             text = f"{channel.sequence} -> {pdu.sequence}, {(channel.sequence + 1) & _SEQUENCE} expected"
             yield from channel.limited("datagram number", text, before=channel.sequence, after=pdu.sequence)
     yield from _count(channel, pdu)
-    if channel.template is not None and channel.cycle_ns and passed > shared.gap_cycles * channel.cycle_ns:
+    if channel.template is not None and channel.cycle_ns and passed > shared.capture.gap_cycles * channel.cycle_ns:
         text = f"a frame ({passed / channel.cycle_ns:.1f} intervals of {channel.cycle_ns / 1e6:g} ms)"
         if missing:
             text += f", {missing} frames missing by their numbers"

@@ -12,21 +12,15 @@ from pnfarm.buses.ethernetip.decode.shared import Route
 from pnfarm.captures.neutral import describe_udp, ip_packet
 from pnfarm.captures.packet import Description
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.enip.wire.cpf import (
-    ConnectedAddress,
-    ConnectedData,
-    UnconnectedData,
-    parse_common_packet,
-    parse_items,
-)
+from pnfarm.protocols.enip.wire.cpf import CommonPacket, ConnectedAddress, ConnectedData, UnconnectedData, parse_items
 from pnfarm.protocols.enip.wire.encapsulation import (
     ENIP_PORT,
     NO_CONTEXT,
     Command,
     EncapsulationPdu,
     EncapsulationStatus,
+    RegisterSession,
     parse_encapsulation,
-    parse_register_session,
 )
 from pnfarm.protocols.enip.wire.identity import IdentityItem, ServiceItem
 from pnfarm.wire.ipv4 import PROTOCOL_UDP
@@ -127,10 +121,10 @@ def _pdu(pdu: EncapsulationPdu, route: Route, shared: Shared) -> Iterator[Descri
         return
     match command:
         case Command.SEND_RR_DATA | Command.SEND_UNIT_DATA:
-            items = parse_common_packet(pdu.data).items
+            items = CommonPacket.parse(pdu.data).items
             yield from _carried(what, pdu, items, route, shared)
         case Command.REGISTER_SESSION:
-            registered = parse_register_session(pdu.data)
+            registered = RegisterSession.parse(pdu.data)
             text = f"version {registered.version}"
             text += f", options 0x{registered.options:04X}" if registered.options else ""
             text = text if route.to_device else f"OK, session 0x{pdu.session:08X}, {text}"
@@ -198,7 +192,7 @@ def _carried(
             yield from message(item.data, (route.pair, pdu.session, pdu.context), route, items, shared)
             return
         if isinstance(item, ConnectedData):
-            r = Reader(item.data)
+            r = Reader(item.data, little=True)
             sequence = r.bytes(2)
             address = next((one.connection_id for one in items if isinstance(one, ConnectedAddress)), None)
             if not r.remaining:

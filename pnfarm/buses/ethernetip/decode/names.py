@@ -10,17 +10,7 @@ from typing import TYPE_CHECKING, Final
 from pnfarm.drives.profiles.cip.part import ATTRIBUTE_SIZES
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.status import Service
-from pnfarm.protocols.enip.wire.data_types import (
-    BOOL,
-    DWORD,
-    SHORT_STRING,
-    STRING,
-    UDINT,
-    UINT,
-    USINT,
-    WORD,
-    CipType,
-)
+from pnfarm.protocols.enip.wire.data_types import BOOL, DWORD, SHORT_STRING, STRING, UDINT, UINT, USINT, WORD, CipType
 from pnfarm.protocols.enip.wire.epath import (
     DataSegment,
     ElectronicKey,

@@ -15,15 +15,15 @@ from pnfarm.protocols.enip.wire.cpf import SocketAddress
 from pnfarm.protocols.enip.wire.epath import ElectronicKey, Logical, LogicalSegment, parse_epath
 from pnfarm.protocols.enip.wire.forward_open import (
     ConnectionType,
+    ForwardClose,
+    ForwardCloseReply,
     ForwardOpen,
+    ForwardOpenReply,
+    ForwardRefusal,
     NetworkParameters,
     Priority,
     Triad,
-    parse_forward_close,
-    parse_forward_close_reply,
     parse_forward_open,
-    parse_forward_open_reply,
-    parse_forward_refusal,
 )
 
 if TYPE_CHECKING:
@@ -135,7 +135,7 @@ def open_answered(
         shared.observed.answered(route.originator, route.device, told)
     if refused:
         return _refused(what, reply)
-    found = parse_forward_open_reply(reply.data)
+    found = ForwardOpenReply.parse(reply.data)
     text = (
         f"OK, {_triad(found.triad)}; O->T 0x{found.o_to_t_id:08X} API {found.o_to_t_api_us / 1000:g} ms; "
         f"T->O 0x{found.t_to_o_id:08X} API {found.t_to_o_api_us / 1000:g} ms"
@@ -177,7 +177,7 @@ def _refused(what: str, reply: MessageReply) -> Description:
         shown += f", {reply.extended[1]} octets of data would be right"
     details: dict[str, Any] = {"status": reply.status, "extended_status": list(reply.extended)}
     try:
-        refusal = parse_forward_refusal(reply.data)
+        refusal = ForwardRefusal.parse(reply.data)
     except DecodeError:
         pass  # shorter where the refusal comes from a router: it says no more than the status
     else:
@@ -229,7 +229,7 @@ def _keep(asked: ForwardOpen, ids: tuple[int, int], intervals: tuple[int, int], 
 
 def close_asked(what: str, request: MessageRequest, route: Route, shared: Shared) -> Description:
     """Raises :class:`DecodeError`."""
-    asked = parse_forward_close(request.data)
+    asked = ForwardClose.parse(request.data)
     text = f"{_triad(asked.triad)}; {path_text(asked.path, shared.stations.model(route.device_mac))}"
     return Description(what, text, {**_named(asked.triad), "path": asked.path.hex()}, {"releases": ""}, family="cip")
 
@@ -238,6 +238,6 @@ def close_answered(what: str, reply: MessageReply, route: Route, shared: Shared)
     """Raises :class:`DecodeError`."""
     if reply.status != GeneralStatus.SUCCESS:
         return _refused(what, reply)
-    found = parse_forward_close_reply(reply.data)
+    found = ForwardCloseReply.parse(reply.data)
     shared.opened.pop((route.device, found.triad), None)
     return Description(what, f"OK, {_triad(found.triad)}", _named(found.triad), family="cip")

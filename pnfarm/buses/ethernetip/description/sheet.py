@@ -21,13 +21,7 @@ from pnfarm.protocols.enip.objects.identity import IdentityData, identity_object
 from pnfarm.protocols.enip.objects.qos import QosData, qos_object
 from pnfarm.protocols.enip.objects.tcp_ip import TcpIpData, tcp_ip_object
 from pnfarm.protocols.enip.wire.data_types import UDINT
-from pnfarm.protocols.enip.wire.epath import (
-    ElectronicKey,
-    Logical,
-    LogicalSegment,
-    emit_epath,
-    logical_path,
-)
+from pnfarm.protocols.enip.wire.epath import ElectronicKey, Logical, LogicalSegment, emit_epath, logical_path
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

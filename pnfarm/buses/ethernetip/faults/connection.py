@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effects.connection import Connection, ConnectionPart, Status
-from pnfarm.table.access.plain import plain
-from pnfarm.table.channel import IDLE
+from pnfarm.faults.effects.connection import Connection, ProviderConnection, Status
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
     from pnfarm.engine.columns import Columns
+    from pnfarm.station.device import ChannelCounts
 
 __all__ = ["AdapterConnection"]
 
@@ -22,34 +21,34 @@ _STATUS_WORD_1 = 0
 _STATUS_BITS = {Status.FAULT: (_STATUS_WORD_1, 3, 1), Status.INHIBITED: (_STATUS_WORD_1, 7, 0)}
 
 
-class AdapterConnection(ConnectionPart):
+class AdapterConnection(ProviderConnection):
     """See :class:`~pnfarm.faults.effects.connection.ConnectionPart`; no code on the wire says why a connection
     ended."""
 
     def __init__(self, device: EthernetIpDevice, columns: Columns, settle: Callable[[int], None]) -> None:
+        super().__init__(columns, settle)
         self._device = device
-        self._columns = columns
-        self._ppm = plain(columns.ppm)
-        self._settle = settle
+
+    @property
+    def providers(self) -> list[int]:
+        return [one.provider for one in self._device.channels.open.values() if one.provider is not None]
+
+    @property
+    def closed(self) -> ChannelCounts:
+        return self._device.closed
 
     def now(self) -> Connection | None:
         opened = self._device.channels.open
         if not opened:
             return None
-        rows = [self._ppm[one.provider] for one in opened.values() if one.provider is not None]
         return Connection(
             keys=frozenset(self._device.boots << 32 | number for number in opened),
             established=any(one.established for one in opened.values()),
             cycle_ns=min(one.production_ns for one in opened.values()),
             # the originator's: the interval of what it gets, with the multiplier of the connection
             watchdog_ns=max(one.production_ns << 2 + one.connection.timeout_multiplier for one in opened.values()),
-            next_ns=min((int(row["next_ns"]) for row in rows if row["state"] != IDLE), default=0),
+            next_ns=self.next_ns,
         )
-
-    def cycles(self) -> int:
-        closed = self._device.channels.closed
-        rows = [self._ppm[one.provider] for one in self._device.channels.open.values() if one.provider is not None]
-        return closed.sent + closed.suppressed + sum(int(row["sent"]) + int(row["suppressed"]) for row in rows)
 
     def abort(self, code: int, now: int) -> int:
         del code
@@ -67,10 +66,6 @@ class AdapterConnection(ConnectionPart):
         self._settle(now)
         return sum(one.connection.number not in self._device.channels.open for one in opened)
 
-    def sent_data(self, since: int) -> bool:
-        rows = [self._ppm[one.provider] for one in self._device.channels.open.values() if one.provider is not None]
-        return any(int(row["last_ns"]) >= since for row in rows)
-
     def reports(self, status: Status) -> bool:
         return status in _STATUS_BITS
 
@@ -78,11 +73,9 @@ class AdapterConnection(ConnectionPart):
         if status not in _STATUS_BITS:
             return False
         octet, bit, value = _STATUS_BITS[status]
-        for one in self._device.channels.open.values():
-            if one.provider is None:
-                continue
-            row = self._columns.ppm[one.provider]
+        for number in self.providers:
+            row = self._columns.ppm[number]
             place = int(row.data_offset) + octet
-            if int(row.last_ns) >= since and int(self._columns.frames[one.provider][place]) >> bit & 1 == value:
+            if int(row.last_ns) >= since and int(self._columns.frames[number][place]) >> bit & 1 == value:
                 return True
         return False

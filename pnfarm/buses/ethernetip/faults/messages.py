@@ -7,7 +7,7 @@ from typing import Final
 from pnfarm.errors import DecodeError
 from pnfarm.faults.gate.socket_gate import DATAGRAM, STREAM
 from pnfarm.protocols.enip.status import Service
-from pnfarm.protocols.enip.wire.cpf import ConnectedData, UnconnectedData, parse_common_packet
+from pnfarm.protocols.enip.wire.cpf import CommonPacket, ConnectedData, UnconnectedData
 from pnfarm.protocols.enip.wire.encapsulation import HEADER_OCTETS, Command, parse_encapsulation, parse_header
 from pnfarm.protocols.enip.wire.message import REPLY
 
@@ -56,7 +56,7 @@ def message_class(message: bytes) -> str:
         pdu = parse_encapsulation(message)
         if pdu.command not in _DATA:
             return STREAM
-        items = parse_common_packet(pdu.data).items
+        items = CommonPacket.parse(pdu.data).items
     except DecodeError:
         return STREAM
     for item in items:

@@ -19,8 +19,8 @@ _LOST: Final = (
     "Logix: module fault 16#0203, connection timed out. CODESYS: the adapter goes to its error state (assumed)."
 )
 _TCP: Final = (
-    "What is on TCP comes 200 ms later, as TCP repeats it, again and again as long as it is hit; TCP connections are "
-    "made, and the network below answers ARP and ping, meanwhile"
+    "What is on TCP comes 200 ms later, as TCP repeats it, and again each time it is hit; TCP connections are "
+    "made, and the kernel answers ARP and ping, meanwhile"
 )
 
 
@@ -47,13 +47,13 @@ _FRAMES: Final = {
         "Nothing: a packet whose number is not ahead of the last one's is dropped (assumed).",
     ),
     "reorder": _on(
-        "Cyclic packets with an older sequence number behind newer ones; datagrams, too, streams never.",
+        "Cyclic packets with an older sequence number after newer ones; datagrams, too, streams never.",
         "A packet that was overtaken is dropped for its sequence number: as one that is lost.",
     ),
     "corrupt": _on(
         "Inverted bits in a packet whose UDP checksum is as before, so that its receiver drops it: it sees a lost "
         "packet. With `mend` the checksums of IPv4 and UDP are right again, and it sees wrong data, or a packet that "
-        "is nobody's. In messages on TCP and in datagrams of port 44818 the bits are behind all checksums: the other "
+        "for nobody. In messages on TCP and in datagrams of port 44818 all checksums fit the inverted bits: the other "
         "end sees them as data; so does the drive, for cyclic packets that it gets with `mend`.",
         f"Without `mend`: as loss. With it: wrong input data, which no check finds. {_LOST}",
     ),
@@ -72,11 +72,11 @@ _FRAMES: Final = {
         f"Port down at the switch; after the timeout: {_LOST}",
     ),
     "link-flap": _on(
-        "No carrier again and again.",
+        "No carrier, repeatedly.",
         f"After each timeout: {_LOST} Then the connection is opened again.",
     ),
     "mac-change": _on(
-        "The frames end without a farewell; after the boot, ARP and cyclic packets come from the other MAC address, "
+        "The frames end without notice; after the boot, ARP and cyclic packets come from the other MAC address, "
         "with the same IP address.",
         f"After the timeout: {_LOST} The drive is found by its IP address once the old ARP entry is gone (assumed).",
     ),
@@ -132,9 +132,9 @@ _CONNECTION: Final = {
         "module fault 16#0204, connection request timed out; CODESYS (assumed) the same).",
     ),
     "session-drop": _on(
-        "A FIN of the drive on the TCP connection. Cyclic connections go on, those of class 3 end with it.",
-        "Nothing for cyclic data: the session is made anew when it is needed. A MSG instruction on its way ends with "
-        "an error (assumed).",
+        "A FIN of the drive on the TCP connection. Cyclic connections continue, those of class 3 end with it.",
+        "Nothing for cyclic data: the session is set up again when it is needed. A MSG instruction on its way ends "
+        "with an error (assumed).",
     ),
     "tcp-refuse": _on(
         "Each SYN to port 44818 is answered by RST; UDP is answered, ListIdentity finds the drive.",
@@ -165,18 +165,18 @@ _CONNECTION: Final = {
     "record-delay": _on(
         "Answers of objects on TCP are late, and behind them all that follows on the same TCP connection; answers to "
         "Forward_Open and Forward_Close are not.",
-        "Nothing by the bus: MSG instructions take longer, or end by their time-out.",
+        "The bus reports nothing: MSG instructions take longer, or end by their time-out.",
     ),
 }
 
 _SHOWN: Final = "Status word 1 of the response assembly: General Fault (bit 3) is set"
-_SEEN: Final = "Nothing by the bus: the program sees it in the response assembly."
+_SEEN: Final = "The bus reports nothing: the program sees it in the response assembly."
 _DRIVE: Final = {
     "drive-fault": _on(f"{_SHOWN}, Enabled (bit 7) falls if the fault's reaction disables the drive.", _SEEN),
     "f702": _on(f"As drive-fault: {_SHOWN}; the fault history has 702.", _SEEN),
     "drive-warning": _on(
         "Nothing: the response assembly has no bit for warnings; a parameter has the warning.",
-        "Nothing by the bus: the program sees it in the parameter.",
+        "The bus reports nothing: the program sees it in the parameter.",
     ),
     "fault-not-acknowledging": _on(f"{_SHOWN} and stays, whatever clears faults.", _SEEN),
     **{
@@ -185,12 +185,14 @@ _DRIVE: Final = {
     },
     "limit-switch": _on("Status word 2: the bit of the limit; the velocity falls to 0.", _SEEN),
     "load": _on("Actual position, velocity and torque change.", _SEEN),
-    "stuck-axis": _on("The actual position stands, the actual velocity is 0.", _SEEN),
+    "stuck-axis": _on("The actual position does not change, the actual velocity is 0.", _SEEN),
     "slow-ramp": _on("The actual velocity changes more slowly; In Motion stays longer.", _SEEN),
     "not-ready": _on("Status word 1: Enabled (bit 7) falls, and no command sets it.", _SEEN),
-    "digital-input": _on("The input's bits in the attributes and parameters that have them.", "Nothing by the bus."),
+    "digital-input": _on(
+        "The input's bits in the attributes and parameters that have them.", "The bus reports nothing."
+    ),
     "power-cycle": _on(
-        "The packets end without a farewell, TCP gets no answer; later the drive starts as after power on.",
+        "The packets end without notice, TCP gets no answer; later the drive starts as after power on.",
         f"After the timeout: {_LOST} The connection is opened again.",
     ),
 }
@@ -198,9 +200,9 @@ _DRIVE: Final = {
 _NO_STATUS: Final = "its own direction has no header that could say so"
 _NO_ALARM: Final = "EtherNet/IP has no alarms, a program polls what it wants to know"
 _NO_LIFE: Final = (
-    "its assemblies have no sign of life; sequence-freeze with `which: count` lets its data stand while packets come"
+    "its assemblies have no sign of life; sequence-freeze with `which: count` freezes its data while packets arrive"
 )
-_NO_MODULES: Final = "its drive has no modules in slots; identity-change lets keying fail"
+_NO_MODULES: Final = "its drive has no modules in slots; identity-change makes keying fail"
 _REFUSED: Final = {
     "duplicate-ip": _no(
         "its address belongs to the machine's own network, which answers ARP for it and knows no conflict; a second "
@@ -213,14 +215,14 @@ _REFUSED: Final = {
     "data-invalid": _no(f"{_NO_STATUS}, and no packet is valid or not"),
     "iops-bad": _no("its packets have no provider status"),
     "iocs-bad": _no("its packets have no consumer status"),
-    "cycle-counter-freeze": _no("its packets have no cycle counter; sequence-freeze lets their sequence stand"),
-    "cycle-counter-jump": _no("its packets have no cycle counter; sequence-jump lets their sequence jump"),
+    "cycle-counter-freeze": _no("its packets have no cycle counter; sequence-freeze freezes their sequence"),
+    "cycle-counter-jump": _no("its packets have no cycle counter; sequence-jump makes their sequence jump"),
     "wrong-frame-id": _no("its packets have no frame id; wrong-connection-id changes what they have instead"),
     "sign-of-life-freeze": _no(_NO_LIFE),
     "sign-of-life-skip": _no(_NO_LIFE),
     "sign-of-life-loss": _no(_NO_LIFE),
     "no-application-ready": _no(
-        "a connection is ready with the answer to Forward_Open; rpc-silence lets that answer fail to come"
+        "a connection is ready with the answer to Forward_Open; rpc-silence suppresses that answer"
     ),
     "late-application-ready": _no(
         "a connection is ready with the answer to Forward_Open, which forward-open-delay makes late"

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.farm_file import CONTROLLER
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
 from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
-    from pnfarm.buses.farm_file import Claims
+    from pnfarm.buses.farm_file import Claims, PlacedGroup
     from pnfarm.buses.profibus.config.controller import ProfibusController
     from pnfarm.buses.profibus.config.drive import ProfibusDrives
-    from pnfarm.config.known import ModelFacts
+    from pnfarm.config.known import Known, ModelFacts
     from pnfarm.vocabulary.issues import Location, Report
 
-__all__ = ["ADDRESS_PARAMETER", "address_in", "check_devices", "check_group", "check_name"]
+__all__ = ["ADDRESS_PARAMETER", "address_in", "check_controller", "check_devices", "check_group", "check_name"]
 
 #: COM_DP_Address (Moog MSD manual 4.2.2).
 ADDRESS_PARAMETER = 918
@@ -60,7 +61,11 @@ def check_group(at: Location, group: ProfibusDrives, report: Report) -> None:
 
 
 def check_devices(controller: ProfibusController, claims: Claims, report: Report) -> None:
-    """The slaves that are described by files: each name and address once."""
+    """The master's address, and the slaves that are described by files: each name and address once."""
+    own = ("profibus", controller.address)
+    if (by := claims.claim("address", own, CONTROLLER, controller.name)) is not None:
+        what = f"station address {controller.address} belongs to {by} already"
+        report(("controller", "address"), what, "each once on the line")
     for number, device in enumerate(controller.devices):
         at: Location = ("controller", "devices", number)
         for key, field, value, text in (
@@ -69,3 +74,17 @@ def check_devices(controller: ProfibusController, claims: Claims, report: Report
         ):
             if (by := claims.claim(field, value, f"controller.devices[{number}]", device.name)) is not None:
                 report((*at, key), f"{text} belongs to {by} already", "each once on the line")
+
+
+def check_controller(
+    controller: ProfibusController, groups: Sequence[PlacedGroup[ProfibusDrives]], known: Known, report: Report
+) -> None:
+    """The controller's telegram against the models of its drives."""
+    if controller.telegram is None:
+        return
+    for placed in groups:
+        model = known.model(placed.group.model)
+        if model is not None and controller.telegram not in model.telegrams:
+            numbers = ", ".join(str(number) for number in model.telegrams)
+            report(("controller", "telegram"), f"{model.name} has no telegram {controller.telegram}", numbers)
+            return

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from pnfarm.buses.profibus.config.device import GsdDevice
 from pnfarm.buses.profibus.config.drive import Address
 from pnfarm.config.controller import ControllerSection
-from pnfarm.config.values import Duration
-from pnfarm.vocabulary.durations import format_duration
-from pnfarm.vocabulary.problem import Problem
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from pnfarm.config.values import Duration, between
 
 __all__ = ["ProfibusController"]
 
@@ -25,19 +20,9 @@ MOST_SLAVES = 125
 LONGEST_WATCHDOG_NS = 255 * 255 * 10_000_000
 LONGEST_CYCLE_NS, LONGEST_LATENCY_NS = 10_000_000_000, 1_000_000_000
 
-
-def _between(least: int, most: int, allowed: str, *, zero: bool = False) -> AfterValidator:
-    def check(value: int) -> int:
-        if not (zero and value == 0) and not least <= value <= most:
-            raise Problem(f"is {format_duration(value)}", allowed)
-        return value
-
-    return AfterValidator(check)
-
-
-Cycle = Annotated[Duration, _between(100_000, LONGEST_CYCLE_NS, "100us to 10s")]
-Watchdog = Annotated[Duration, _between(1_000_000, LONGEST_WATCHDOG_NS, "0ms for none, or 1ms to 650s", zero=True)]
-Latency = Annotated[Duration, _between(0, LONGEST_LATENCY_NS, "0ms to 1s")]
+Cycle = Annotated[Duration, between(100_000, LONGEST_CYCLE_NS, "100us to 10s")]
+Watchdog = Annotated[Duration, between(1_000_000, LONGEST_WATCHDOG_NS, "0ms for none, or 1ms to 650s", zero=True)]
+Latency = Annotated[Duration, between(0, LONGEST_LATENCY_NS, "0ms to 1s")]
 
 
 class ProfibusController(ControllerSection):
@@ -77,7 +62,3 @@ class ProfibusController(ControllerSection):
     devices: list[GsdDevice] = Field(
         default_factory=list, max_length=MOST_SLAVES, description="Further slaves, each by its GSD file."
     )
-
-    @property
-    def device_names(self) -> Sequence[str]:
-        return [device.name for device in self.devices]

@@ -4,80 +4,31 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.farm_file import CONTROLLER
+from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.buses.profibus.config import checks
 from pnfarm.buses.profibus.config.controller import ProfibusController
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS, ProfibusDriveConfig, ProfibusDrives
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from pnfarm.buses.farm_file import Claims, Expansion, PlacedGroup
+    from pnfarm.buses.farm_file import Expansion
     from pnfarm.config.drive import DriveConfig
-    from pnfarm.config.known import Known, ModelFacts
-    from pnfarm.vocabulary.issues import Location, Report
+    from pnfarm.config.known import ModelFacts
 
 __all__ = ["PROFIBUS_PART", "ProfibusPart"]
 
 
-class ProfibusPart:
+class ProfibusPart(FarmFilePart[ProfibusDrives, ProfibusController]):
     """See the module's docstring."""
 
-    @property
-    def drives(self) -> type[ProfibusDrives]:
-        return ProfibusDrives
-
-    @property
-    def controller(self) -> type[ProfibusController]:
-        return ProfibusController
-
-    @property
-    def together(self) -> Mapping[str, Sequence[str]]:
-        return {}
-
-    @property
-    def judged_by_model(self) -> frozenset[str]:
-        return frozenset()
-
-    def check_name(self, at: Location, name: str, report: Report) -> bool:
-        return checks.check_name(at, name, report)
-
-    def check_group(self, at: Location, group: ProfibusDrives, report: Report) -> None:
-        checks.check_group(at, group, report)
-
-    def check_model(self, at: Location, group: ProfibusDrives, model: ModelFacts, report: Report) -> None:
-        """Nothing depends on the model."""
-
-    def check_devices(self, controller: ProfibusController, claims: Claims, report: Report) -> None:
-        own = ("profibus", controller.address)
-        if (by := claims.claim("address", own, CONTROLLER, controller.name)) is not None:
-            what = f"station address {controller.address} belongs to {by} already"
-            report(("controller", "address"), what, "each once on the line")
-        checks.check_devices(controller, claims, report)
-
-    def check_controller(
-        self,
-        controller: ProfibusController,
-        groups: Sequence[PlacedGroup[ProfibusDrives]],
-        known: Known,
-        report: Report,
-    ) -> None:
-        if controller.telegram is None:
-            return
-        for placed in groups:
-            model = known.model(placed.group.model)
-            if model is not None and controller.telegram not in model.telegrams:
-                numbers = ", ".join(str(number) for number in model.telegrams)
-                report(("controller", "telegram"), f"{model.name} has no telegram {controller.telegram}", numbers)
-                return
+    drives = ProfibusDrives
+    controller = ProfibusController
+    check_name = staticmethod(checks.check_name)
+    check_group = staticmethod(checks.check_group)
+    check_devices = staticmethod(checks.check_devices)
+    check_controller = staticmethod(checks.check_controller)
 
     def drive(
-        self,
-        common: DriveConfig,
-        group: ProfibusDrives,
-        step: int,
-        model: ModelFacts | None,
-        expansion: Expansion,
+        self, common: DriveConfig, group: ProfibusDrives, step: int, model: ModelFacts | None, expansion: Expansion
     ) -> ProfibusDriveConfig:
         del expansion
         switches = group.address + step if group.address <= HIGHEST_ADDRESS else group.address

@@ -1,4 +1,4 @@
-"""One parameter of any slave, as a series of requests; and a master of class 2, alone on a line, that asks for it.
+"""One parameter of any slave, as a series of requests.
 
 A slave that no model describes is asked by the numbers of PROFIdrive: its own answer says the format of a value, which
 is read before it is written.
@@ -11,19 +11,14 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.profibus.controller.parameters import ParameterJob
 from pnfarm.drives.profiles.profidrive.base_mode import format_octets
-from pnfarm.errors import DecodeError
-from pnfarm.protocols.profibus.records_master import RecordsMaster
-from pnfarm.protocols.profibus.wire.telegram import parse_telegram
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from pnfarm.buses.profibus.controller.parameters import Addressed
-    from pnfarm.links.base import Link, Port
     from pnfarm.protocols.profibus.record_request import RecordRequest
-    from pnfarm.protocols.profibus.records_master import RecordsSettings
 
-__all__ = ["ByNumber", "ParameterAsker", "ParameterQuestion"]
+__all__ = ["ByNumber", "ParameterQuestion"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,60 +75,3 @@ class ParameterQuestion:
                 return
             self.answer = job
             self._job = next(self._jobs, None)
-
-
-class ParameterAsker:
-    """A question at work: a node with a master of its own.  ``question`` is set by :meth:`begin`."""
-
-    def __init__(self, link: Link, port: Port, settings: RecordsSettings) -> None:
-        self.link, self.port = link, port
-        self.master = RecordsMaster(settings)
-        self.question: ParameterQuestion | None = None
-        self.done = False
-        #: Telegrams that cannot be read.
-        self.broken = 0
-        link.set_receiver(self.receive)
-
-    def begin(self, parameter: Addressed, subindex: int, wanted: int | None, now: int) -> None:
-        """Listen, and ask then."""
-        settings = self.master.settings
-        due = now + settings.listen_ns + settings.request_timeout_ns
-        self.question = ParameterQuestion(parameter, subindex, wanted, due)
-        self.master.start(now)
-        self.service(now)
-
-    def receive(self, port: int, frame: bytes, now: int) -> None:
-        """One telegram of the line."""
-        del port
-        try:
-            telegram = parse_telegram(frame)
-        except DecodeError:
-            self.broken += 1
-            return
-        self.master.receive(telegram, now)
-        self.service(now)
-
-    def service(self, now: int) -> None:
-        """Go on as far as possible."""
-        question, master = self.question, self.master
-        if question is None:
-            return
-        self._ask(question, now)
-        master.handle_timeout(now)
-        while (octets := master.to_send()) is not None:
-            self.link.send(self.port.index, octets)
-            master.sent(now)
-        self._ask(question, now)
-        self.done = question.done and master.over
-
-    def _ask(self, question: ParameterQuestion, now: int) -> None:
-        def ask(record: RecordRequest) -> None:
-            self.master.ask(record, now)
-
-        question.advance(ask, now)
-        if question.done:
-            self.master.end()
-
-    def next_deadline(self) -> int | None:
-        """When :meth:`service` is due."""
-        return None if self.done else self.master.next_deadline()

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.controller.plan import DevicePlan, ProfibusPlan
     from pnfarm.protocols.profibus.master import MasterEvent
-    from pnfarm.protocols.profibus.record_request import RecordRequest
 
 __all__ = ["ProfibusCore"]
 
@@ -105,14 +104,11 @@ class ProfibusCore(DriveCore):
             if name in busy:
                 # a drive has one answer at a time
                 continue
-            work.advance(partial(self._ask, name, now), now)
+            work.advance(partial(self.master.ask, name, now=now), now)
             if work.done:
                 self._jobs.remove(job)
             else:
                 busy.add(name)
-
-    def _ask(self, name: str, now: int, record: RecordRequest) -> None:
-        self.master.ask(name, record, now)
 
     def _take(self, event: MasterEvent, now: int) -> None:
         name = event.name

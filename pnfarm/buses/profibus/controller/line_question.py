@@ -6,13 +6,14 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from pnfarm.buses.profibus.controller.asker import ByNumber, ParameterAsker, ParameterQuestion
+from pnfarm.buses.profibus.controller.asker import ByNumber, ParameterQuestion
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.description.numbering import read_number
 from pnfarm.drives.parameters.parameter import Form, Parameter, ParameterError, ParameterErrorNumber
 from pnfarm.drives.profiles.profidrive.base_mode import format_octets
-from pnfarm.errors import ConfigError, RemoteError
-from pnfarm.protocols.profibus.records_master import RecordsSettings
+from pnfarm.errors import ConfigError, DecodeError, RemoteError
+from pnfarm.protocols.profibus.records_master import RecordsMaster, RecordsSettings
+from pnfarm.protocols.profibus.wire.telegram import parse_telegram
 
 if TYPE_CHECKING:
     from pnfarm.buses.line_parameters import LineQuestion
@@ -28,8 +29,11 @@ HIGHEST_PNU: Final = 0xFFFF
 _SIGNED, _FLOAT = frozenset({0x02, 0x03, 0x04, 0x71, 0x72}), 0x08
 
 
-class LineParameter(ParameterAsker):
-    """See :class:`pnfarm.buses.line_parameters.LineAsker`."""
+class LineParameter:
+    """See :class:`pnfarm.buses.line_parameters.LineAsker`: a master of class 2, alone on a line.
+
+    ``question`` is there from the start on; ``broken`` counts telegrams that cannot be read.
+    """
 
     def __init__(self, link: Link, port: Port, question: LineQuestion) -> None:
         for what, address in (("a station address", question.station), ("an own address", question.own)):
@@ -37,12 +41,53 @@ class LineParameter(ParameterAsker):
                 raise ConfigError(f"{address} is not {what}, which is 0 to {HIGHEST_STATION}")
         if question.own == question.station:
             raise ConfigError(f"the master cannot have the station's own address, {question.own}")
-        super().__init__(link, port, RecordsSettings(question.station, question.own, question.baud))
+        self.link, self.port = link, port
+        self.master = RecordsMaster(RecordsSettings(question.station, question.own, question.baud))
+        self.question: ParameterQuestion | None = None
+        self.done = False
+        self.broken = 0
         self._asked = question
         self._parameter, self._subindex = addressed(question)
+        link.set_receiver(self.receive)
 
     def start(self, now: int) -> None:
-        self.begin(self._parameter, self._subindex, self._asked.value, now)
+        """Listen, and ask then."""
+        settings = self.master.settings
+        due = now + settings.listen_ns + settings.request_timeout_ns
+        self.question = ParameterQuestion(self._parameter, self._subindex, self._asked.value, due)
+        self.master.start(now)
+        self.service(now)
+
+    def receive(self, port: int, frame: bytes, now: int) -> None:
+        """One telegram of the line."""
+        del port
+        try:
+            telegram = parse_telegram(frame)
+        except DecodeError:
+            self.broken += 1
+            return
+        self.master.receive(telegram, now)
+        self.service(now)
+
+    def service(self, now: int) -> None:
+        question, master = self.question, self.master
+        if question is None:
+            return
+        self._ask(question, now)
+        master.handle_timeout(now)
+        while (octets := master.to_send()) is not None:
+            self.link.send(self.port.index, octets)
+            master.sent(now)
+        self._ask(question, now)
+        self.done = question.done and master.over
+
+    def _ask(self, question: ParameterQuestion, now: int) -> None:
+        question.advance(lambda record: self.master.ask(record, now), now)
+        if question.done:
+            self.master.end()
+
+    def next_deadline(self) -> int | None:
+        return None if self.done else self.master.next_deadline()
 
     def result(self) -> dict[str, Any]:
         return answer_of(f"station {self._asked.station}", self._parameter, self._subindex, self.question)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.decoding.channel import SummedChannel, limited
-from pnfarm.captures.drive_words import SECOND_MASK, Words, bits_text, stw1_text, values_text, words_of, zsw1_text
+from pnfarm.captures.drive_words import Words, values_text, word_changes, word_of, words_of
 from pnfarm.captures.packet import Description
 
 if TYPE_CHECKING:
@@ -29,12 +29,6 @@ class Channel(SummedChannel):
     octets: int = 0
     #: Time of the slave's watchdog, where the capture has its Set_Prm.
     hold_ns: int = 0
-
-    def word(self, name: str, data: bytes | None = None) -> int | None:
-        """A word of the last telegram, or of ``data``."""
-        octets = self.data if data is None else data
-        place = next((offset for known, offset, _ in self.words if known == name), None)
-        return None if place is None or len(octets) < place + 2 else int.from_bytes(octets[place : place + 2], "big")
 
     @property
     def cycle_ns(self) -> int:
@@ -115,20 +109,9 @@ class Cyclic:
     def _gap(self, channel: Channel, passed: int, mean: int) -> Iterator[Description]:
         text = f"a telegram ({passed / mean:.1f} times the mean, {mean / 1e6:.3g} ms)"
         text = channel.gap(passed, text, channel.hold_ns)
-        yield from limited(self._told, "gap", text, seconds=passed / 1e9)
+        yield from limited(self._told, "gap", text, {"seconds": passed / 1e9})
 
     def _changes(self, channel: Channel, before: bytes, after: bytes) -> Iterator[Description]:
-        for name in ("STW1", "ZSW1", "STW2", "ZSW2"):
-            old, new = channel.word(name, before), channel.word(name, after)
-            if old is None or new is None or old == new:
-                continue
-            usual = self._bits.get(name)
-            if name == "STW1":
-                text = stw1_text(old, new, usual) if usual else stw1_text(old, new)
-            elif name == "ZSW1":
-                stw1 = self.outputs.word("STW1")
-                text = zsw1_text(old, new, stw1, usual) if usual else zsw1_text(old, new, stw1)
-            else:
-                text = bits_text(old, new, usual or (), SECOND_MASK)
-            if text:
-                yield from limited(self._told, name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
+        stw1 = word_of(self.outputs.words, "STW1", self.outputs.data)
+        for word, text, details in word_changes(channel.words, self._bits, before, after, stw1):
+            yield from limited(self._told, word, text, details)

@@ -10,6 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from pnfarm.buses.decoding.channel import limited
+from pnfarm.buses.decoding.decoder import FamilyDecoder, SharedState
 from pnfarm.buses.profibus.decode.channels import Cyclic
 from pnfarm.buses.profibus.decode.names import (
     address_text,
@@ -20,17 +21,13 @@ from pnfarm.buses.profibus.decode.names import (
     model_by_ident,
     parameters_text,
 )
+from pnfarm.buses.profibus.decode.observed import Observed
 from pnfarm.buses.profibus.decode.records import Records
 from pnfarm.captures.decoder import LineDecoder
 from pnfarm.captures.packet import Description, Packet
 from pnfarm.captures.stations import Bounded
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profibus.wire.dp import (
-    parse_diagnosis,
-    parse_global_control,
-    parse_parameters,
-    parse_set_address,
-)
+from pnfarm.protocols.profibus.wire.dp import Diagnosis, GlobalControl, Parameters, SetAddress
 from pnfarm.protocols.profibus.wire.telegram import (
     BROADCAST,
     FCB,
@@ -47,7 +44,6 @@ from pnfarm.protocols.profibus.wire.telegram import (
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pnfarm.buses.profibus.decode.observed import Observed
     from pnfarm.captures.conversations import CyclicChannel
     from pnfarm.captures.decoder import PlannedDrive
     from pnfarm.captures.packet import Capture
@@ -111,15 +107,17 @@ class _Slave:
     last: dict[int, tuple[int, bytes]] = field(default_factory=dict)
 
 
-class ProfibusDecoder(LineDecoder):
+#: Nothing of a line is kept by these keys but who is observed.
+Shared = SharedState[Any, Any, Any, Observed]
+
+
+class ProfibusDecoder(FamilyDecoder[Shared], LineDecoder):
     """See :class:`~pnfarm.captures.decoder.LineDecoder`."""
 
     link_type = LINK_TYPE
 
     def __init__(self, capture: Capture) -> None:
-        self._capture = capture
-        #: Set by whoever wants to know the plant.
-        self.observed: Observed | None = None
+        super().__init__(SharedState(capture))
         self._asked: _Asked | None = None
         self._slaves: Bounded[int, _Slave] = Bounded(128)
         self._class_two: Bounded[tuple[int, int, int], Records] = Bounded(256)
@@ -146,7 +144,7 @@ class ProfibusDecoder(LineDecoder):
         if frame.interface and frame.direction is not None:
             own = source if frame.direction == _OUTBOUND else destination
             if own and own != _station(BROADCAST):
-                self._capture.stations.guess(own, frame.interface)
+                self.shared.stations.guess(own, frame.interface)
         return Packet(frame.time_ns, destination, source, _NO_TYPE, frame.data)
 
     def family_of(self, packet: Packet) -> str | None:
@@ -160,21 +158,9 @@ class ProfibusDecoder(LineDecoder):
         return self._family(telegram)
 
     def _family(self, telegram: Line) -> str:
-        if isinstance(telegram, ShortAck):
-            return "fdl" if self._asked is None else self._family_of_service(self._asked)
-        if isinstance(telegram, Token):
-            return "fdl"
-        if not telegram.is_request:
-            return "fdl" if self._asked is None else self._family_of_service(self._asked)
-        return self._family_of_service(_Asked(telegram, _service(telegram), 0))
-
-    @staticmethod
-    def _family_of_service(asked: _Asked) -> str:
-        if asked.service == _EXCHANGE:
-            return "cyclic"
-        if asked.service in _SERVICES.values():
-            return "dp"
-        return "fdl" if asked.service.startswith("FDL") else "dpv1"
+        if isinstance(telegram, Telegram) and telegram.is_request:
+            return _family_of(_service(telegram))
+        return "fdl" if isinstance(telegram, Token) or self._asked is None else _family_of(self._asked.service)
 
     def describe(self, family: str, packet: Packet) -> Iterator[Description]:
         """Most telegrams give no line."""
@@ -213,31 +199,28 @@ class ProfibusDecoder(LineDecoder):
             plan = drive.plan.slave
             slave = self._slave(plan.address)
             slave.model, slave.identifiers = drive.model, plan.identifiers
-            self._capture.stations.learn(_station(plan.address), name=plan.name, model=drive.model)
+            self.shared.stations.learn(_station(plan.address), name=plan.name, model=drive.model)
 
     def learn(self, drive: Any, model: Model) -> None:
         """See :class:`~pnfarm.captures.decoder.LineDecoder`."""
         if drive.address is not None:
             self._slave(drive.address).model = model
-            self._capture.stations.learn(_station(drive.address), name=drive.name, model=model)
+            self.shared.stations.learn(_station(drive.address), name=drive.name, model=model)
 
     def learn_controller(self, section: Any) -> None:
         """See :class:`~pnfarm.captures.decoder.LineDecoder`."""
-        self._capture.stations.learn(_station(section.address), name=section.name)
+        self.shared.stations.learn(_station(section.address), name=section.name)
 
     # -- telegrams ---------------------------------------------------------------------------------------------------
 
     def _slave(self, address: int) -> _Slave:
-        found = self._slaves.get(address)
-        if found is None:
-            found = self._slaves[address] = _Slave()
-        return found
+        return self._slaves.made(address, _Slave)
 
     def _broken(self, packet: Packet, exc: DecodeError) -> Iterator[Description]:
         octets = packet.payload
         shown = octets[:24].hex(" ") + (" ..." if len(octets) > 24 else "")
-        for line in limited(self._told, "no telegram", f"{exc.detail or exc.reason}: {shown}", reason=exc.reason):
-            yield Description(line.what, line.text, line.details, {"malformed": exc.reason}, line.family)
+        text, reason = f"{exc.detail or exc.reason}: {shown}", exc.reason
+        yield from limited(self._told, "no telegram", text, {"reason": reason}, counts={"malformed": reason})
 
     def _requested(self, telegram: Telegram, now: int) -> Iterator[Description]:
         yield from self._unanswered(now)
@@ -249,8 +232,7 @@ class ProfibusDecoder(LineDecoder):
             return
         self._asked = _Asked(telegram, service, now)
         if telegram.code in _SRD and self._again(telegram, slave):
-            for line in limited(slave.told, "repeated", f"{service}.req, with the same FCB"):
-                yield Description(line.what, line.text, line.details, {"repeated": ""})
+            yield from limited(slave.told, "repeated", f"{service}.req, with the same FCB", counts={"repeated": ""})
             return
         if service == _EXCHANGE:
             yield from self._cyclic(telegram.source, telegram.destination, slave).sent(telegram.data, now)
@@ -280,13 +262,13 @@ class ProfibusDecoder(LineDecoder):
             # a master looks for new stations at every address
             return
         text = f"of {asked.telegram.destination} to {asked.service}.req, {(now - asked.at_ns) / 1e6:.3g} ms"
-        for line in limited(slave.told, "no answer", text, family=self._family_of_service(asked)):
-            yield Description(line.what, line.text, line.details, {"unanswered": asked.service}, line.family)
+        counts, family = {"unanswered": asked.service}, _family_of(asked.service)
+        yield from limited(slave.told, "no answer", text, counts=counts, family=family)
 
     def _command(self, telegram: Telegram, service: str) -> Iterator[Description]:
         """A request that gets no answer, or one of a function that slaves lack."""
         if service == "Global_Control":
-            control = parse_global_control(telegram.data)
+            control = GlobalControl.parse(telegram.data)
             yield from limited(self._told, f"{service} {int(control.command)}", control_text(control))
         elif telegram.dsap is not None:
             yield from limited(self._told, f"{service}.req", telegram.data.hex(" "))
@@ -297,11 +279,11 @@ class ProfibusDecoder(LineDecoder):
         data, text = telegram.data, ""
         match telegram.dsap:
             case Sap.SET_PARAMETERS:
-                parameters = parse_parameters(data)
+                parameters = Parameters.parse(data)
                 text = parameters_text(parameters)
                 slave.watchdog_ns = parameters.watchdog_ns()
-                if self.observed is not None and is_set_up(parameters):
-                    self.observed.parametrised(telegram.destination, telegram.source, parameters)
+                if self.shared.observed is not None and is_set_up(parameters):
+                    self.shared.observed.parametrised(telegram.destination, telegram.source, parameters)
                 if slave.model is None:
                     slave.model = model_by_ident(parameters.ident)
                 if slave.cyclic is not None:
@@ -311,11 +293,11 @@ class ProfibusDecoder(LineDecoder):
                 return
             case Sap.CHECK_CONFIGURATION:
                 slave.identifiers = data
-                if self.observed is not None:
-                    self.observed.configured(telegram.destination, data)
+                if self.shared.observed is not None:
+                    self.shared.observed.configured(telegram.destination, data)
                 text = configuration_text(data, slave.model)
             case Sap.SET_SLAVE_ADDRESS:
-                text = address_text(parse_set_address(data))
+                text = address_text(SetAddress.parse(data))
             case _:
                 text = data.hex(" ")
         yield from limited(slave.told, f"{service}.req", text)
@@ -348,8 +330,7 @@ class ProfibusDecoder(LineDecoder):
             yield from limited(slave.told, f"{service}.res", _CODES.get(code, f"code 0x{code:X}"))
         elif not telegram.data:
             reason = _CODES.get(code, f"code 0x{code:X}")
-            for line in limited(slave.told, f"{service}.res", reason):
-                yield Description(line.what, line.text, line.details, {"errors": f"{service}: {reason}"})
+            yield from limited(slave.told, f"{service}.res", reason, counts={"errors": f"{service}: {reason}"})
         elif service == _EXCHANGE:
             cyclic = self._cyclic(telegram.destination, telegram.source, slave)
             yield from cyclic.answered(telegram.data, now)
@@ -359,8 +340,8 @@ class ProfibusDecoder(LineDecoder):
             yield from self._diagnosis(telegram, slave)
         elif service in _SERVICES.values():
             text = configuration_text(telegram.data, slave.model) if service == "Get_Cfg" else telegram.data.hex(" ")
-            if service == "Get_Cfg" and self.observed is not None:
-                self.observed.told(telegram.source, telegram.data)
+            if service == "Get_Cfg" and self.shared.observed is not None:
+                self.shared.observed.told(telegram.source, telegram.data)
             yield from limited(slave.told, f"{service}.res", text)
         else:
             records = self._records(telegram.destination, telegram.source, _connection(asked.telegram), slave)
@@ -368,18 +349,18 @@ class ProfibusDecoder(LineDecoder):
 
     def _note_answer(self, asked: _Asked) -> None:
         """Masters answer FDL_Status, too."""
-        if self.observed is not None and not asked.service.startswith("FDL"):
-            self.observed.answered(asked.telegram.destination)
+        if self.shared.observed is not None and not asked.service.startswith("FDL"):
+            self.shared.observed.answered(asked.telegram.destination)
 
     def _diagnosis(self, telegram: Telegram, slave: _Slave) -> Iterator[Description]:
-        diagnosis = parse_diagnosis(telegram.data)
-        if self.observed is not None:
-            self.observed.diagnosed(telegram.source, diagnosis)
+        diagnosis = Diagnosis.parse(telegram.data)
+        if self.shared.observed is not None:
+            self.shared.observed.diagnosed(telegram.source, diagnosis)
         if slave.model is None:
             slave.model = model_by_ident(diagnosis.ident)
         yield from limited(
             slave.told, "Slave_Diag.res", diagnosis_text(diagnosis),
-            status=int(diagnosis.status), ident=diagnosis.ident, extended=diagnosis.extended.hex(),
+            {"status": int(diagnosis.status), "ident": diagnosis.ident, "extended": diagnosis.extended.hex()},
         )  # fmt: skip
 
     # -- what belongs to a slave -------------------------------------------------------------------------------------
@@ -387,7 +368,7 @@ class ProfibusDecoder(LineDecoder):
     def _cyclic(self, master: int, address: int, slave: _Slave) -> Cyclic:
         found = slave.cyclic
         if found is None:
-            found = slave.cyclic = Cyclic(_station(master), _station(address), self._capture)
+            found = slave.cyclic = Cyclic(_station(master), _station(address), self.shared.capture)
         if not found.outputs.data:
             telegram = None
             if slave.model is not None:
@@ -400,15 +381,19 @@ class ProfibusDecoder(LineDecoder):
     def _records(self, master: int, address: int, connection: int | None, slave: _Slave) -> Records:
         if connection is None:
             return slave.class_one
-        key = master, address, connection
-        found = self._class_two.get(key)
-        if found is None:
-            found = self._class_two[key] = Records()
-        return found
+        return self._class_two.made((master, address, connection), Records)
 
 
 #: Direction of a captured telegram that the interface's own station sent.
 _OUTBOUND: Final = 2
+
+
+def _family_of(service: str) -> str:
+    if service == _EXCHANGE:
+        return "cyclic"
+    if service in _SERVICES.values():
+        return "dp"
+    return "fdl" if service.startswith("FDL") else "dpv1"
 
 
 def _service(telegram: Telegram) -> str:

@@ -56,7 +56,7 @@ def _flags(value: IntFlag) -> list[str]:
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Status bits, master, ident number, and the extended octets by blocks."""
-    bits = _flags(diagnosis.status & ~StationStatus.ALWAYS_1) or ["nothing to tell"]
+    bits = _flags(diagnosis.status & ~StationStatus.ALWAYS_1) or ["nothing to report"]
     master = "no master" if diagnosis.master == NO_MASTER else f"master {diagnosis.master}"
     parts = [", ".join(bits), master, f"ident 0x{diagnosis.ident:04X}"]
     if not diagnosis.status & StationStatus.ALWAYS_1:

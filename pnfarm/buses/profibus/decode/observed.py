@@ -50,10 +50,7 @@ class Observed:
         return sorted((one for one in self._slaves.values() if one.answers), key=lambda one: one.address)
 
     def _slave(self, address: int) -> SeenSlave:
-        found = self._slaves.get(address)
-        if found is None:
-            found = self._slaves[address] = SeenSlave(address)
-        return found
+        return self._slaves.made(address, lambda: SeenSlave(address))
 
     def parametrised(self, address: int, master: int, parameters: Parameters) -> None:
         """Set_Prm with Lock_Req."""

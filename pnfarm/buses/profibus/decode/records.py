@@ -9,15 +9,15 @@ from pnfarm.captures.packet import Description
 from pnfarm.captures.parameter_access import parameter_request, parameter_response
 from pnfarm.protocols.profibus.wire.dpv1 import (
     NEGATIVE,
+    Abort,
     AbortReason,
     ErrorCode1,
     Function,
-    parse_abort,
+    InitiateAnswer,
+    ResourceManager,
     parse_access,
     parse_initiate,
-    parse_initiate_answer,
     parse_refusal,
-    parse_resource_manager,
 )
 
 if TYPE_CHECKING:
@@ -98,12 +98,12 @@ class Records:
                     text = f"{text}: {access.data.hex(' ')}"
                 yield Description(f"{name}.res", text, {"slot": access.slot, "index": access.index})
             case Function.RESOURCE_MANAGER:
-                found = parse_resource_manager(data)
+                found = ResourceManager.parse(data)
                 yield Description(
                     f"{name}.res", f"access point {found.sap}, send time-out {found.send_timeout_ns / 1e6:g} ms"
                 )
             case Function.INITIATE:
-                longest = parse_initiate_answer(data).longest
+                longest = InitiateAnswer.parse(data).longest
                 yield Description(f"{name}.res", f"up to {longest} octets of data", counts={"connects": ""})
             case Function.ABORT:
                 yield self._abort(data)
@@ -114,7 +114,7 @@ class Records:
 
     @staticmethod
     def _abort(data: bytes) -> Description:
-        found = parse_abort(data)
+        found = Abort.parse(data)
         reason = _word(AbortReason, found.reason)
         return Description("Abort", reason, {"reason": found.reason}, {"aborts": reason})
 

@@ -29,7 +29,7 @@ def _no(why: str) -> KindOnBus:
 _RETRIED: Final = "The master repeats the request as often as its retries permit, with the same FCB."
 _TELEGRAMS: Final = {
     "loss": _on(
-        f"Answers are missing, or requests are not heard. {_RETRIED}",
+        f"Answers are missing, or requests are not received. {_RETRIED}",
         f"Nothing while a repetition is answered; then: {_GONE}",
     ),
     "delay": _on(
@@ -38,20 +38,20 @@ _TELEGRAMS: Final = {
         f"Within the slot time nothing; beyond it the request is repeated, then: {_GONE}",
     ),
     "duplicate": _on(
-        "An answer comes twice, the second one unasked.",
+        "An answer is sent twice, the second one without a request.",
         "Nothing, or a line error that is counted: the second answer belongs to no request (assumed).",
     ),
     "corrupt": _on(
         "Inverted bits anywhere in a telegram: wrong FCS, wrong delimiters, another address.",
-        f"The telegram counts as none. {_RETRIED} Then: {_GONE}",
+        f"The telegram is discarded. {_RETRIED} Then: {_GONE}",
     ),
-    "silence": _on(f"No answer of the slave; it hears everything. {_RETRIED}", _GONE),
+    "silence": _on(f"No answer of the slave; it receives everything. {_RETRIED}", _GONE),
     "timeout": _on(
-        "No answer of the slave for a little more than its watchdog; then it is parametrised anew.",
+        "No answer of the slave for a little more than its watchdog; then it is parametrised again.",
         f"Once: {_GONE} The slave comes back.",
     ),
-    "link-down": _on("The plug is pulled at the slave: it neither hears nor answers; the line goes on.", _GONE),
-    "link-flap": _on("The plug is pulled again and again.", f"Each time: {_GONE} Then the slave is parametrised anew."),
+    "link-down": _on("The plug is pulled at the slave: it neither receives nor answers; the line continues.", _GONE),
+    "link-flap": _on("The plug is pulled repeatedly.", f"Each time: {_GONE} Then the slave is parametrised again."),
     "drop-cycles": _on(
         f"That many answers to Data_Exchange are missing. {_RETRIED}",
         f"Fewer than the retries: nothing. From them on: {_GONE}",
@@ -66,11 +66,11 @@ _CONNECTION: Final = {
     "ar-abort": _on(
         "The slave leaves its data exchange and waits for parameters: a Data_Exchange is answered as by one that was "
         "just switched on (RS).",
-        "The slave is parametrised anew; S7: station failure and return (assumed).",
+        "The slave is parametrised again; S7: station failure and return (assumed).",
     ),
     "watchdog-expire": _on(
         "The slave behaves as if its watchdog had expired: outputs are zero, it raises 32-1 and waits for parameters.",
-        "The slave is parametrised anew; the program sees the drive's fault.",
+        "The slave is parametrised again; the program sees the drive's fault.",
     ),
     "connect-refuse": _on(
         "Set_Prm is acknowledged, and the diagnosis behind it says Prm_Fault: data exchange does not begin.",
@@ -104,8 +104,8 @@ _CONNECTION: Final = {
         },
     ),
     "record-delay": _on(
-        "Polls of the answer are told that it is not ready yet, for the time given.",
-        "Nothing by the bus: reading and writing takes longer, or ends by the program's own time limit.",
+        "Polls of the answer are answered as not ready, for the time given.",
+        "The bus reports nothing: reading and writing takes longer, or ends by the program's own time limit.",
     ),
 }
 
@@ -113,20 +113,20 @@ _SHOWN: Final = "ZSW1.3 is set, and the slave asks for a diagnosis where P-1256 
 _SEEN: Final = "The program sees it in ZSW1; with an extended diagnosis, S7: diagnostic interrupt (OB82)."
 _DRIVE: Final = {
     "drive-fault": _on(f"{_SHOWN}; the power stage goes off if the fault's reaction says so.", _SEEN),
-    "drive-warning": _on("ZSW1.7 is set.", "Nothing by the bus: the program sees it in ZSW1."),
+    "drive-warning": _on("ZSW1.7 is set.", "The bus reports nothing: the program sees it in ZSW1."),
     "fault-not-acknowledging": _on(f"{_SHOWN} and stays, whatever acknowledges.", _SEEN),
     **{
         cause: _on(f"{_SHOWN}, and ZSW1.2 falls.", _SEEN)
         for cause in ("undervoltage", "encoder-error", "following-error", "sto")
     },
-    "limit-switch": _on("The velocity falls to 0; ZSW1 and the digital inputs show it.", "Nothing by the bus."),
-    "load": _on("Actual velocity, position and torque change.", "Nothing by the bus."),
-    "stuck-axis": _on("The actual position stands, the actual velocity is 0.", "Nothing by the bus."),
-    "slow-ramp": _on("The actual velocity changes more slowly.", "Nothing by the bus."),
-    "not-ready": _on("ZSW1.0 falls, and no control word switches the drive on.", "Nothing by the bus."),
-    "digital-input": _on("The input's bit where a telegram or parameter has it.", "Nothing by the bus."),
+    "limit-switch": _on("The velocity falls to 0; ZSW1 and the digital inputs show it.", "The bus reports nothing."),
+    "load": _on("Actual velocity, position and torque change.", "The bus reports nothing."),
+    "stuck-axis": _on("The actual position does not change, the actual velocity is 0.", "The bus reports nothing."),
+    "slow-ramp": _on("The actual velocity changes more slowly.", "The bus reports nothing."),
+    "not-ready": _on("ZSW1.0 falls, and no control word switches the drive on.", "The bus reports nothing."),
+    "digital-input": _on("The input's bit where a telegram or parameter has it.", "The bus reports nothing."),
     "power-cycle": _on(
-        f"The slave is mute until it has booted. {_RETRIED}", f"{_GONE} The slave is parametrised anew."
+        f"The slave is mute until it has booted. {_RETRIED}", f"{_GONE} The slave is parametrised again."
     ),
 }
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from pnfarm.faults.effects.evidence import Evidence
-from pnfarm.faults.effects.wire import Wire
+from pnfarm.faults.effects.wire import Impairing, Wire
 from pnfarm.faults.gate.choice import Choice
 from pnfarm.faults.gate.gate import GateRule
 from pnfarm.faults.gate.shaping import Shape
@@ -107,11 +108,11 @@ def _shape(kind: int, seed: int, settings: Mapping[str, float]) -> Shape | None:
     raise ValueError(f"a line has no impairment {kind}")
 
 
+@dataclass(eq=False)
 class LineWire(Wire):
     """See the module's docstring; numbers of its cyclic impairments are its own."""
 
-    def __init__(self, *args: Any, **fields: Any) -> None:
-        super().__init__(*args, **fields)
+    def __post_init__(self) -> None:
         self._acyclic_rules: dict[int, _OnLine] = {}
         self._cyclic_rules: dict[int, tuple[_CyclicRule, _OnCyclic]] = {}
         #: Occurrences that each may still have, of those that count; and what counts together with what.
@@ -123,42 +124,30 @@ class LineWire(Wire):
     def in_force(self) -> list[Any]:
         return [*super().in_force(), *self._cyclic_rules.values()]
 
-    def impair(
-        self,
-        direction: Direction,
-        kind: int,
-        *,
-        probability: float,
-        seed: int,
-        count: int,
-        after: int,
-        start_ns: int,
-        stop_ns: int,
-        settings: Mapping[str, float] | None = None,
-    ) -> int:
+    def impair(self, direction: Direction, kind: int, how: Impairing) -> int:
         """See :meth:`Wire.impair`: the gate acts on cyclic telegrams, too."""
-        given = dict(settings or {})
+        given = dict(how.settings)
         choice = Choice(
             model=int(given.pop("model", INDEPENDENT)),
-            start=probability,
+            start=how.probability,
             burst=int(given.pop("burst", 1)),
             **{key: _share(given.pop(key)) for key in ("enter", "leave", "hit_good", "hit_bad") if key in given},
         )
         self._number += 1
         number = self._number
-        self._limits[number] = count
-        if count:
+        self._limits[number] = how.count
+        if how.count:
             self._counted.add(number)
         rule = GateRule(
             (direction,),
             frozenset({CYCLIC}),
-            seed=seed,
-            stop_ns=stop_ns,
+            seed=how.seed,
+            stop_ns=how.window.stop_ns,
             armed=lambda: self._left(number) > 0,
             choice=choice,
-            shape=_shape(kind, seed, given),
+            shape=_shape(kind, how.seed, given),
         )
-        one = _CyclicRule(rule, start_ns, after)
+        one = _CyclicRule(rule, how.window.start_ns, how.window.after)
         on_line = _OnCyclic(one)
         self._cyclic_rules[number] = one, on_line
         self._gate.add(self._port, on_line)  # type: ignore[arg-type]  # the gate asks no more of a rule

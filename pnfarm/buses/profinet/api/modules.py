@@ -9,12 +9,11 @@ from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of ha
 from pnfarm.buses.profinet.api.schemas import ModulePlug, ModulesView, PluggedView
 from pnfarm.buses.profinet.device.device import ProfinetDevice
 from pnfarm.buses.profinet.device.modules import modules_view, plug_module, pull_module
-from pnfarm.web.bodies import PREFIX, Json, body_of, checked, read_object
+from pnfarm.web.bodies import Json, body_of, checked, read_object
 from pnfarm.web.errors import NotFoundError
+from pnfarm.web.paths import Paths
 
 if TYPE_CHECKING:
-    from enum import Enum
-
     from fastapi import FastAPI
 
     from pnfarm.buses.bus import RouteHost
@@ -25,21 +24,16 @@ __all__ = ["add_modules"]
 
 def add_modules(app: FastAPI, host: RouteHost) -> None:
     """Handlers under ``/drives/{name}/modules``."""
-    tags: list[str | Enum] = ["modules"]
-    path = f"{PREFIX}/drives/{{name}}/modules"
+    path = Paths(app, "modules")
 
-    @app.get(path, tags=tags, summary="The modules in a drive's slots", responses={200: {"model": ModulesView}})
+    @path("GET drives/{name}/modules", ModulesView)
     async def get_modules(name: str) -> Json:
+        """The modules in a drive's slots."""
         return Json(_view(host.station(name)))
 
-    @app.put(
-        f"{path}/{{slot}}",
-        tags=tags,
-        summary="Plug a module: the one that was pulled, a telegram's, or one of any ident",
-        responses={200: {"model": PluggedView}},
-        openapi_extra=body_of(ModulePlug),
-    )
+    @path("PUT drives/{name}/modules/{slot}", PluggedView, body=body_of(ModulePlug))
     async def plug(name: str, slot: int, request: Request) -> Json:
+        """Plug a module: the one that was pulled, a telegram's, or one of any ident."""
         wanted = checked(await read_object(request), ModulePlug, hint="allowed: telegram, module_ident, substitute")
         station = host.station(name)
         changed = plug_module(
@@ -53,13 +47,9 @@ def add_modules(app: FastAPI, host: RouteHost) -> None:
         host.changed(station)
         return Json({**_view(station), "changed": changed})
 
-    @app.delete(
-        f"{path}/{{slot}}",
-        tags=tags,
-        summary="Pull a module, or one submodule of it",
-        responses={200: {"model": ModulesView}},
-    )
+    @path("DELETE drives/{name}/modules/{slot}", ModulesView)
     async def pull(name: str, slot: int, subslot: int | None = None) -> Json:
+        """Pull a module, or one submodule of it."""
         station = host.station(name)
         pull_module(_device(station), slot, subslot, host.now())
         host.changed(station)

@@ -77,7 +77,7 @@ def write(
     own_ip: OwnOption = None,
     output: FormatOption = Format.TABLE,
 ) -> None:
-    """Write a record through a connection for device access, beside a controller's connection."""
+    """Write a record through a connection for device access, in addition to a controller's connection."""
     from pnfarm.buses.profinet.controller.record_client import RecordTask
     from pnfarm.terminal.output import print_json, print_line
 

@@ -39,6 +39,30 @@ def check_model(at: Location, group: ProfinetDrives, model: ModelFacts, report: 
         what = f"{model.name} has no telegram {group.telegram}"
         report((*at, "telegram"), what, ", ".join(map(str, sorted(model.telegrams))))
     _check_limit((*at, "cycle"), group, model, group.cycle_ns, report)
+    _check_axes((*at, "axes"), group, model, report)
+
+
+def _check_axes(at: Location, group: ProfinetDrives, model: ModelFacts, report: Report) -> None:
+    """The axes of a drive with several."""
+    if len(group.axes) > 1 and group.limits == "strict":
+        report(at, f"{model.name} has one axis, by its manual", "one, or limits: lax")
+    seen: set[str] = set()
+    for number, axis in enumerate(group.axes):
+        here: Location = (*at, number)
+        if axis.name in seen:
+            report((*here, "name"), f"{axis.name} is given twice", "each name once")
+        seen.add(axis.name)
+        if axis.telegram is not None and axis.telegram not in set(model.telegrams):
+            what = f"{model.name} has no telegram {axis.telegram}"
+            report((*here, "telegram"), what, ", ".join(map(str, sorted(model.telegrams))))
+        for key, what, allowed in model.parameter_complaints(axis.params):
+            report((*here, "params", key), what, allowed)
+        motor = group.motor if axis.motor is None else axis.motor
+        if (motor.kind, motor.pitch) != (group.motor.kind, group.motor.pitch):
+            report((*here, "motor"), "is of another kind or pitch than the drive's", "those of the drive")
+        load = group.load if axis.load is None else axis.load
+        for key, what, allowed in model.axis_complaints(load, motor):
+            report((*here, key), what, allowed)
 
 
 def _check_limit(at: Location, group: ProfinetDrives, model: ModelFacts, cycle_ns: int | None, report: Report) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from pnfarm.buses.profinet.config.clock import MAX_DATA_HOLD_FACTOR
 from pnfarm.buses.profinet.config.device import Place
@@ -12,12 +12,7 @@ from pnfarm.buses.profinet.config.values import Cycle
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
 from pnfarm.config.section import Section
-from pnfarm.config.values import Cidr, Duration, Gateway, Globs, NamePattern, OctetString
-from pnfarm.vocabulary.durations import format_duration
-from pnfarm.vocabulary.problem import Problem
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from pnfarm.config.values import Cidr, Duration, Gateway, Globs, NamePattern, OctetString, between
 
 __all__ = ["DEFAULT_READY_NS", "ForeignDevice", "ParameterRecord", "ProfinetController"]
 
@@ -45,13 +40,16 @@ class ForeignDevice(Section):
     name: NamePattern = Field(description="Its station name.")
     gsdml: str = Field(min_length=1, description="Its GSDML file, relative to this file.")
     dap: str | None = Field(
-        default=None, description="ID of the access point; left out where the GSDML file has one only."
+        default=None,
+        description="ID, order number or name of the access point; left out where the GSDML file has one only.",
     )
     modules: dict[Place, str | None] = Field(
-        default_factory=dict, description="Slot: ID of the module in it; null for an empty slot.", examples=[{1: "DI8"}]
+        default_factory=dict,
+        description="Slot: ID, order number, name or ident of the module in it; null for an empty slot.",
+        examples=[{1: "DI8"}],
     )
     submodules: dict[Place, dict[Place, str | None]] = Field(
-        default_factory=dict, description="Slot: mapping of subslot to the ID of the submodule in it."
+        default_factory=dict, description="Slot: mapping of subslot to the submodule in it, in the same way."
     )
     ip: Cidr | None = Field(default=None, description="Its address; left out, the next free one of the controller's.")
     gateway: Gateway | None = Field(default=None, description="Router of the subnet.")
@@ -65,13 +63,7 @@ class ForeignDevice(Section):
 LEAST_READY_NS, MOST_READY_NS = 1_000_000_000, 65_535_000_000_000
 
 
-def _within_ready_bounds(value: int) -> int:
-    if not LEAST_READY_NS <= value <= MOST_READY_NS:
-        raise Problem(f"is {format_duration(value)}", "1s to 65535s")
-    return value
-
-
-ReadyTime = Annotated[Duration, AfterValidator(_within_ready_bounds)]
+ReadyTime = Annotated[Duration, between(LEAST_READY_NS, MOST_READY_NS, "1s to 65535s")]
 
 
 class ProfinetController(IpController):
@@ -112,7 +104,3 @@ class ProfinetController(IpController):
     devices: list[ForeignDevice] = Field(
         default_factory=list, max_length=MAX_DRIVES, description="Further devices, each by its GSDML file."
     )
-
-    @property
-    def device_names(self) -> Sequence[str]:
-        return [device.name for device in self.devices]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import Field
 
 from pnfarm.buses.profinet.config.values import Cycle
+from pnfarm.config.drive import MAX_AXES, AxisGroup
 from pnfarm.config.ip import IpDriveConfig, IpDrives
 from pnfarm.config.values import Cidr
 
@@ -19,6 +20,12 @@ __all__ = ["ProfinetDriveConfig", "ProfinetDrives"]
 _U16 = 0xFFFF
 
 
+class ProfinetAxis(AxisGroup):
+    """One axis of a drive on PROFINET."""
+
+    telegram: int | None = Field(default=None, ge=0, le=_U16, description="PROFIdrive telegram; left out, the drive's.")
+
+
 class ProfinetDrives(IpDrives):
     """Keys of a group on PROFINET."""
 
@@ -26,9 +33,16 @@ class ProfinetDrives(IpDrives):
         default=None, description="First drive's address; counts up.  Left out, the drive waits for DCP."
     )
     telegram: int | None = Field(default=None, ge=0, le=_U16, description="PROFIdrive telegram; left out, the model's.")
+    axes: list[ProfinetAxis] = Field(
+        default_factory=list,
+        max_length=MAX_AXES,
+        description="Several axes on one connection, each with a telegram in slots of its own, behind each other. A "
+        "model whose manual has one axis takes more with `limits: lax`.",
+        examples=[[{"name": "x"}, {"name": "y"}]],
+    )
     hello: bool = Field(
         default=False,
-        description="Whether the drive says DCP Hello at power-on; a controller's fast start-up record overrides it.",
+        description="Whether the drive sends DCP Hello at power-on; a controller's fast start-up record overrides it.",
     )
     cycle_ns: Cycle | None = Field(
         default=None, alias="cycle", description="Cycle at which the built-in controller runs these drives."

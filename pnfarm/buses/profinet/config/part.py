@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from importlib import import_module
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.buses.profinet.config import checks
 from pnfarm.buses.profinet.config.controller import ProfinetController
 from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig, ProfinetDevices
 from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig, ProfinetDrives
 from pnfarm.buses.profinet.config.send_clock import own_cycle_ns
+from pnfarm.config.drive import AxisConfig
 from pnfarm.config.ip import check_addresses, nth_ip
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from pnfarm.buses.farm_file import Claims, Expansion, PlacedGroup
+    from pnfarm.buses.farm_file import Expansion
     from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
     from pnfarm.config.ip import Macs
-    from pnfarm.config.known import Known, ModelFacts
+    from pnfarm.config.known import ModelFacts
     from pnfarm.vocabulary.issues import Location, Report
 
 __all__ = ["PROFINET_PART", "ProfinetPart"]
@@ -29,50 +31,20 @@ __all__ = ["PROFINET_PART", "ProfinetPart"]
 _CLOCK = ("cycle", "send_clock_factor", "reduction_ratio", "watchdog_factor")
 
 
-class ProfinetPart:
+class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
     """See the module's docstring."""
 
-    @property
-    def drives(self) -> type[ProfinetDrives]:
-        return ProfinetDrives
-
-    @property
-    def controller(self) -> type[ProfinetController]:
-        return ProfinetController
-
-    @property
-    def together(self) -> Mapping[str, Sequence[str]]:
-        return {
-            "ip": ("ip", "gateway"),
-            "cycle": _CLOCK,
-            "send_clock_factor": _CLOCK,
-            "reduction_ratio": _CLOCK,
-        }
-
-    @property
-    def judged_by_model(self) -> frozenset[str]:
-        return frozenset({"telegram", "cycle"})
-
-    def check_name(self, at: Location, name: str, report: Report) -> bool:
-        return checks.check_name(at, name, report)
-
-    def check_group(self, at: Location, group: ProfinetDrives, report: Report) -> None:
-        check_addresses(at, group, report)
-
-    def check_model(self, at: Location, group: ProfinetDrives, model: ModelFacts, report: Report) -> None:
-        checks.check_model(at, group, model, report)
-
-    def check_devices(self, controller: ProfinetController, claims: Claims, report: Report) -> None:
-        checks.check_devices(controller, claims, report)
-
-    def check_controller(
-        self,
-        controller: ProfinetController,
-        groups: Sequence[PlacedGroup[ProfinetDrives]],
-        known: Known,
-        report: Report,
-    ) -> None:
-        checks.check_controller(controller, groups, known, report)
+    drives = ProfinetDrives
+    controller = ProfinetController
+    together = MappingProxyType(
+        {"ip": ("ip", "gateway"), "cycle": _CLOCK, "send_clock_factor": _CLOCK, "reduction_ratio": _CLOCK}
+    )
+    judged_by_model = frozenset({"telegram", "cycle"})
+    check_name = staticmethod(checks.check_name)
+    check_group = staticmethod(check_addresses)
+    check_model = staticmethod(checks.check_model)
+    check_devices = staticmethod(checks.check_devices)
+    check_controller = staticmethod(checks.check_controller)
 
     def drive(
         self,
@@ -83,8 +55,13 @@ class ProfinetPart:
         expansion: Expansion,
     ) -> ProfinetDriveConfig:
         controller = expansion.controller if isinstance(expansion.controller, ProfinetController) else None
+        several = tuple(
+            AxisConfig.of(axis, common, telegram=group.telegram if axis.telegram is None else axis.telegram)
+            for axis in group.axes
+        )
         return ProfinetDriveConfig.extending(
             common,
+            several=several,
             mac=expansion.macs.of(group, common.name, step),
             ip=nth_ip(group, step),
             gateway=group.gateway,

@@ -23,11 +23,7 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.deadlines import earliest
 from pnfarm.protocols.ip.host import DatagramReceived, IpHost
 from pnfarm.protocols.profinet.cm.controller.response import addressed_ar
-from pnfarm.protocols.profinet.dcp.client import (
-    DcpClient,
-    GetFinished,
-    HelloReceived,
-)
+from pnfarm.protocols.profinet.dcp.client import DcpClient, GetFinished, HelloReceived
 from pnfarm.protocols.profinet.dcp.device import DcpDevice
 from pnfarm.protocols.profinet.dcp.rules import DcpIdentity
 from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ErrorCode, pnio_error
@@ -37,21 +33,9 @@ from pnfarm.protocols.profinet.rpc.events import CallFailed, CallReceived, CallR
 from pnfarm.protocols.profinet.rpc.fragments import Peer
 from pnfarm.protocols.profinet.rpc.server import RpcServer
 from pnfarm.protocols.profinet.wire.frame_id import DCP_HELLO, DCP_IDENTIFY_RESPONSE
-from pnfarm.protocols.profinet.wire.rpc.pdu import (
-    RPC_PORT,
-    UUID_PNIO_CONTROLLER,
-    UUID_PNIO_DEVICE,
-    Opnum,
-    object_uuid,
-)
+from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT, UUID_PNIO_CONTROLLER, UUID_PNIO_DEVICE, Opnum, object_uuid
 from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
-from pnfarm.wire.ethernet import (
-    ETHERTYPE_LLDP,
-    ETHERTYPE_PROFINET,
-    EthernetFrame,
-    emit_ethernet,
-    parse_ethernet,
-)
+from pnfarm.wire.ethernet import ETHERTYPE_LLDP, ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet, parse_ethernet
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Literal
 
 from pnfarm.buses.controllers.device_plan import IpPlan, PlannedDevice
 from pnfarm.buses.controllers.signal_steps import SignalSteps
 from pnfarm.protocols.profinet.cm.controller.events import Timeouts
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
 from pnfarm.protocols.profinet.wire.cm.connect import ArType
 from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT
 from pnfarm.wire.rtc import SEND_CLOCK_NS
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
 
-__all__ = ["CALL_PORT", "DevicePlan", "ProfinetPlan"]
+__all__ = ["CALL_PORT", "DevicePlan", "PlannedAxis", "ProfinetPlan"]
 
 
 #: UDP port of the controller's own calls.
@@ -65,6 +66,18 @@ class DevicePlan(PlannedDevice):
     @property
     def cycle_ns(self) -> int:
         return self.send_clock_factor * self.reduction_ratio * SEND_CLOCK_NS
+
+    def ar_plan(self, **own: Any) -> ArPlan:
+        """What its AR is asked for: fields of the same names, and the controller's ``own``."""
+        same = {one.name for one in fields(self)} & {one.name for one in fields(ArPlan)}
+        return ArPlan(**{name: getattr(self, name) for name in same} | own)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedAxis(PlannedDevice):
+    """An axis behind the first one of a drive."""
+
+    cycle_ns: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,23 +14,10 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.lldp.agent import Neighbour
 
 __all__ = [
-    "AlarmReceived",
-    "ConnectFailed",
-    "Connected",
-    "ConnectionBroken",
-    "FileRemarked",
-    "IdentificationDiffers",
-    "IdentificationUnread",
-    "ModuleDiffers",
-    "NameGivenTwice",
-    "NeighbourAppeared",
-    "NeighbourChanged",
-    "NeighbourGone",
-    "ParametersWritten",
-    "PhaseChanged",
-    "Released",
-    "SubmodulesChanged",
-]
+    "AlarmReceived", "ConnectFailed", "Connected", "ConnectionBroken", "FileRemarked", "IdentificationDiffers",
+    "IdentificationUnread", "ModuleDiffers", "NameGivenTwice", "NeighbourAppeared", "NeighbourChanged", "NeighbourGone",
+    "ParametersWritten", "PhaseChanged", "Released", "SubmodulesChanged",
+]  # fmt: skip
 
 
 @event()

@@ -7,7 +7,7 @@ from typing import Any
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.wire.block import BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.records.identification import parse_im0, parse_im_text
+from pnfarm.protocols.profinet.wire.records.identification import Im0, ImText
 
 __all__ = ["Identification", "read_im", "revision_text"]
 
@@ -59,7 +59,7 @@ def read_im(before: Identification | None, data: bytes) -> Identification:
         raise DecodeError("bad-count", "an I&M record without a block")
     block = blocks[0]
     if block.block_type == BlockType.IM0:
-        im0 = parse_im0(block)
+        im0 = Im0.of(block)
         return Identification(
             vendor_id=im0.vendor_id,
             order_id=_text(im0.order_id),
@@ -73,7 +73,7 @@ def read_im(before: Identification | None, data: bytes) -> Identification:
         )
     if before is None:
         raise DecodeError("bad-type", f"block 0x{block.block_type:04X} before I&M0")
-    text = parse_im_text(block)
+    text = ImText.of(block)
     match text.block_type:
         case BlockType.IM1:
             function, location = _text(text.text[:_FUNCTION]), _text(text.text[_FUNCTION:])

@@ -7,12 +7,11 @@ from ipaddress import IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pnfarm.buses.controllers.device_plan import PlannedDevice
 from pnfarm.buses.controllers.plan import describing, own_address, profidrive_keys, reconnect_after_ns, telegram_of
 from pnfarm.buses.controllers.signal_steps import KnownSteps
 from pnfarm.buses.profinet.binding import axis_stride
 from pnfarm.buses.profinet.config.send_clock import clock_of
-from pnfarm.buses.profinet.controller.device_plan import DevicePlan, ProfinetPlan
+from pnfarm.buses.profinet.controller.device_plan import DevicePlan, PlannedAxis, ProfinetPlan
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.profinet.model_gsdml import describe_diagnosis
 from pnfarm.buses.profinet.plain_layout import plain_layout
@@ -187,7 +186,7 @@ def _axis_keys(
             motor=axis.motor,
             machine=axis.machine,
             params=axis.params,
-            further=(),
+            several=(),
         )
         keys = profidrive_keys(section, alone, model, number, known_steps)
         keys["life"] = model.profidrive.sign_of_life is not None
@@ -221,8 +220,8 @@ def plan_devices(
         clock = clock_of(section, drive.cycle_ns)
         plans.append(
             DevicePlan(
-                **first | {"name": drive.name, "first": drive.first},
-                further=tuple(PlannedDevice(**keys) for keys in further),
+                **first | {"name": drive.name, "first": drive.axes[0].name},
+                further=tuple(PlannedAxis(**keys, cycle_ns=clock.cycle_ns) for keys in further),
                 ip=ip,
                 gateway=drive.gateway,
                 assign_ip=section.assign_ip,

@@ -26,7 +26,6 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     SubmodulesChanged,
     Timeouts,
 )
-from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
 from pnfarm.protocols.profinet.errors import describe_status
 from pnfarm.protocols.profinet.wire.alarms.texts import only_disappears
 
@@ -132,33 +131,20 @@ class SessionLife(Life[DeviceSession]):
         plan = session.plan
         uuid = self._uuids()
         machine = CmController(
-            ArPlan(
-                vendor_id=plan.vendor_id,
-                device_id=plan.device_id,
-                instance=plan.instance,
+            plan.ar_plan(
                 controller_name=self._name,
                 controller_mac=self._mac,
                 controller_object_uuid=self._object_uuid,
                 ar_uuid=uuid,
                 session_key=self._session_key,
-                submodules=plan.submodules,
-                startup=plan.startup,
-                ar_type=plan.ar_type,
-                takeover_allowed=plan.takeover_allowed,
                 expected_blocks="per-slot",
                 # a device that may take longer to be ready is not to give up before
                 activity_timeout_factor=min(
                     LONGEST_ACTIVITY_TIMEOUT, max(ACTIVITY_TIMEOUT, plan.application_ready_ns // 100_000_000)
                 ),
-                records=plan.records,
-                multiple_write=plan.multiple_write,
-                send_clock_factor=plan.send_clock_factor,
-                reduction_ratio=plan.reduction_ratio,
                 phase=session.index % plan.reduction_ratio + 1,
-                watchdog_factor=plan.watchdog_factor,
                 input_frame_id=FIRST_FRAME_ID + session.index,
                 local_alarm_reference=session.index + 1,
-                texts=plan.texts,
             ),
             Timeouts(application_ready_ns=plan.application_ready_ns),
         )

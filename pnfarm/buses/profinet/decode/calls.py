@@ -27,7 +27,6 @@ from pnfarm.protocols.profinet.wire.records.iod import (
     IodWriteReqHeader,
     IodWriteResHeader,
     WriteRequest,
-    parse_read_request,
     parse_read_response,
     parse_write_request,
     parse_write_response,
@@ -54,7 +53,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.decode.shared import Shared
     from pnfarm.captures.packet import Packet
-    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.block import Block
 
 __all__ = ["is_call", "rpc"]
 
@@ -176,7 +175,7 @@ def _request(stub: bytes, pdu: RpcPdu, call: Call, packet: Packet, shared: Share
                 shared.observed.wrote(packet.source, packet.destination, call.write)
             yield Description(what, _write(call.write, packet.destination, shared), {}, {"writes": ""})
         case Opnum.READ | Opnum.READ_IMPLICIT:
-            header = parse_read_request(payload)
+            header = IodReadReqHeader.parse(payload)
             yield Description(what, _place(header), _where(header), {"reads": ""})
         case Opnum.CONNECT:
             call.blocks, wrong = read_blocks(payload)

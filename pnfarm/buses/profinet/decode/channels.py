@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.decoding.channel import SummedChannel
 from pnfarm.captures.drive_words import words_of
-from pnfarm.protocols.profinet.wire.cm.iocr import IocrType
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
@@ -39,16 +38,6 @@ class Template:
     statuses: tuple[tuple[str, int, int, int], ...]
     bits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
-    @property
-    def control(self) -> int | None:
-        """Octet of STW1 or ZSW1."""
-        return next((offset for name, offset, _ in self.words if name in {"STW1", "ZSW1"}), None)
-
-    @property
-    def second(self) -> tuple[str, int] | None:
-        """Name and octet of STW2 or ZSW2."""
-        return next(((name, offset) for name, offset, _ in self.words if name in {"STW2", "ZSW2"}), None)
-
 
 @dataclass(slots=True, eq=False)
 class Channel(SummedChannel):
@@ -58,8 +47,6 @@ class Channel(SummedChannel):
     template: Template | None
     cycle_ns: int = 0
     hold_ns: int = 0
-    #: None while unknown: the Connect is not in the capture.
-    sent_by_device: bool | None = None
     partner: Channel | None = None
     counter: int = 0
     status: int = 0
@@ -71,16 +58,11 @@ class Channel(SummedChannel):
             layout = self.template.layout
             self.cycle_ns, self.hold_ns = layout.cycle_ns, layout.data_hold_ns
             self.step = self.cycle_ns // SEND_CLOCK_NS
-            self.sent_by_device = layout.iocr_type == IocrType.INPUT
 
     def summary(self) -> CyclicChannel:
         """For the summary of the capture."""
         telegram = self.template.telegram if self.template is not None else None
         return self.figures(f"0x{self.frame_id:04X}", telegram, self.cycle_ns)
-
-    def word(self, offset: int) -> int:
-        """A word of the last frame."""
-        return int.from_bytes(self.data[offset : offset + 2], "big")
 
 
 def telegram_of(expected: Iterable[ExpectedApi], model: Model | None) -> Telegram | None:

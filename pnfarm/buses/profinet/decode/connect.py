@@ -9,13 +9,7 @@ from pnfarm.buses.profinet.decode.channels import Channel, make_template, telegr
 from pnfarm.buses.profinet.decode.identity import learn_identity
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.cm.ar import IocrLayout, LayoutError, compute_layout, expected_submodules
-from pnfarm.protocols.profinet.wire.cm.connect import (
-    ArBlockReq,
-    ArBlockRes,
-    ArProperties,
-    ArServerBlock,
-    ArType,
-)
+from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArBlockRes, ArProperties, ArServerBlock, ArType
 from pnfarm.protocols.profinet.wire.cm.expected import (
     ExpectedApi,
     ExpectedSubmoduleBlockReq,
@@ -31,7 +25,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.decode.shared import Shared
     from pnfarm.captures.packet import Packet
-    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.block import Block
     from pnfarm.protocols.profinet.wire.rpc.pdu import RpcPdu
 
 __all__ = ["connect_request", "connect_response", "forget_asked"]

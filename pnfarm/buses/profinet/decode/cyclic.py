@@ -10,9 +10,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.channels import Channel
-from pnfarm.captures.drive_words import SECOND_MASK, bits_text, stw1_text, values_text, zsw1_text
+from pnfarm.captures.drive_words import values_text, word_changes, word_of
 from pnfarm.captures.packet import Description
-from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 from pnfarm.protocols.profinet.wire.frame_id import classify_frame_id
 from pnfarm.protocols.profinet.wire.rtc import (
     IOXS_BAD_BY_CONTROLLER,
@@ -70,7 +69,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     payload = packet.payload
     frame_id = payload[0] << 8 | payload[1]
     if len(payload) < 2 + STATUS_LENGTH:
-        if shared.every_frame:
+        if shared.capture.every_frame:
             yield Description(f"frame id 0x{frame_id:04X}", classify_frame_id(frame_id).value)
         return
     key = (packet.destination, packet.source, frame_id)
@@ -101,7 +100,7 @@ def cyclic(packet: Packet, shared: Shared) -> Iterator[Description]:
     channel.last_ns, channel.counter, channel.data, channel.status = packet.time_ns, counter, data, status
     if first:
         yield Description("cyclic data begin", _first(channel, size), {"frame_id": frame_id, "octets": size})
-    elif shared.every_frame:
+    elif shared.capture.every_frame:
         yield Description(
             "cyclic", f"0x{frame_id:04X} counter {counter} {_values(channel)}".rstrip(), {"frame_id": frame_id}
         )
@@ -157,7 +156,7 @@ def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[
         channel.received = ahead
         return
     step = channel.step
-    late = passed > shared.gap_cycles * channel.cycle_ns
+    late = passed > shared.capture.gap_cycles * channel.cycle_ns
     missing = 0
     whole, rest = divmod(ahead, step)
     if passed < COUNTER_ROUND_NS // 2 and (
@@ -191,20 +190,12 @@ def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Descript
     template = channel.template
     if template is None:
         return
-    control = template.control
-    if control is not None and before[control : control + 2] != after[control : control + 2]:
-        old, new = (int.from_bytes(data[control : control + 2], "big") for data in (before, after))
-        text = _zsw1(channel, old, new) if template.layout.is_input else _stw1(channel, old, new)
-        if text:
-            name = "ZSW1" if template.layout.is_input else "STW1"
-            yield from channel.limited(name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
-    second = template.second
-    if second is not None:
-        name, place = second
-        old, new = (int.from_bytes(data[place : place + 2], "big") for data in (before, after))
-        if (old ^ new) & SECOND_MASK:
-            text = bits_text(old, new, template.bits.get(name, ()), SECOND_MASK)
-            yield from channel.limited(name, f"0x{old:04X} -> 0x{new:04X}: {text}", before=old, after=new)
+    partner = channel.partner
+    stw1 = None
+    if partner is not None and partner.template is not None:
+        stw1 = word_of(partner.template.words, "STW1", partner.data)
+    for word, text, details in word_changes(template.words, template.bits, before, after, stw1):
+        yield from channel.limited(word, text, **details)
     changed: dict[tuple[str, int, int], list[str]] = {}
     for kind, slot, subslot, offset in template.statuses:
         if before[offset] != after[offset]:
@@ -213,19 +204,3 @@ def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Descript
         every = len(places) == sum(1 for status in template.statuses if status[0] == kind)
         of = "all" if every else f"slot/subslot {', '.join(places)}"
         yield from channel.limited(kind, f"of {of} {_ioxs(old)} -> {_ioxs(new)}", before=old, after=new)
-
-
-def _names(channel: Channel, word: str, usual: tuple[str, ...]) -> tuple[str, ...]:
-    return channel.template.bits.get(word, usual) if channel.template is not None else usual
-
-
-def _stw1(channel: Channel, old: int, new: int) -> str:
-    return stw1_text(old, new, _names(channel, "STW1", STW1_BITS))
-
-
-def _zsw1(channel: Channel, old: int, new: int) -> str:
-    partner = channel.partner
-    stw1 = None
-    if partner is not None and partner.begun and partner.template is not None and partner.template.control is not None:
-        stw1 = partner.word(partner.template.control)
-    return zsw1_text(old, new, stw1, _names(channel, "ZSW1", ZSW1_BITS))

@@ -19,7 +19,7 @@ from pnfarm.buses.profinet.decode.ptcp import ptcp
 from pnfarm.buses.profinet.decode.shared import Shared
 from pnfarm.buses.profinet.decode.snmp import snmp
 from pnfarm.captures.packet import Capture, Description, Packet
-from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, plan_frames
+from pnfarm.protocols.profinet.cm.controller.plan import plan_frames
 from pnfarm.protocols.profinet.wire.frame_id import (
     ALARM_HIGH,
     ALARM_LOW,
@@ -36,6 +36,7 @@ from pnfarm.wire.rtc import FIRST_ACYCLIC_FRAME_ID, FIRST_CYCLIC_FRAME_ID
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from pnfarm.buses.profinet.controller.device_plan import DevicePlan
     from pnfarm.captures.decoder import PlannedDrive
 
 __all__ = ["FAMILIES", "ProfinetDecoder", "family_of"]
@@ -104,24 +105,15 @@ class ProfinetDecoder(FamilyDecoder[Shared]):
     def expect(self, controller: str, mac: bytes, drives: Sequence[PlannedDrive]) -> None:
         """``plan`` of each drive is a :class:`~pnfarm.buses.profinet.controller.device_plan.DevicePlan`."""
         for drive in drives:
-            plan, model = drive.plan, drive.model
-            idents = {submodule.module_ident for submodule in plan.submodules}
+            plan: DevicePlan = drive.plan
+            model, idents = drive.model, {submodule.module_ident for submodule in plan.submodules}
             telegram = next((t for t in model.profidrive.telegrams.values() if t.module.ident in idents), None)
-            frames = plan_frames(
-                ArPlan(
-                    vendor_id=plan.vendor_id,
-                    device_id=plan.device_id,
-                    instance=1,
-                    controller_name=controller,
-                    controller_mac=mac,
-                    controller_object_uuid=NIL_UUID,
-                    ar_uuid=NIL_UUID,
-                    session_key=0,
-                    submodules=plan.submodules,
-                    send_clock_factor=plan.send_clock_factor,
-                    reduction_ratio=plan.reduction_ratio,
-                    watchdog_factor=plan.watchdog_factor,
-                )
+            asked = plan.ar_plan(
+                controller_name=controller,
+                controller_mac=mac,
+                controller_object_uuid=NIL_UUID,
+                ar_uuid=NIL_UUID,
+                session_key=0,
             )
-            for layout in frames:
+            for layout in plan_frames(asked):
                 self.shared.templates[drive.mac, layout.is_input] = make_template(layout, telegram, model)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from ipaddress import IPv4Address
 
-    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.block import Block
     from pnfarm.protocols.profinet.wire.records.iod import WriteRequest
 
 __all__ = ["Observed", "SeenConnection", "SeenStation"]

@@ -26,7 +26,7 @@ def ptcp(packet: Packet, shared: Shared) -> Iterator[Description]:
     clock = pdu.master, pdu.subdomain
     known = shared.clocks.get(key)
     shared.clocks[key] = clock
-    if known == clock and not shared.every_frame:
+    if known == clock and not shared.capture.every_frame:
         return
     texts = [f"sequence {pdu.sequence}"]
     if pdu.port_mac is not None:
@@ -35,6 +35,6 @@ def ptcp(packet: Packet, shared: Shared) -> Iterator[Description]:
         texts.append(f"delay {pdu.delay_ns} ns")
     if pdu.master is not None:
         texts.append(f"master {shared.stations.name(pdu.master)}, domain {pdu.subdomain}")
-    if known is None and not shared.every_frame:
+    if known is None and not shared.capture.every_frame:
         texts.append("further ones are only counted")
     yield Description("PTCP", f"{PTCP_NAMES[pdu.frame_id]}, {', '.join(texts)}", {"sequence": pdu.sequence})

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from pnfarm.captures.packet import Capture
     from pnfarm.protocols.profinet.rpc.fragments import Reassembly
-    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.block import Block
     from pnfarm.protocols.profinet.wire.records.iod import WriteRequest
 
 __all__ = ["Call", "Shared"]

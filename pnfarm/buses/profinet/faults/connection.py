@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.effects.connection import Connection, ConnectionPart, Status
-from pnfarm.table.access.plain import plain
+from pnfarm.faults.effects.connection import Connection, ProviderConnection, Status
 from pnfarm.table.access.riders import row_of_axis
-from pnfarm.table.channel import IDLE
 from pnfarm.table.signals import PART_HIGH, WORD_NONE, ZSW1
 
 if TYPE_CHECKING:
@@ -15,6 +13,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.engine.columns import Columns
+    from pnfarm.station.device import ChannelCounts
 
 __all__ = ["ArKeys", "ProfinetConnection"]
 
@@ -37,38 +36,38 @@ class ArKeys:
         return self._boots << 32 | key
 
 
-class ProfinetConnection(ConnectionPart):
+class ProfinetConnection(ProviderConnection):
     """See :class:`~pnfarm.faults.effects.connection.ConnectionPart`; error codes are those of an ERR-RTA-PDU."""
 
     def __init__(
         self, station: ProfinetDevice, columns: Columns, keys: ArKeys, settle: Callable[[int], None], axis: int = 0
     ) -> None:
+        super().__init__(columns, settle)
         self._station = station
         self._axis = axis
-        self._columns = columns
-        self._ppm = plain(columns.ppm)
         self._keys = keys
-        self._settle = settle
+
+    @property
+    def providers(self) -> list[int]:
+        return [number for ar in self._station.ars.values() for number, _ in ar.providers]
+
+    @property
+    def closed(self) -> ChannelCounts:
+        return self._station.closed
 
     def now(self) -> Connection | None:
         cyclic = {key: ar for key, ar in self._station.ars.items() if ar.providers}
         if not cyclic:
             return None
         crs = [cr for ar in cyclic.values() for _, cr in ar.providers]
-        rows = [self._ppm[row] for ar in cyclic.values() for row, _ in ar.providers]
         return Connection(
             keys=frozenset(map(self._keys.unique, cyclic)),
             established=any(ar.established for ar in cyclic.values()),
             cycle_ns=min(cr.cycle_ns for cr in crs),
             # a controller may use either of the two; they are equal in practice
             watchdog_ns=max(cr.cycle_ns * max(cr.watchdog_factor, cr.data_hold_factor) for cr in crs),
-            next_ns=min((int(row["next_ns"]) for row in rows if row["state"] != IDLE), default=0),
+            next_ns=self.next_ns,
         )
-
-    def cycles(self) -> int:
-        closed = self._station.channels.closed
-        rows = [self._ppm[row] for ar in self._station.ars.values() for row, _ in ar.providers]
-        return closed.sent + closed.suppressed + sum(int(row["sent"]) + int(row["suppressed"]) for row in rows)
 
     def abort(self, code: int, now: int) -> int:
         keys = [key for key, ar in self._station.ars.items() if ar.providers]
@@ -88,20 +87,15 @@ class ProfinetConnection(ConnectionPart):
         self._settle(now)
         return ended
 
-    def sent_data(self, since: int) -> bool:
-        rows = (self._ppm[number] for ar in self._station.ars.values() for number, _ in ar.providers)
-        return any(int(row["last_ns"]) >= since for row in rows)
-
     def sent_status(self, status: Status, since: int) -> bool:
         bit = _ZSW1_BITS[status]
-        for ar in self._station.ars.values():
-            for number, _ in ar.providers:
-                row = self._columns.ppm[number]
-                if int(row.last_ns) < since:
-                    continue
-                part = row_of_axis(self._columns.ppm, row, self._axis)
-                if part is not None and _status_word(part, self._columns.frames[number]) >> bit & 1:
-                    return True
+        for number in self.providers:
+            row = self._columns.ppm[number]
+            if int(row.last_ns) < since:
+                continue
+            part = row_of_axis(self._columns.ppm, row, self._axis)
+            if part is not None and _status_word(part, self._columns.frames[number]) >> bit & 1:
+                return True
         return False
 
 

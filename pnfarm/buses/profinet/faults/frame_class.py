@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Final
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.alarms.rta import FIRST_ACK, RtaType, emit_rta, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.rta import FIRST_ACK, RtaType, parse_rta
 from pnfarm.protocols.profinet.wire.frame_id import FrameClass, classify_frame_id
 from pnfarm.wire.ethernet import ETHERTYPE_ARP, ETHERTYPE_IPV4, ETHERTYPE_LLDP, ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 
@@ -80,4 +80,4 @@ def acknowledging_nothing(frame: bytes) -> bytes | None:
     pdu = parse_rta(payload)
     if pdu.type != RtaType.DATA:
         return None
-    return frame[: len(frame) - len(payload)] + emit_rta(replace(pdu, ack_sequence=FIRST_ACK))
+    return frame[: len(frame) - len(payload)] + replace(pdu, ack_sequence=FIRST_ACK).emit()

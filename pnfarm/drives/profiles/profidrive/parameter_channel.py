@@ -77,19 +77,20 @@ class _ParameterAccess:
     def answer(self, request: ParameterRequest) -> ParameterResponse:
         """The response."""
         access = self._store.model.access
-        if request.request_id not in {REQUEST_READ, REQUEST_CHANGE} and access.unknown_service_id:
+        known = request.request_id in {REQUEST_READ, REQUEST_CHANGE}
+        if not known and access.unknown_service_id:
             entry = error_values(ParameterError(ParameterErrorNumber.SERVICE_NOT_SUPPORTED))
             return ParameterResponse(request.reference, access.unknown_service_id, request.axis, 1, (entry,))
-        if request.count > 1 and not access.multi_parameter and request.request_id in {REQUEST_READ, REQUEST_CHANGE}:
-            entry = error_values(ParameterError(ParameterErrorNumber.MULTI_PARAMETER))
-            return ParameterResponse(request.reference, request.request_id | NEGATIVE, request.axis, 1, (entry,))
-        if self._most < request.count <= MAX_PARAMETERS and request.request_id in {REQUEST_READ, REQUEST_CHANGE}:
-            entry = error_values(ParameterError(ParameterErrorNumber.TOO_MANY_PARAMETERS))
-            return ParameterResponse(request.reference, request.request_id | NEGATIVE, request.axis, 1, (entry,))
+        if known and request.count > 1 and not access.multi_parameter:
+            return self._refused(request, ParameterErrorNumber.MULTI_PARAMETER, 1)
+        if known and self._most < request.count <= MAX_PARAMETERS:
+            return self._refused(request, ParameterErrorNumber.TOO_MANY_PARAMETERS, 1)
+        # the same error for every parameter; one entry when the number of parameters is out of range
+        count = request.count if request.addresses else 1
         if request.fault is not None:
-            return self._refused(request, request.fault.number)
+            return self._refused(request, request.fault.number, count)
         if self._axes is not None and request.axis not in self._axes:
-            return self._refused(request, ParameterErrorNumber.AXIS_NONEXISTENT)
+            return self._refused(request, ParameterErrorNumber.AXIS_NONEXISTENT, count)
         limit = self._store.model.limits.max_response
         entries: list[ParameterValues] = []
         negative = False
@@ -112,9 +113,8 @@ class _ParameterAccess:
         response_id = request.request_id | (NEGATIVE if negative else 0)
         return ParameterResponse(request.reference, response_id, request.axis, request.count, tuple(entries))
 
-    def _refused(self, request: ParameterRequest, number: ParameterErrorNumber) -> ParameterResponse:
-        """The same error for every parameter; one entry when the number of parameters is out of range."""
-        count = request.count if request.addresses else 1
+    @staticmethod
+    def _refused(request: ParameterRequest, number: ParameterErrorNumber, count: int) -> ParameterResponse:
         entry = error_values(ParameterError(number))
         return ParameterResponse(
             request.reference, request.request_id | NEGATIVE, request.axis, count, (entry,) * count

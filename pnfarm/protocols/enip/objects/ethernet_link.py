@@ -42,7 +42,7 @@ def ethernet_link_object(data: EthernetLinkData) -> AttributeObject:
         4: Attribute(None, lambda: _counts(data.counters(), _INTERFACE_COUNTERS)),
         5: Attribute(None, lambda: _counts(data.media_counters(), _MEDIA_COUNTERS)),
         # negotiation on, no forced speed
-        6: Attribute(None, lambda: Writer().u16le(1).u16le(0).getvalue()),
+        6: Attribute(None, lambda: Writer(little=True).u16(1).u16(0).getvalue()),
         7: Attribute(USINT, lambda: 2),  # twisted pair
         8: Attribute(USINT, lambda: 1 if data.up else 2),  # enabled, disabled
         9: Attribute(USINT, lambda: 1),  # not administratively down
@@ -52,7 +52,7 @@ def ethernet_link_object(data: EthernetLinkData) -> AttributeObject:
 
 
 def _counts(numbers: Sequence[int], wanted: int) -> bytes:
-    w = Writer()
+    w = Writer(little=True)
     for number in [*numbers, *([0] * wanted)][:wanted]:
-        w.u32le(number & 0xFFFFFFFF)
+        w.u32(number & 0xFFFFFFFF)
     return w.getvalue()

@@ -15,9 +15,9 @@ def message_router_object(router: MessageRouter, connections: int) -> AttributeO
     """Attribute 1 lists the classes, 2 is the number of connections that the device can have."""
 
     def classes() -> bytes:
-        w = Writer().u16le(len(router.classes))
+        w = Writer(little=True).u16(len(router.classes))
         for class_id in router.classes:
-            w.u16le(class_id)
+            w.u16(class_id)
         return w.getvalue()
 
     instance = {1: Attribute(None, classes), 2: Attribute(UINT, lambda: connections)}

@@ -53,21 +53,21 @@ class TcpIpData:
 
     def configuration(self) -> bytes:
         """Attribute 5: address, mask, gateway, two name servers, domain name."""
-        w = Writer().u32le(int(self.interface.ip)).u32le(int(self.interface.netmask)).u32le(int(self.gateway))
-        return w.u32le(0).u32le(0).u16le(0).getvalue()
+        w = Writer(little=True).u32(int(self.interface.ip)).u32(int(self.interface.netmask)).u32(int(self.gateway))
+        return w.u32(0).u32(0).u16(0).getvalue()
 
     def multicast(self) -> bytes:
         """Attribute 9: the default allocation, one address, the first of them."""
-        return Writer().u8(0).u8(0).u16le(1).u32le(int(multicast_address(self.interface))).getvalue()
+        return Writer(little=True).u8(0).u8(0).u16(1).u32(int(multicast_address(self.interface))).getvalue()
 
     def link(self) -> bytes:
         path = emit_epath(logical_path(ETHERNET_LINK, 1))
-        return Writer().u16le(len(path) // 2).bytes(path).getvalue()
+        return Writer(little=True).u16(len(path) // 2).bytes(path).getvalue()
 
     def host_name_octets(self) -> bytes:
         """A STRING, padded to whole words."""
         name = self.host_name.encode("latin-1", "replace")[:64]
-        return Writer().u16le(len(name)).bytes(name).zeros(len(name) % 2).getvalue()
+        return Writer(little=True).u16(len(name)).bytes(name).zeros(len(name) % 2).getvalue()
 
 
 def tcp_ip_object(data: TcpIpData, timeout_written: Callable[[int], None]) -> AttributeObject:

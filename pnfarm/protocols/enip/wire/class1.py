@@ -36,15 +36,15 @@ def parse_class1(data: bytes, header: bool = False) -> Class1Pdu:
     """``header`` says whether a run/idle header is expected.  Raises ``short``, ``bad-type`` for other items."""
     match parse_items(data):
         case (SequencedAddress(connection_id, sequence), ConnectedData(payload), *_):
-            r = Reader(payload)
-            count = r.u16le()
-            return Class1Pdu(connection_id, sequence, count, header=r.u32le() if header else None, data=r.rest())
+            r = Reader(payload, little=True)
+            count = r.u16()
+            return Class1Pdu(connection_id, sequence, count, header=r.u32() if header else None, data=r.rest())
     raise DecodeError("bad-type", "no sequenced address with connected data")
 
 
 def emit_class1(pdu: Class1Pdu) -> bytes:
-    w = Writer().u16le(pdu.count)
+    w = Writer(little=True).u16(pdu.count)
     if pdu.header is not None:
-        w.u32le(pdu.header)
+        w.u32(pdu.header)
     payload = w.bytes(pdu.data).getvalue()
     return emit_items((SequencedAddress(pdu.connection_id, pdu.sequence), ConnectedData(payload)))

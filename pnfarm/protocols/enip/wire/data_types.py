@@ -53,11 +53,11 @@ class CipType:
         if self.size is not None:
             (value,) = struct.unpack("<" + self.form, r.bytes(self.size))
             return bool(value) if self.name == "BOOL" else value
-        return r.bytes(r.u16le() * (2 if self.name == "EPATH" else 1) if self.name != "SHORT_STRING" else r.u8())
+        return r.bytes(r.u16() * (2 if self.name == "EPATH" else 1) if self.name != "SHORT_STRING" else r.u8())
 
     def parse(self, data: bytes) -> Value:
         """Octets that hold one value and nothing else.  Raises ``short``, ``trailing``."""
-        r = Reader(data)
+        r = Reader(data, little=True)
         value = self.read(r)
         r.expect_end()
         return value
@@ -72,10 +72,10 @@ class CipType:
         if not isinstance(value, bytes):
             raise ValueError(f"{value!r} is no {self.name}")  # noqa: TRY004 - one error for every value that does not fit
         if self.name == "SHORT_STRING":
-            return Writer().u8(len(value)).bytes(value).getvalue()
+            return Writer(little=True).u8(len(value)).bytes(value).getvalue()
         if self.name == "EPATH":
-            return Writer().u16le(len(value) // 2).bytes(value).getvalue()
-        return Writer().u16le(len(value)).bytes(value).getvalue()
+            return Writer(little=True).u16(len(value) // 2).bytes(value).getvalue()
+        return Writer(little=True).u16(len(value)).bytes(value).getvalue()
 
 
 BOOL: Final = CipType(0xC1, "BOOL", 1, "B")

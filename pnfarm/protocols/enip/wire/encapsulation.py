@@ -4,14 +4,13 @@
 of the command's own; all numbers little-endian.  A reply repeats command, session handle and sender context.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final
+from typing import Annotated, Final
 
 from pnfarm.errors import DecodeError
-from pnfarm.wire.octets import Reader, Writer
+from pnfarm.wire.layout import Structure, UInt16, UInt32, octets
+from pnfarm.wire.octets import Reader
 
 __all__ = [
     "ENIP_PORT",
@@ -26,10 +25,8 @@ __all__ = [
     "EncapsulationStatus",
     "RegisterSession",
     "emit_encapsulation",
-    "emit_register_session",
     "parse_encapsulation",
     "parse_header",
-    "parse_register_session",
 ]
 
 #: TCP and UDP port of explicit messages, UDP port of class 0 and 1 connections.
@@ -69,16 +66,15 @@ class EncapsulationStatus(IntEnum):
     UNSUPPORTED_PROTOCOL_REVISION = 0x0069
 
 
-@dataclass(frozen=True, slots=True)
-class EncapsulationHeader:
+class EncapsulationHeader(Structure, little=True):
     """A header alone, as the first octets of a stream hold it; ``length`` octets follow."""
 
-    command: int
-    length: int
-    session: int = 0
-    status: int = 0
-    context: bytes = NO_CONTEXT
-    options: int = 0
+    command: UInt16
+    length: UInt16
+    session: UInt32 = 0
+    status: UInt32 = 0
+    context: Annotated[bytes, octets(8)] = NO_CONTEXT
+    options: UInt32 = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +91,7 @@ class EncapsulationPdu:
 
 def parse_header(data: bytes) -> EncapsulationHeader:
     """The first 24 octets.  Raises ``short``."""
-    r = Reader(data)
-    command, length = r.u16le(), r.u16le()
-    session, status, context, options = r.u32le(), r.u32le(), r.bytes(8), r.u32le()
-    return EncapsulationHeader(command, length, session, status, context, options)
+    return EncapsulationHeader.read(Reader(data, little=True))
 
 
 def parse_encapsulation(data: bytes) -> EncapsulationPdu:
@@ -115,28 +108,12 @@ def emit_encapsulation(pdu: EncapsulationPdu) -> bytes:
     """The octets of a message."""
     if len(pdu.context) != len(NO_CONTEXT):
         raise ValueError(f"a sender context has 8 octets, not {len(pdu.context)}")
-    w = Writer().u16le(pdu.command).u16le(len(pdu.data)).u32le(pdu.session).u32le(pdu.status)
-    return w.bytes(pdu.context).u32le(pdu.options).bytes(pdu.data).getvalue()
+    header = EncapsulationHeader(pdu.command, len(pdu.data), pdu.session, pdu.status, pdu.context, pdu.options)
+    return header.emit() + pdu.data
 
 
-# RegisterSession
-
-
-@dataclass(frozen=True, slots=True)
-class RegisterSession:
+class RegisterSession(Structure, little=True):
     """What a RegisterSession message and its reply hold."""
 
-    version: int = PROTOCOL_VERSION
-    options: int = 0
-
-
-def parse_register_session(data: bytes) -> RegisterSession:
-    """Raises ``short``, ``trailing``."""
-    r = Reader(data)
-    value = RegisterSession(r.u16le(), r.u16le())
-    r.expect_end()
-    return value
-
-
-def emit_register_session(value: RegisterSession) -> bytes:
-    return Writer().u16le(value.version).u16le(value.options).getvalue()
+    version: UInt16 = PROTOCOL_VERSION
+    options: UInt16 = 0

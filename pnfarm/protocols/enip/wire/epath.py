@@ -135,14 +135,14 @@ def _parse_logical(first: int, r: Reader) -> Segment:
     if first == _KEY:
         if (key_format := r.u8()) != _KEY_FORMAT:
             raise DecodeError("bad-segment", f"electronic key of format {key_format}")
-        vendor, device_type, product, major, minor = r.u16le(), r.u16le(), r.u16le(), r.u8(), r.u8()
+        vendor, device_type, product, major, minor = r.u16(), r.u16(), r.u16(), r.u8(), r.u8()
         return ElectronicKey(vendor, device_type, product, major & 0x7F, minor, bool(major & 0x80))
     if kind in {Logical.SPECIAL, Logical.EXTENDED} or form == 3 or (kind == Logical.SERVICE and form):
         raise DecodeError("bad-segment", f"logical segment 0x{first:02X}")
     if form == 0:
         return LogicalSegment(kind, r.u8(), 1)
     r.skip(1)
-    return LogicalSegment(kind, r.u16le(), 2) if form == 1 else LogicalSegment(kind, r.u32le(), 4)
+    return LogicalSegment(kind, r.u16(), 2) if form == 1 else LogicalSegment(kind, r.u32(), 4)
 
 
 def _parse_port(first: int, r: Reader) -> PortSegment:
@@ -152,7 +152,7 @@ def _parse_port(first: int, r: Reader) -> PortSegment:
     if port == 0:
         raise DecodeError("bad-segment", "port 0 is reserved")
     if port == _EXTENDED_PORT:
-        port = r.u16le()
+        port = r.u16()
     address = r.bytes(size)
     r.skip((r.position - start) % 2)
     return PortSegment(port, address)
@@ -180,7 +180,7 @@ def _parse_data(first: int, r: Reader) -> Segment:
 
 def parse_epath(data: bytes) -> tuple[Segment, ...]:
     """The segments of a whole path.  Raises ``short``, ``bad-segment`` for a segment whose length is not known."""
-    r = Reader(data)
+    r = Reader(data, little=True)
     segments: list[Segment] = []
     while r.remaining:
         first = r.u8()
@@ -211,9 +211,9 @@ def _emit_logical(segment: LogicalSegment, w: Writer) -> None:
     if width == 1:
         w.u8(first).u8(value)
     elif width == 2:
-        w.u8(first | 1).u8(0).u16le(value)
+        w.u8(first | 1).u8(0).u16(value)
     else:
-        w.u8(first | 2).u8(0).u32le(value)
+        w.u8(first | 2).u8(0).u32(value)
 
 
 def _emit_port(segment: PortSegment, w: Writer) -> None:
@@ -224,21 +224,21 @@ def _emit_port(segment: PortSegment, w: Writer) -> None:
     if long:
         w.u8(len(segment.link_address))
     if low == _EXTENDED_PORT:
-        w.u16le(segment.port)
+        w.u16(segment.port)
     w.bytes(segment.link_address)
     w.zeros((len(w) - start) % 2)
 
 
 def emit_epath(segments: Iterable[Segment]) -> bytes:
     """The octets of a path.  Raises :class:`ValueError` for data that its segment cannot hold."""
-    w = Writer()
+    w = Writer(little=True)
     for segment in segments:
         match segment:
             case LogicalSegment():
                 _emit_logical(segment, w)
             case ElectronicKey():
-                w.u8(_KEY).u8(_KEY_FORMAT).u16le(segment.vendor_id).u16le(segment.device_type)
-                w.u16le(segment.product_code)
+                w.u8(_KEY).u8(_KEY_FORMAT).u16(segment.vendor_id).u16(segment.device_type)
+                w.u16(segment.product_code)
                 w.u8(segment.major_revision | segment.compatible << 7).u8(segment.minor_revision)
             case PortSegment():
                 _emit_port(segment, w)

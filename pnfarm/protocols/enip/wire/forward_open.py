@@ -4,12 +4,11 @@
 What each holds behind the path of its request; the path of these requests themselves is the Connection Manager's.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final
+from typing import Annotated, Final
 
+from pnfarm.wire.layout import Fixed, Length, Structure, UInt8, UInt16, UInt32
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
@@ -25,22 +24,15 @@ __all__ = [
     "TransportClass",
     "Triad",
     "UnconnectedSend",
-    "emit_forward_close",
-    "emit_forward_close_reply",
     "emit_forward_open",
-    "emit_forward_open_reply",
-    "emit_forward_refusal",
-    "emit_unconnected_send",
-    "parse_forward_close",
-    "parse_forward_close_reply",
     "parse_forward_open",
-    "parse_forward_open_reply",
-    "parse_forward_refusal",
-    "parse_unconnected_send",
 ]
 
 #: Production triggers, bits 4 to 6 of transport class and trigger.
 CYCLIC: Final = 0
+#: Octets behind a number of words, and behind this number and a reserved octet.
+_PATH: Final = Length("B", unit=2)
+_Words = Annotated[bytes, Length("Bx", unit=2)]
 
 
 class ConnectionType(IntEnum):
@@ -76,7 +68,7 @@ class NetworkParameters:
     reserved: int = 0
 
     @classmethod
-    def from_int(cls, value: int, large: bool) -> NetworkParameters:
+    def from_int(cls, value: int, large: bool) -> "NetworkParameters":
         high = value >> 16 if large else value
         size = value & (0xFFFF if large else 0x1FF)
         reserved = high & (0x11FF if large else 0x1000)
@@ -99,20 +91,19 @@ class TransportClass:
     server: bool = False
 
     @classmethod
-    def from_int(cls, value: int) -> TransportClass:
+    def from_int(cls, value: int) -> "TransportClass":
         return cls(value & 0x0F, value >> 4 & 7, bool(value & 0x80))
 
     def __int__(self) -> int:
         return self.server << 7 | self.trigger << 4 | self.transport
 
 
-@dataclass(frozen=True, slots=True)
-class Triad:
+class Triad(Structure, little=True):
     """What names a connection for both ends: connection serial number, originator's vendor and serial number."""
 
-    serial: int
-    vendor_id: int
-    originator_serial: int
+    serial: UInt16
+    vendor_id: UInt16
+    originator_serial: UInt32
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,15 +130,15 @@ class ForwardOpen:
 
 def parse_forward_open(data: bytes, large: bool = False) -> ForwardOpen:
     """Raises ``short``, ``trailing``."""
-    r = Reader(data)
-    tick_time, ticks, o_to_t_id, t_to_o_id = r.u8(), r.u8(), r.u32le(), r.u32le()
-    triad = _parse_triad(r)
+    r = Reader(data, little=True)
+    tick_time, ticks, o_to_t_id, t_to_o_id = r.u8(), r.u8(), r.u32(), r.u32()
+    triad = Triad.read(r)
     multiplier = r.u8()
     r.skip(3)
-    o_to_t_rpi, o_to_t = r.u32le(), NetworkParameters.from_int(r.u32le() if large else r.u16le(), large)
-    t_to_o_rpi, t_to_o = r.u32le(), NetworkParameters.from_int(r.u32le() if large else r.u16le(), large)
+    o_to_t_rpi, o_to_t = r.u32(), NetworkParameters.from_int(r.u32() if large else r.u16(), large)
+    t_to_o_rpi, t_to_o = r.u32(), NetworkParameters.from_int(r.u32() if large else r.u16(), large)
     transport = TransportClass.from_int(r.u8())
-    path = r.bytes(2 * r.u8())
+    path = _PATH.read(r, {})
     r.expect_end()
     return ForwardOpen(
         triad, o_to_t_id, t_to_o_id, o_to_t_rpi, o_to_t, t_to_o_rpi, t_to_o, transport, path,
@@ -156,157 +147,60 @@ def parse_forward_open(data: bytes, large: bool = False) -> ForwardOpen:
 
 
 def emit_forward_open(value: ForwardOpen) -> bytes:
-    w = Writer().u8(value.tick_time).u8(value.ticks).u32le(value.o_to_t_id).u32le(value.t_to_o_id)
-    _emit_triad(w, value.triad).u8(value.timeout_multiplier).zeros(3)
+    w = Writer(little=True).u8(value.tick_time).u8(value.ticks).u32(value.o_to_t_id).u32(value.t_to_o_id)
+    value.triad.write(w)
+    w.u8(value.timeout_multiplier).zeros(3)
     for rpi, parameters in ((value.o_to_t_rpi_us, value.o_to_t), (value.t_to_o_rpi_us, value.t_to_o)):
         number = parameters.to_int(value.large)
-        w.u32le(rpi)
-        _ = w.u32le(number) if value.large else w.u16le(number)
-    return w.u8(int(value.transport)).u8(_words(value.path)).bytes(value.path).getvalue()
-
-
-def _parse_triad(r: Reader) -> Triad:
-    return Triad(r.u16le(), r.u16le(), r.u32le())
-
-
-def _emit_triad(w: Writer, triad: Triad) -> Writer:
-    return w.u16le(triad.serial).u16le(triad.vendor_id).u32le(triad.originator_serial)
-
-
-def _words(data: bytes) -> int:
-    if len(data) % 2:
-        raise ValueError(f"{len(data)} octets are not whole words")
-    return len(data) // 2
+        w.u32(rpi)
+        _ = w.u32(number) if value.large else w.u16(number)
+    _PATH.write(w.u8(int(value.transport)), value.path)
+    return w.getvalue()
 
 
 # Replies
 
 
-@dataclass(frozen=True, slots=True)
-class ForwardOpenReply:
+class ForwardOpenReply(Structure, little=True):
     """The ids that are in force, and the packet intervals that the target keeps, in microseconds."""
 
-    o_to_t_id: int
-    t_to_o_id: int
+    o_to_t_id: UInt32
+    t_to_o_id: UInt32
     triad: Triad
-    o_to_t_api_us: int
-    t_to_o_api_us: int
-    application: bytes = b""
+    o_to_t_api_us: UInt32
+    t_to_o_api_us: UInt32
+    application: _Words = b""
 
 
-def parse_forward_open_reply(data: bytes) -> ForwardOpenReply:
-    """Raises ``short``, ``trailing``."""
-    r = Reader(data)
-    o_to_t_id, t_to_o_id = r.u32le(), r.u32le()
-    triad, o_to_t, t_to_o = _parse_triad(r), r.u32le(), r.u32le()
-    size = 2 * r.u8()
-    r.skip(1)
-    value = ForwardOpenReply(o_to_t_id, t_to_o_id, triad, o_to_t, t_to_o, r.bytes(size))
-    r.expect_end()
-    return value
-
-
-def emit_forward_open_reply(value: ForwardOpenReply) -> bytes:
-    w = _emit_triad(Writer().u32le(value.o_to_t_id).u32le(value.t_to_o_id), value.triad)
-    w.u32le(value.o_to_t_api_us).u32le(value.t_to_o_api_us)
-    return w.u8(_words(value.application)).u8(0).bytes(value.application).getvalue()
-
-
-@dataclass(frozen=True, slots=True)
-class ForwardRefusal:
+class ForwardRefusal(Structure, little=True):
     """Data of a negative reply to Forward_Open and Forward_Close; ``remaining_path`` in words."""
 
     triad: Triad
-    remaining_path: int = 0
-
-
-def parse_forward_refusal(data: bytes) -> ForwardRefusal:
-    """Raises ``short``, ``trailing``."""
-    r = Reader(data)
-    value = ForwardRefusal(_parse_triad(r), r.u8())
-    r.skip(1)
-    r.expect_end()
-    return value
-
-
-def emit_forward_refusal(value: ForwardRefusal) -> bytes:
-    return _emit_triad(Writer(), value.triad).u8(value.remaining_path).u8(0).getvalue()
+    remaining_path: Annotated[int, Fixed("Bx")] = 0
 
 
 # Forward_Close
 
 
-@dataclass(frozen=True, slots=True)
-class ForwardClose:
+class ForwardClose(Structure, little=True, wire="tick_time ticks triad path"):
     triad: Triad
-    path: bytes
-    tick_time: int = 0x0A
-    ticks: int = 0x0E
+    path: _Words
+    tick_time: UInt8 = 0x0A
+    ticks: UInt8 = 0x0E
 
 
-@dataclass(frozen=True, slots=True)
-class ForwardCloseReply:
+class ForwardCloseReply(Structure, little=True):
     triad: Triad
-    application: bytes = b""
-
-
-def parse_forward_close(data: bytes) -> ForwardClose:
-    """Raises ``short``, ``trailing``."""
-    r = Reader(data)
-    tick_time, ticks, triad = r.u8(), r.u8(), _parse_triad(r)
-    size = 2 * r.u8()
-    r.skip(1)
-    value = ForwardClose(triad, r.bytes(size), tick_time, ticks)
-    r.expect_end()
-    return value
-
-
-def emit_forward_close(value: ForwardClose) -> bytes:
-    w = _emit_triad(Writer().u8(value.tick_time).u8(value.ticks), value.triad)
-    return w.u8(_words(value.path)).u8(0).bytes(value.path).getvalue()
-
-
-def parse_forward_close_reply(data: bytes) -> ForwardCloseReply:
-    """Raises ``short``, ``trailing``."""
-    r = Reader(data)
-    triad, size = _parse_triad(r), 2 * r.u8()
-    r.skip(1)
-    value = ForwardCloseReply(triad, r.bytes(size))
-    r.expect_end()
-    return value
-
-
-def emit_forward_close_reply(value: ForwardCloseReply) -> bytes:
-    w = _emit_triad(Writer(), value.triad).u8(_words(value.application)).u8(0)
-    return w.bytes(value.application).getvalue()
+    application: _Words = b""
 
 
 # Unconnected_Send
 
 
-@dataclass(frozen=True, slots=True)
-class UnconnectedSend:
+class UnconnectedSend(Structure, little=True, wire="tick_time ticks message route"):
     """A message request for the end of a route."""
 
-    message: bytes
-    route: bytes = b""
-    tick_time: int = 0x0A
-    ticks: int = 0x0E
-
-
-def parse_unconnected_send(data: bytes) -> UnconnectedSend:
-    """Raises ``short``, ``trailing``."""
-    r = Reader(data)
-    tick_time, ticks, size = r.u8(), r.u8(), r.u16le()
-    message = r.bytes(size)
-    r.skip(size % 2)
-    words = r.u8()
-    r.skip(1)
-    value = UnconnectedSend(message, r.bytes(2 * words), tick_time, ticks)
-    r.expect_end()
-    return value
-
-
-def emit_unconnected_send(value: UnconnectedSend) -> bytes:
-    w = Writer().u8(value.tick_time).u8(value.ticks).u16le(len(value.message)).bytes(value.message)
-    return w.zeros(len(value.message) % 2).u8(_words(value.route)).u8(0).bytes(value.route).getvalue()
+    message: Annotated[bytes, Length("H", even=2)]
+    route: _Words = b""
+    tick_time: UInt8 = 0x0A
+    ticks: UInt8 = 0x0E

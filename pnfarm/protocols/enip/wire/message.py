@@ -5,25 +5,19 @@ ExtendedSize u8 (words), ExtendedStatus u16 ..., Data``.  A request keeps its pa
 be read still has a service to be answered.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterable, Sequence
+from typing import Annotated, Final
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.wire.epath import Segment, emit_epath
+from pnfarm.wire.layout import Fixed, Length, List8, Rest, Structure, UInt8, UInt16
 from pnfarm.wire.octets import Reader, Writer
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
 
 __all__ = [
     "REPLY",
     "MessageReply",
     "MessageRequest",
     "emit_multiple_service",
-    "emit_reply",
-    "emit_request",
     "message_request",
     "parse_multiple_service",
     "parse_reply",
@@ -34,23 +28,21 @@ __all__ = [
 REPLY: Final = 0x80
 
 
-@dataclass(frozen=True, slots=True)
-class MessageRequest:
+class MessageRequest(Structure, little=True):
     """``path`` is a padded EPATH of whole words, at most 510 octets."""
 
-    service: int
-    path: bytes
-    data: bytes = b""
+    service: UInt8
+    path: Annotated[bytes, Length("B", unit=2)]
+    data: Rest = b""
 
 
-@dataclass(frozen=True, slots=True)
-class MessageReply:
+class MessageReply(Structure, little=True):
     """``service`` is the request's, without bit 7; ``extended`` are the words behind the general status."""
 
-    service: int
-    status: int = 0
-    extended: tuple[int, ...] = ()
-    data: bytes = b""
+    service: Annotated[int, Fixed("Bx", lambda octet: octet & ~REPLY, lambda service: service | REPLY)]
+    status: UInt8 = 0
+    extended: List8[UInt16] = ()
+    data: Rest = b""
 
 
 def message_request(service: int, segments: Iterable[Segment], data: bytes = b"") -> MessageRequest:
@@ -59,36 +51,16 @@ def message_request(service: int, segments: Iterable[Segment], data: bytes = b""
 
 def parse_request(data: bytes) -> MessageRequest:
     """Raises ``short``, and ``bad-type`` for a reply."""
-    r = Reader(data)
-    service = r.u8()
-    if service & REPLY:
+    if (service := Reader(data).u8()) & REPLY:
         raise DecodeError("bad-type", f"service 0x{service:02X} is a reply's")
-    return MessageRequest(service, r.bytes(2 * r.u8()), r.rest())
-
-
-def emit_request(request: MessageRequest) -> bytes:
-    if len(request.path) % 2:
-        raise ValueError(f"a path has whole words, not {len(request.path)} octets")
-    return Writer().u8(request.service).u8(len(request.path) // 2).bytes(request.path).bytes(request.data).getvalue()
+    return MessageRequest.parse(data)
 
 
 def parse_reply(data: bytes) -> MessageReply:
     """Raises ``short``, and ``bad-type`` for a request."""
-    r = Reader(data)
-    service = r.u8()
-    if not service & REPLY:
+    if not (service := Reader(data).u8()) & REPLY:
         raise DecodeError("bad-type", f"service 0x{service:02X} is a request's")
-    r.skip(1)
-    status = r.u8()
-    extended = tuple(r.u16le() for _ in range(r.u8()))
-    return MessageReply(service & 0x7F, status, extended, r.rest())
-
-
-def emit_reply(reply: MessageReply) -> bytes:
-    w = Writer().u8(reply.service | REPLY).u8(0).u8(reply.status).u8(len(reply.extended))
-    for word in reply.extended:
-        w.u16le(word)
-    return w.bytes(reply.data).getvalue()
+    return MessageReply.parse(data)
 
 
 def parse_multiple_service(data: bytes) -> tuple[bytes, ...]:
@@ -97,9 +69,9 @@ def parse_multiple_service(data: bytes) -> tuple[bytes, ...]:
     Offsets count from the first octet of ``data`` and rise; each message ends where the next one begins.  Raises
     ``short``, ``bad-length`` for offsets that do not rise or lie outside.
     """
-    r = Reader(data)
-    count = r.u16le()
-    offsets = [r.u16le() for _ in range(count)]
+    r = Reader(data, little=True)
+    count = r.u16()
+    offsets = [r.u16() for _ in range(count)]
     ends = [*offsets[1:], len(data)][:count]
     first = 2 + 2 * count
     for offset, end in zip(offsets, ends, strict=True):
@@ -110,10 +82,10 @@ def parse_multiple_service(data: bytes) -> tuple[bytes, ...]:
 
 
 def emit_multiple_service(messages: Sequence[bytes]) -> bytes:
-    w = Writer().u16le(len(messages))
+    w = Writer(little=True).u16(len(messages))
     offset = 2 + 2 * len(messages)
     for message in messages:
-        w.u16le(offset)
+        w.u16(offset)
         offset += len(message)
     for message in messages:
         w.bytes(message)

@@ -3,19 +3,18 @@
 EN 50170 part 2, 8.3; the octets of DPV1 in Set_Prm: guideline 2.082.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from typing import Final
+from typing import Annotated, Final
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.profibus.wire.sized import Sized
+from pnfarm.wire.layout import Fixed, Rest, UInt8, UInt16
 
 __all__ = [
-    "MOST_DIAGNOSIS", "NO_MASTER", "Control", "Diagnosis", "DiagnosisBlock", "DpState", "GlobalControl", "Identifier",
-    "Parameters", "PrmStatus", "SetAddress", "StationStatus", "V1Status1", "V1Status2", "V1Status3", "emit_diagnosis",
-    "emit_identifiers", "emit_parameters", "parse_diagnosis", "parse_global_control", "parse_identifiers",
-    "parse_parameters", "parse_set_address", "watchdog_factors",
+    "MOST_DIAGNOSIS", "NO_MASTER", "Control", "Diagnosis", "DiagnosisBlock", "DpState", "GlobalControl",
+    "Identifier", "Parameters", "PrmStatus", "SetAddress", "StationStatus", "V1Status1", "V1Status2", "V1Status3",
+    "emit_identifiers", "parse_identifiers", "watchdog_factors",
 ]  # fmt: skip
 
 #: Master address of a slave that none has parametrised.
@@ -59,14 +58,19 @@ class DiagnosisBlock:
         return ("device", "identifier", "channel", "revision")[self.octets[0] >> 6]
 
 
-@dataclass(frozen=True, slots=True)
-class Diagnosis:
+def _status_octets(status: int) -> bytes:
+    return int(status).to_bytes(3, "little")
+
+
+class Diagnosis(Sized, sizes=range(6, MOST_DIAGNOSIS + 1), text="a diagnosis of {} octets"):
     """``extended``: octets behind the first six, blocks one after the other."""
 
-    status: StationStatus
-    master: int
-    ident: int
-    extended: bytes = b""
+    status: Annotated[
+        StationStatus, Fixed("3s", lambda octets: StationStatus(int.from_bytes(octets, "little")), _status_octets)
+    ]
+    master: UInt8
+    ident: UInt16
+    extended: Rest = b""
 
     def blocks(self) -> list[DiagnosisBlock]:
         """The blocks of the extended part; what is cut off ends the list."""
@@ -82,22 +86,9 @@ class Diagnosis:
         return found
 
 
-def parse_diagnosis(data: bytes) -> Diagnosis:
-    """The answer to Slave_Diag.  Raises :class:`DecodeError`."""
-    if not 6 <= len(data) <= MOST_DIAGNOSIS:
-        raise DecodeError("bad-length", f"a diagnosis of {len(data)} octets")
-    return Diagnosis(
-        StationStatus(int.from_bytes(data[:3], "little")), data[3], int.from_bytes(data[4:6], "big"), data[6:]
-    )
-
-
-def emit_diagnosis(diagnosis: Diagnosis) -> bytes:
-    return diagnosis_octets(int(diagnosis.status), diagnosis.master, diagnosis.ident, diagnosis.extended)
-
-
 def diagnosis_octets(status: int, master: int, ident: int, extended: bytes) -> bytes:
-    """:func:`emit_diagnosis` for a slave, whose answer is due at once: operators of flags take microseconds."""
-    return status.to_bytes(3, "little") + bytes((master,)) + ident.to_bytes(2, "big") + extended
+    """Those of a :class:`Diagnosis` for a slave, whose answer is due at once: operators of flags take microseconds."""
+    return _status_octets(status) + bytes((master,)) + ident.to_bytes(2, "big") + extended
 
 
 # -- Set_Prm (8.3.3) --------------------------------------------------------------------------------------------------
@@ -141,19 +132,18 @@ class V1Status3(IntFlag):
     ISOCHRONOUS = 0x10
 
 
-@dataclass(frozen=True, slots=True)
-class Parameters:
+class Parameters(Sized, sizes=range(7, 245), text="Set_Prm of {} octets"):
     """``user``: the data behind the first seven octets, the three octets of DPV1 first where the slave has them.
 
     ``factors``: of the watchdog; ``min_tsdr``: bits, 0 to leave it as it is.
     """
 
-    status: PrmStatus
-    factors: tuple[int, int]
-    min_tsdr: int
-    ident: int
-    group: int = 0
-    user: bytes = b""
+    status: Annotated[PrmStatus, Fixed("B", PrmStatus, int)]
+    factors: tuple[UInt8, UInt8]
+    min_tsdr: UInt8
+    ident: UInt16
+    group: UInt8 = 0
+    user: Rest = b""
 
     @property
     def v1(self) -> tuple[int, int, int]:
@@ -167,21 +157,6 @@ class Parameters:
             return 0
         base = 1_000_000 if self.v1[0] & V1Status1.WD_BASE_1MS else 10_000_000
         return self.factors[0] * self.factors[1] * base
-
-
-def parse_parameters(data: bytes) -> Parameters:
-    """Raises :class:`DecodeError`."""
-    if not 7 <= len(data) <= 244:
-        raise DecodeError("bad-length", f"Set_Prm of {len(data)} octets")
-    return Parameters(
-        PrmStatus(data[0]), (data[1], data[2]), data[3], int.from_bytes(data[4:6], "big"), data[6], data[7:]
-    )
-
-
-def emit_parameters(parameters: Parameters) -> bytes:
-    one, two = parameters.factors
-    head = bytes((int(parameters.status), one, two, parameters.min_tsdr))
-    return head + parameters.ident.to_bytes(2, "big") + bytes((parameters.group,)) + parameters.user
 
 
 def watchdog_factors(time_ns: int, base_ns: int = 10_000_000) -> tuple[int, int]:
@@ -279,47 +254,23 @@ class Control(IntFlag):
     SYNC = 0x20
 
 
-@dataclass(frozen=True, slots=True)
-class GlobalControl:
+class GlobalControl(Sized, sizes=range(2, 3), text="Global_Control of {} octets"):
     """``groups``: 0 for all slaves, else a bit for each of eight groups."""
 
-    command: Control
-    groups: int = 0
-
-    def octets(self) -> bytes:
-        return bytes((int(self.command), self.groups))
-
-
-def parse_global_control(data: bytes) -> GlobalControl:
-    """Raises :class:`DecodeError`."""
-    if len(data) != 2:
-        raise DecodeError("bad-length", f"Global_Control of {len(data)} octets")
-    return GlobalControl(Control(data[0]), data[1])
+    command: Annotated[Control, Fixed("B", Control, int)]
+    groups: UInt8 = 0
 
 
 # -- Set_Slave_Add (8.3.8) --------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class SetAddress:
+class SetAddress(Sized, sizes=range(4, 1 << 16), text="Set_Slave_Add of {} octets", reason="short"):
     """``locks``: no other change of the address afterwards (No_Add_Chg)."""
 
-    address: int
-    ident: int
-    locks: bool = False
-    remanent: bytes = field(default=b"")
-
-    def octets(self) -> bytes:
-        return (
-            bytes((self.address,)) + self.ident.to_bytes(2, "big") + bytes((0xFF if self.locks else 0,)) + self.remanent
-        )
-
-
-def parse_set_address(data: bytes) -> SetAddress:
-    """Raises :class:`DecodeError`."""
-    if len(data) < 4:
-        raise DecodeError("short", f"Set_Slave_Add of {len(data)} octets")
-    return SetAddress(data[0], int.from_bytes(data[1:3], "big"), bool(data[3]), data[4:])
+    address: UInt8
+    ident: UInt16
+    locks: Annotated[bool, Fixed("B", bool, lambda locks: 0xFF * bool(locks))] = False
+    remanent: Rest = b""
 
 
 class DpState(IntEnum):

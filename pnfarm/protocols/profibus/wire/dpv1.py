@@ -3,18 +3,18 @@
 Guideline 2.082; Moog MSD manual 9.1, tables 9.2 and 9.3.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final
+from typing import Annotated, Final
 
 from pnfarm.errors import DecodeError
+from pnfarm.protocols.profibus.wire.sized import Sized
+from pnfarm.wire.layout import Fixed, Rest, Structure, UInt8, UInt16
 
 __all__ = [
-    "ERROR_DECODE_DPV1", "MOST_USER_DATA", "NEGATIVE", "Abort", "AbortReason", "AbortSubnet", "Access", "ErrorCode1",
-    "Function", "Initiate", "InitiateAnswer", "Refusal", "ResourceManager", "emit_access", "emit_refusal",
-    "parse_abort", "parse_access", "parse_initiate", "parse_initiate_answer", "parse_refusal", "parse_resource_manager",
+    "ERROR_DECODE_DPV1", "MOST_USER_DATA", "NEGATIVE", "Abort", "AbortReason", "AbortSubnet", "Access",
+    "ErrorCode1", "Function", "Initiate", "InitiateAnswer", "Refusal", "ResourceManager", "parse_access",
+    "parse_initiate", "parse_refusal",
 ]  # fmt: skip
 
 #: Bit of the function number in a negative response.
@@ -92,72 +92,58 @@ class AbortReason(IntEnum):
 # -- Read, Write, Data_Transport --------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Access:
+class Access(Structure):
     """Request or positive response; of a Read request ``length`` is what is asked for, and there are no data."""
 
-    function: int
-    slot: int
-    index: int
-    length: int
-    data: bytes = b""
+    function: UInt8
+    slot: UInt8
+    index: UInt8
+    length: UInt8
+    data: Rest = b""
 
 
 def parse_access(data: bytes) -> Access:
     """Raises :class:`DecodeError`; data that are not as many as announced are an error."""
     if len(data) < 4:
         raise DecodeError("short", f"{len(data)} octets")
-    function, slot, index, length = data[:4]
-    user = data[4:]
-    if user and len(user) != length:
-        raise DecodeError("bad-length", f"{len(user)} octets of data, {length} announced")
-    return Access(function, slot, index, length, user)
+    access = Access.parse(data)
+    if access.data and len(access.data) != access.length:
+        raise DecodeError("bad-length", f"{len(access.data)} octets of data, {access.length} announced")
+    return access
 
 
-def emit_access(access: Access) -> bytes:
-    return bytes((access.function, access.slot, access.index, access.length)) + access.data
-
-
-@dataclass(frozen=True, slots=True)
-class Refusal:
+class Refusal(Structure, wire="function decode code1 code2"):
     """Negative response: ``function`` is that of the request with :data:`NEGATIVE`."""
 
-    function: int
-    code1: int
-    code2: int = 0
-    decode: int = ERROR_DECODE_DPV1
+    function: UInt8
+    code1: UInt8
+    code2: UInt8 = 0
+    decode: UInt8 = ERROR_DECODE_DPV1
 
 
 def parse_refusal(data: bytes) -> Refusal:
     """Raises :class:`DecodeError`."""
     if len(data) != 4 or not data[0] & NEGATIVE:
         raise DecodeError("bad-length", f"{len(data)} octets are no negative response")
-    return Refusal(data[0], data[2], data[3], data[1])
-
-
-def emit_refusal(refusal: Refusal) -> bytes:
-    return bytes((refusal.function, refusal.decode, refusal.code1, refusal.code2))
+    return Refusal.parse(data)
 
 
 # -- connections of class 2 -------------------------------------------------------------------------------------------
 
+#: A time in steps of 10 ms.
+_Time = Annotated[int, Fixed("H", lambda steps: steps * 10_000_000, lambda time_ns: time_ns // 10_000_000)]
 
-@dataclass(frozen=True, slots=True)
-class ResourceManager:
+
+class ResourceManager(
+    Sized,
+    function=Function.RESOURCE_MANAGER,
+    sizes=range(4, 5),
+    text="{} octets are no answer of a resource manager",
+):
     """What the slave's resource manager answers to an Initiate: the access point of the connection, time in ns."""
 
-    sap: int
-    send_timeout_ns: int
-
-    def octets(self) -> bytes:
-        return bytes((Function.RESOURCE_MANAGER, self.sap)) + (self.send_timeout_ns // 10_000_000).to_bytes(2, "big")
-
-
-def parse_resource_manager(data: bytes) -> ResourceManager:
-    """Raises :class:`DecodeError`."""
-    if len(data) != 4 or data[0] != Function.RESOURCE_MANAGER:
-        raise DecodeError("bad-length", f"{len(data)} octets are no answer of a resource manager")
-    return ResourceManager(data[1], int.from_bytes(data[2:4], "big") * 10_000_000)
+    sap: UInt8
+    send_timeout_ns: _Time
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +162,7 @@ class Initiate:
     source: bytes = bytes(2)
     destination: bytes = bytes(2)
 
-    def octets(self) -> bytes:
+    def emit(self) -> bytes:
         return (
             bytes((Function.INITIATE, 0, 0, 0))
             + (self.send_timeout_ns // 10_000_000).to_bytes(2, "big")
@@ -208,45 +194,25 @@ def parse_initiate(data: bytes) -> Initiate:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class InitiateAnswer:
+class InitiateAnswer(
+    Sized,
+    function=Function.INITIATE,
+    sizes=range(8, 1 << 16),
+    text="{} octets are no answer to Initiate",
+    reason="short",
+):
     """``longest``: octets of user data of one PDU (Max_Len_Data_Unit)."""
 
-    longest: int
-    features: tuple[int, int] = (1, 0)
-    profile_features: tuple[int, int] = (0, 0)
-    profile: int = 0
-    tail: bytes = b"\x00\x02\x00\x02\x00\x00\x00\x00"
-
-    def octets(self) -> bytes:
-        return (
-            bytes((Function.INITIATE, self.longest, *self.features, *self.profile_features))
-            + self.profile.to_bytes(2, "big")
-            + self.tail
-        )
+    longest: UInt8
+    features: tuple[UInt8, UInt8] = (1, 0)
+    profile_features: tuple[UInt8, UInt8] = (0, 0)
+    profile: UInt16 = 0
+    tail: Rest = b"\x00\x02\x00\x02\x00\x00\x00\x00"
 
 
-def parse_initiate_answer(data: bytes) -> InitiateAnswer:
-    """Raises :class:`DecodeError`."""
-    if len(data) < 8 or data[0] != Function.INITIATE:
-        raise DecodeError("short", f"{len(data)} octets are no answer to Initiate")
-    return InitiateAnswer(data[1], (data[2], data[3]), (data[4], data[5]), int.from_bytes(data[6:8], "big"), data[8:])
-
-
-@dataclass(frozen=True, slots=True)
-class Abort:
+class Abort(Sized, function=Function.ABORT, sizes=range(3, 1 << 16), text="{} octets are no Abort", reason="short"):
     """A connection ends; ``reason``: instance and code."""
 
-    subnet: int
-    reason: int
-    detail: bytes = b""
-
-    def octets(self) -> bytes:
-        return bytes((Function.ABORT, self.subnet, self.reason)) + self.detail
-
-
-def parse_abort(data: bytes) -> Abort:
-    """Raises :class:`DecodeError`."""
-    if len(data) < 3 or data[0] != Function.ABORT:
-        raise DecodeError("short", f"{len(data)} octets are no Abort")
-    return Abort(data[1], data[2], data[3:])
+    subnet: UInt8
+    reason: UInt8
+    detail: Rest = b""

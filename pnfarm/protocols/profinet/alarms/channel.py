@@ -35,7 +35,6 @@ from pnfarm.protocols.profinet.alarms.events import (
 )
 from pnfarm.protocols.profinet.alarms.priority import AlarmLine, LineSettings, Queued
 from pnfarm.protocols.profinet.errors import OK, RtaError, rta_status
-from pnfarm.protocols.profinet.wire.alarms.notification import emit_alarm_notification
 from pnfarm.protocols.profinet.wire.alarms.rta import (
     FIRST_ACK,
     FIRST_SEND,
@@ -43,7 +42,6 @@ from pnfarm.protocols.profinet.wire.alarms.rta import (
     RtaErrorPdu,
     RtaPdu,
     RtaType,
-    emit_rta,
     error_of,
     error_pdu,
 )
@@ -143,7 +141,7 @@ class AlarmChannel:
         line = self._line(high=alarm.high)
         if self.is_full(high=alarm.high):
             raise AlarmRefusedError("queue-full", f"{len(line.queue)} alarms wait already, no more are accepted")
-        octets, allowed = len(emit_alarm_notification(alarm)), self._settings.max_alarm_data_length
+        octets, allowed = len(alarm.emit()), self._settings.max_alarm_data_length
         if octets > allowed:
             raise AlarmRefusedError("too-long", f"the alarm has {octets} octets, at most {allowed} were agreed on")
         self._handle += 1
@@ -190,7 +188,7 @@ class AlarmChannel:
             if pdu.type in self._withheld:
                 self.dropped["withheld"] += 1
             else:
-                out.append((self._tags[pdu.frame_id], emit_rta(pdu)))
+                out.append((self._tags[pdu.frame_id], pdu.emit()))
         return out
 
     def events(self) -> list[AlarmEvent]:

@@ -38,7 +38,6 @@ from pnfarm.protocols.profinet.wire.alarms.notification import (
     AlarmAck,
     AlarmNotification,
     acknowledge,
-    emit_alarm,
     parse_alarm,
 )
 from pnfarm.protocols.profinet.wire.alarms.rta import (
@@ -245,7 +244,7 @@ class AlarmLine:
             return
         if self._ack is not None:
             ack, self._ack = self._ack, None
-            self._step("apms", Sign.DATA_REQ, ("alpmr", emit_alarm(ack)), now)
+            self._step("apms", Sign.DATA_REQ, ("alpmr", ack.emit()), now)
         elif self.queue and self.alpmi is AlpmiState.W_ALARM:
             self._step("alpmi", Sign.ALARM_REQ, self.queue.popleft(), now)
 
@@ -327,7 +326,7 @@ class AlarmLine:
         alarm = replace(alarm, specifier=specifier, high=self.high)
         self._outstanding = Queued(queued.handle, alarm)
         self.sent += 1
-        self._step("apms", Sign.DATA_REQ, ("alpmi", emit_alarm(alarm)), now)
+        self._step("apms", Sign.DATA_REQ, ("alpmi", alarm.emit()), now)
 
     def _confirm_alarm(self, ack: AlarmAck, _now: int) -> None:
         assert self._outstanding is not None

@@ -485,7 +485,7 @@ class DcpDevice:
         fitting: list[Block] = []
         for block in blocks:
             info = 0 if block.info is None else 2
-            room -= (4 + info + len(block.payload()) + 1) // 2 * 2  # option, length, info, value, padding
+            room -= (4 + info + len(block.emit()) + 1) // 2 * 2  # option, length, info, value, padding
             if room < 0:
                 self.dropped["response-full"] += 1
             else:
@@ -540,4 +540,4 @@ def _filter_matches(block: Block, device: DcpDevice) -> bool:
             # Every other filter is a block that Get would read, with the same value.
             getter = _GETTERS.get(block.option_id)
             own = getter(device) if getter else None
-            return own is not None and own.payload() == block.payload()
+            return own is not None and own.emit() == block.emit()

@@ -42,7 +42,7 @@ __all__ = [
 DELAY_STEP_NS = 10**7
 
 #: Four name servers, 0.0.0.0 for none.
-Dns = tuple[IPv4Address, IPv4Address, IPv4Address, IPv4Address]
+Dns = tuple[IPv4Address, ...]
 
 _NONE = IPv4Address(0)
 NO_DNS: Dns = (_NONE, _NONE, _NONE, _NONE)

@@ -322,8 +322,8 @@ class ExtDiagnosis:
 class ChannelDiagnosis:
     """A ChannelErrorType and what it means; ``api`` is that of the profile which it belongs to, None for the maker's.
 
-    One that the standard defines has no name.  ``extended`` are in rising order.  ``severities`` is
-    MaintenanceAlarmState: D (diagnosis), MR (maintenance required), MD (maintenance demanded), QD (qualified).
+    ``extended`` are in rising order.  ``severities`` is MaintenanceAlarmState: D (diagnosis), MR (maintenance
+    required), MD (maintenance demanded), QD (qualified).
     """
 
     error_type: int
@@ -332,6 +332,11 @@ class ChannelDiagnosis:
     api: int | None = None
     extended: tuple[ExtDiagnosis, ...] = ()
     severities: tuple[str, ...] = ("D",)
+
+    @property
+    def is_standard(self) -> bool:
+        """One that the standard defines, to which the file only adds: it has no texts of its own."""
+        return self.api is None and not self.name and not self.help and self.severities == ("D",)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.gsdml.safe_xml import Node
     from pnfarm.protocols.profinet.gsdml.versions import Attributes
 
-__all__ = ["parse_f_parameters"]
+__all__ = ["read_f_parameters"]
 
 _U16 = 0xFFFF
 _CHECK = {"NoCheck": 0, "Check": 1}
@@ -101,7 +101,7 @@ def _flag_ref(node: Node, flag: _Flag) -> ParameterRef:
     )
 
 
-def parse_f_parameters(attributes: Attributes, node: Node) -> ParameterRecord:
+def read_f_parameters(attributes: Attributes, node: Node) -> ParameterRecord:
     """The F parameter record with its defaults; a :class:`DecodeError` for a value that none of them has."""
     refs = []
     for flag in _FLAGS:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.gsdml.languages import Languages
 
 if TYPE_CHECKING:
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
 
 __all__ = ["FileTexts", "by_id"]
 
+#: Besides the primary one; makers' files have up to ten.
+_MOST_LANGUAGES = 100
+
 
 class FileTexts:
     """The texts of one file."""
@@ -23,6 +27,7 @@ class FileTexts:
         self._process = process
         self._texts = _texts_of(process.all("ExternalTextList", "PrimaryLanguage", "Text"))
         self._values = by_id(attributes, process.all("ValueList", "ValueItem"))
+        self._assigned: dict[str, tuple[tuple[str, str], ...]] = {}
 
     def text(self, node: Node | None) -> str:
         """The text that TextId names; the name itself when the list has no such text."""
@@ -39,23 +44,23 @@ class FileTexts:
         item = self._values.get(name)
         if item is None:
             node.refuse("ValueItemTarget", "the ID of none that the file describes")
-        return tuple(
-            (self._at.word(assign, "Content"), self.text(assign)) for assign in item.all("Assignments", "Assign")
-        )
+        found = self._assigned.get(name)
+        if found is None:
+            assigned = item.all("Assignments", "Assign")
+            found = tuple((self._at.word(assign, "Content"), self.text(assign)) for assign in assigned)
+            self._assigned[name] = found
+        return found
 
     def languages(self) -> Languages:
-        """The other ones."""
-        return Languages(
-            {
-                language.text("lang"): {
-                    self._texts.get(name, name): text
-                    for name, text in reversed(
-                        _texts_of(node for node in language.children if node.name == "Text").items()
-                    )
-                }
-                for language in self._process.all("ExternalTextList", "Language")
-            }
-        )
+        """The other ones; of two texts that the primary language words alike, the first translation."""
+        found: dict[str, dict[str, str]] = {}
+        for language in self._process.all("ExternalTextList", "Language"):
+            texts = found.setdefault(language.text("lang"), {})
+            if len(found) > _MOST_LANGUAGES:
+                raise DecodeError("too-large", f"line {language.line}: more than {_MOST_LANGUAGES} languages")
+            for name, text in _texts_of(node for node in language.children if node.name == "Text").items():
+                texts.setdefault(self._texts.get(name, name), text)
+        return Languages(found)
 
 
 def _texts_of(nodes: Iterable[Node]) -> dict[str, str]:

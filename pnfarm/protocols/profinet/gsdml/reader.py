@@ -35,7 +35,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
     SubmoduleItem,
     UnitDiagnosis,
 )
-from pnfarm.protocols.profinet.gsdml.f_parameters import parse_f_parameters
+from pnfarm.protocols.profinet.gsdml.f_parameters import read_f_parameters
 from pnfarm.protocols.profinet.gsdml.file_texts import FileTexts, by_id
 from pnfarm.protocols.profinet.gsdml.records import MAX_RECORD, parse_record, read_ref
 from pnfarm.protocols.profinet.gsdml.safe_xml import Node, parse_xml
@@ -347,7 +347,7 @@ class _Reader:
             may_issue_process_alarm=self._at.flag(node, "MayIssueProcessAlarm"),
             writeable_im=self._at.numbers(node, "Writeable_IM_Records"),
             profisafe=self._at.flag(node, "PROFIsafeSupported"),
-            f_parameters=parse_f_parameters(self._at, safe) if safe else None,
+            f_parameters=read_f_parameters(self._at, safe) if safe else None,
             line=node.line,
         )
 
@@ -370,10 +370,11 @@ class _Reader:
         known = DATA_TYPE_OCTETS.get(kind)
         # types without a length of their own, and types missing in this table, give theirs
         octets = known if known is not None else self._at.number(node, "Length", _U16)
-        bits = tuple(
-            (self._at.number(bit, "BitOffset", 0xFF), self._texts.text(bit)) for bit in node.all("BitDataItem")
-        )
-        return DataItem(kind, octets, self._texts.text(node), self._at.flag(node, "UseAsBits"), bits)
+        bits: dict[int, str] = {}
+        for bit in node.all("BitDataItem"):
+            bits.setdefault(self._at.number(bit, "BitOffset", 0xFFFF), self._texts.text(bit))
+        name, as_bits = self._texts.text(node), self._at.flag(node, "UseAsBits")
+        return DataItem(kind, octets, name, as_bits, tuple(bits.items()))
 
     def _port(self, node: Node, *, pluggable: bool = False) -> PortSubmodule:
         return PortSubmodule(

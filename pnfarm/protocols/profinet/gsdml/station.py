@@ -20,7 +20,7 @@ from pnfarm.protocols.profinet.gsdml.document import NO_NUMBERS, Dap, InterfaceS
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from pnfarm.protocols.profinet.gsdml.choosing import Item
     from pnfarm.protocols.profinet.gsdml.document import (
@@ -258,25 +258,22 @@ class PluggedStation:
 
     @property
     def input_octets(self) -> int:
-        """Of the input data with the status octets beside them."""
-        return sum(
-            (one.input_octets + one.iops_length if one.input_octets else self._bare(one, one.iops_length))
-            + (one.iocs_length if one.output_octets else 0)
-            for one in self.submodules
-        )
+        """Of the input data with their status, as IOConfigData counts them: submodules without data do not count
+        (after files that Siemens' tool generates)."""
+        return _counted((one.input_octets, one.output_octets, one) for one in self.submodules)
 
     @property
     def output_octets(self) -> int:
-        """Of the output data with the status octets beside them."""
-        return sum(
-            (one.output_octets + one.iops_length if one.output_octets else 0)
-            + (one.iocs_length if one.input_octets else self._bare(one, one.iocs_length))
-            for one in self.submodules
-        )
+        """The same of the output data."""
+        return _counted((one.output_octets, one.input_octets, one) for one in self.submodules)
 
-    def _bare(self, submodule: PluggedSubmodule, octets: int) -> int:
-        """The status octets of a submodule without data."""
-        return octets if self.dap.ioxs_required and not submodule.has_data else 0
+
+def _counted(submodules: Iterable[tuple[int, int, PluggedSubmodule]]) -> int:
+    """Of one direction: octets there, octets in the other direction, submodule."""
+    return sum(
+        (octets + one.iops_length if octets else 0) + (one.iocs_length if others else 0)
+        for octets, others, one in submodules
+    )
 
 
 def _choose_dap(gsdml: Gsdml, wanted: Wanted | None) -> Dap:

@@ -451,11 +451,11 @@ class _Writer:
         self._open("ChannelDiagList")
         for diagnosis in diagnoses:
             element = "ChannelDiagItem" if diagnosis.api is None else "ProfileChannelDiagItem"
-            if diagnosis.api is None and not diagnosis.name:
+            if diagnosis.is_standard:
                 element = "SystemDefinedChannelDiagItem"
             severities = _severities(diagnosis.severities)
             self._open(element, _api(diagnosis.api), _number("ErrorType", diagnosis.error_type), severities)
-            if element != "SystemDefinedChannelDiagItem":
+            if not diagnosis.is_standard:
                 self._named_with_help(diagnosis.name, diagnosis.help)
             if diagnosis.extended:
                 self._open("ExtChannelDiagList")

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.diagnosis import Severity, diagnosis_blocks
 from pnfarm.protocols.profinet.records.identification import in_scope
-from pnfarm.protocols.profinet.wire.records.diagnosis import emit_diagnosis_data
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable
@@ -47,4 +46,4 @@ def diagnosis_record(
             and (entry.channel_coded or not coded_only)
         )
 
-    return b"".join(emit_diagnosis_data(block) for block in diagnosis_blocks(entries, wanted))
+    return b"".join(block.emit() for block in diagnosis_blocks(entries, wanted))

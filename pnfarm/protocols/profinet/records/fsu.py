@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.wire.block import VERSION_1_0, BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.records.fsu import parse_ar_fsu_data_adjust
+from pnfarm.protocols.profinet.wire.records.fsu import ArFsuDataAdjust
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -39,7 +39,7 @@ class FsuRecords:
             (block,) = split_blocks(data)
             if block.block_type != BlockType.AR_FSU_DATA_ADJUST or block.version_high != VERSION_1_0 >> 8:
                 return RecordError(AccessError.INVALID_PARAMETER)
-            parse_ar_fsu_data_adjust(block)
+            ArFsuDataAdjust.of(block)
         except (DecodeError, ValueError):  # of another shape; no block or several
             return RecordError(AccessError.WRITE_LENGTH_ERROR)
         standing = {other.key for other in self._ars()}

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profinet.records.directory import Index, Scope
 from pnfarm.protocols.profinet.wire.block import BlockType
-from pnfarm.protocols.profinet.wire.cm.expected import emit_module_diff_block
 from pnfarm.protocols.profinet.wire.records.identification import (
     ApiData,
     ArData,
@@ -15,9 +14,6 @@ from pnfarm.protocols.profinet.wire.records.identification import (
     IdentificationApi,
     IdentificationData,
     IdentificationSlot,
-    emit_api_data,
-    emit_ar_data,
-    emit_identification_data,
 )
 from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
 
@@ -77,7 +73,7 @@ def identification_record(plugged: Plugged, ar: Ar | None, index: int, scope: Sc
                 slots.append(IdentificationSlot(module.slot, module.module_ident, subs))
         if slots:
             apis.append(IdentificationApi(api, tuple(slots)))
-    return emit_identification_data(IdentificationData(BlockType.REAL_IDENTIFICATION_DATA, tuple(apis)))
+    return IdentificationData(BlockType.REAL_IDENTIFICATION_DATA, tuple(apis)).emit()
 
 
 def _expected(expected: Iterable[ExpectedApi], scope: Scope, asked: ExpectedKey) -> bytes:
@@ -91,16 +87,16 @@ def _expected(expected: Iterable[ExpectedApi], scope: Scope, asked: ExpectedKey)
         if subs:
             apis.setdefault(entry.api, []).append(IdentificationSlot(entry.slot, entry.module_ident, subs))
     data = tuple(IdentificationApi(api, tuple(slots)) for api, slots in apis.items())
-    return emit_identification_data(IdentificationData(BlockType.EXPECTED_IDENTIFICATION_DATA, data))
+    return IdentificationData(BlockType.EXPECTED_IDENTIFICATION_DATA, data).emit()
 
 
 def ar_data_record(plugged: Plugged, ars: Iterable[Ar], ar: Ar | None, index: int, api: int) -> bytes:
     """APIData, ModuleDiffBlock, or ARData; empty where there is nothing to report."""
     match index:
         case Index.API_DATA:
-            return emit_api_data(ApiData(plugged.apis()))
+            return ApiData(plugged.apis()).emit()
         case Index.MODULE_DIFF:
-            return emit_module_diff_block(ar.module_diff) if ar and ar.module_diff else b""
+            return ar.module_diff.emit() if ar and ar.module_diff else b""
         case _:
             return _ar_data(ars, None if index == Index.AR_DATA else api)
 
@@ -128,4 +124,4 @@ def _ar_data(ars: Iterable[Ar], api: int | None) -> bytes:
                 apis=apis if api is None else (api,),
             )
         )
-    return emit_ar_data(ArData(tuple(entries))) if entries else b""
+    return ArData(tuple(entries)).emit() if entries else b""

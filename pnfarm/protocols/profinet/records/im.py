@@ -23,10 +23,6 @@ from pnfarm.protocols.profinet.wire.records.identification import (
     IdentificationSlot,
     Im0,
     ImText,
-    emit_identification_data,
-    emit_im0,
-    emit_im_text,
-    parse_im_text,
 )
 
 if TYPE_CHECKING:
@@ -99,7 +95,7 @@ class ImRecords:
         if carrier is None:
             return RecordError(AccessError.INVALID_INDEX)
         if index == Index.IM0:
-            return emit_im0(im0_of(self._description, carrier.im0))
+            return im0_of(self._description, carrier.im0).emit()
         block = self._block(carrier, index)
         if block is None:
             return RecordError(AccessError.INVALID_INDEX)
@@ -107,7 +103,7 @@ class ImRecords:
         # a text is padded with blanks, the signature is octets
         padding = b"\0" if block is BlockType.IM4 else b" "
         text = self.texts.get((carrier.slot, carrier.subslot, index), b"")
-        return emit_im_text(ImText(block, text.ljust(size, padding)[:size]))
+        return ImText(block, text.ljust(size, padding)[:size]).emit()
 
     def write(self, slot: int, subslot: int, index: int, data: bytes) -> RecordError | None:
         """I&M1 to I&M4.  Texts are visible characters; zeros behind them count as padding."""
@@ -119,7 +115,7 @@ class ImRecords:
             return RecordError(AccessError.ACCESS_DENIED)
         try:
             (raw,) = split_blocks(data)
-            value = parse_im_text(raw)
+            value = ImText.of(raw)
         except (DecodeError, ValueError):
             return RecordError(AccessError.WRITE_LENGTH_ERROR)
         if value.block_type != block:
@@ -163,7 +159,7 @@ class ImRecords:
             )
             for api, slots in sorted(apis.items())
         )
-        return emit_identification_data(IdentificationData(block, data, _FILTER_VERSION))
+        return IdentificationData(block, data, _FILTER_VERSION).emit()
 
     def _ident(self, slot: int) -> int:
         module = self._plugged.module(slot)

@@ -14,10 +14,6 @@ from pnfarm.protocols.profinet.wire.records.identification import (
     RecordOutputData,
     SubstituteValue,
     SubstitutionMode,
-    emit_record_input_data,
-    emit_record_output_data,
-    emit_substitute_value,
-    parse_substitute_value,
 )
 
 if TYPE_CHECKING:
@@ -60,7 +56,7 @@ class IoRecords:
             if not sub.output_bytes:
                 return RecordError(AccessError.INVALID_INDEX)
             value = self._substitute(ar, key)
-            return emit_substitute_value(value or _zeros(sub.output_bytes, _GOOD, _GOOD))
+            return (value or _zeros(sub.output_bytes, _GOOD, _GOOD)).emit()
         output = index == Index.RECORD_OUTPUT_DATA
         # a submodule without data has input data of no length: its provider status
         if not (sub.output_bytes if output else sub.input_bytes or not sub.output_bytes):
@@ -70,9 +66,9 @@ class IoRecords:
             return RecordError(AccessError.STATE_CONFLICT)
         iocs, iops = bytes([found.iocs]), bytes([found.iops])
         if not output:
-            return emit_record_input_data(RecordInputData(iocs, iops, found.data))
+            return RecordInputData(iocs, iops, found.data).emit()
         value = self._substitute(ar, key) or _zeros(len(found.data), found.iocs, found.iops)
-        return emit_record_output_data(RecordOutputData(iocs, iops, found.data, 0, emit_substitute_value(value)))
+        return RecordOutputData(iocs, iops, found.data, 0, value.emit()).emit()
 
     def write(self, ar: Ar, sub: SubmoduleDescription, data: bytes) -> RecordError | None:
         """SubstituteValue, the only one that can be written."""
@@ -80,7 +76,7 @@ class IoRecords:
             return RecordError(AccessError.INVALID_INDEX)
         try:
             (raw,) = split_blocks(data)
-            value = parse_substitute_value(raw)
+            value = SubstituteValue.of(raw)
         except (DecodeError, ValueError):
             return RecordError(AccessError.WRITE_LENGTH_ERROR)
         if len(value.data) != sub.output_bytes:

@@ -46,6 +46,7 @@ from pnfarm.protocols.profinet.records.pdev_checks import (
 from pnfarm.protocols.profinet.wire.block import VERSION_1_0, VERSION_1_1, split_blocks
 from pnfarm.protocols.profinet.wire.lldp.pdu import NameMode
 from pnfarm.protocols.profinet.wire.records.pdev import (
+    InterfaceAdjust,
     InterfaceDataReal,
     MultipleBlock,
     PeerReal,
@@ -53,12 +54,6 @@ from pnfarm.protocols.profinet.wire.records.pdev import (
     PortDataCheck,
     PortDataReal,
     PortStatistic,
-    emit_interface_data_real,
-    emit_multiple_block,
-    emit_port_data_real,
-    emit_port_statistic,
-    parse_interface_adjust,
-    parse_port_data,
 )
 from pnfarm.protocols.profinet.wire.records.pdev_port import (
     AdjustPeerToPeerBoundary,
@@ -208,11 +203,11 @@ class PhysicalDevice:
     def _read(self, place: tuple[int, int], index: int) -> bytes:
         match index:
             case PdevIndex.PORT_DATA_REAL:
-                return emit_port_data_real(self._port_data_real(*place))
+                return self._port_data_real(*place).emit()
             case PdevIndex.INTERFACE_DATA_REAL:
-                return emit_interface_data_real(self._interface_data_real())
+                return self._interface_data_real().emit()
             case PdevIndex.PORT_STATISTIC:
-                return emit_port_statistic(self._statistic(place))
+                return self._statistic(place).emit()
         return self.written.get((*place, index), b"")
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
@@ -245,9 +240,10 @@ class PhysicalDevice:
         if block.block_type != wanted or block.version_high != VERSION_1_0 >> 8:
             return RecordError(AccessError.INVALID_PARAMETER)
         if index == PdevIndex.INTERFACE_ADJUST:
-            self.name_mode = NameMode(parse_interface_adjust(block).multiple_interface_mode & 1)
+            self.name_mode = NameMode(InterfaceAdjust.of(block).multiple_interface_mode & 1)
         elif index in _ADDRESSED:
-            value = parse_port_data(block)
+            checked = wanted == PdevBlockType.PORT_DATA_CHECK
+            value = PortDataCheck.of(block) if checked else PortDataAdjust.of(block)
             if (value.slot, value.subslot) != place:
                 return RecordError(AccessError.INVALID_PARAMETER)
             if isinstance(value, PortDataCheck):
@@ -345,7 +341,7 @@ class PhysicalDevice:
         blocks = tuple(block for data in records for block in split_blocks(data))
         if not blocks:
             return b""
-        return emit_multiple_block(MultipleBlock(self._submodules[place].api, *place, blocks))
+        return MultipleBlock(self._submodules[place].api, *place, blocks).emit()
 
     # -- checks ------------------------------------------------------------------------------------------------------
 

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from pnfarm.protocols.profinet.lldp.agent import Neighbour
-    from pnfarm.protocols.profinet.wire.records.pdev_port import ExpectedPeer, SubBlock
+    from pnfarm.protocols.profinet.wire.block import Block
+    from pnfarm.protocols.profinet.wire.records.pdev_port import ExpectedPeer
 
 __all__ = [
     "ChannelErrorType",
@@ -143,7 +144,7 @@ def media_type_of(mau_type: int) -> MediaType:
 
 
 def compare(
-    checks: Iterable[SubBlock], port: PortFacts, neighbours: Sequence[Neighbour], *, peers_known: bool = True
+    checks: Iterable[Block], port: PortFacts, neighbours: Sequence[Neighbour], *, peers_known: bool = True
 ) -> tuple[Finding, ...]:
     """The channel errors that hold now; without ``peers_known`` a missing neighbour is not an error yet.
 

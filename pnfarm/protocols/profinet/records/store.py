@@ -34,7 +34,6 @@ from pnfarm.protocols.profinet.records.io import IoData, IoRecords
 from pnfarm.protocols.profinet.records.log_book import LogBook
 from pnfarm.protocols.profinet.wire.records.container import parse_container
 from pnfarm.protocols.profinet.wire.records.iod import INDEX_MULTIPLE_WRITE
-from pnfarm.protocols.profinet.wire.records.log_book import emit_log_data
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, MutableMapping
@@ -131,7 +130,7 @@ class DeviceRecords:
             case Part.IO_DATA:
                 return self._io.read(ar, self._plugged[key[1:]], index)
             case Part.LOG_BOOK:
-                return emit_log_data(self.log_book.data(now))
+                return self.log_book.data(now).emit()
             case Part.PDEV:
                 return self._pdev.read(ar, *key, index, max_length, now)
             case Part.MONITORING:

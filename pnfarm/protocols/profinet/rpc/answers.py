@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pnfarm.protocols.profinet.rpc.fragments import fack_body
-from pnfarm.protocols.profinet.wire.rpc.bodies import CancelAckBody, CancelBody, emit_cancel_ack, emit_fack
+from pnfarm.protocols.profinet.wire.rpc.bodies import CancelAckBody, CancelBody
 from pnfarm.protocols.profinet.wire.rpc.pdu import FRAGMENT_NONE, NcaStatus, PacketType, RpcPdu, emit_status
 
 __all__ = ["answer_to", "cancel_ack", "fack", "nocall", "nocall_so_far", "reject"]
@@ -31,7 +31,7 @@ def answer_to(
 
 def fack(pdu: RpcPdu, number: int) -> RpcPdu:
     """Fragments up to ``number`` have arrived; ``pdu`` is the one that asked."""
-    body = emit_fack(fack_body(pdu.serial), little_endian=pdu.little_endian)
+    body = fack_body(pdu.serial).emit(little_endian=pdu.little_endian)
     return answer_to(pdu, PacketType.FACK, fragment_number=number, body=body)
 
 
@@ -42,7 +42,7 @@ def nocall(pdu: RpcPdu) -> RpcPdu:
 
 def nocall_so_far(pdu: RpcPdu, number: int) -> RpcPdu:
     """No call yet, but fragments up to ``number`` of its request."""
-    body = emit_fack(fack_body(pdu.serial), little_endian=pdu.little_endian)
+    body = fack_body(pdu.serial).emit(little_endian=pdu.little_endian)
     return answer_to(pdu, PacketType.NOCALL, fragment_number=number, body=body)
 
 
@@ -55,5 +55,5 @@ def cancel_ack(pdu: RpcPdu, cancel: CancelBody | None, *, accepting: bool) -> Rp
     """The answer to a cl_cancel; ``cancel`` is its body, None for one that orphaned the call."""
     body = b""
     if cancel is not None:
-        body = emit_cancel_ack(CancelAckBody(cancel.cancel_id, accepting), little_endian=pdu.little_endian)
+        body = CancelAckBody(cancel.cancel_id, accepting).emit(little_endian=pdu.little_endian)
     return answer_to(pdu, PacketType.CANCEL_ACK, body=body)

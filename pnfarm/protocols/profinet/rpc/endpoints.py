@@ -21,14 +21,13 @@ from pnfarm.protocols.profinet.wire.rpc.epm import (
     EntryHandle,
     EpmOpnum,
     EptEntry,
+    HandleFreed,
     Inquiry,
     LookupRequest,
     LookupResponse,
     Tower,
     VersionOption,
-    emit_handle_freed,
     emit_lookup_response,
-    parse_handle,
     parse_lookup_request,
 )
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
@@ -86,10 +85,10 @@ class EndpointMapper:
                 request = parse_lookup_request(stub, little_endian=little_endian)
                 response = self._lookup(request, *self._place(request.handle))
                 return PacketType.RESPONSE, emit_lookup_response(response, little_endian=little_endian)
-            lookup, _ = self._place(parse_handle(stub, little_endian=little_endian))
+            lookup, _ = self._place(EntryHandle.parse(stub, little_endian=little_endian))
             if lookup:
                 self._freed.append(lookup)
-            return PacketType.RESPONSE, emit_handle_freed(NIL_HANDLE, 0, little_endian=little_endian)
+            return PacketType.RESPONSE, HandleFreed(NIL_HANDLE, 0).emit(little_endian=little_endian)
         except DecodeError:
             return PacketType.REJECT, emit_status(NcaStatus.PROTO_ERROR, little_endian=little_endian)
         except _ForeignHandleError:

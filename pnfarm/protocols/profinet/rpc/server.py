@@ -66,7 +66,6 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import (
     emit_rpc,
     emit_status,
     parse_rpc,
-    read_u32,
 )
 from pnfarm.wire.octets import Reader
 
@@ -378,7 +377,7 @@ class RpcServer:
             self.dropped["args-short"] += 1
             self._answer_status(activity, NcaStatus.PROTO_ERROR, now, PacketType.REJECT)
             return
-        activity.args_maximum = read_u32(Reader(stub), little=request.little_endian)
+        activity.args_maximum = Reader(stub, request.little_endian).u32()
         try:
             args = read_arguments(stub, little_endian=request.little_endian)
         except DecodeError as exc:

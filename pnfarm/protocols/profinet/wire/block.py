@@ -6,29 +6,27 @@ families share; the families are in :mod:`~pnfarm.protocols.profinet.wire.cm` an
 :mod:`~pnfarm.protocols.profinet.wire.records`, and :mod:`any_block` joins them.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
 from enum import IntEnum
-from uuid import UUID
+from typing import Any, ClassVar, Self
 
 from pnfarm.errors import DecodeError
+from pnfarm.wire.layout import Align, Codec, Rest, Structure, UInt16
 from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
+    "ALIGNED",
     "BLOCK_HEADER_SIZE",
     "RESPONSE",
     "VERSION_1_0",
     "VERSION_1_1",
+    "Block",
     "BlockType",
+    "Blocks",
     "RawBlock",
-    "check_type",
-    "emit_raw_block",
     "expect_padding",
-    "parse_raw_block",
-    "read_uuid",
     "split_blocks",
-    "write_uuid",
 ]
 
 BLOCK_HEADER_SIZE = 6
@@ -105,13 +103,78 @@ class BlockType(IntEnum):
     PRM_BEGIN_RES = 0x8118
 
 
-@dataclass(frozen=True, slots=True)
-class RawBlock:
+#: Padding before a field, up to four octets from the block's header on.
+ALIGNED = Align(4, BLOCK_HEADER_SIZE)
+
+
+class Block(Structure):
+    """A block: of a type with a codec, its fields those of the body, or a :class:`RawBlock`.
+
+    ``types``: the block types of this layout; ``padded``: with padding up to four octets at the end; ``inner``: stands
+    inside of other blocks only.  Fields ``block_type`` and ``version`` are those of the header.
+    """
+
+    TYPES: ClassVar[tuple[int, ...]] = ()
+    #: By block type, for :mod:`pnfarm.protocols.profinet.wire.any_block`.
+    KINDS: ClassVar[dict[int, type["Block"]]] = {}
+    _padded: ClassVar[bool] = False
+    _header: ClassVar[set[str]] = set()
+
+    def __init_subclass__(
+        cls, *, types: int | Iterable[int] = (), padded: bool = False, inner: bool = False, **more: Any
+    ) -> None:
+        super().__init_subclass__(**more)
+        cls.TYPES = (types,) if isinstance(types, int) else tuple(types)
+        cls._padded = padded
+        cls._header = {one.name for one in fields(cls)} & {"block_type", "version"}
+        if not inner:
+            cls.KINDS.update(dict.fromkeys(cls.TYPES, cls))
+
+    @classmethod
+    def of(cls, block: "RawBlock") -> Self:
+        """From a block, which must have one of the types of this layout.  Raises :class:`DecodeError`."""
+        if block.block_type not in cls.TYPES:
+            raise DecodeError("bad-type", f"block 0x{block.block_type:04X} where 0x{cls.TYPES[0]:04X} is expected")
+        r = Reader(block.body)
+        value = cls.read_body(r, block)
+        if cls._padded:
+            expect_padding(r)
+        else:
+            r.expect_end()
+        return value
+
+    @classmethod
+    def read_body(cls, r: Reader, block: "RawBlock") -> Self:
+        """What the body has in it; the end is checked afterwards."""
+        return super().read(r, **{name: getattr(block, name) for name in cls._header})
+
+    @classmethod
+    def read(cls, r: Reader, **_outside: Any) -> Self:
+        return cls.of(RawBlock.read(r))
+
+    @property
+    def kind(self) -> int:
+        """The block type."""
+        kind: int = vars(self).get("block_type", self.TYPES[0])
+        return kind
+
+    def write_body(self, w: Writer) -> None:
+        super().write(w)
+
+    def write(self, w: Writer) -> None:
+        body = Writer()
+        self.write_body(body)
+        if self._padded:
+            ALIGNED.write(body, {})
+        RawBlock(self.kind, body.getvalue(), getattr(self, "version", VERSION_1_0)).write(w)
+
+
+class RawBlock(Block):
     """A block as on the wire; ``body`` is what follows the six octets of its header."""
 
-    block_type: int
-    body: bytes
-    version: int = VERSION_1_0
+    block_type: UInt16
+    body: Rest
+    version: UInt16 = VERSION_1_0
 
     @property
     def length(self) -> int:
@@ -126,35 +189,49 @@ class RawBlock:
     def version_low(self) -> int:
         return self.version & 0xFF
 
+    @classmethod
+    def read(cls, r: Reader, **_outside: Any) -> Self:
+        """The next block.  Raises :class:`DecodeError` (``short``, ``bad-length``)."""
+        block_type, length = r.u16(), r.u16()
+        if length < 2:
+            raise DecodeError("bad-length", f"block 0x{block_type:04X} claims a length of {length}")
+        version = r.u16()
+        return cls(block_type, r.bytes(length - 2), version)
 
-def parse_raw_block(reader: Reader) -> RawBlock:
-    """The next block of ``reader``.  Raises :class:`DecodeError` (``short``, ``bad-length``)."""
-    block_type = reader.u16()
-    length = reader.u16()
-    if length < 2:
-        raise DecodeError("bad-length", f"block 0x{block_type:04X} claims a length of {length}")
-    version = reader.u16()
-    return RawBlock(block_type, reader.bytes(length - 2), version)
+    def write(self, w: Writer) -> None:
+        w.u16(self.block_type).u16(self.length).u16(self.version).bytes(self.body)
 
 
-def emit_raw_block(block: RawBlock) -> bytes:
-    return Writer().u16(block.block_type).u16(block.length).u16(block.version).bytes(block.body).getvalue()
+class Blocks(Codec):
+    """Blocks up to the end: of one of these kinds, else as they are; ``align``: each with padding behind it."""
+
+    def __init__(self, *kinds: type[Block], align: Align | None = None) -> None:
+        self._kinds = {block_type: kind for kind in kinds for block_type in kind.TYPES}
+        self._align = align
+
+    def read(self, r: Reader, _values: Mapping[str, Any]) -> tuple[Block, ...]:
+        blocks: list[Block] = []
+        while r.remaining:
+            raw = RawBlock.read(r)
+            blocks.append(self._kinds[raw.block_type].of(raw) if raw.block_type in self._kinds else raw)
+            if self._align:
+                self._align.read(r, {})
+        return tuple(blocks)
+
+    def write(self, w: Writer, value: Iterable[Block]) -> None:
+        for block in value:
+            block.write(w)
+            if self._align:
+                self._align.write(w, {})
 
 
 def split_blocks(data: bytes) -> tuple[RawBlock, ...]:
     """Cut ``data`` into blocks; they follow each other without padding, up to the last octet."""
-    reader = Reader(data)
+    r = Reader(data)
     blocks = []
-    while reader.remaining:
-        blocks.append(parse_raw_block(reader))
+    while r.remaining:
+        blocks.append(RawBlock.read(r))
     return tuple(blocks)
-
-
-def check_type(block: RawBlock, *allowed: int) -> Reader:
-    """A reader over the body of a block whose type must be one of ``allowed``."""
-    if block.block_type not in allowed:
-        raise DecodeError("bad-type", f"block 0x{block.block_type:04X} where 0x{allowed[0]:04X} is expected")
-    return Reader(block.body)
 
 
 def expect_padding(reader: Reader) -> None:
@@ -165,12 +242,3 @@ def expect_padding(reader: Reader) -> None:
     if reader.remaining > 3:
         raise DecodeError("trailing", f"{reader.remaining} octets after the end, padding has at most 3")
     reader.skip(reader.remaining)
-
-
-def read_uuid(reader: Reader) -> UUID:
-    """A UUID inside of a block: always big-endian, whatever the RPC header says."""
-    return UUID(bytes=reader.bytes(16))
-
-
-def write_uuid(writer: Writer, value: UUID) -> Writer:
-    return writer.bytes(value.bytes)

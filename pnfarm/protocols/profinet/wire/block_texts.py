@@ -13,7 +13,7 @@ from pnfarm.protocols.profinet.wire.block import RawBlock
 from pnfarm.protocols.profinet.wire.records.pdev import MultipleBlock
 
 if TYPE_CHECKING:
-    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.block import Block
 
 __all__ = ["blocks_in_line", "blocks_in_words", "number_text"]
 

@@ -388,7 +388,7 @@ def test_corrupt_octets_of_a_message_reach_the_drive(rig):
 
 @pytest.mark.parametrize(
     ("kind", "why"),
-    [("duplicate", "TCP leaves out what it has already"), ("reorder", "TCP puts them in order")],
+    [("duplicate", "TCP discards repeated ones"), ("reorder", "TCP puts them in order")],
 )
 def test_what_tcp_prevents_is_refused_with_the_reason(rig, kind, why):
     with pytest.raises(InjectionError, match=why):

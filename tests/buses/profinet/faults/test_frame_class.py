@@ -16,7 +16,7 @@ from pnfarm.buses.profinet.faults.frame_class import (
     acknowledging_nothing,
     frame_class,
 )
-from pnfarm.protocols.profinet.wire.alarms.rta import FIRST_ACK, RtaPdu, RtaType, emit_rta, parse_rta
+from pnfarm.protocols.profinet.wire.alarms.rta import FIRST_ACK, RtaPdu, RtaType, parse_rta
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
 
 MACS = bytes.fromhex("020000000001020000000002")
@@ -58,7 +58,7 @@ def test_any_bytes_are_of_some_class(frame, begin):
 
 def rta(kind: int, body: bytes = b"", *, tag: bytes = TAG, frame_id: int = ALARM_LOW, ack: int = 5) -> bytes:
     pdu = RtaPdu(frame_id, 1, 2, 0x10 | kind, 0x11, 4, ack, body)
-    return MACS + tag + b"\x88\x92" + emit_rta(pdu) + bytes(20)
+    return MACS + tag + b"\x88\x92" + pdu.emit() + bytes(20)
 
 
 @pytest.mark.parametrize(

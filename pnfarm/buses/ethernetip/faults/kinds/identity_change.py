@@ -51,7 +51,7 @@ class IdentityChange(Effect):
 KIND = InjectionKind(
     "identity-change",
     "connection",
-    "Another product seems to stand there: vendor, device type, product code, revision or serial number differ.  A "
+    "The drive looks like another product: vendor, device type, product code, revision or serial number differ.  A "
     "connection that stands goes on, a new one whose electronic key names the right product is refused.  Left out all, "
     "the product code is one more.",
     "the change",

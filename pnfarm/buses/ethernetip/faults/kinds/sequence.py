@@ -53,10 +53,10 @@ KINDS = (
     InjectionKind(
         "sequence-freeze",
         "cyclic",
-        "The sequence of cyclic packets stands.  With the number, originators take the packets for old ones and drop "
+        "The sequence of cyclic packets freezes.  With the number, originators take the packets for old ones and drop "
         "them: the connection times out.  With the count alone they take them for the same data once more: the "
         "connection lives, and the data that the program sees stand still.",
-        "a cyclic packet whose sequence stands",
+        "a cyclic packet whose sequence is frozen",
         SequenceFreeze,
         {"which": _which("number")},
         directions=("out",),

@@ -39,6 +39,6 @@ KIND = InjectionKind(
     takes=FRAMES,
     place=82,
     wire="Connection id `connection_id` in the sequenced address item, or the agreed one plus one.",
-    reports="The packets are nobody's: the connection times out (Logix: module fault 16#0203; CODESYS: the adapter "
-    "goes to its error state (assumed)).",
+    reports="The packets belong to no connection: the connection times out (Logix: module fault 16#0203; CODESYS: the "
+    "adapter goes to its error state (assumed)).",
 )

@@ -20,11 +20,11 @@ class BaudChange(SlaveEffect):
 KIND = InjectionKind(
     "baud-change",
     "link",
-    "The slave has another baud rate than the line: it hears nothing but garbage, and seeks the rate again.",
+    "The slave has another baud rate than the line: it receives only garbage, and searches the rate again.",
     "the change",
     BaudChange,
     takes=HELD,
     place=60,
-    wire="No answer of the slave; at the end it finds the rate, and is parametrised anew.",
+    wire="No answer of the slave; at the end it finds the rate, and is parametrised again.",
     reports="S7-300/400: station failure (OB86); CODESYS: the slave is not running (assumed).",
 )

@@ -31,7 +31,7 @@ KINDS = (
     InjectionKind(
         "diagnosis-request",
         "alarms",
-        "The slave asks its master to read a diagnosis, which has a block of its own behind that of the drive.",
+        "The slave asks its master to read a diagnosis, which has a block of its own after that of the drive.",
         "the block",
         DiagnosisRequest,
         {"code": ParamSpec("whole number", "Two octets of the block.", default=0x0001, low=0, high=0xFFFF)},
@@ -43,7 +43,7 @@ KINDS = (
     InjectionKind(
         "static-diagnosis",
         "alarms",
-        "The slave says that its data make no sense (Stat_Diag), as long as the fault lasts.",
+        "The slave reports that its data are not valid (Stat_Diag), as long as the fault lasts.",
         "the state",
         StaticDiagnosis,
         takes=HELD,

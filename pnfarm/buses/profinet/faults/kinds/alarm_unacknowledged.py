@@ -22,6 +22,7 @@ class AlarmUnacknowledged(ChanceEffect):
     wire = PROFINET_FRAMES
     alarms = ALARMS
     modules = MODULES
+    once = True
     _rule: GateRule | None = None
     _keys: frozenset[int] = frozenset()
     _passed: frozenset[int] = frozenset()

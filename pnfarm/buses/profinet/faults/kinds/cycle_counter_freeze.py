@@ -20,7 +20,7 @@ KIND = InjectionKind(
     "cyclic",
     "The cycle counter stands, so that controllers take the frames for old ones and discard them; the watchdog "
     "expires.",
-    "a cyclic frame whose counter stands",
+    "a cyclic frame whose counter is frozen",
     CounterFreeze,
     directions=("out",),
     takes=FRAMES,

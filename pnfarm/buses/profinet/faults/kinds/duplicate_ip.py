@@ -44,7 +44,7 @@ KIND = InjectionKind(
     place=60,
     wire="ARP from two MAC addresses for one IP address: announcements of the second station, two answers to each "
     "request, and the drive's own announcement in defence.",
-    reports="A connection that stands goes on. Whoever learns the second MAC address by ARP reaches no drive: records "
+    reports="An existing connection continues. Whoever learns the second MAC address by ARP reaches no drive: records "
     "and new connections time out as long as it is in the ARP table (assumed). The drive's answer to DCP Get says that "
     "its address is in conflict.",
 )

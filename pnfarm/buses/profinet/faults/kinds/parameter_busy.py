@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 from pnfarm.buses.profinet.faults.records import RECORDS
-from pnfarm.faults.effects.effect import ChanceEffect
+from pnfarm.faults.effects.effect import ChanceEffect, Held
 from pnfarm.faults.kind import EACH, InjectionKind
-
-if TYPE_CHECKING:
-    from pnfarm.faults.effects.parts import InForce
 
 __all__ = ["KIND"]
 
@@ -19,7 +14,7 @@ class ParameterBusy(ChanceEffect):
 
     records = RECORDS
 
-    def held(self) -> tuple[InForce[Any], Any]:
+    def held(self) -> Held:
         return self.records.holds, self.occurs
 
 
@@ -32,5 +27,5 @@ KIND = InjectionKind(
     takes=EACH,
     place=20,
     wire="Reads of the parameter response are answered with the PNIO status of a state conflict (B5).",
-    reports="Nothing by the bus: the program reads again until its job times out.",
+    reports="The bus reports nothing: the program reads again until its job times out.",
 )

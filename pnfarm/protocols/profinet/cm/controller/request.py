@@ -14,13 +14,7 @@ from pnfarm.protocols.profinet.cm.controller.plan import INPUT_REFERENCE, OUTPUT
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq, ArBlockReq
-from pnfarm.protocols.profinet.wire.cm.control import (
-    ControlBlock,
-    ControlCommand,
-    SubmoduleList,
-    emit_control_block,
-    emit_submodule_list,
-)
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, SubmoduleList
 from pnfarm.protocols.profinet.wire.cm.expected import (
     DataDescription,
     DataDirection,
@@ -37,7 +31,6 @@ from pnfarm.protocols.profinet.wire.records.iod import (
     IodWriteReqHeader,
     RecordWrite,
     emit_multiple_write_request,
-    emit_read_request,
     emit_write_request,
 )
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
@@ -48,7 +41,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord, PlannedSubmodule
-    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.block import Block
 
 __all__ = [
     "RecordAddress",
@@ -158,13 +151,13 @@ def connect_payload(plan: ArPlan, input_layout: IocrLayout, output_layout: IocrL
 
 
 def _control(plan: ArPlan, block_type: int, command: int, sequence: int = 0) -> bytes:
-    return emit_control_block(ControlBlock(block_type, plan.ar_uuid, plan.session_key, command, sequence))
+    return ControlBlock(block_type, plan.ar_uuid, plan.session_key, command, sequence).emit()
 
 
 def parameter_begin_payload(plan: ArPlan, submodules: Sequence[ExpectedKey]) -> bytes:
     """IODControlReq with ControlCommand PrmBegin and the submodules that it is about."""
     begin = _control(plan, BlockType.PRM_BEGIN_REQ, ControlCommand.PRM_BEGIN)
-    return begin + emit_submodule_list(SubmoduleList(tuple(submodules)))
+    return begin + SubmoduleList(tuple(submodules)).emit()
 
 
 def parameter_end_payload(plan: ArPlan, sequence: int | None = None) -> bytes:
@@ -215,9 +208,7 @@ def groups_of_records(records: Sequence[ParameterRecord], limit: int) -> list[tu
 
 def read_payload(ar_uuid: UUID, at: RecordAddress, length: int) -> bytes:
     """IODReadReq for up to ``length`` octets; with the nil UUID it is the request of ReadImplicit."""
-    return emit_read_request(
-        IodReadReqHeader(at.sequence_number, ar_uuid, at.api, at.slot, at.subslot, at.index, length)
-    )
+    return IodReadReqHeader(at.sequence_number, ar_uuid, at.api, at.slot, at.subslot, at.index, length).emit()
 
 
 def args_maximum(opnum: Opnum, payload: bytes, records: int = 0, length: int = 0) -> int:

@@ -14,14 +14,8 @@ from pnfarm.errors import DecodeError, RemoteError
 from pnfarm.protocols.profinet.cm.controller.plan import INPUT_REFERENCE, OUTPUT_REFERENCE
 from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ControlField, ErrorCode, pnio_error
 from pnfarm.protocols.profinet.wire.block import BlockType, RawBlock, split_blocks
-from pnfarm.protocols.profinet.wire.cm.connect import parse_alarm_cr_block_res, parse_ar_block_res
-from pnfarm.protocols.profinet.wire.cm.control import (
-    ControlBlock,
-    ControlCommand,
-    control_response,
-    emit_control_block,
-    parse_control_block,
-)
+from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes, ArBlockRes
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, control_response
 from pnfarm.protocols.profinet.wire.cm.expected import (
     ArInfo,
     DiffModule,
@@ -29,9 +23,8 @@ from pnfarm.protocols.profinet.wire.cm.expected import (
     IdentInfo,
     ModuleDiffBlock,
     ModuleState,
-    parse_module_diff_block,
 )
-from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockRes, IocrType, parse_iocr_block_res
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrBlockRes, IocrType
 from pnfarm.protocols.profinet.wire.frame_id import classify_frame_id
 from pnfarm.protocols.profinet.wire.records.iod import parse_read_response, parse_write_response
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
@@ -215,7 +208,7 @@ def _frame_id(blocks: Sequence[IocrBlockRes], iocr_type: IocrType, reference: in
 
 
 def _module_diff(blocks: Sequence[RawBlock]) -> tuple[ModuleDeviation, ...]:
-    return tuple(d for block in blocks for d in deviations(parse_module_diff_block(block)))
+    return tuple(d for block in blocks for d in deviations(ModuleDiffBlock.of(block)))
 
 
 def _check_ar(plan: ArPlan, blocks: Sequence[RawBlock]) -> bytes:
@@ -223,7 +216,7 @@ def _check_ar(plan: ArPlan, blocks: Sequence[RawBlock]) -> bytes:
 
     CMResponderUDPRTPort is ignored: it belongs to RT over UDP, and real devices send 0.
     """
-    ar = _parsed(parse_ar_block_res, blocks, "ARBlockRes")
+    ar = _parsed(ArBlockRes.of, blocks, "ARBlockRes")
     _same("ARBlockRes", "ARType", ar.ar_type, int(plan.ar_type))
     _same("ARBlockRes", "ARUUID", ar.ar_uuid, plan.ar_uuid)
     _same("ARBlockRes", "SessionKey", ar.session_key, plan.session_key)
@@ -258,8 +251,8 @@ def check_connect(plan: ArPlan, payload: bytes) -> ConnectAnswer:
         of_type.setdefault(block.block_type, []).append(block)
 
     device_mac = _check_ar(plan, of_type.get(BlockType.AR_RES, []))
-    iocrs = [_parsed(parse_iocr_block_res, [block], "IOCRBlockRes") for block in of_type.get(BlockType.IOCR_RES, [])]
-    alarm = _parsed(parse_alarm_cr_block_res, of_type.get(BlockType.ALARM_CR_RES, []), "AlarmCRBlockRes")
+    iocrs = [_parsed(IocrBlockRes.of, [block], "IOCRBlockRes") for block in of_type.get(BlockType.IOCR_RES, [])]
+    alarm = _parsed(AlarmCrBlockRes.of, of_type.get(BlockType.ALARM_CR_RES, []), "AlarmCRBlockRes")
     return ConnectAnswer(
         input_frame_id=_frame_id(iocrs, IocrType.INPUT, INPUT_REFERENCE),
         output_frame_id=_frame_id(iocrs, IocrType.OUTPUT, OUTPUT_REFERENCE),
@@ -279,7 +272,7 @@ def check_control(plan: ArPlan, payload: bytes, block_type: int, name: str, sequ
     ``sequence`` is the alarm's in an answer to PrmEnd.plug; a device may leave it out.
     """
     try:
-        blocks = [parse_control_block(b) for b in split_blocks(payload) if b.block_type == block_type]
+        blocks = [ControlBlock.of(b) for b in split_blocks(payload) if b.block_type == block_type]
     except DecodeError as exc:
         raise RemoteError(f"the answer to {name} is malformed ({exc})") from exc
     if len(blocks) != 1:
@@ -305,7 +298,7 @@ def _ready_block(payload: bytes) -> tuple[ControlBlock, list[RawBlock]]:
         head = blocks[0]
         if head.block_type not in {BlockType.APPLICATION_READY_REQ, BlockType.APPLICATION_READY_PLUG_REQ}:
             raise CallRefusedError("ready-unknown-block", ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS)
-        return parse_control_block(head), list(blocks[1:])
+        return ControlBlock.of(head), list(blocks[1:])
     except DecodeError as exc:
         raise CallRefusedError("ready-malformed", ConnectFault.IOX_CONTROL_BLOCK, ControlField.BLOCK_LENGTH) from exc
 
@@ -338,7 +331,7 @@ def check_ready(plan: ArPlan, opnum: int, payload: bytes) -> ReadyCall:
         module_diff = _module_diff([b for b in rest if b.block_type == BlockType.MODULE_DIFF])
     except DecodeError as exc:
         raise CallRefusedError("ready-malformed-module-diff", ConnectFault.CMRPC, CmrpcError.UNKNOWN_BLOCKS) from exc
-    answer = emit_control_block(control_response(block))
+    answer = control_response(block).emit()
     return ReadyCall(module_diff, after_plug, answer, block.alarm_sequence_number)
 
 

@@ -66,10 +66,7 @@ from pnfarm.protocols.profinet.errors import (
 )
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmSpecifier
 from pnfarm.protocols.profinet.wire.block import BlockType
-from pnfarm.protocols.profinet.wire.cm.control import (
-    control_response,
-    emit_control_block,
-)
+from pnfarm.protocols.profinet.wire.cm.control import control_response
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 
 if TYPE_CHECKING:
@@ -452,7 +449,7 @@ class CmDevice:
             self._command(call, now)
         except RefusedError as exc:
             return exc.status, b""
-        return OK, emit_control_block(control_response(call.block))
+        return OK, control_response(call.block).emit()
 
     def _command(self, call: ControlCall, now: int) -> None:
         """Carry out one control command; raises :class:`RefusedError`."""
@@ -495,7 +492,7 @@ class CmDevice:
         self._step(call.ar, CmdevEvent.RELEASE_IND, now)
         self._events.append(ArReleased(call.ar.key))
         self._forget(call.ar, now)
-        return OK, emit_control_block(control_response(call.block))
+        return OK, control_response(call.block).emit()
 
     # ApplicationReady
 

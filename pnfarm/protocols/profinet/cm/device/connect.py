@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.cm.ar import Ar, IocrLayout
     from pnfarm.protocols.profinet.cm.device.check import ConnectRequest
-    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.block import Block
 
 __all__ = ["connect_response", "fill"]
 

@@ -16,13 +16,7 @@ from pnfarm.protocols.profinet.errors import (
     pnio_error,
 )
 from pnfarm.protocols.profinet.wire.block import VERSION_1_0, BlockType, split_blocks
-from pnfarm.protocols.profinet.wire.cm.control import (
-    ControlBlock,
-    ControlCommand,
-    SubmoduleList,
-    parse_control_block,
-    parse_submodule_list,
-)
+from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand, SubmoduleList
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,7 +76,7 @@ def read_control(payload: bytes, service: ErrorCode, by_uuid: Callable[[UUID], A
     fault, command = wanted[raw.block_type]
     _check_version(service, raw, fault)
     try:
-        block = parse_control_block(raw)
+        block = ControlBlock.of(raw)
     except DecodeError:
         refuse_call(service, fault, ControlField.BLOCK_LENGTH)
     ar = by_uuid(block.ar_uuid)
@@ -101,7 +95,7 @@ def _read_list(service: ErrorCode, raw: RawBlock) -> SubmoduleList:
         refuse_call(service, fault, SubmoduleListField.BLOCK_TYPE)
     _check_version(service, raw, fault)
     try:
-        return parse_submodule_list(raw)
+        return SubmoduleList.of(raw)
     except DecodeError:
         refuse_call(service, fault, SubmoduleListField.BLOCK_LENGTH)
 
@@ -136,7 +130,7 @@ def confirms(ar: Ar, payload: bytes, block_type: BlockType, sequence: int = 0) -
     """Is ``payload`` the controller's "done" to this AR's ApplicationReady of ``block_type``?"""
     try:
         (raw,) = split_blocks(payload)
-        block = parse_control_block(raw)
+        block = ControlBlock.of(raw)
     except (DecodeError, ValueError):
         return False
     # some controllers leave the alarm's sequence number out of the answer

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.cm.ar import Ar
     from pnfarm.protocols.profinet.cm.device.plug import Plug
-    from pnfarm.protocols.profinet.wire.any_block import Block
+    from pnfarm.protocols.profinet.wire.block import Block
 
 __all__ = ["OutgoingCall", "ReadyCalls"]
 

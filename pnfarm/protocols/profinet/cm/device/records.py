@@ -22,11 +22,11 @@ from pnfarm.protocols.profinet.wire.records.container import parse_container
 from pnfarm.protocols.profinet.wire.records.iod import (
     IOD_HEADER_SIZE,
     NIL_UUID,
+    IodReadReqHeader,
     IodReadResHeader,
     IodWriteResHeader,
     emit_read_response,
     emit_write_response,
-    parse_read_request,
     parse_write_request,
 )
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.ar import Ar
     from pnfarm.protocols.profinet.records.store import RecordHandler
     from pnfarm.protocols.profinet.wire.records.container import ContainerContent
-    from pnfarm.protocols.profinet.wire.records.iod import IodReadReqHeader, IodWriteReqHeader, RecordWrite
+    from pnfarm.protocols.profinet.wire.records.iod import IodWriteReqHeader, RecordWrite
     from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
 
 __all__ = ["ServedCall", "serve_read", "serve_write"]
@@ -192,7 +192,7 @@ def serve_read(
     The record is no longer than what the request and the call's ``args_maximum`` leave room for.
     """
     try:
-        request = parse_read_request(payload)
+        request = IodReadReqHeader.parse(payload)
     except DecodeError as exc:
         return _undecodable(ErrorCode.READ, exc)
     status = _version_fault(ErrorCode.READ, request.version)

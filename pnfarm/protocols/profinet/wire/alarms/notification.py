@@ -5,19 +5,17 @@ number of items.  An item is a UserStructureIdentifier and octets whose length f
 not decoded here.  An AlarmAck repeats type, place and specifier and adds a PNIOStatus.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import IntEnum, IntFlag
-from typing import TYPE_CHECKING
+from enum import IntFlag
+from typing import Annotated, Any, Self
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.block import VERSION_1_0, RawBlock, check_type, emit_raw_block, parse_raw_block
+from pnfarm.protocols.profinet.wire.block import VERSION_1_0, Block, RawBlock
 from pnfarm.protocols.profinet.wire.rpc.pdu import OK, PnioStatus
+from pnfarm.wire.code import Code, words_of
+from pnfarm.wire.layout import Codec, Outside, UInt16, UInt32
 from pnfarm.wire.octets import Reader, Writer
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 __all__ = [
     "ALARM_ACK_HIGH",
@@ -36,14 +34,9 @@ __all__ = [
     "describe_alarm",
     "describe_item",
     "describe_place",
-    "emit_alarm",
-    "emit_alarm_ack",
     "emit_alarm_items",
-    "emit_alarm_notification",
     "parse_alarm",
-    "parse_alarm_ack",
     "parse_alarm_items",
-    "parse_alarm_notification",
 ]
 
 # BlockType
@@ -53,62 +46,37 @@ ALARM_ACK_HIGH = 0x8001
 ALARM_ACK_LOW = 0x8002
 
 
-class AlarmType(IntEnum):
+class AlarmType(Code):
     """IEC 61158-6-10, coding of the field AlarmType.
 
     0x0020 to 0x007F are the manufacturer's, 0x0080 to 0x00FF the profiles'; the rest is reserved.
     """
 
-    DIAGNOSIS = 0x0001
-    PROCESS = 0x0002
-    PULL = 0x0003
-    PLUG = 0x0004
-    STATUS = 0x0005
-    UPDATE = 0x0006
-    MEDIA_REDUNDANCY = 0x0007
-    CONTROLLED_BY_SUPERVISOR = 0x0008
-    RELEASED = 0x0009
-    PLUG_WRONG_SUBMODULE = 0x000A
-    RETURN_OF_SUBMODULE = 0x000B
-    DIAGNOSIS_DISAPPEARS = 0x000C
-    MULTICAST_COMMUNICATION_MISMATCH = 0x000D
-    PORT_DATA_CHANGE = 0x000E
-    SYNC_DATA_CHANGED = 0x000F
-    ISOCHRONOUS_MODE_PROBLEM = 0x0010
-    NETWORK_COMPONENT_PROBLEM = 0x0011
-    TIME_DATA_CHANGED = 0x0012
-    DYNAMIC_FRAME_PACKING_PROBLEM = 0x0013
-    MRPD_PROBLEM = 0x0014
-    MULTIPLE_INTERFACE_MISMATCH = 0x0016
-    UPLOAD_AND_RETRIEVAL = 0x001E
-    PULL_MODULE = 0x001F
+    DIAGNOSIS = 0x0001, "diagnosis appears"
+    PROCESS = 0x0002, "process alarm"
+    PULL = 0x0003, "submodule pulled"
+    PLUG = 0x0004, "submodule plugged"
+    STATUS = 0x0005, "status alarm"
+    UPDATE = 0x0006, "update alarm"
+    MEDIA_REDUNDANCY = 0x0007, "media redundancy alarm"
+    CONTROLLED_BY_SUPERVISOR = 0x0008, "controlled by a supervisor"
+    RELEASED = 0x0009, "released by its former owner"
+    PLUG_WRONG_SUBMODULE = 0x000A, "wrong submodule plugged"
+    RETURN_OF_SUBMODULE = 0x000B, "submodule returns"
+    DIAGNOSIS_DISAPPEARS = 0x000C, "diagnosis disappears"
+    MULTICAST_COMMUNICATION_MISMATCH = 0x000D, "multicast communication mismatch"
+    PORT_DATA_CHANGE = 0x000E, "port data change"
+    SYNC_DATA_CHANGED = 0x000F, "sync data changed"
+    ISOCHRONOUS_MODE_PROBLEM = 0x0010, "isochronous mode problem"
+    NETWORK_COMPONENT_PROBLEM = 0x0011, "network component problem"
+    TIME_DATA_CHANGED = 0x0012, "time data changed"
+    DYNAMIC_FRAME_PACKING_PROBLEM = 0x0013, "dynamic frame packing problem"
+    MRPD_PROBLEM = 0x0014, "media redundancy with planned duplication problem"
+    MULTIPLE_INTERFACE_MISMATCH = 0x0016, "multiple interface mismatch"
+    UPLOAD_AND_RETRIEVAL = 0x001E, "upload and retrieval"
+    PULL_MODULE = 0x001F, "module pulled"
 
 
-_TYPE_TEXTS: dict[int, str] = {
-    AlarmType.DIAGNOSIS: "diagnosis appears",
-    AlarmType.PROCESS: "process alarm",
-    AlarmType.PULL: "submodule pulled",
-    AlarmType.PLUG: "submodule plugged",
-    AlarmType.STATUS: "status alarm",
-    AlarmType.UPDATE: "update alarm",
-    AlarmType.MEDIA_REDUNDANCY: "media redundancy alarm",
-    AlarmType.CONTROLLED_BY_SUPERVISOR: "controlled by a supervisor",
-    AlarmType.RELEASED: "released by its former owner",
-    AlarmType.PLUG_WRONG_SUBMODULE: "wrong submodule plugged",
-    AlarmType.RETURN_OF_SUBMODULE: "submodule returns",
-    AlarmType.DIAGNOSIS_DISAPPEARS: "diagnosis disappears",
-    AlarmType.MULTICAST_COMMUNICATION_MISMATCH: "multicast communication mismatch",
-    AlarmType.PORT_DATA_CHANGE: "port data change",
-    AlarmType.SYNC_DATA_CHANGED: "sync data changed",
-    AlarmType.ISOCHRONOUS_MODE_PROBLEM: "isochronous mode problem",
-    AlarmType.NETWORK_COMPONENT_PROBLEM: "network component problem",
-    AlarmType.TIME_DATA_CHANGED: "time data changed",
-    AlarmType.DYNAMIC_FRAME_PACKING_PROBLEM: "dynamic frame packing problem",
-    AlarmType.MRPD_PROBLEM: "media redundancy with planned duplication problem",
-    AlarmType.MULTIPLE_INTERFACE_MISMATCH: "multiple interface mismatch",
-    AlarmType.UPLOAD_AND_RETRIEVAL: "upload and retrieval",
-    AlarmType.PULL_MODULE: "module pulled",
-}
 _MANUFACTURER_TYPES = range(0x0020, 0x0080)
 _PROFILE_TYPES = range(0x0080, 0x0100)
 
@@ -125,7 +93,7 @@ class AlarmSpecifier(IntFlag):
     AR_DIAGNOSIS_STATE = 0x8000
 
 
-class Usi(IntEnum):
+class Usi(Code):
     """UserStructureIdentifier; up to 0x7FFF they are the manufacturer's."""
 
     CHANNEL_DIAGNOSIS = 0x8000
@@ -143,8 +111,6 @@ class Usi(IntEnum):
     PROCESS_ALARM_REASON = 0x8320
 
 
-_KNOWN_USI = frozenset(int(usi) for usi in Usi)
-
 #: Octets of one entry behind the identifier; every other item fills the rest of its block.
 _ENTRY_SIZE: dict[int, int] = {
     Usi.CHANNEL_DIAGNOSIS: 6,
@@ -160,62 +126,6 @@ class AlarmItem:
 
     usi: int
     data: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class AlarmNotification:
-    """BlockType 0x0001 (``high``) or 0x0002.  ``specifier`` is the AlarmSpecifier with its sequence number."""
-
-    alarm_type: int
-    api: int
-    slot: int
-    subslot: int
-    module_ident: int = 0
-    submodule_ident: int = 0
-    specifier: int = 0
-    items: tuple[AlarmItem, ...] = ()
-    high: bool = False
-    version: int = VERSION_1_0
-
-    @property
-    def sequence_number(self) -> int:
-        return self.specifier & SEQUENCE_MASK
-
-    @property
-    def flags(self) -> AlarmSpecifier:
-        """The named bits of the specifier."""
-        return AlarmSpecifier(self.specifier & 0xB800)
-
-
-@dataclass(frozen=True, slots=True)
-class AlarmAck:
-    """BlockType 0x8001 (``high``) or 0x8002."""
-
-    alarm_type: int
-    api: int
-    slot: int
-    subslot: int
-    specifier: int = 0
-    status: PnioStatus = OK
-    high: bool = False
-    version: int = VERSION_1_0
-
-    @property
-    def sequence_number(self) -> int:
-        return self.specifier & SEQUENCE_MASK
-
-    def answers(self, alarm: AlarmNotification) -> bool:
-        """It repeats the alarm's type, place and sequence number."""
-        return (
-            self.alarm_type == alarm.alarm_type
-            and (self.api, self.slot, self.subslot) == (alarm.api, alarm.slot, alarm.subslot)
-            and self.sequence_number == alarm.sequence_number
-        )
-
-
-def acknowledge(alarm: AlarmNotification, status: PnioStatus = OK) -> AlarmAck:
-    """The AlarmAck that answers ``alarm``."""
-    return AlarmAck(alarm.alarm_type, alarm.api, alarm.slot, alarm.subslot, alarm.specifier, status, alarm.high)
 
 
 # Items
@@ -245,7 +155,7 @@ def _fits_one_entry_each(data: bytes) -> bool:
         usi = int.from_bytes(data[position : position + 2], "big")
         size = _ENTRY_SIZE.get(usi)
         if size is None:
-            return usi in _KNOWN_USI
+            return Usi.find(usi) is not None
         position += 2 + size
     return position == len(data)
 
@@ -257,69 +167,87 @@ def emit_alarm_items(items: tuple[AlarmItem, ...]) -> bytes:
     return w.getvalue()
 
 
+class _Items(Codec):
+    def read(self, r: Reader, _values: Mapping[str, Any]) -> tuple[AlarmItem, ...]:
+        return parse_alarm_items(r.rest())
+
+    def write(self, w: Writer, value: tuple[AlarmItem, ...]) -> None:
+        w.bytes(emit_alarm_items(value))
+
+
 # Blocks
 
 
-def parse_alarm_notification(block: RawBlock) -> AlarmNotification:
-    r = check_type(block, ALARM_NOTIFICATION_HIGH, ALARM_NOTIFICATION_LOW)
-    return AlarmNotification(
-        r.u16(),
-        r.u32(),
-        r.u16(),
-        r.u16(),
-        r.u32(),
-        r.u32(),
-        r.u16(),
-        parse_alarm_items(r.rest()),
-        block.block_type == ALARM_NOTIFICATION_HIGH,
-        block.version,
-    )
+class _Alarm(Block):
+    """Either block has a type for each priority, the high one's first."""
+
+    alarm_type: UInt16
+    api: UInt32
+    slot: UInt16
+    subslot: UInt16
+
+    @property
+    def sequence_number(self) -> int:
+        specifier: int = vars(self)["specifier"]
+        return specifier & SEQUENCE_MASK
+
+    @property
+    def kind(self) -> int:
+        return self.TYPES[not vars(self)["high"]]
+
+    @classmethod
+    def read_body(cls, r: Reader, block: RawBlock) -> Self:
+        return super(Block, cls).read(r, high=block.block_type == cls.TYPES[0], version=block.version)
 
 
-def emit_alarm_notification(value: AlarmNotification) -> bytes:
-    w = Writer().u16(value.alarm_type).u32(value.api).u16(value.slot).u16(value.subslot)
-    w.u32(value.module_ident).u32(value.submodule_ident).u16(value.specifier).bytes(emit_alarm_items(value.items))
-    block_type = ALARM_NOTIFICATION_HIGH if value.high else ALARM_NOTIFICATION_LOW
-    return emit_raw_block(RawBlock(block_type, w.getvalue(), value.version))
+class AlarmNotification(_Alarm, types=(ALARM_NOTIFICATION_HIGH, ALARM_NOTIFICATION_LOW), inner=True):
+    """BlockType 0x0001 (``high``) or 0x0002.  ``specifier`` is the AlarmSpecifier with its sequence number."""
+
+    module_ident: UInt32 = 0
+    submodule_ident: UInt32 = 0
+    specifier: UInt16 = 0
+    items: Annotated[tuple[AlarmItem, ...], _Items()] = ()
+    high: Outside[bool] = False
+    version: Outside[int] = VERSION_1_0
+
+    @property
+    def flags(self) -> AlarmSpecifier:
+        """The named bits of the specifier."""
+        return AlarmSpecifier(self.specifier & 0xB800)
 
 
-def parse_alarm_ack(block: RawBlock) -> AlarmAck:
-    r = check_type(block, ALARM_ACK_HIGH, ALARM_ACK_LOW)
-    value = AlarmAck(
-        r.u16(),
-        r.u32(),
-        r.u16(),
-        r.u16(),
-        r.u16(),
-        PnioStatus.from_int(r.u32()),
-        block.block_type == ALARM_ACK_HIGH,
-        block.version,
-    )
-    r.expect_end()
-    return value
+class AlarmAck(_Alarm, types=(ALARM_ACK_HIGH, ALARM_ACK_LOW), inner=True):
+    """BlockType 0x8001 (``high``) or 0x8002."""
+
+    specifier: UInt16 = 0
+    status: PnioStatus = OK
+    high: Outside[bool] = False
+    version: Outside[int] = VERSION_1_0
+
+    def answers(self, alarm: AlarmNotification) -> bool:
+        """It repeats the alarm's type, place and sequence number."""
+        return (
+            self.alarm_type == alarm.alarm_type
+            and (self.api, self.slot, self.subslot) == (alarm.api, alarm.slot, alarm.subslot)
+            and self.sequence_number == alarm.sequence_number
+        )
 
 
-def emit_alarm_ack(value: AlarmAck) -> bytes:
-    w = Writer().u16(value.alarm_type).u32(value.api).u16(value.slot).u16(value.subslot).u16(value.specifier)
-    w.u32(int(value.status))
-    return emit_raw_block(RawBlock(ALARM_ACK_HIGH if value.high else ALARM_ACK_LOW, w.getvalue(), value.version))
+def acknowledge(alarm: AlarmNotification, status: PnioStatus = OK) -> AlarmAck:
+    """The AlarmAck that answers ``alarm``."""
+    return AlarmAck(alarm.alarm_type, alarm.api, alarm.slot, alarm.subslot, alarm.specifier, status, alarm.high)
 
 
 def parse_alarm(data: bytes) -> AlarmNotification | AlarmAck:
     """The VarPart of a DATA-RTA-PDU: one block.  Raises :class:`DecodeError`, ``bad-type`` for every other block."""
     r = Reader(data)
-    block = parse_raw_block(r)
+    block = RawBlock.read(r)
     r.expect_end()
-    if block.block_type in {ALARM_NOTIFICATION_HIGH, ALARM_NOTIFICATION_LOW}:
-        return parse_alarm_notification(block)
-    if block.block_type in {ALARM_ACK_HIGH, ALARM_ACK_LOW}:
-        return parse_alarm_ack(block)
+    if block.block_type in AlarmNotification.TYPES:
+        return AlarmNotification.of(block)
+    if block.block_type in AlarmAck.TYPES:
+        return AlarmAck.of(block)
     raise DecodeError("bad-type", f"block 0x{block.block_type:04X} is not an alarm")
-
-
-def emit_alarm(value: AlarmNotification | AlarmAck) -> bytes:
-    """The VarPart of a DATA-RTA-PDU."""
-    return emit_alarm_ack(value) if isinstance(value, AlarmAck) else emit_alarm_notification(value)
 
 
 # Texts
@@ -327,8 +255,7 @@ def emit_alarm(value: AlarmNotification | AlarmAck) -> bytes:
 
 def alarm_type_text(alarm_type: int) -> str:
     """E.g. ``diagnosis appears``; unknown ones by their number."""
-    known = _TYPE_TEXTS.get(alarm_type)
-    if known is not None:
+    if known := AlarmType.text_of(alarm_type):
         return known
     if alarm_type in _MANUFACTURER_TYPES:
         return f"manufacturer's alarm 0x{alarm_type:04X}"
@@ -340,9 +267,7 @@ def alarm_type_text(alarm_type: int) -> str:
 def describe_item(item: AlarmItem) -> str:
     """E.g. ``ext channel diagnosis 0004 2801 0001 0000 0000 0000``."""
     octets = item.data.hex(" ", 2).upper()
-    if item.usi in _KNOWN_USI:
-        return f"{Usi(item.usi).name.lower().replace('_', ' ')} {octets}".rstrip()
-    return f"USI 0x{item.usi:04X} {octets}".rstrip()
+    return f"{words_of(Usi, item.usi, f'USI 0x{item.usi:04X}')} {octets}".rstrip()
 
 
 def describe_place(alarm: AlarmNotification | AlarmAck) -> str:

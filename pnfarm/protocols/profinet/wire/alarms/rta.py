@@ -5,8 +5,6 @@ VarPartLen u16, VarPart``, behind EtherType 0x8892.  The endpoints are the alarm
 Connect.  A DATA-RTA-PDU carries one alarm block, an ERR-RTA-PDU a PNIOStatus, the other two nothing.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -14,7 +12,8 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.profinet.errors import rta_status
 from pnfarm.protocols.profinet.wire.frame_id import ALARM_HIGH, ALARM_LOW
 from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
-from pnfarm.wire.octets import Reader, Writer
+from pnfarm.wire.layout import Octets16, Structure, UInt8, UInt16
+from pnfarm.wire.octets import Reader
 
 __all__ = [
     "FIRST_ACK",
@@ -25,8 +24,6 @@ __all__ = [
     "RtaErrorPdu",
     "RtaPdu",
     "RtaType",
-    "emit_rta",
-    "emit_rta_error",
     "error_of",
     "error_pdu",
     "next_sequence",
@@ -61,18 +58,17 @@ _HIGHEST_SEQUENCE = 0x7FFF
 _ERR_PDU = RTA_VERSION << 4 | RtaType.ERR
 
 
-@dataclass(frozen=True, slots=True)
-class RtaPdu:
+class RtaPdu(Structure):
     """One PDU; ``destination`` and ``source`` are alarm references, ``body`` is the VarPart."""
 
-    frame_id: int
-    destination: int
-    source: int
-    pdu_type: int
-    add_flags: int
-    send_sequence: int
-    ack_sequence: int
-    body: bytes = b""
+    frame_id: UInt16
+    destination: UInt16
+    source: UInt16
+    pdu_type: UInt8
+    add_flags: UInt8
+    send_sequence: UInt16
+    ack_sequence: UInt16
+    body: Octets16 = b""
 
     @property
     def type(self) -> int:
@@ -103,14 +99,7 @@ def parse_rta(data: bytes) -> RtaPdu:
     frame_id = r.u16()
     if frame_id not in {ALARM_HIGH, ALARM_LOW}:
         raise DecodeError("bad-type", f"frame id 0x{frame_id:04X} is not an alarm's")
-    destination, source, pdu_type, add_flags, send, ack = r.u16(), r.u16(), r.u8(), r.u8(), r.u16(), r.u16()
-    return RtaPdu(frame_id, destination, source, pdu_type, add_flags, send, ack, r.bytes(r.u16()))
-
-
-def emit_rta(pdu: RtaPdu) -> bytes:
-    """The octets behind the EtherType."""
-    w = Writer().u16(pdu.frame_id).u16(pdu.destination).u16(pdu.source).u8(pdu.pdu_type).u8(pdu.add_flags)
-    return w.u16(pdu.send_sequence).u16(pdu.ack_sequence).u16(len(pdu.body)).bytes(pdu.body).getvalue()
+    return RtaPdu.read(Reader(data))
 
 
 # ERR-RTA-PDU: how either end of an AR reports its end
@@ -140,19 +129,9 @@ def error_of(pdu: RtaPdu) -> RtaErrorPdu:
     """The same PDU as an ERR-RTA-PDU.  Raises ``bad-type`` for one of another type, ``short``."""
     if pdu.type != RtaType.ERR:
         raise DecodeError("bad-type", f"RTA-PDU of type 0x{pdu.pdu_type:02X} is not ERR")
+    head = {name: value for name, value in vars(pdu).items() if name != "body"}
     body = Reader(pdu.body)
-    status = PnioStatus.from_int(body.u32())
-    return RtaErrorPdu(
-        pdu.destination,
-        pdu.source,
-        status,
-        pdu.frame_id,
-        pdu.send_sequence,
-        pdu.ack_sequence,
-        body.rest(),
-        pdu.pdu_type,
-        pdu.add_flags,
-    )
+    return RtaErrorPdu(status=PnioStatus.read(body), vendor=body.rest(), **head)
 
 
 def parse_rta_error(data: bytes) -> RtaErrorPdu:
@@ -170,10 +149,5 @@ def error_pdu(value: RtaErrorPdu) -> RtaPdu:
         value.add_flags,
         value.send_sequence,
         value.ack_sequence,
-        Writer().u32(int(value.status)).bytes(value.vendor).getvalue(),
+        value.status.emit() + value.vendor,
     )
-
-
-def emit_rta_error(value: RtaErrorPdu) -> bytes:
-    """The octets behind the EtherType."""
-    return emit_rta(error_pdu(value))

@@ -19,6 +19,7 @@ from pnfarm.protocols.profinet.wire.records.diagnosis import (
     parse_items,
 )
 from pnfarm.protocols.profinet.wire.records.diagnosis_texts import describe_error_type
+from pnfarm.wire.code import words_of
 
 if TYPE_CHECKING:
     from pnfarm.protocols.profinet.wire.alarms.notification import AlarmItem, AlarmNotification
@@ -32,25 +33,11 @@ class DiagnosisTexts(Protocol):
 
     def error_type(self, api: int, error_type: int, ext_error_type: int) -> str:
         """Text of a ChannelErrorType, and of the ExtChannelErrorType unless that is 0."""
-        ...
 
     def unit(self, api: int, user_structure: int, data: bytes) -> str:
         """Text of an item in the maker's own format."""
-        ...
 
 
-_SPECIFIERS = {
-    ChannelSpecifier.ALL_DISAPPEAR: "all gone",
-    ChannelSpecifier.APPEARS: "appears",
-    ChannelSpecifier.DISAPPEARS: "disappears",
-    ChannelSpecifier.DISAPPEARS_OTHERS_REMAIN: "disappears, others remain",
-}
-_MAINTENANCE = {
-    Maintenance.FAULT: "fault",
-    Maintenance.REQUIRED: "maintenance required",
-    Maintenance.DEMANDED: "maintenance demanded",
-    Maintenance.QUALIFIED: "qualified",
-}
 _CHANNELS = frozenset({Usi.CHANNEL, Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL})
 _KNOWN = _CHANNELS | {Usi.MAINTENANCE}
 
@@ -81,11 +68,11 @@ def _entry(item: DiagnosisItem, api: int, texts: DiagnosisTexts | None) -> str:
         case _:
             return item.data.hex(" ", 2).upper()
     where = "" if channel == WHOLE_SUBMODULE else f"channel {channel} "
-    kind = _MAINTENANCE[Maintenance(properties.maintenance)]
+    kind = words_of(Maintenance, properties.maintenance, "")
     added = f", value 0x{value:X}" if value else ""
     own = texts.error_type(api, error_type, ext) if texts is not None else ""
     what = own or describe_error_type(error_type, ext, api)
-    return f"{where}{what} ({kind}{added}, {_SPECIFIERS[ChannelSpecifier(properties.specifier)]})"
+    return f"{where}{what} ({kind}{added}, {words_of(ChannelSpecifier, properties.specifier, '')})"
 
 
 def item_in_words(item: AlarmItem, api: int = 0, texts: DiagnosisTexts | None = None) -> str:

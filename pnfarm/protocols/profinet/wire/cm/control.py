@@ -1,37 +1,10 @@
 """Control blocks: the end of parametrisation, application ready, release and the like
 (IEC 61158-6-10, IODControlReq, IOXControlReq, IODReleaseReq).  One shape for all of them."""
 
-from __future__ import annotations
+from pnfarm.protocols.profinet.wire.block import RESPONSE, VERSION_1_0, Block, BlockType
+from pnfarm.wire.layout import List16, Outside, UInt16, UInt32, Uuid
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-from pnfarm.protocols.profinet.wire.block import (
-    RESPONSE,
-    VERSION_1_0,
-    BlockType,
-    RawBlock,
-    check_type,
-    emit_raw_block,
-    read_uuid,
-    write_uuid,
-)
-from pnfarm.wire.octets import Writer
-
-if TYPE_CHECKING:
-    from uuid import UUID
-
-__all__ = [
-    "CONTROL_BLOCK_TYPES",
-    "ControlBlock",
-    "ControlCommand",
-    "SubmoduleList",
-    "control_response",
-    "emit_control_block",
-    "emit_submodule_list",
-    "parse_control_block",
-    "parse_submodule_list",
-]
+__all__ = ["CONTROL_BLOCK_TYPES", "ControlBlock", "ControlCommand", "SubmoduleList", "control_response"]
 
 CONTROL_BLOCK_TYPES = tuple(
     code | bit
@@ -61,41 +34,24 @@ class ControlCommand:
     PRM_BEGIN = 1 << 6
 
 
-@dataclass(frozen=True, slots=True)
-class ControlBlock:
+class ControlBlock(
+    Block,
+    types=CONTROL_BLOCK_TYPES,
+    wire="padding ar_uuid session_key alarm_sequence_number command properties",
+):
     """0x0110 - 0x0118 and their responses.
 
     ``alarm_sequence_number`` is used by the two plug blocks and is reserved in the others.
     """
 
-    block_type: int
-    ar_uuid: UUID
-    session_key: int
-    command: int
-    alarm_sequence_number: int = 0
-    properties: int = 0
-    padding: int = 0
-    version: int = VERSION_1_0
-
-
-def parse_control_block(block: RawBlock) -> ControlBlock:
-    r = check_type(block, *CONTROL_BLOCK_TYPES)
-    padding, ar_uuid, session_key, sequence, command, properties = (
-        r.u16(),
-        read_uuid(r),
-        r.u16(),
-        r.u16(),
-        r.u16(),
-        r.u16(),
-    )
-    r.expect_end()
-    return ControlBlock(block.block_type, ar_uuid, session_key, command, sequence, properties, padding, block.version)
-
-
-def emit_control_block(value: ControlBlock) -> bytes:
-    w = write_uuid(Writer().u16(value.padding), value.ar_uuid).u16(value.session_key)
-    w.u16(value.alarm_sequence_number).u16(value.command).u16(value.properties)
-    return emit_raw_block(RawBlock(value.block_type, w.getvalue(), value.version))
+    block_type: Outside[int]
+    ar_uuid: Uuid
+    session_key: UInt16
+    command: UInt16
+    alarm_sequence_number: UInt16 = 0
+    properties: UInt16 = 0
+    padding: UInt16 = 0
+    version: Outside[int] = VERSION_1_0
 
 
 def control_response(request: ControlBlock) -> ControlBlock:
@@ -109,23 +65,8 @@ def control_response(request: ControlBlock) -> ControlBlock:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class SubmoduleList:
+class SubmoduleList(Block, types=BlockType.SUBMODULE_LIST):
     """0x0119: the submodules, each (api, slot, subslot), that a PrmBegin is about."""
 
-    entries: tuple[tuple[int, int, int], ...]
-    version: int = VERSION_1_0
-
-
-def parse_submodule_list(block: RawBlock) -> SubmoduleList:
-    r = check_type(block, BlockType.SUBMODULE_LIST)
-    value = SubmoduleList(tuple((r.u32(), r.u16(), r.u16()) for _ in range(r.u16())), block.version)
-    r.expect_end()
-    return value
-
-
-def emit_submodule_list(value: SubmoduleList) -> bytes:
-    w = Writer().u16(len(value.entries))
-    for api, slot, subslot in value.entries:
-        w.u32(api).u16(slot).u16(subslot)
-    return emit_raw_block(RawBlock(BlockType.SUBMODULE_LIST, w.getvalue(), value.version))
+    entries: List16[tuple[UInt32, UInt16, UInt16]]
+    version: Outside[int] = VERSION_1_0

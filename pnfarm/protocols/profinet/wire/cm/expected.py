@@ -1,13 +1,12 @@
 """What the controller expects and how the device differs: ExpectedSubmoduleBlockReq, ModuleDiffBlock
 (IEC 61158-6-10)."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from collections.abc import Mapping
 from enum import IntEnum
+from typing import Annotated, Any
 
-from pnfarm.protocols.profinet.wire.block import VERSION_1_0, BlockType, RawBlock, check_type, emit_raw_block
-from pnfarm.wire.octets import Reader, Writer
+from pnfarm.protocols.profinet.wire.block import VERSION_1_0, Block, BlockType
+from pnfarm.wire.layout import Count, List16, Outside, Structure, UInt8, UInt16, UInt32
 
 __all__ = [
     "ArInfo",
@@ -24,10 +23,6 @@ __all__ = [
     "ModuleState",
     "SubmoduleProperties",
     "SubmoduleType",
-    "emit_expected_submodule_block_req",
-    "emit_module_diff_block",
-    "parse_expected_submodule_block_req",
-    "parse_module_diff_block",
     "submodule_state",
 ]
 
@@ -58,22 +53,25 @@ class DataDirection(IntEnum):
     OUTPUT = 2
 
 
-@dataclass(frozen=True, slots=True)
-class DataDescription:
+class DataDescription(Structure):
     """One direction of a submodule; lengths in octets."""
 
-    direction: int
-    data_length: int
-    iocs_length: int = 1
-    iops_length: int = 1
+    direction: UInt16
+    data_length: UInt16
+    iocs_length: UInt8 = 1
+    iops_length: UInt8 = 1
 
 
-@dataclass(frozen=True, slots=True)
-class ExpectedSubmodule:
-    subslot: int
-    submodule_ident: int
-    properties: int
-    data: tuple[DataDescription, ...]
+def _descriptions(values: Mapping[str, Any]) -> int:
+    """Input and output in one submodule bring two descriptions, everything else (no data, too) one."""
+    return 2 if values["properties"] & SubmoduleProperties.TYPE_MASK == SubmoduleType.INPUT_OUTPUT else 1
+
+
+class ExpectedSubmodule(Structure):
+    subslot: UInt16
+    submodule_ident: UInt32
+    properties: UInt16
+    data: Annotated[tuple[DataDescription, ...], Count(_descriptions)]
 
     @property
     def type(self) -> int:
@@ -89,52 +87,21 @@ class ExpectedSubmodule:
         return sum(d.data_length for d in self.data if d.direction == direction)
 
 
-@dataclass(frozen=True, slots=True)
-class ExpectedApi:
+class ExpectedApi(Structure, wire="api slot module_ident module_properties submodules"):
     """One slot of one API, as the block counts it ("NumberOfAPIs" counts these)."""
 
-    api: int
-    slot: int
-    module_ident: int
-    submodules: tuple[ExpectedSubmodule, ...]
-    module_properties: int = 0
+    api: UInt32
+    slot: UInt16
+    module_ident: UInt32
+    submodules: List16[ExpectedSubmodule]
+    module_properties: UInt16 = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ExpectedSubmoduleBlockReq:
+class ExpectedSubmoduleBlockReq(Block, types=BlockType.EXPECTED_SUBMODULE_REQ):
     """0x0104; a Connect request holds one or many."""
 
-    apis: tuple[ExpectedApi, ...]
-    version: int = VERSION_1_0
-
-
-def _read_submodule(r: Reader) -> ExpectedSubmodule:
-    subslot, ident, properties = r.u16(), r.u32(), r.u16()
-    # input and output in one submodule bring two descriptions, everything else (no data, too) one
-    count = 2 if properties & SubmoduleProperties.TYPE_MASK == SubmoduleType.INPUT_OUTPUT else 1
-    data = tuple(DataDescription(r.u16(), r.u16(), r.u8(), r.u8()) for _ in range(count))
-    return ExpectedSubmodule(subslot, ident, properties, data)
-
-
-def parse_expected_submodule_block_req(block: RawBlock) -> ExpectedSubmoduleBlockReq:
-    r = check_type(block, BlockType.EXPECTED_SUBMODULE_REQ)
-    apis = []
-    for _ in range(r.u16()):
-        api, slot, ident, properties, count = r.u32(), r.u16(), r.u32(), r.u16(), r.u16()
-        apis.append(ExpectedApi(api, slot, ident, tuple(_read_submodule(r) for _ in range(count)), properties))
-    r.expect_end()
-    return ExpectedSubmoduleBlockReq(tuple(apis), block.version)
-
-
-def emit_expected_submodule_block_req(value: ExpectedSubmoduleBlockReq) -> bytes:
-    w = Writer().u16(len(value.apis))
-    for api in value.apis:
-        w.u32(api.api).u16(api.slot).u32(api.module_ident).u16(api.module_properties).u16(len(api.submodules))
-        for sub in api.submodules:
-            w.u16(sub.subslot).u32(sub.submodule_ident).u16(sub.properties)
-            for data in sub.data:
-                w.u16(data.direction).u16(data.data_length).u8(data.iocs_length).u8(data.iops_length)
-    return emit_raw_block(RawBlock(BlockType.EXPECTED_SUBMODULE_REQ, w.getvalue(), value.version))
+    apis: List16[ExpectedApi]
+    version: Outside[int] = VERSION_1_0
 
 
 class ModuleState(IntEnum):
@@ -188,13 +155,12 @@ def submodule_state(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class DiffSubmodule:
+class DiffSubmodule(Structure):
     """``submodule_ident`` is the real one."""
 
-    subslot: int
-    submodule_ident: int
-    state: int
+    subslot: UInt16
+    submodule_ident: UInt32
+    state: UInt16
 
     @property
     def ident_info(self) -> int:
@@ -205,51 +171,22 @@ class DiffSubmodule:
         return self.state >> 7 & 0xF
 
 
-@dataclass(frozen=True, slots=True)
-class DiffModule:
+class DiffModule(Structure):
     """``module_ident`` is the real one, 0 where the slot is empty."""
 
-    slot: int
-    module_ident: int
-    state: int
-    submodules: tuple[DiffSubmodule, ...] = ()
+    slot: UInt16
+    module_ident: UInt32
+    state: UInt16
+    submodules: List16[DiffSubmodule] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class DiffApi:
-    api: int
-    modules: tuple[DiffModule, ...]
+class DiffApi(Structure):
+    api: UInt32
+    modules: List16[DiffModule]
 
 
-@dataclass(frozen=True, slots=True)
-class ModuleDiffBlock:
+class ModuleDiffBlock(Block, types=BlockType.MODULE_DIFF):
     """0x8104: sent only when something differs."""
 
-    apis: tuple[DiffApi, ...]
-    version: int = VERSION_1_0
-
-
-def _read_diff_module(r: Reader) -> DiffModule:
-    slot, ident, state, count = r.u16(), r.u32(), r.u16(), r.u16()
-    return DiffModule(slot, ident, state, tuple(DiffSubmodule(r.u16(), r.u32(), r.u16()) for _ in range(count)))
-
-
-def parse_module_diff_block(block: RawBlock) -> ModuleDiffBlock:
-    r = check_type(block, BlockType.MODULE_DIFF)
-    apis = []
-    for _ in range(r.u16()):
-        api, count = r.u32(), r.u16()
-        apis.append(DiffApi(api, tuple(_read_diff_module(r) for _ in range(count))))
-    r.expect_end()
-    return ModuleDiffBlock(tuple(apis), block.version)
-
-
-def emit_module_diff_block(value: ModuleDiffBlock) -> bytes:
-    w = Writer().u16(len(value.apis))
-    for api in value.apis:
-        w.u32(api.api).u16(len(api.modules))
-        for module in api.modules:
-            w.u16(module.slot).u32(module.module_ident).u16(module.state).u16(len(module.submodules))
-            for sub in module.submodules:
-                w.u16(sub.subslot).u32(sub.submodule_ident).u16(sub.state)
-    return emit_raw_block(RawBlock(BlockType.MODULE_DIFF, w.getvalue(), value.version))
+    apis: List16[DiffApi]
+    version: Outside[int] = VERSION_1_0

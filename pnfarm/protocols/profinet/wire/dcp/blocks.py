@@ -4,18 +4,27 @@ A block is an option, a suboption and a value.  Between the length and the value
 BlockQualifier; whether it does depends on the service and is known to the PDU's codec.
 """
 
-from __future__ import annotations
-
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from contextlib import suppress
 from enum import IntEnum
-from ipaddress import IPv4Address
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
-from pnfarm.wire.octets import Writer
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from pnfarm.errors import DecodeError
+from pnfarm.wire.code import Code
+from pnfarm.wire.layout import (
+    Codec,
+    Count,
+    Fixed,
+    Ip,
+    ListOfRest,
+    Mac,
+    Outside,
+    Rest,
+    Structure,
+    UInt8,
+    UInt16,
+)
+from pnfarm.wire.octets import Reader, Writer
 
 __all__ = [
     "IP_CONFLICT",
@@ -73,16 +82,16 @@ IP_SET_BY_DHCP = 2
 IP_CONFLICT = 0x80
 
 
-class BlockError(IntEnum):
+class BlockError(Code):
     """Result of one block (coding of the field BlockError)."""
 
     OK = 0
     OPTION_NOT_SUPPORTED = 1
-    SUBOPTION_NOT_SUPPORTED = 2  # or: no data set available
+    SUBOPTION_NOT_SUPPORTED = 2, "suboption not supported, or no data set available"
     SUBOPTION_NOT_SET = 3
     RESOURCE_ERROR = 4
-    SET_NOT_POSSIBLE = 5  # for local reasons
-    IN_OPERATION = 6  # an application relation is up
+    SET_NOT_POSSIBLE = 5, "set not possible for local reasons"
+    IN_OPERATION = 6, "in operation, set not possible"  # an application relation is up
 
 
 class ResetMode(IntEnum):
@@ -103,293 +112,209 @@ class OptionId(NamedTuple):
     suboption: int
 
 
-class Block(ABC):
-    """One block; ``info`` is its BlockInfo (responses, Hello) or BlockQualifier (Set), unused in filters."""
+class Block(Structure):
+    """One block with the value's octets, without length, info and padding; option and suboption name its kind.
 
-    __slots__ = ()
-    info: int | None
+    ``info`` is its BlockInfo (responses, Hello) or BlockQualifier (Set), unused in filters.
+    """
+
+    ID: ClassVar[OptionId]
+    CALLED: ClassVar[str]
+    KINDS: ClassVar[dict[OptionId, type["Block"]]] = {}
+
+    def __init_subclass__(cls, *, option: tuple[int, int] | None = None, called: str = "", **more: Any) -> None:
+        super().__init_subclass__(**more)
+        if option is not None:
+            cls.ID, cls.CALLED = OptionId(*option), called
+            cls.KINDS[cls.ID] = cls
 
     @property
-    @abstractmethod
     def option_id(self) -> OptionId:
         """Option and suboption."""
-
-    @abstractmethod
-    def payload(self) -> bytes:
-        """The value's octets, without length, info and padding."""
-
-
-class _Named(Block):
-    """A block whose kind has one option and suboption."""
-
-    __slots__ = ()
-    ID: ClassVar[OptionId]
-
-    @property
-    def option_id(self) -> OptionId:
         return self.ID
 
-
-class _Empty(_Named):
-    __slots__ = ()
-
-    def payload(self) -> bytes:
-        return b""
+    @property
+    def info(self) -> int | None:
+        """A field of every kind."""
+        raise NotImplementedError
 
 
-@dataclass(frozen=True, slots=True)
+class _Latin1(Codec):
+    """It maps every octet to one character: a name that breaks the rules arrives whole and can be refused."""
+
+    def read(self, r: Reader, _values: Mapping[str, Any]) -> str:
+        return r.rest().decode("latin-1")
+
+    def write(self, w: Writer, value: str) -> None:
+        w.bytes(value.encode("latin-1"))
+
+
+_Text = Annotated[str, _Latin1()]
+_Option = Annotated[OptionId, Fixed("BB", OptionId, tuple)]
+
+
 class UnknownBlock(Block):
     """Any option, any octets; ``info`` is None when the block has (or had) no room for one."""
 
-    option: int
-    suboption: int
-    data: bytes = b""
-    info: int | None = None
+    option: Outside[int]
+    suboption: Outside[int]
+    data: Rest = b""
+    info: Outside[int | None] = None
 
     @property
     def option_id(self) -> OptionId:
         return OptionId(self.option, self.suboption)
 
-    def payload(self) -> bytes:
-        return self.data
 
-
-@dataclass(frozen=True, slots=True)
-class MacBlock(_Named):
+class MacBlock(Block, option=(OPTION_IP, 1), called="MAC address"):
     """IP / MAC address."""
 
-    ID: ClassVar = OptionId(OPTION_IP, 1)
-    mac: bytes
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return self.mac
+    mac: Mac
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class IpParameterBlock(_Named):
+class IpParameterBlock(Block, option=(OPTION_IP, 2), called="IP parameter"):
     """IP / IP parameter."""
 
-    ID: ClassVar = OptionId(OPTION_IP, 2)
-    address: IPv4Address
-    mask: IPv4Address
-    gateway: IPv4Address
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return self.address.packed + self.mask.packed + self.gateway.packed
+    address: Ip
+    mask: Ip
+    gateway: Ip
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class FullIpSuiteBlock(_Named):
+class FullIpSuiteBlock(Block, option=(OPTION_IP, 3), called="full IP suite"):
     """IP / full IP suite: with four name servers, 0.0.0.0 for none."""
 
-    ID: ClassVar = OptionId(OPTION_IP, 3)
-    address: IPv4Address
-    mask: IPv4Address
-    gateway: IPv4Address
-    dns: tuple[IPv4Address, IPv4Address, IPv4Address, IPv4Address]
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return b"".join(ip.packed for ip in (self.address, self.mask, self.gateway, *self.dns))
+    address: Ip
+    mask: Ip
+    gateway: Ip
+    dns: Annotated[tuple[Ip, ...], Count(lambda _: 4)]
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class StationTypeBlock(_Named):
+class StationTypeBlock(Block, option=(OPTION_DEVICE, 1), called="type of station"):
     """Device properties / manufacturer specific: the type of station in plain text."""
 
-    ID: ClassVar = OptionId(OPTION_DEVICE, 1)
-    station_type: str
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return _encode(self.station_type)
+    station_type: _Text
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class NameBlock(_Named):
+class NameBlock(Block, option=(OPTION_DEVICE, 2), called="name of station"):
     """Device properties / name of station; empty for no name."""
 
-    ID: ClassVar = OptionId(OPTION_DEVICE, 2)
-    name: str
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return _encode(self.name)
+    name: _Text
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceIdBlock(_Named):
+class DeviceIdBlock(Block, option=(OPTION_DEVICE, 3), called="device ID"):
     """Device properties / device ID."""
 
-    ID: ClassVar = OptionId(OPTION_DEVICE, 3)
-    vendor_id: int
-    device_id: int
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return Writer().u16(self.vendor_id).u16(self.device_id).getvalue()
+    vendor_id: UInt16
+    device_id: UInt16
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceRoleBlock(_Named):
+class DeviceRoleBlock(Block, option=(OPTION_DEVICE, 4), called="device role"):
     """Device properties / role, a bit set: 1 IO device, 2 controller, 4 multidevice, 8 supervisor."""
 
-    ID: ClassVar = OptionId(OPTION_DEVICE, 4)
-    role: int
-    info: int = 0
-    reserved: int = 0
-
-    def payload(self) -> bytes:
-        return Writer().u8(self.role).u8(self.reserved).getvalue()
+    role: UInt8
+    info: Outside[int] = 0
+    reserved: UInt8 = 0
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceOptionsBlock(_Named):
+class DeviceOptionsBlock(Block, option=(OPTION_DEVICE, 5), called="device options"):
     """Device properties / options: the blocks that the device supports."""
 
-    ID: ClassVar = OptionId(OPTION_DEVICE, 5)
-    options: tuple[OptionId, ...]
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return b"".join(bytes(option) for option in self.options)
+    options: ListOfRest[_Option]
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class AliasBlock(_Named):
+class AliasBlock(Block, option=(OPTION_DEVICE, 6), called="alias name"):
     """Device properties / alias name: ``<port>.<station name>`` of a neighbour."""
 
-    ID: ClassVar = OptionId(OPTION_DEVICE, 6)
-    alias: str
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return _encode(self.alias)
+    alias: _Text
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceInstanceBlock(_Named):
+class DeviceInstanceBlock(Block, option=(OPTION_DEVICE, 7), called="device instance"):
     """Device properties / device instance."""
 
-    ID: ClassVar = OptionId(OPTION_DEVICE, 7)
-    high: int
-    low: int
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return Writer().u8(self.high).u8(self.low).getvalue()
+    high: UInt8
+    low: UInt8
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class OemDeviceIdBlock(_Named):
+class OemDeviceIdBlock(Block, option=(OPTION_DEVICE, 8), called="OEM device ID"):
     """Device properties / OEM device ID."""
 
-    ID: ClassVar = OptionId(OPTION_DEVICE, 8)
-    vendor_id: int
-    device_id: int
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return Writer().u16(self.vendor_id).u16(self.device_id).getvalue()
+    vendor_id: UInt16
+    device_id: UInt16
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class StandardGatewayBlock(_Named):
+class StandardGatewayBlock(Block, option=(OPTION_DEVICE, 9), called="standard gateway"):
     """Device properties / standard gateway: how "no gateway" is written; 0: as the device's own address."""
 
-    ID: ClassVar = OptionId(OPTION_DEVICE, 9)
-    value: int
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return Writer().u16(self.value).getvalue()
+    value: UInt16
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class RsiPropertiesBlock(_Named):
+class RsiPropertiesBlock(Block, option=(OPTION_DEVICE, 10), called="RSI properties"):
     """Device properties / RSI properties: a bit set; a device that is reached over RPC alone has no such block."""
 
-    ID: ClassVar = OptionId(OPTION_DEVICE, 10)
-    properties: int
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return Writer().u16(self.properties).getvalue()
+    properties: UInt16
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
 class DhcpBlock(Block):
     """DHCP: the suboption is the DHCP option's code, the value its octets."""
 
-    suboption: int
-    data: bytes
-    info: int = 0
+    suboption: Outside[int]
+    data: Rest
+    info: Outside[int] = 0
 
     @property
     def option_id(self) -> OptionId:
         return OptionId(OPTION_DHCP, self.suboption)
 
-    def payload(self) -> bytes:
-        return self.data
 
-
-@dataclass(frozen=True, slots=True)
-class StartBlock(_Empty):
+class StartBlock(Block, option=(OPTION_CONTROL, 1), called="start transaction"):
     """Control / start of a transaction; the qualifier is the transaction's."""
 
-    ID: ClassVar = OptionId(OPTION_CONTROL, 1)
-    info: int = 0
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class StopBlock(_Empty):
+class StopBlock(Block, option=(OPTION_CONTROL, 2), called="end transaction"):
     """Control / end of a transaction, with the qualifier of its start."""
 
-    ID: ClassVar = OptionId(OPTION_CONTROL, 2)
-    info: int = 0
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class SignalBlock(_Named):
+class SignalBlock(Block, option=(OPTION_CONTROL, 3), called="signal"):
     """Control / signal: flash a lamp, three seconds at 1 Hz."""
 
-    ID: ClassVar = OptionId(OPTION_CONTROL, 3)
-    value: int = SIGNAL_FLASH_ONCE
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return Writer().u16(self.value).getvalue()
+    value: UInt16 = SIGNAL_FLASH_ONCE
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ResponseBlock(_Named):
+class ResponseBlock(Block, option=(OPTION_CONTROL, 4), called="response"):
     """Control / response: the result of one block of the request. It has no block info."""
 
-    ID: ClassVar = OptionId(OPTION_CONTROL, 4)
-    subject: OptionId
-    error: int = BlockError.OK
-    info: None = None
-
-    def payload(self) -> bytes:
-        return Writer().bytes(bytes(self.subject)).u8(self.error).getvalue()
+    subject: _Option
+    error: UInt8 = BlockError.OK
+    info: Outside[None] = None
 
 
-@dataclass(frozen=True, slots=True)
-class FactoryResetBlock(_Empty):
+class FactoryResetBlock(Block, option=(OPTION_CONTROL, 5), called="reset of factory settings"):
     """Control / reset of factory settings, the old service without modes."""
 
-    ID: ClassVar = OptionId(OPTION_CONTROL, 5)
-    info: int = 0
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class ResetToFactoryBlock(_Empty):
+class ResetToFactoryBlock(Block, option=(OPTION_CONTROL, 6), called="reset to factory"):
     """Control / reset to factory; the mode is in bits 1 to 15 of the qualifier, see :class:`ResetMode`."""
 
-    ID: ClassVar = OptionId(OPTION_CONTROL, 6)
-    info: int = ResetMode.COMMUNICATION << 1
+    info: Outside[int] = ResetMode.COMMUNICATION << 1
 
     @property
     def mode(self) -> int:
@@ -397,99 +322,26 @@ class ResetToFactoryBlock(_Empty):
         return self.info >> 1
 
 
-@dataclass(frozen=True, slots=True)
-class DeviceInitiativeBlock(_Named):
+class DeviceInitiativeBlock(Block, option=(OPTION_INITIATIVE, 1), called="device initiative"):
     """Device initiative: 1 when the device sends Hello at power-on."""
 
-    ID: ClassVar = OptionId(OPTION_INITIATIVE, 1)
-    value: int
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return Writer().u16(self.value).getvalue()
+    value: UInt16
+    info: Outside[int] = 0
 
 
-@dataclass(frozen=True, slots=True)
-class AllSelectorBlock(_Named):
+class AllSelectorBlock(Block, option=(OPTION_ALL, 0xFF), called="all selector"):
     """All selector: every device answers. Some peers send two octets with it."""
 
-    ID: ClassVar = OptionId(OPTION_ALL, 0xFF)
-    data: bytes = b""
-    info: int = 0
-
-    def payload(self) -> bytes:
-        return self.data
-
-
-def _encode(text: str) -> bytes:
-    # Latin-1 maps every octet to one character: a name that breaks the rules arrives whole and can be refused.
-    return text.encode("latin-1")
-
-
-def _decode(data: bytes) -> str:
-    return data.decode("latin-1")
-
-
-def _ips(data: bytes) -> list[IPv4Address]:
-    return [IPv4Address(data[i : i + 4]) for i in range(0, len(data), 4)]
-
-
-def _u16(data: bytes, index: int = 0) -> int:
-    return int.from_bytes(data[2 * index : 2 * index + 2], "big")
-
-
-def _ip_parameter(data: bytes, info: int) -> Block | None:
-    if len(data) != 12:
-        return None
-    address, mask, gateway = _ips(data)
-    return IpParameterBlock(address, mask, gateway, info)
-
-
-def _full_suite(data: bytes, info: int) -> Block | None:
-    if len(data) != 28:
-        return None
-    address, mask, gateway, *dns = _ips(data)
-    return FullIpSuiteBlock(address, mask, gateway, (dns[0], dns[1], dns[2], dns[3]), info)
-
-
-def _options(data: bytes, info: int) -> Block | None:
-    if len(data) % 2:
-        return None
-    pairs = zip(data[::2], data[1::2], strict=True)
-    return DeviceOptionsBlock(tuple(OptionId(*pair) for pair in pairs), info)
-
-
-# Parsers of each option's value; a function returns None for a value of another shape.
-_SHAPES: dict[OptionId, Callable[[bytes, int], Block | None]] = {
-    MacBlock.ID: lambda data, info: MacBlock(data, info) if len(data) == 6 else None,
-    IpParameterBlock.ID: _ip_parameter,
-    FullIpSuiteBlock.ID: _full_suite,
-    StationTypeBlock.ID: lambda data, info: StationTypeBlock(_decode(data), info),
-    NameBlock.ID: lambda data, info: NameBlock(_decode(data), info),
-    DeviceIdBlock.ID: lambda data, info: DeviceIdBlock(_u16(data), _u16(data, 1), info) if len(data) == 4 else None,
-    DeviceRoleBlock.ID: lambda data, info: DeviceRoleBlock(data[0], info, data[1]) if len(data) == 2 else None,
-    DeviceOptionsBlock.ID: _options,
-    AliasBlock.ID: lambda data, info: AliasBlock(_decode(data), info),
-    DeviceInstanceBlock.ID: lambda data, info: DeviceInstanceBlock(data[0], data[1], info) if len(data) == 2 else None,
-    OemDeviceIdBlock.ID: lambda data, info: (
-        OemDeviceIdBlock(_u16(data), _u16(data, 1), info) if len(data) == 4 else None
-    ),
-    StandardGatewayBlock.ID: lambda data, info: StandardGatewayBlock(_u16(data), info) if len(data) == 2 else None,
-    RsiPropertiesBlock.ID: lambda data, info: RsiPropertiesBlock(_u16(data), info) if len(data) == 2 else None,
-    StartBlock.ID: lambda data, info: None if data else StartBlock(info),
-    StopBlock.ID: lambda data, info: None if data else StopBlock(info),
-    SignalBlock.ID: lambda data, info: SignalBlock(_u16(data), info) if len(data) == 2 else None,
-    FactoryResetBlock.ID: lambda data, info: None if data else FactoryResetBlock(info),
-    ResetToFactoryBlock.ID: lambda data, info: None if data else ResetToFactoryBlock(info),
-    DeviceInitiativeBlock.ID: lambda data, info: DeviceInitiativeBlock(_u16(data), info) if len(data) == 2 else None,
-    AllSelectorBlock.ID: AllSelectorBlock,
-}
+    data: Rest = b""
+    info: Outside[int] = 0
 
 
 def shape_block(option_id: OptionId, data: bytes, info: int | None) -> Block:
     """A block of its own kind when the value has that kind's shape, an :class:`UnknownBlock` otherwise."""
     if option_id.option == OPTION_DHCP:
         return DhcpBlock(option_id.suboption, data, info or 0)
-    shape = _SHAPES.get(option_id)
-    block = shape(data, info or 0) if shape else None
-    return block or UnknownBlock(*option_id, data, info)
+    kind = Block.KINDS.get(option_id)
+    if kind is not None and kind is not ResponseBlock:
+        with suppress(DecodeError):
+            return kind.parse(data, info=info or 0)
+    return UnknownBlock(*option_id, data, info)

@@ -21,7 +21,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.dcp.blocks import Block, OptionId, ResponseBlock, UnknownBlock, shape_block
+from pnfarm.protocols.profinet.wire.dcp.blocks import (
+    Block,
+    DeviceOptionsBlock,
+    OptionId,
+    ResponseBlock,
+    UnknownBlock,
+    shape_block,
+)
 from pnfarm.protocols.profinet.wire.frame_id import (
     DCP_GET_SET,
     DCP_HELLO,
@@ -97,10 +104,9 @@ def parse_dcp(data: bytes | bytearray | memoryview) -> DcpPdu:
     xid, response_delay_factor = reader.u32(), reader.u16()
     body = reader.sub(reader.u16())
     blocks: list[Block] = []
-    requested: list[OptionId] = []
+    requested: tuple[OptionId, ...] = ()
     if (service_id, service_type) == (SERVICE_GET, TYPE_REQUEST):
-        while body.remaining:
-            requested.append(OptionId(body.u8(), body.u8()))
+        requested = DeviceOptionsBlock.read(body).options
     elif service_id in _SERVICES:
         while body.remaining:
             option_id = OptionId(body.u8(), body.u8())
@@ -113,7 +119,7 @@ def parse_dcp(data: bytes | bytearray | memoryview) -> DcpPdu:
         service_type=service_type,
         xid=xid,
         blocks=tuple(blocks),
-        requested=tuple(requested),
+        requested=requested,
         response_delay_factor=response_delay_factor,
         undecoded=body.rest(),
     )
@@ -126,7 +132,7 @@ def emit_dcp(pdu: DcpPdu) -> bytes:
         body.u8(option_id.option).u8(option_id.suboption)
     with_info = _has_info(pdu.service_id, pdu.service_type)
     for block in pdu.blocks:
-        payload = block.payload()
+        payload = block.emit()
         has_info = with_info and block.info is not None
         body.bytes(bytes(block.option_id)).u16(len(payload) + 2 * has_info)
         if has_info and block.info is not None:
@@ -150,10 +156,8 @@ def _has_info(service_id: int, service_type: int) -> bool:
 
 def _parse_block(option_id: OptionId, value: Reader, service_id: int, service_type: int) -> Block:
     if service_type != TYPE_REQUEST and option_id == ResponseBlock.ID:
-        data: bytes = value.rest()
-        if len(data) == 3:
-            return ResponseBlock(OptionId(data[0], data[1]), data[2])
-        return UnknownBlock(*option_id, data)
+        data = value.rest()
+        return ResponseBlock.parse(data) if len(data) == 3 else UnknownBlock(*option_id, data)
     info = None
     if _has_info(service_id, service_type):
         if value.remaining < 2:

@@ -3,57 +3,24 @@
 from __future__ import annotations
 
 from pnfarm.protocols.profinet.wire.dcp.blocks import (
-    OPTION_ALL,
-    OPTION_CONTROL,
-    OPTION_DEVICE,
     OPTION_DHCP,
-    OPTION_INITIATIVE,
-    OPTION_IP,
+    Block,
     BlockError,
     OptionId,
 )
+from pnfarm.wire.code import words_of
 
 __all__ = ["describe_block_error", "describe_option"]
 
-_SUBOPTIONS: dict[tuple[int, int], str] = {
-    (OPTION_IP, 1): "MAC address",
-    (OPTION_IP, 2): "IP parameter",
-    (OPTION_IP, 3): "full IP suite",
-    (OPTION_DEVICE, 1): "type of station",
-    (OPTION_DEVICE, 2): "name of station",
-    (OPTION_DEVICE, 3): "device ID",
-    (OPTION_DEVICE, 4): "device role",
-    (OPTION_DEVICE, 5): "device options",
-    (OPTION_DEVICE, 6): "alias name",
-    (OPTION_DEVICE, 7): "device instance",
-    (OPTION_DEVICE, 8): "OEM device ID",
-    (OPTION_DEVICE, 9): "standard gateway",
-    (OPTION_DEVICE, 10): "RSI properties",
-    (OPTION_CONTROL, 1): "start transaction",
-    (OPTION_CONTROL, 2): "end transaction",
-    (OPTION_CONTROL, 3): "signal",
-    (OPTION_CONTROL, 4): "response",
-    (OPTION_CONTROL, 5): "reset of factory settings",
-    (OPTION_CONTROL, 6): "reset to factory",
-    (OPTION_INITIATIVE, 1): "device initiative",
-    (OPTION_ALL, 0xFF): "all selector",
-}
-_ERRORS: dict[int, str] = {
-    BlockError.OPTION_NOT_SUPPORTED: "option not supported",
-    BlockError.SUBOPTION_NOT_SUPPORTED: "suboption not supported, or no data set available",
-    BlockError.SUBOPTION_NOT_SET: "suboption not set",
-    BlockError.RESOURCE_ERROR: "resource error",
-    BlockError.SET_NOT_POSSIBLE: "set not possible for local reasons",
-    BlockError.IN_OPERATION: "in operation, set not possible",
-}
 _FIRST_OF_MANUFACTURERS, _LAST_OF_MANUFACTURERS = 0x80, 0xFE
 
 
 def describe_option(option_id: OptionId) -> str:
     """What a block is called and its two numbers: ``name of station (2/2)``."""
     option, suboption = option_id
-    word = _SUBOPTIONS.get((option, suboption))
-    if word is None and option == OPTION_DHCP:
+    kind = Block.KINDS.get(option_id)
+    word = None if kind is None else kind.CALLED
+    if option == OPTION_DHCP:
         word = "DHCP"
     elif word is None and _FIRST_OF_MANUFACTURERS <= option <= _LAST_OF_MANUFACTURERS:
         word = "manufacturer's option"
@@ -62,4 +29,4 @@ def describe_option(option_id: OptionId) -> str:
 
 def describe_block_error(error: int) -> str:
     """The text of a BlockError, its number where there is none."""
-    return _ERRORS.get(error, f"error {error}")
+    return words_of(BlockError, error, f"error {error}") if error else "error 0"

@@ -62,8 +62,8 @@ def parse_lldp(data: bytes | bytearray | memoryview) -> Lldpdu:
     ``duplicate`` (one of these three comes again), ``bad-length`` (identifier, time to live or end of another size).
     """
     reader = Reader(data)
-    chassis = ChassisId(*_identifier(reader, TlvType.CHASSIS_ID))
-    port = PortId(*_identifier(reader, TlvType.PORT_ID))
+    chassis = ChassisId.parse(_identifier(reader, TlvType.CHASSIS_ID))
+    port = PortId.parse(_identifier(reader, TlvType.PORT_ID))
     ttl = _next(reader, TlvType.TIME_TO_LIVE)
     if len(ttl) != 2:
         raise DecodeError("bad-length", f"a time to live of {len(ttl)} octets")
@@ -88,11 +88,11 @@ def _next(reader: Reader, wanted: TlvType) -> bytes:
     return reader.bytes(header & 0x1FF)
 
 
-def _identifier(reader: Reader, wanted: TlvType) -> tuple[int, bytes]:
+def _identifier(reader: Reader, wanted: TlvType) -> bytes:
     value = _next(reader, wanted)
     if not 2 <= len(value) <= LONGEST_TEXT + 1:
         raise DecodeError("bad-length", f"{wanted.name} of {len(value)} octets")
-    return value[0], value[1:]
+    return value
 
 
 # -- emit ------------------------------------------------------------------------------------------------------------
@@ -104,7 +104,7 @@ def emit_lldp(pdu: Lldpdu) -> bytes:
     for kind, identifier in ((TlvType.CHASSIS_ID, pdu.chassis), (TlvType.PORT_ID, pdu.port)):
         if not 1 <= len(identifier.value) <= LONGEST_TEXT:
             raise ValueError(f"{kind.name} of {len(identifier.value)} octets: 1 to {LONGEST_TEXT} fit")
-        _put(writer, kind, Writer().u8(identifier.subtype).bytes(identifier.value).getvalue())
+        _put(writer, kind, identifier.emit())
     _put(writer, TlvType.TIME_TO_LIVE, Writer().u16(pdu.time_to_live).getvalue())
     for tlv in pdu.tlvs:
         _put(writer, *tlv_value(tlv))

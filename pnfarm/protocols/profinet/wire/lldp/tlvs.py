@@ -3,19 +3,15 @@
 PROFINET has TLVs of its own organisation (00-0E-CF) and requires the MAC/PHY status of IEEE 802.3 (00-12-0F).
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from collections.abc import Mapping
+from contextlib import suppress
 from enum import IntEnum
-from typing import TYPE_CHECKING, TypeAlias
-from uuid import UUID
+from ipaddress import IPv4Address
+from typing import Annotated, Any, ClassVar, Self
 
 from pnfarm.errors import DecodeError
+from pnfarm.wire.layout import Mac, Octets8, Outside, Rest, RestBut, Structure, UInt8, UInt16, UInt32, Uuid
 from pnfarm.wire.octets import Reader, Writer
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from ipaddress import IPv4Address
 
 __all__ = [
     "LONGEST_TEXT",
@@ -136,333 +132,211 @@ class ProfinetSubtype(IntEnum):
     MRP_IC_PORT_STATUS = 8
 
 
-# -- TLVs ------------------------------------------------------------------------------------------------------------
+class Tlv(Structure):
+    """A TLV by its value, behind organisation and subtype in those of an organisation."""
+
+    #: Type, and the octets that a value of this kind begins with.
+    KIND: ClassVar[tuple[int, bytes]]
+    KINDS: ClassVar[dict[tuple[int, bytes], type["Tlv"]]] = {}
+
+    def __init_subclass__(
+        cls, *, tlv: int = 0, prefix: bytes = b"", profinet: ProfinetSubtype | None = None, **more: Any
+    ) -> None:
+        super().__init_subclass__(**more)
+        if profinet is not None:
+            prefix = OUI_PROFINET + bytes((profinet,))
+        if tlv or prefix:
+            cls.KIND = tlv or TlvType.ORGANIZATION, prefix
+            cls.KINDS[cls.KIND] = cls
 
 
-@dataclass(frozen=True, slots=True)
-class ChassisId:
+class _BoundedText(RestBut):
+    """Up to 255 octets."""
+
+    def read(self, r: Reader, values: Mapping[str, Any]) -> bytes:
+        if r.remaining > LONGEST_TEXT:
+            raise DecodeError("bad-length")
+        return super().read(r, values)
+
+    def write(self, w: Writer, value: bytes) -> None:
+        if len(value) > LONGEST_TEXT:
+            raise ValueError(f"a text of {len(value)} octets: {LONGEST_TEXT} fit")
+        super().write(w, value)
+
+
+class _TextTlv(Tlv):
+    """Up to 255 octets, UTF-8."""
+
+    value: Annotated[bytes, _BoundedText(0)]
+
+    @property
+    def text(self) -> str:
+        return text_of(self.value)
+
+
+class _Identifier(Structure):
     """``value`` has 1 to 255 octets."""
 
-    subtype: int
-    value: bytes
+    MAC: ClassVar[int]
+    subtype: UInt8
+    value: Rest
+
+    def __init_subclass__(cls, *, mac_subtype: int, **more: Any) -> None:
+        super().__init_subclass__(**more)
+        cls.MAC = mac_subtype
 
     @property
     def text(self) -> str:
         """As people read it: a MAC address with dashes, else the octets as text."""
-        if self.subtype == ChassisIdSubtype.MAC_ADDRESS and len(self.value) == 6:
-            return mac_name(self.value)
-        return text_of(self.value)
+        return mac_name(self.value) if self.subtype == self.MAC and len(self.value) == 6 else text_of(self.value)
 
 
-@dataclass(frozen=True, slots=True)
-class PortId:
-    """``value`` has 1 to 255 octets."""
-
-    subtype: int
-    value: bytes
-
-    @property
-    def text(self) -> str:
-        """As people read it: a MAC address with dashes, else the octets as text."""
-        if self.subtype == PortIdSubtype.MAC_ADDRESS and len(self.value) == 6:
-            return mac_name(self.value)
-        return text_of(self.value)
+class ChassisId(_Identifier, mac_subtype=ChassisIdSubtype.MAC_ADDRESS):
+    """What names the sender."""
 
 
-@dataclass(frozen=True, slots=True)
-class PortDescription:
-    """Up to 255 octets, UTF-8."""
-
-    value: bytes
-
-    @property
-    def text(self) -> str:
-        return text_of(self.value)
+class PortId(_Identifier, mac_subtype=PortIdSubtype.MAC_ADDRESS):
+    """What names the sender's port."""
 
 
-@dataclass(frozen=True, slots=True)
-class SystemName:
-    """Up to 255 octets, UTF-8."""
-
-    value: bytes
-
-    @property
-    def text(self) -> str:
-        return text_of(self.value)
+class PortDescription(_TextTlv, tlv=TlvType.PORT_DESCRIPTION):
+    """Of the sender's port."""
 
 
-@dataclass(frozen=True, slots=True)
-class SystemDescription:
-    """Up to 255 octets, UTF-8."""
-
-    value: bytes
-
-    @property
-    def text(self) -> str:
-        return text_of(self.value)
+class SystemName(_TextTlv, tlv=TlvType.SYSTEM_NAME):
+    """Of the sender."""
 
 
-@dataclass(frozen=True, slots=True)
-class SystemCapabilities:
+class SystemDescription(_TextTlv, tlv=TlvType.SYSTEM_DESCRIPTION):
+    """Of the sender."""
+
+
+class SystemCapabilities(Tlv, tlv=TlvType.SYSTEM_CAPABILITIES):
     """Bits of :class:`Capability`."""
 
-    supported: int
-    enabled: int
+    supported: UInt16
+    enabled: UInt16
 
 
-@dataclass(frozen=True, slots=True)
-class ManagementAddress:
+class ManagementAddress(Tlv, tlv=TlvType.MANAGEMENT_ADDRESS):
     """``address`` has 1 to 31 octets, ``oid`` up to 128 (ASN.1 BER contents)."""
 
-    subtype: int
-    address: bytes
-    interface_subtype: int = 1
-    interface_number: int = 0
-    oid: bytes = b""
+    subtype: Outside[int]
+    address: Outside[bytes]
+    interface_subtype: UInt8 = 1
+    interface_number: UInt32 = 0
+    oid: Octets8 = b""
+
+    @classmethod
+    def read(cls, r: Reader, **_outside: Any) -> Self:
+        length = r.u8()
+        if not 2 <= length <= 32:
+            raise DecodeError("bad-length")
+        value = super().read(r, subtype=r.u8(), address=r.bytes(length - 1))
+        if len(value.oid) > 128:
+            raise DecodeError("bad-length")
+        return value
+
+    def write(self, w: Writer) -> None:
+        if not (1 <= len(self.address) <= 31 and len(self.oid) <= 128):
+            raise ValueError("a management address has 1 to 31 octets, its object identifier up to 128")
+        super().write(w.u8(len(self.address) + 1).u8(self.subtype).bytes(self.address))
 
 
-@dataclass(frozen=True, slots=True)
-class MacPhyStatus:
+class MacPhyStatus(Tlv, prefix=OUI_IEEE_802_3 + bytes((_SUBTYPE_MAC_PHY,))):
     """``autonegotiation``: bit 0 supported, bit 1 enabled; ``advertised``: ifMauAutoNegCapAdvertisedBits;
     ``mau_type``: dot3MauType."""
 
-    autonegotiation: int
-    advertised: int
-    mau_type: int
+    autonegotiation: UInt8
+    advertised: UInt16
+    mau_type: UInt16
 
 
-@dataclass(frozen=True, slots=True)
-class MeasuredDelays:
+class MeasuredDelays(Tlv, profinet=ProfinetSubtype.DELAY):
     """LLDP_PNIO_DELAY, nanoseconds; 0 for not measured."""
 
-    rx_local: int = 0
-    rx_remote: int = 0
-    tx_local: int = 0
-    tx_remote: int = 0
-    cable_local: int = 0
+    rx_local: UInt32 = 0
+    rx_remote: UInt32 = 0
+    tx_local: UInt32 = 0
+    tx_remote: UInt32 = 0
+    cable_local: UInt32 = 0
 
 
-@dataclass(frozen=True, slots=True)
-class PortStatus:
+class PortStatus(Tlv, profinet=ProfinetSubtype.PORT_STATUS):
     """LLDP_PNIO_PORTSTATUS: RTClass2_PortStatus and RTClass3_PortStatus; 0 is off."""
 
-    rtclass2: int = 0
-    rtclass3: int = 0
+    rtclass2: UInt16 = 0
+    rtclass3: UInt16 = 0
 
 
-@dataclass(frozen=True, slots=True)
-class PortAlias:
+class PortAlias(Tlv, profinet=ProfinetSubtype.ALIAS):
     """LLDP_PNIO_ALIAS."""
 
-    value: bytes
+    value: Rest
 
 
-@dataclass(frozen=True, slots=True)
-class MrpPortStatus:
+class MrpPortStatus(Tlv, profinet=ProfinetSubtype.MRP_PORT_STATUS):
     """LLDP_PNIO_MRPPORTSTATUS."""
 
-    domain: UUID
-    status: int
+    domain: Uuid
+    status: UInt16
 
 
-@dataclass(frozen=True, slots=True)
-class ChassisMac:
+class ChassisMac(Tlv, profinet=ProfinetSubtype.CHASSIS_MAC):
     """LLDP_PNIO_CHASSIS_MAC: the MAC address of the interface that the port belongs to."""
 
-    mac: bytes
+    mac: Mac
 
 
-@dataclass(frozen=True, slots=True)
-class PtcpStatus:
+class PtcpStatus(Tlv, profinet=ProfinetSubtype.PTCP_STATUS):
     """LLDP_PNIO_PTCPSTATUS; the three periods have a valid bit (31) and a value in nanoseconds."""
 
-    master: bytes
-    subdomain: UUID
-    ir_data: UUID
-    length_of_period: int
-    red_period_begin: int
-    orange_period_begin: int
-    green_period_begin: int
+    master: Mac
+    subdomain: Uuid
+    ir_data: Uuid
+    length_of_period: UInt32
+    red_period_begin: UInt32
+    orange_period_begin: UInt32
+    green_period_begin: UInt32
 
 
-@dataclass(frozen=True, slots=True)
-class MauTypeExtension:
+class MauTypeExtension(Tlv, profinet=ProfinetSubtype.MAU_TYPE_EXTENSION):
     """LLDP_PNIO_MAUTypeExtension: which kind of fibre or pair carries the MAU type."""
 
-    extension: int
+    extension: UInt16
 
 
-@dataclass(frozen=True, slots=True)
-class MrpInterconnectionPortStatus:
+class MrpInterconnectionPortStatus(Tlv, profinet=ProfinetSubtype.MRP_IC_PORT_STATUS):
     """LLDP_PNIO_MRPICPORTSTATUS."""
 
-    domain_id: int
-    role: int
-    interconnection_id: int
+    domain_id: UInt16
+    role: UInt16
+    interconnection_id: UInt16
 
 
-@dataclass(frozen=True, slots=True)
-class RawTlv:
+class RawTlv(Tlv):
     """Any other TLV, and one whose value does not have its type's shape."""
 
-    tlv_type: int
-    value: bytes
-
-
-Tlv: TypeAlias = (
-    PortDescription
-    | SystemName
-    | SystemDescription
-    | SystemCapabilities
-    | ManagementAddress
-    | MacPhyStatus
-    | MeasuredDelays
-    | PortStatus
-    | PortAlias
-    | MrpPortStatus
-    | ChassisMac
-    | PtcpStatus
-    | MauTypeExtension
-    | MrpInterconnectionPortStatus
-    | RawTlv
-)
-
-
-# -- parse -----------------------------------------------------------------------------------------------------------
+    tlv_type: Outside[int]
+    value: Rest
 
 
 def shape_tlv(kind: int, value: bytes) -> Tlv:
     """The TLV behind the first three; one whose value does not have its type's shape stays raw."""
-    parser = _PARSERS.get((kind, b"", 0))
-    body = value
-    if kind == TlvType.ORGANIZATION and len(value) >= 4:
-        parser = _PARSERS.get((kind, value[:3], value[3]))
-        body = value[4:]
-    if parser is None:
-        return RawTlv(kind, value)
-    reader = Reader(body)
-    try:
-        tlv = parser(reader)
-        reader.expect_end()
-    except DecodeError:
-        return RawTlv(kind, value)
-    return tlv
-
-
-def _read_management(r: Reader) -> Tlv:
-    length = r.u8()
-    if not 2 <= length <= 32:
-        raise DecodeError("bad-length")
-    subtype, address = r.u8(), r.bytes(length - 1)
-    interface_subtype, number, size = r.u8(), r.u32(), r.u8()
-    if size > 128:
-        raise DecodeError("bad-length")
-    return ManagementAddress(subtype, address, interface_subtype, number, r.bytes(size))
-
-
-def _read_text(kind: Callable[[bytes], Tlv]) -> Callable[[Reader], Tlv]:
-    def read(r: Reader) -> Tlv:
-        if r.remaining > LONGEST_TEXT:
-            raise DecodeError("bad-length")
-        return kind(r.rest())
-
-    return read
-
-
-def _read_uuid(r: Reader) -> UUID:
-    return UUID(bytes=r.bytes(16))
-
-
-_PARSERS: dict[tuple[int, bytes, int], Callable[[Reader], Tlv]] = {
-    (TlvType.PORT_DESCRIPTION, b"", 0): _read_text(PortDescription),
-    (TlvType.SYSTEM_NAME, b"", 0): _read_text(SystemName),
-    (TlvType.SYSTEM_DESCRIPTION, b"", 0): _read_text(SystemDescription),
-    (TlvType.SYSTEM_CAPABILITIES, b"", 0): lambda r: SystemCapabilities(r.u16(), r.u16()),
-    (TlvType.MANAGEMENT_ADDRESS, b"", 0): _read_management,
-    (TlvType.ORGANIZATION, OUI_IEEE_802_3, _SUBTYPE_MAC_PHY): lambda r: MacPhyStatus(r.u8(), r.u16(), r.u16()),
-    (TlvType.ORGANIZATION, OUI_PROFINET, ProfinetSubtype.DELAY): lambda r: MeasuredDelays(
-        r.u32(), r.u32(), r.u32(), r.u32(), r.u32()
-    ),
-    (TlvType.ORGANIZATION, OUI_PROFINET, ProfinetSubtype.PORT_STATUS): lambda r: PortStatus(r.u16(), r.u16()),
-    (TlvType.ORGANIZATION, OUI_PROFINET, ProfinetSubtype.ALIAS): lambda r: PortAlias(r.rest()),
-    (TlvType.ORGANIZATION, OUI_PROFINET, ProfinetSubtype.MRP_PORT_STATUS): lambda r: MrpPortStatus(
-        _read_uuid(r), r.u16()
-    ),
-    (TlvType.ORGANIZATION, OUI_PROFINET, ProfinetSubtype.CHASSIS_MAC): lambda r: ChassisMac(r.bytes(6)),
-    (TlvType.ORGANIZATION, OUI_PROFINET, ProfinetSubtype.PTCP_STATUS): lambda r: PtcpStatus(
-        r.bytes(6), _read_uuid(r), _read_uuid(r), r.u32(), r.u32(), r.u32(), r.u32()
-    ),
-    (TlvType.ORGANIZATION, OUI_PROFINET, ProfinetSubtype.MAU_TYPE_EXTENSION): lambda r: MauTypeExtension(r.u16()),
-    (TlvType.ORGANIZATION, OUI_PROFINET, ProfinetSubtype.MRP_IC_PORT_STATUS): lambda r: MrpInterconnectionPortStatus(
-        r.u16(), r.u16(), r.u16()
-    ),
-}
-
-
-# -- emit ------------------------------------------------------------------------------------------------------------
+    prefix = value[:4] if kind == TlvType.ORGANIZATION and len(value) >= 4 else b""
+    if (shape := Tlv.KINDS.get((kind, prefix))) is not None:
+        with suppress(DecodeError):
+            return shape.parse(value[len(prefix) :])
+    return RawTlv(kind, value)
 
 
 def tlv_value(tlv: Tlv) -> tuple[int, bytes]:
     """Type and value of a TLV."""
-    w = Writer()
-    match tlv:
-        case RawTlv(kind, value):
-            if kind <= TlvType.TIME_TO_LIVE:
-                raise ValueError(f"TLV {kind} has its place at the beginning or the end")
-            return kind, value
-        case PortDescription(value):
-            return TlvType.PORT_DESCRIPTION, _bounded(value)
-        case SystemName(value):
-            return TlvType.SYSTEM_NAME, _bounded(value)
-        case SystemDescription(value):
-            return TlvType.SYSTEM_DESCRIPTION, _bounded(value)
-        case SystemCapabilities(supported, enabled):
-            return TlvType.SYSTEM_CAPABILITIES, w.u16(supported).u16(enabled).getvalue()
-        case ManagementAddress():
-            return TlvType.MANAGEMENT_ADDRESS, _management_value(tlv)
-        case MacPhyStatus(autonegotiation, advertised, mau_type):
-            w.bytes(OUI_IEEE_802_3).u8(_SUBTYPE_MAC_PHY).u8(autonegotiation).u16(advertised).u16(mau_type)
-        case MeasuredDelays(a, b, c, d, e):
-            _profinet(w, ProfinetSubtype.DELAY).u32(a).u32(b).u32(c).u32(d).u32(e)
-        case PortStatus(rtclass2, rtclass3):
-            _profinet(w, ProfinetSubtype.PORT_STATUS).u16(rtclass2).u16(rtclass3)
-        case PortAlias(value):
-            _profinet(w, ProfinetSubtype.ALIAS).bytes(value)
-        case MrpPortStatus(domain, status):
-            _profinet(w, ProfinetSubtype.MRP_PORT_STATUS).bytes(domain.bytes).u16(status)
-        case ChassisMac(mac):
-            _profinet(w, ProfinetSubtype.CHASSIS_MAC).bytes(_mac(mac))
-        case PtcpStatus(master, subdomain, ir_data, length, red, orange, green):
-            _profinet(w, ProfinetSubtype.PTCP_STATUS).bytes(_mac(master)).bytes(subdomain.bytes).bytes(ir_data.bytes)
-            w.u32(length).u32(red).u32(orange).u32(green)
-        case MauTypeExtension(extension):
-            _profinet(w, ProfinetSubtype.MAU_TYPE_EXTENSION).u16(extension)
-        case MrpInterconnectionPortStatus(domain_id, role, interconnection_id):
-            _profinet(w, ProfinetSubtype.MRP_IC_PORT_STATUS).u16(domain_id).u16(role).u16(interconnection_id)
-    return TlvType.ORGANIZATION, w.getvalue()
-
-
-def _profinet(writer: Writer, subtype: ProfinetSubtype) -> Writer:
-    return writer.bytes(OUI_PROFINET).u8(subtype)
-
-
-def _management_value(tlv: ManagementAddress) -> bytes:
-    if not (1 <= len(tlv.address) <= 31 and len(tlv.oid) <= 128):
-        raise ValueError("a management address has 1 to 31 octets, its object identifier up to 128")
-    w = Writer().u8(len(tlv.address) + 1).u8(tlv.subtype).bytes(tlv.address)
-    return w.u8(tlv.interface_subtype).u32(tlv.interface_number).u8(len(tlv.oid)).bytes(tlv.oid).getvalue()
-
-
-def _bounded(value: bytes) -> bytes:
-    if len(value) > LONGEST_TEXT:
-        raise ValueError(f"a text of {len(value)} octets: {LONGEST_TEXT} fit")
-    return value
-
-
-def _mac(value: bytes) -> bytes:
-    if len(value) != 6:
-        raise ValueError("a MAC address has six octets")
-    return value
+    if not isinstance(tlv, RawTlv):
+        return tlv.KIND[0], tlv.KIND[1] + tlv.emit()
+    if tlv.tlv_type <= TlvType.TIME_TO_LIVE:
+        raise ValueError(f"TLV {tlv.tlv_type} has its place at the beginning or the end")
+    return tlv.tlv_type, tlv.value
 
 
 # -- texts and addresses ---------------------------------------------------------------------------------------------

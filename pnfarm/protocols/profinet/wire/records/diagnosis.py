@@ -5,25 +5,15 @@ An item begins with its UserStructureIdentifier (USI) in an alarm; in DiagnosisD
 items of its kind.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import Annotated, Any, ClassVar
 
-from pnfarm.protocols.profinet.wire.block import (
-    VERSION_1_0,
-    VERSION_1_1,
-    BlockType,
-    RawBlock,
-    check_type,
-    emit_raw_block,
-    parse_raw_block,
-)
+from pnfarm.protocols.profinet.wire.block import VERSION_1_0, VERSION_1_1, Block, BlockType
+from pnfarm.wire.code import Code
+from pnfarm.wire.layout import Codec, Fixed, Outside, Pad, Rest, Structure, UInt16, UInt32, When
 from pnfarm.wire.octets import Reader, Writer
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 __all__ = [
     "WHOLE_SUBMODULE",
@@ -41,9 +31,7 @@ __all__ = [
     "Qualifier",
     "UserItem",
     "Usi",
-    "emit_diagnosis_data",
     "emit_items",
-    "parse_diagnosis_data",
     "parse_items",
 ]
 
@@ -62,22 +50,22 @@ class Usi(IntEnum):
     MAINTENANCE = 0x8100
 
 
-class Maintenance(IntEnum):
+class Maintenance(Code):
     """ChannelProperties.Maintenance, bits 9 and 10: the severity; a qualified item has it in its qualifier."""
 
     FAULT = 0
-    REQUIRED = 1
-    DEMANDED = 2
+    REQUIRED = 1, "maintenance required"
+    DEMANDED = 2, "maintenance demanded"
     QUALIFIED = 3
 
 
-class ChannelSpecifier(IntEnum):
+class ChannelSpecifier(Code):
     """ChannelProperties.Specifier, bits 11 and 12."""
 
-    ALL_DISAPPEAR = 0
+    ALL_DISAPPEAR = 0, "all gone"
     APPEARS = 1
     DISAPPEARS = 2
-    DISAPPEARS_OTHERS_REMAIN = 3
+    DISAPPEARS_OTHERS_REMAIN = 3, "disappears, others remain"
 
 
 class Direction(IntEnum):
@@ -116,7 +104,7 @@ class ChannelProperties:
     direction: int = Direction.MANUFACTURER_SPECIFIC
 
     @classmethod
-    def from_int(cls, value: int) -> ChannelProperties:
+    def from_int(cls, value: int) -> "ChannelProperties":
         return cls(value & 0xFF, bool(value >> 8 & 1), value >> 9 & 3, value >> 11 & 3, value >> 13 & 7)
 
     def __int__(self) -> int:
@@ -129,98 +117,64 @@ class ChannelProperties:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class ChannelDiagnosis:
+_Properties = Annotated[ChannelProperties, Fixed("H", ChannelProperties.from_int, int)]
+
+
+class ChannelDiagnosis(Structure):
     """USI 0x8000."""
 
-    channel: int
-    properties: ChannelProperties
-    error_type: int
-
-    @property
-    def usi(self) -> int:
-        return Usi.CHANNEL
+    usi: ClassVar[int] = Usi.CHANNEL
+    channel: UInt16
+    properties: _Properties
+    error_type: UInt16
 
 
-@dataclass(frozen=True, slots=True)
-class ExtChannelDiagnosis:
+class ExtChannelDiagnosis(Structure):
     """USI 0x8002."""
 
-    channel: int
-    properties: ChannelProperties
-    error_type: int
-    ext_error_type: int
-    ext_add_value: int
-
-    @property
-    def usi(self) -> int:
-        return Usi.EXT_CHANNEL
+    usi: ClassVar[int] = Usi.EXT_CHANNEL
+    channel: UInt16
+    properties: _Properties
+    error_type: UInt16
+    ext_error_type: UInt16
+    ext_add_value: UInt32
 
 
-@dataclass(frozen=True, slots=True)
-class QualifiedChannelDiagnosis:
+class QualifiedChannelDiagnosis(Structure):
     """USI 0x8003; ``qualifier`` holds bits of :class:`Qualifier`."""
 
-    channel: int
-    properties: ChannelProperties
-    error_type: int
-    ext_error_type: int
-    ext_add_value: int
-    qualifier: int
-
-    @property
-    def usi(self) -> int:
-        return Usi.QUALIFIED_CHANNEL
+    usi: ClassVar[int] = Usi.QUALIFIED_CHANNEL
+    channel: UInt16
+    properties: _Properties
+    error_type: UInt16
+    ext_error_type: UInt16
+    ext_add_value: UInt32
+    qualifier: UInt32
 
 
-@dataclass(frozen=True, slots=True)
-class MaintenanceItem:
+class MaintenanceItem(Block, types=BlockType.MAINTENANCE_ITEM, inner=True):
     """USI 0x8100: block 0x0F00 with the submodule's MaintenanceStatus; precedes the items of an alarm."""
 
-    status: int
-    version: int = VERSION_1_0
-
-    @property
-    def usi(self) -> int:
-        return Usi.MAINTENANCE
+    usi: ClassVar[int] = Usi.MAINTENANCE
+    status: Annotated[UInt32, Pad(2)]
+    version: Outside[int] = VERSION_1_0
 
 
-@dataclass(frozen=True, slots=True)
-class UserItem:
+class UserItem(Structure):
     """An item of a manufacturer's USI, or of one without a codec here: octets up to the end."""
 
-    usi: int
-    data: bytes
+    usi: Outside[int]
+    data: Rest
 
 
 DiagnosisItem = ChannelDiagnosis | ExtChannelDiagnosis | QualifiedChannelDiagnosis | MaintenanceItem | UserItem
-
-
-def _read_channel(r: Reader) -> tuple[int, ChannelProperties, int]:
-    return r.u16(), ChannelProperties.from_int(r.u16()), r.u16()
-
-
-def _read_maintenance(r: Reader) -> MaintenanceItem:
-    block = parse_raw_block(r)
-    body = check_type(block, BlockType.MAINTENANCE_ITEM)
-    body.skip(2)
-    value = MaintenanceItem(body.u32(), block.version)
-    body.expect_end()
-    return value
+_KINDS: dict[int, type[DiagnosisItem]] = {
+    kind.usi: kind for kind in (ChannelDiagnosis, ExtChannelDiagnosis, QualifiedChannelDiagnosis, MaintenanceItem)
+}
 
 
 def _read_item(r: Reader, usi: int) -> DiagnosisItem:
-    match usi:
-        case Usi.CHANNEL:
-            return ChannelDiagnosis(*_read_channel(r))
-        case Usi.EXT_CHANNEL:
-            return ExtChannelDiagnosis(*_read_channel(r), r.u16(), r.u32())
-        case Usi.QUALIFIED_CHANNEL:
-            return QualifiedChannelDiagnosis(*_read_channel(r), r.u16(), r.u32(), r.u32())
-        case Usi.MAINTENANCE:
-            return _read_maintenance(r)
-        case _:
-            return UserItem(usi, r.rest())
+    return _KINDS[usi].read(r) if usi in _KINDS else UserItem(usi, r.rest())
 
 
 def parse_items(data: bytes, usi: int = Usi.CHANNEL) -> tuple[DiagnosisItem, ...]:
@@ -232,65 +186,41 @@ def parse_items(data: bytes, usi: int = Usi.CHANNEL) -> tuple[DiagnosisItem, ...
     return tuple(items)
 
 
-def _emit_item(item: DiagnosisItem) -> bytes:
-    if isinstance(item, UserItem):
-        return item.data
-    w = Writer()
-    if isinstance(item, MaintenanceItem):
-        body = w.zeros(2).u32(item.status).getvalue()
-        return emit_raw_block(RawBlock(BlockType.MAINTENANCE_ITEM, body, item.version))
-    w.u16(item.channel).u16(int(item.properties)).u16(item.error_type)
-    if not isinstance(item, ChannelDiagnosis):
-        w.u16(item.ext_error_type).u32(item.ext_add_value)
-    if isinstance(item, QualifiedChannelDiagnosis):
-        w.u32(item.qualifier)
-    return w.getvalue()
-
-
 def emit_items(items: Iterable[DiagnosisItem]) -> list[tuple[int, bytes]]:
     """Each item as an alarm carries it: its USI and what follows the USI."""
-    return [(item.usi, _emit_item(item)) for item in items]
+    return [(item.usi, item.emit()) for item in items]
 
 
-@dataclass(frozen=True, slots=True)
-class DiagnosisData:
+class _Items(Codec):
+    def read(self, r: Reader, values: Mapping[str, Any]) -> tuple[DiagnosisItem, ...]:
+        return parse_items(r.rest(), values["usi"])
+
+    def write(self, w: Writer, value: Iterable[DiagnosisItem]) -> None:
+        for item in value:
+            item.write(w)
+
+
+class DiagnosisData(Block, types=BlockType.DIAGNOSIS_DATA):
     """0x0010: items of one submodule and of one USI.  Version 1.0 names no API, which is then 0.
 
     ``channel`` and ``properties`` sum up channel-coded items (the whole submodule); for a manufacturer's item, which
     names no channel of its own, they say where it is.
     """
 
-    api: int
-    slot: int
-    subslot: int
-    channel: int
-    properties: ChannelProperties
-    usi: int
-    items: tuple[DiagnosisItem, ...]
-    version: int = VERSION_1_1
+    api: Annotated[UInt32, When(lambda block: block["version"] & 0xFF != VERSION_1_0 & 0xFF, 0)]
+    slot: UInt16
+    subslot: UInt16
+    channel: UInt16
+    properties: _Properties
+    usi: UInt16
+    items: Annotated[tuple[DiagnosisItem, ...], _Items()]
+    version: Outside[int] = VERSION_1_1
 
-
-def _names_api(version: int) -> bool:
-    return version & 0xFF != VERSION_1_0 & 0xFF
-
-
-def parse_diagnosis_data(block: RawBlock) -> DiagnosisData:
-    r = check_type(block, BlockType.DIAGNOSIS_DATA)
-    api = r.u32() if _names_api(block.version) else 0
-    slot, subslot, channel, properties, usi = r.u16(), r.u16(), r.u16(), ChannelProperties.from_int(r.u16()), r.u16()
-    return DiagnosisData(api, slot, subslot, channel, properties, usi, parse_items(r.rest(), usi), block.version)
-
-
-def emit_diagnosis_data(value: DiagnosisData) -> bytes:
-    """Raises :class:`ValueError` for version 1.0 with another API than 0, and for items of another USI."""
-    w = Writer()
-    if _names_api(value.version):
-        w.u32(value.api)
-    elif value.api:
-        raise ValueError("version 1.0 of DiagnosisData is for API 0")
-    w.u16(value.slot).u16(value.subslot).u16(value.channel).u16(int(value.properties)).u16(value.usi)
-    for usi, data in emit_items(value.items):
-        if usi != value.usi:
-            raise ValueError(f"an item of USI 0x{usi:04X} in a block of USI 0x{value.usi:04X}")
-        w.bytes(data)
-    return emit_raw_block(RawBlock(BlockType.DIAGNOSIS_DATA, w.getvalue(), value.version))
+    def write_body(self, w: Writer) -> None:
+        """Raises :class:`ValueError` for version 1.0 with another API than 0, and for items of another USI."""
+        if self.api and self.version & 0xFF == VERSION_1_0 & 0xFF:
+            raise ValueError("version 1.0 of DiagnosisData is for API 0")
+        for item in self.items:
+            if item.usi != self.usi:
+                raise ValueError(f"an item of USI 0x{item.usi:04X} in a block of USI 0x{self.usi:04X}")
+        super().write_body(w)

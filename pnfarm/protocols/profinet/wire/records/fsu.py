@@ -4,27 +4,11 @@ The block of either holds others.  Those that say when to send Hello (FSHelloBlo
 controller writes (FSParameterBlock) are decoded; the rest is kept as it stands.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Annotated
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.block import (
-    VERSION_1_0,
-    BlockType,
-    RawBlock,
-    check_type,
-    emit_raw_block,
-    parse_raw_block,
-    read_uuid,
-    split_blocks,
-    write_uuid,
-)
-from pnfarm.wire.octets import Writer
-
-if TYPE_CHECKING:
-    from uuid import UUID
+from pnfarm.protocols.profinet.wire.block import VERSION_1_0, Block, Blocks, BlockType, RawBlock, split_blocks
+from pnfarm.wire.layout import Outside, Pad, UInt32, Uuid
 
 __all__ = [
     "FSU_DATA_ADJUST_INDEX",
@@ -32,36 +16,28 @@ __all__ = [
     "FsHello",
     "FsParameter",
     "FsuDataAdjust",
-    "emit_ar_fsu_data_adjust",
-    "emit_fsu_data_adjust",
-    "parse_ar_fsu_data_adjust",
     "parse_fsu_data_adjust",
 ]
 
 #: Record index of PDInterfaceFSUDataAdjust.
 FSU_DATA_ADJUST_INDEX = 0x8090
-_FS_HELLO = 0x0600
-_FS_PARAMETER = 0x0601
-_FSU_DATA_ADJUST = 0x0608
 
 
-@dataclass(frozen=True, slots=True)
-class FsHello:
+class FsHello(Block, types=0x0600, inner=True):
     """FSHelloBlock: ``mode`` 0 off, 1 at link-up, 2 at link-up after the delay; times in milliseconds."""
 
-    mode: int
-    interval_ms: int
-    retry: int
-    delay_ms: int
-    version: int = VERSION_1_0
+    mode: Annotated[UInt32, Pad(2)]
+    interval_ms: UInt32
+    retry: UInt32
+    delay_ms: UInt32
+    version: Outside[int] = VERSION_1_0
 
 
-@dataclass(frozen=True, slots=True)
-class FsuDataAdjust:
+class FsuDataAdjust(Block, types=0x0608, inner=True):
     """The record; ``blocks`` in their order."""
 
-    blocks: tuple[FsHello | RawBlock, ...]
-    version: int = VERSION_1_0
+    blocks: Annotated[tuple[FsHello | RawBlock, ...], Pad(2), Blocks(FsHello)]
+    version: Outside[int] = VERSION_1_0
 
     @property
     def hello(self) -> FsHello | None:
@@ -74,77 +50,19 @@ def parse_fsu_data_adjust(data: bytes) -> FsuDataAdjust:
     raw = split_blocks(data)
     if len(raw) != 1:
         raise DecodeError("bad-length", f"{len(raw)} blocks in a record of one")
-    block = raw[0]
-    reader = check_type(block, _FSU_DATA_ADJUST)
-    reader.skip(2)
-    blocks: list[FsHello | RawBlock] = []
-    while reader.remaining:
-        inner = parse_raw_block(reader)
-        blocks.append(_parse_fs_hello(inner) if inner.block_type == _FS_HELLO else inner)
-    return FsuDataAdjust(tuple(blocks), block.version)
+    return FsuDataAdjust.of(raw[0])
 
 
-def emit_fsu_data_adjust(record: FsuDataAdjust) -> bytes:
-    """The record's octets; :class:`ValueError` when a field does not fit."""
-    body = Writer().u16(0)
-    for block in record.blocks:
-        body.bytes(emit_raw_block(_emit_fs_hello(block) if isinstance(block, FsHello) else block))
-    return emit_raw_block(RawBlock(_FSU_DATA_ADJUST, body.getvalue(), record.version))
-
-
-def _parse_fs_hello(block: RawBlock) -> FsHello:
-    reader = check_type(block, _FS_HELLO)
-    reader.skip(2)
-    return FsHello(reader.u32(), reader.u32(), reader.u32(), reader.u32(), block.version)
-
-
-def _emit_fs_hello(hello: FsHello) -> RawBlock:
-    body = Writer().u16(0).u32(hello.mode).u32(hello.interval_ms).u32(hello.retry).u32(hello.delay_ms)
-    return RawBlock(_FS_HELLO, body.getvalue(), hello.version)
-
-
-@dataclass(frozen=True, slots=True)
-class FsParameter:
+class FsParameter(Block, types=0x0601, inner=True):
     """FSParameterBlock: ``mode`` 1 = on; ``uuid`` changes with the parameters."""
 
-    mode: int
-    uuid: UUID
-    version: int = VERSION_1_0
+    mode: Annotated[UInt32, Pad(2)]
+    uuid: Uuid
+    version: Outside[int] = VERSION_1_0
 
 
-@dataclass(frozen=True, slots=True)
-class ArFsuDataAdjust:
+class ArFsuDataAdjust(Block, types=BlockType.AR_FSU_DATA_ADJUST):
     """0x0609, on its own the record 0xE050; ``blocks`` in their order."""
 
-    blocks: tuple[FsParameter | RawBlock, ...]
-    version: int = VERSION_1_0
-
-
-def parse_ar_fsu_data_adjust(block: RawBlock) -> ArFsuDataAdjust:
-    reader = check_type(block, BlockType.AR_FSU_DATA_ADJUST)
-    reader.skip(2)
-    blocks: list[FsParameter | RawBlock] = []
-    while reader.remaining:
-        inner = parse_raw_block(reader)
-        blocks.append(_parse_fs_parameter(inner) if inner.block_type == _FS_PARAMETER else inner)
-    return ArFsuDataAdjust(tuple(blocks), block.version)
-
-
-def emit_ar_fsu_data_adjust(value: ArFsuDataAdjust) -> bytes:
-    body = Writer().zeros(2)
-    for block in value.blocks:
-        body.bytes(emit_raw_block(_emit_fs_parameter(block) if isinstance(block, FsParameter) else block))
-    return emit_raw_block(RawBlock(BlockType.AR_FSU_DATA_ADJUST, body.getvalue(), value.version))
-
-
-def _parse_fs_parameter(block: RawBlock) -> FsParameter:
-    reader = check_type(block, _FS_PARAMETER)
-    reader.skip(2)
-    value = FsParameter(reader.u32(), read_uuid(reader), block.version)
-    reader.expect_end()
-    return value
-
-
-def _emit_fs_parameter(value: FsParameter) -> RawBlock:
-    body = write_uuid(Writer().zeros(2).u32(value.mode), value.uuid)
-    return RawBlock(_FS_PARAMETER, body.getvalue(), value.version)
+    blocks: Annotated[tuple[FsParameter | RawBlock, ...], Pad(2), Blocks(FsParameter)]
+    version: Outside[int] = VERSION_1_0

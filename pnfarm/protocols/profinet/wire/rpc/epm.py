@@ -7,28 +7,17 @@ The arguments follow the header's data representation.  A tower is little-endian
 the address, which are in network order.
 """
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING, Final
+from typing import Final
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.wire.rpc.pdu import (
-    NIL_UUID,
-    read_u16,
-    read_u32,
-    read_uuid,
-    write_u16,
-    write_u32,
-    write_uuid,
-)
+from pnfarm.protocols.profinet.wire.rpc.pdu import NIL_UUID
+from pnfarm.wire.layout import List16, Octets16, Structure, UInt32, Uuid
 from pnfarm.wire.octets import Reader, Writer
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 __all__ = [
     "ANNOTATION_LENGTH",
@@ -39,20 +28,16 @@ __all__ = [
     "EntryHandle",
     "EpmOpnum",
     "EptEntry",
-    "Floor",
+    "HandleFreed",
     "Inquiry",
     "LookupRequest",
     "LookupResponse",
     "Tower",
     "VersionOption",
     "annotation",
-    "emit_handle",
-    "emit_handle_freed",
     "emit_lookup_request",
     "emit_lookup_response",
     "emit_tower",
-    "parse_handle",
-    "parse_handle_freed",
     "parse_lookup_request",
     "parse_lookup_response",
     "parse_tower",
@@ -134,13 +119,15 @@ def _annotation_octets(text: str) -> bytes:
 # --- protocol tower (C706 appendix L) ------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Floor:
-    """One floor as on the wire: the protocol's octet and what each side holds beyond it."""
+class _Floor(Structure):
+    """One floor as on the wire: ``left`` begins with the protocol's octet."""
 
-    protocol: int
-    left: bytes
-    right: bytes
+    left: Octets16
+    right: Octets16
+
+
+class _Floors(Structure, little=True):
+    floors: List16[_Floor]
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,38 +143,23 @@ class Tower:
 
 def emit_tower(tower: Tower) -> bytes:
     """75 octets."""
+    interface = tower.interface.bytes_le + tower.version.to_bytes(2, "little")
     rows = (
-        (_Protocol.UUID, tower.interface.bytes_le + tower.version.to_bytes(2, "little"), tower.version_minor),
-        (_Protocol.UUID, NDR_UUID.bytes_le + NDR_VERSION.to_bytes(2, "little"), 0),
-        (_Protocol.NCADG, b"", 0),
+        (_Protocol.UUID, interface, tower.version_minor.to_bytes(2, "little")),
+        (_Protocol.UUID, NDR_UUID.bytes_le + NDR_VERSION.to_bytes(2, "little"), bytes(2)),
+        (_Protocol.NCADG, b"", bytes(2)),
+        (_Protocol.DOD_UDP, b"", tower.port.to_bytes(2, "big")),
+        (_Protocol.DOD_IP, b"", tower.address.packed),
     )
-    floors = [Floor(protocol, left, minor.to_bytes(2, "little")) for protocol, left, minor in rows]
-    floors.append(Floor(_Protocol.DOD_UDP, b"", tower.port.to_bytes(2, "big")))
-    floors.append(Floor(_Protocol.DOD_IP, b"", tower.address.packed))
-    writer = Writer().u16le(len(floors))
-    for floor in floors:
-        writer.u16le(1 + len(floor.left)).u8(floor.protocol).bytes(floor.left)
-        writer.u16le(len(floor.right)).bytes(floor.right)
-    return writer.getvalue()
-
-
-def _floors(octets: bytes) -> list[Floor]:
-    reader = Reader(octets)
-    floors = []
-    for _ in range(reader.u16le()):
-        left = reader.bytes(reader.u16le())
-        right = reader.bytes(reader.u16le())
-        if not left:
-            raise DecodeError("bad-tower", "a floor without a protocol")
-        floors.append(Floor(left[0], left[1:], right))
-    reader.expect_end()
-    return floors
+    return _Floors(tuple(_Floor(bytes((protocol,)) + left, right) for protocol, left, right in rows)).emit()
 
 
 def parse_tower(octets: bytes) -> Tower:
     """Read a tower of connectionless RPC over UDP; any other is a :class:`DecodeError` (``bad-tower``)."""
-    floors = _floors(octets)
-    shape = [(floor.protocol, len(floor.left), len(floor.right)) for floor in floors]
+    floors = _Floors.parse(octets).floors
+    if not all(floor.left for floor in floors):
+        raise DecodeError("bad-tower", "a floor without a protocol")
+    shape = [(floor.left[0], len(floor.left) - 1, len(floor.right)) for floor in floors]
     wanted = [
         (_Protocol.UUID, 18, 2),
         (_Protocol.UUID, 18, 2),
@@ -197,12 +169,12 @@ def parse_tower(octets: bytes) -> Tower:
     ]
     if shape != wanted:
         raise DecodeError("bad-tower", f"floors {shape}")
-    interface, transfer = (UUID(bytes_le=floors[row].left[:16]) for row in (0, 1))
+    interface, transfer = (UUID(bytes_le=floors[row].left[1:17]) for row in (0, 1))
     if transfer != NDR_UUID:
         raise DecodeError("bad-tower", f"transfer syntax {transfer} is not NDR")
     return Tower(
         interface,
-        int.from_bytes(floors[0].left[16:], "little"),
+        int.from_bytes(floors[0].left[17:], "little"),
         int.from_bytes(floors[3].right, "big"),
         IPv4Address(floors[4].right),
         int.from_bytes(floors[0].right, "little"),
@@ -212,12 +184,11 @@ def parse_tower(octets: bytes) -> Tower:
 # --- lookup (C706 appendix O, ept_lookup) ----------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class EntryHandle:
+class EntryHandle(Structure):
     """A context handle: the position of the listing."""
 
-    attributes: int
-    uuid: UUID
+    attributes: UInt32
+    uuid: Uuid
 
 
 NIL_HANDLE: Final = EntryHandle(0, NIL_UUID)
@@ -266,81 +237,62 @@ def parse_lookup_request(stub: bytes, *, little_endian: bool) -> LookupRequest:
     In the 76 octets that IEC 61158-6-10 lists, both UUIDs are present whatever their references say; any other
     length is plain NDR, where a null reference leaves its UUID out.
     """
-    little = little_endian
-    reader = Reader(stub)
+    reader = Reader(stub, little_endian)
     fixed = len(stub) == _FIXED_LENGTH
-    inquiry = read_u32(reader, little=little)
-    object_ = read_uuid(reader, little=little) if read_u32(reader, little=little) or fixed else None
+    inquiry = reader.u32()
+    object_ = reader.uuid() if reader.u32() or fixed else None
     interface, major, minor = None, 0, 0
-    if read_u32(reader, little=little) or fixed:
-        interface = read_uuid(reader, little=little)
-        major, minor = read_u16(reader, little=little), read_u16(reader, little=little)
-    option = read_u32(reader, little=little)
-    handle = _read_handle(reader, little=little)
-    max_entries = read_u32(reader, little=little)
+    if reader.u32() or fixed:
+        interface = reader.uuid()
+        major, minor = reader.u16(), reader.u16()
+    option = reader.u32()
+    handle = EntryHandle.read(reader)
+    max_entries = reader.u32()
     reader.expect_end()
     return LookupRequest(inquiry, object_, interface, major, minor, option, handle, max_entries)
 
 
 def emit_lookup_request(request: LookupRequest, *, little_endian: bool) -> bytes:
-    little = little_endian
-    writer = Writer()
-    write_u32(writer, request.inquiry, little=little)
-    write_u32(writer, 0 if request.object_uuid is None else _OBJECT_REFERENCE, little=little)
+    writer = Writer(little_endian).u32(request.inquiry)
+    writer.u32(0 if request.object_uuid is None else _OBJECT_REFERENCE)
     if request.object_uuid is not None:
-        write_uuid(writer, request.object_uuid, little=little)
-    write_u32(writer, 0 if request.interface is None else _INTERFACE_REFERENCE, little=little)
+        writer.uuid(request.object_uuid)
+    writer.u32(0 if request.interface is None else _INTERFACE_REFERENCE)
     if request.interface is not None:
-        write_uuid(writer, request.interface, little=little)
-        write_u16(writer, request.version_major, little=little)
-        write_u16(writer, request.version_minor, little=little)
-    write_u32(writer, request.version_option, little=little)
-    _write_handle(writer, request.handle, little=little)
-    write_u32(writer, request.max_entries, little=little)
-    return writer.getvalue()
+        writer.uuid(request.interface).u16(request.version_major).u16(request.version_minor)
+    writer.u32(request.version_option)
+    request.handle.write(writer)
+    return writer.u32(request.max_entries).getvalue()
 
 
 def parse_lookup_response(stub: bytes, *, little_endian: bool) -> LookupResponse:
     """Read the answer to lookup; towers follow the array of entries, as NDR defers what pointers point to."""
-    little = little_endian
-    reader = Reader(stub)
-    handle = _read_handle(reader, little=little)
-    number, maximum, offset, actual = (read_u32(reader, little=little) for _ in range(4))
+    reader = Reader(stub, little_endian)
+    handle = EntryHandle.read(reader)
+    number, maximum, offset, actual = (reader.u32() for _ in range(4))
     if offset or actual != number or actual > min(maximum, MAX_ENTRIES):
         raise DecodeError("bad-length", f"{number} entries, counts {maximum}, {offset}, {actual}")
-    heads = [_read_entry(reader, little=little) for _ in range(actual)]
-    entries = tuple(EptEntry(object_, _read_tower(reader, little=little), text) for object_, text in heads)
+    heads = [_read_entry(reader) for _ in range(actual)]
+    entries = tuple(EptEntry(object_, _read_tower(reader), text) for object_, text in heads)
     reader.align(4)
-    status = read_u32(reader, little=little)
+    status = reader.u32()
     reader.expect_end()
     return LookupResponse(handle, entries, maximum, status)
 
 
 def emit_lookup_response(response: LookupResponse, *, little_endian: bool) -> bytes:
-    little = little_endian
-    writer = Writer()
-    _write_handle(writer, response.handle, little=little)
+    writer = Writer(little_endian)
+    response.handle.write(writer)
     number = len(response.entries)
-    for word in (number, response.max_entries, 0, number):
-        write_u32(writer, word, little=little)
-    _write_entries(writer, response.entries, little=little)
-    write_u32(writer.align(4), response.status, little=little)
-    return writer.getvalue()
+    writer.u32(number).u32(response.max_entries).u32(0).u32(number)
+    _write_entries(writer, response.entries)
+    return writer.align(4).u32(response.status).getvalue()
 
 
-def _read_handle(reader: Reader, *, little: bool) -> EntryHandle:
-    return EntryHandle(read_u32(reader, little=little), read_uuid(reader, little=little))
-
-
-def _write_handle(writer: Writer, handle: EntryHandle, *, little: bool) -> None:
-    write_u32(writer, handle.attributes, little=little)
-    write_uuid(writer, handle.uuid, little=little)
-
-
-def _read_entry(reader: Reader, *, little: bool) -> tuple[UUID, str]:
+def _read_entry(reader: Reader) -> tuple[UUID, str]:
     reader.align(4)
-    object_ = read_uuid(reader, little=little)
-    reference, offset, length = (read_u32(reader, little=little) for _ in range(3))
+    object_ = reader.uuid()
+    reference, offset, length = (reader.u32() for _ in range(3))
     if not reference:
         raise DecodeError("bad-tower", "an entry without a tower")
     if offset or length > ANNOTATION_LENGTH:
@@ -348,54 +300,28 @@ def _read_entry(reader: Reader, *, little: bool) -> tuple[UUID, str]:
     return object_, reader.bytes(length).split(b"\0", 1)[0].decode("latin-1")
 
 
-def _read_tower(reader: Reader, *, little: bool) -> Tower:
+def _read_tower(reader: Reader) -> Tower:
     reader.align(4)
-    maximum, length = read_u32(reader, little=little), read_u32(reader, little=little)
+    maximum, length = reader.u32(), reader.u32()
     if maximum != length:
         raise DecodeError("bad-length", f"tower of {length} octets, {maximum} announced")
     return parse_tower(reader.bytes(length))
 
 
-def _write_entries(writer: Writer, entries: Sequence[EptEntry], *, little: bool) -> None:
+def _write_entries(writer: Writer, entries: Sequence[EptEntry]) -> None:
     for row, entry in enumerate(entries):
-        write_uuid(writer.align(4), entry.object_uuid, little=little)
-        for word in (_TOWER_REFERENCE + row, 0, ANNOTATION_LENGTH):
-            write_u32(writer, word, little=little)
+        writer.align(4).uuid(entry.object_uuid).u32(_TOWER_REFERENCE + row).u32(0).u32(ANNOTATION_LENGTH)
         writer.bytes(_annotation_octets(entry.annotation))
     for entry in entries:
         octets = emit_tower(entry.tower)
-        for word in (len(octets), len(octets)):
-            write_u32(writer.align(4), word, little=little)
-        writer.bytes(octets)
+        writer.align(4).u32(len(octets)).u32(len(octets)).bytes(octets)
 
 
-# --- lookup-handle-free (C706 appendix O) ------------------------------------------------------------------------
+# --- lookup-handle-free (C706 appendix O), whose arguments are the handle alone ----------------------------------
 
 
-def parse_handle(stub: bytes, *, little_endian: bool) -> EntryHandle:
-    """The arguments of lookup-handle-free: the handle alone."""
-    reader = Reader(stub)
-    handle = _read_handle(reader, little=little_endian)
-    reader.expect_end()
-    return handle
-
-
-def emit_handle(handle: EntryHandle, *, little_endian: bool) -> bytes:
-    writer = Writer()
-    _write_handle(writer, handle, little=little_endian)
-    return writer.getvalue()
-
-
-def parse_handle_freed(stub: bytes, *, little_endian: bool) -> tuple[EntryHandle, int]:
+class HandleFreed(Structure):
     """The answer to lookup-handle-free: the handle, now nil, and the status."""
-    reader = Reader(stub)
-    handle, status = _read_handle(reader, little=little_endian), read_u32(reader, little=little_endian)
-    reader.expect_end()
-    return handle, status
 
-
-def emit_handle_freed(handle: EntryHandle, status: int, *, little_endian: bool) -> bytes:
-    writer = Writer()
-    _write_handle(writer, handle, little=little_endian)
-    write_u32(writer, status, little=little_endian)
-    return writer.getvalue()
+    handle: EntryHandle
+    status: UInt32

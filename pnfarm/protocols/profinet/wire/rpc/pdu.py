@@ -8,8 +8,6 @@ nibble of the first octet is 0, little-endian when it is 1.  The blocks inside o
 big-endian always and stay opaque here.
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag
@@ -18,6 +16,8 @@ from typing import Final
 from uuid import UUID
 
 from pnfarm.errors import DecodeError
+from pnfarm.wire.code import Code
+from pnfarm.wire.layout import Structure, UInt8
 from pnfarm.wire.octets import Reader, Writer, pack
 
 __all__ = [
@@ -52,13 +52,7 @@ __all__ = [
     "parse_response_args",
     "parse_rpc",
     "parse_status",
-    "read_u16",
-    "read_u32",
-    "read_uuid",
     "status_name",
-    "write_u16",
-    "write_u32",
-    "write_uuid",
 ]
 
 RPC_PORT: Final = 0x8894
@@ -131,7 +125,7 @@ class Opnum(IntEnum):
     READ_IMPLICIT = 5
 
 
-class NcaStatus(IntEnum):
+class NcaStatus(Code):
     """Status codes of reject and fault bodies (C706 appendix E)."""
 
     FAULT_INVALID_BOUND = 0x1C000007
@@ -162,10 +156,8 @@ class NcaStatus(IntEnum):
 
 def status_name(code: int) -> str:
     """The name C706 gives to a reject or fault status, such as ``nca_unk_if``; the number where it has none."""
-    try:
-        return f"nca_{NcaStatus(code).name.lower()}"
-    except ValueError:
-        return f"0x{code:08x}"
+    known = NcaStatus.find(code)
+    return f"0x{code:08x}" if known is None else f"nca_{known.name.lower()}"
 
 
 def object_uuid(instance: int, device_id: int, vendor_id: int) -> UUID:
@@ -179,43 +171,10 @@ def drep(*, little_endian: bool) -> bytes:
     return DREP_LITTLE if little_endian else DREP_BIG
 
 
-# --- numbers in the order that the header announces --------------------------------------------------------
-
-
-def read_u16(reader: Reader, *, little: bool) -> int:
-    return reader.u16le() if little else reader.u16()
-
-
-def read_u32(reader: Reader, *, little: bool) -> int:
-    return reader.u32le() if little else reader.u32()
-
-
-def read_uuid(reader: Reader, *, little: bool) -> UUID:
-    return _uuid(reader.bytes(16), little=little)
-
-
 @lru_cache(4096)
 def _uuid(octets: bytes, *, little: bool) -> UUID:
     """Interfaces, objects and activities come in each PDU of a call."""
     return UUID(bytes_le=octets) if little else UUID(bytes=octets)
-
-
-def write_u16(writer: Writer, value: int, *, little: bool) -> None:
-    if little:
-        writer.u16le(value)
-    else:
-        writer.u16(value)
-
-
-def write_u32(writer: Writer, value: int, *, little: bool) -> None:
-    if little:
-        writer.u32le(value)
-    else:
-        writer.u32(value)
-
-
-def write_uuid(writer: Writer, value: UUID, *, little: bool) -> None:
-    writer.bytes(value.bytes_le if little else value.bytes)
 
 
 _LAYOUT: Final = "4B3sB16s16s16s3I5H2B"
@@ -354,14 +313,13 @@ def emit_rpc(pdu: RpcPdu, *, server_boot_time: int | None = None) -> bytes:
 # --- PNIOStatus (IEC 61158-6-10, 5.2.6) --------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class PnioStatus:
+class PnioStatus(Structure):
     """What an operation ended with; four octets, ``error_code`` the most significant of the NDR integer."""
 
-    error_code: int = 0
-    error_decode: int = 0
-    error_code1: int = 0
-    error_code2: int = 0
+    error_code: UInt8 = 0
+    error_decode: UInt8 = 0
+    error_code1: UInt8 = 0
+    error_code2: UInt8 = 0
 
     @property
     def ok(self) -> bool:
@@ -371,7 +329,7 @@ class PnioStatus:
         return self.error_code << 24 | self.error_decode << 16 | self.error_code1 << 8 | self.error_code2
 
     @classmethod
-    def from_int(cls, value: int) -> PnioStatus:
+    def from_int(cls, value: int) -> "PnioStatus":
         return cls(value >> 24 & 0xFF, value >> 16 & 0xFF, value >> 8 & 0xFF, value & 0xFF)
 
 
@@ -433,9 +391,9 @@ class ResponseArgs:
     offset: int = 0
 
 
-def _read_array(reader: Reader, *, little: bool) -> tuple[int, bytes]:
+def _read_array(reader: Reader) -> tuple[int, bytes]:
     """ArgsLength, then the NDR conformant varying array; answers MaximumCount and the octets."""
-    length, maximum, offset, actual = (read_u32(reader, little=little) for _ in range(4))
+    length, maximum, offset, actual = (reader.u32() for _ in range(4))
     if offset:
         raise DecodeError("bad-offset", f"array offset {offset}, 0 is expected")
     if actual != reader.remaining:
@@ -447,44 +405,37 @@ def _read_array(reader: Reader, *, little: bool) -> tuple[int, bytes]:
     return maximum, reader.rest()
 
 
-def _write_array(writer: Writer, args: RequestArgs | ResponseArgs, maximum: int, *, little: bool) -> None:
+def _emit_args(first: int, maximum: int, args: RequestArgs | ResponseArgs, *, little: bool) -> bytes:
     size = len(args.payload)
     length = size if args.args_length is None else args.args_length
     actual = size if args.actual_count is None else args.actual_count
-    for word in (length, maximum, args.offset, actual):
-        write_u32(writer, word, little=little)
-    writer.bytes(args.payload)
+    writer = Writer(little).u32(first).u32(length).u32(maximum).u32(args.offset).u32(actual)
+    return writer.bytes(args.payload).getvalue()
 
 
 def parse_request_args(stub: bytes, *, little_endian: bool) -> RequestArgs:
     """Read the stub of a request; ``short``, ``bad-offset`` or ``bad-length`` where it contradicts itself."""
-    reader = Reader(stub)
-    args_maximum = read_u32(reader, little=little_endian)
-    maximum, payload = _read_array(reader, little=little_endian)
+    reader = Reader(stub, little_endian)
+    args_maximum = reader.u32()
+    maximum, payload = _read_array(reader)
     return RequestArgs(args_maximum, payload, None if maximum == args_maximum else maximum)
 
 
 def emit_request_args(args: RequestArgs, *, little_endian: bool) -> bytes:
-    writer = Writer()
-    write_u32(writer, args.args_maximum, little=little_endian)
     maximum = args.args_maximum if args.maximum_count is None else args.maximum_count
-    _write_array(writer, args, maximum, little=little_endian)
-    return writer.getvalue()
+    return _emit_args(args.args_maximum, maximum, args, little=little_endian)
 
 
 def parse_response_args(stub: bytes, *, little_endian: bool) -> ResponseArgs:
     """Read the stub of a response; ``short``, ``bad-offset`` or ``bad-length`` where it contradicts itself."""
-    reader = Reader(stub)
-    status = PnioStatus.from_int(read_u32(reader, little=little_endian))
-    maximum, payload = _read_array(reader, little=little_endian)
+    reader = Reader(stub, little_endian)
+    status = PnioStatus.from_int(reader.u32())
+    maximum, payload = _read_array(reader)
     return ResponseArgs(status, payload, maximum)
 
 
 def emit_response_args(args: ResponseArgs, *, little_endian: bool) -> bytes:
-    writer = Writer()
-    write_u32(writer, int(args.status), little=little_endian)
-    _write_array(writer, args, args.maximum_count, little=little_endian)
-    return writer.getvalue()
+    return _emit_args(int(args.status), args.maximum_count, args, little=little_endian)
 
 
 # --- bodies of reject and fault (C706 12.5.3.6, 12.5.3.10) ---------------------------------------------------
@@ -492,10 +443,8 @@ def emit_response_args(args: ResponseArgs, *, little_endian: bool) -> bytes:
 
 def parse_status(body: bytes, *, little_endian: bool) -> int:
     """The status of a reject or fault; what some stacks append to it is ignored, as C706 asks."""
-    return read_u32(Reader(body), little=little_endian)
+    return Reader(body, little_endian).u32()
 
 
 def emit_status(status: int, *, little_endian: bool) -> bytes:
-    writer = Writer()
-    write_u32(writer, status, little=little_endian)
-    return writer.getvalue()
+    return Writer(little_endian).u32(status).getvalue()

@@ -1,0 +1,160 @@
+"""``pnfarm io``: the signals of a running farm's devices."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
+
+from pnfarm.cli.completion import complete_signal
+from pnfarm.errors import ConfigError
+from pnfarm.terminal import client
+from pnfarm.terminal.output import print_json, print_line, print_table
+from pnfarm.terminal.partial import raise_for_missing
+from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption
+from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from pnfarm.terminal.client import FarmClient
+
+__all__ = ["io"]
+
+#: Between two looks of --watch.
+WATCH_SECONDS = 0.05
+
+
+class _Wanted(NamedTuple):
+    """One word of the command line; ``signal`` empty: all of the station, ``value`` None: only read."""
+
+    station: str
+    signal: str = ""
+    value: str | None = None
+
+
+def io(
+    words: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="STATION[.SIGNAL[=VALUE]]...",
+            help="A device, one of its signals, or a signal's new value; default: all of them.",
+            show_default=False,
+            autocompletion=complete_signal,
+        ),
+    ] = None,
+    watch: Annotated[bool, typer.Option("--watch", help="Follow what changes until Ctrl-C.")] = False,
+    output: FormatOption = Format.TABLE,
+    api: ApiOption = DEFAULT_URL,
+    token: TokenOption = None,
+) -> None:
+    """List, read, write or follow the signals of devices of the running farm.
+
+    Several values for one device are written together, all or none. Inputs of the controller can be written; its
+    outputs can only be read.
+    """
+    with client.FarmClient(api, token) as farm:
+        listed = farm.get("devices")
+        known = [str(one["name"]) for one in listed["devices"]]
+        wanted = [_parsed(word, known) for word in words or []] or [_Wanted(name) for name in known]
+        for station, values in _writes(wanted).items():
+            _write(farm, station, values)
+        found = _read(farm, wanted)
+        if watch:
+            _watch(farm, wanted, found, output)
+        elif output is Format.JSON:
+            print_json({"devices": list(found.values())})
+        elif any(one.signal for one in wanted):
+            for line in _lines(found):
+                print_line(line)
+        elif known:
+            print_table(("STATION", "SIGNAL", "DIRECTION", "TYPE", ">VALUE", "UNIT", "STATUS", "PLACE"), _rows(found))
+        else:
+            print_line("the farm has no devices")
+    raise_for_missing(listed if not words else {})
+
+
+def _parsed(word: str, known: Sequence[str]) -> _Wanted:
+    """A word; a station's name may have dots, a signal's has none."""
+    name, equals, value = word.partition("=")
+    station, dot, signal = ("", "", "") if name in known else name.rpartition(".")
+    if not dot:
+        station, signal = name, ""
+    if station not in known:
+        hint = did_you_mean(station, known)
+        raise ConfigError(
+            f"there is no device {shown(station)}{hint}; devices of this farm: {shortened(known) or 'none'}"
+        )
+    if equals and not signal:
+        raise ConfigError(f"{word}: {station} is a device; give the signal to write, {station}.SIGNAL=VALUE")
+    return _Wanted(station, signal, value if equals else None)
+
+
+def _writes(wanted: Iterable[_Wanted]) -> dict[str, dict[str, str]]:
+    """By station; raises for a signal with two values."""
+    found: dict[str, dict[str, str]] = {}
+    for station, signal, value in wanted:
+        if value is None:
+            continue
+        if signal in found.setdefault(station, {}):
+            raise ConfigError(f"{station}.{signal} is given two values")
+        found[station][signal] = value
+    return found
+
+
+def _write(farm: FarmClient, station: str, values: Mapping[str, str]) -> None:
+    try:
+        farm.patch("devices", station, "signals", body=values)
+    except ConfigError as exc:
+        raise ConfigError(f"{station}: {exc}") from exc
+
+
+def _read(farm: FarmClient, wanted: Sequence[_Wanted]) -> dict[str, dict[str, Any]]:
+    """By station, the wanted signals of it; raises for one that it does not have."""
+    found: dict[str, dict[str, Any]] = {}
+    for station in dict.fromkeys(one.station for one in wanted):
+        view = farm.get("devices", station)
+        names = {one["name"] for one in view["signals"]}
+        chosen = {one.signal for one in wanted if one.station == station}
+        for name in sorted(chosen - names - {""}):
+            hint = did_you_mean(name, names) or f"; it has {shortened(sorted(names)) or 'none'}"
+            raise ConfigError(f"{station} has no signal {shown(name)}{hint}")
+        signals = [one for one in view["signals"] if "" in chosen or one["name"] in chosen]
+        found[station] = {"device": view["name"], "signals": signals}
+    return found
+
+
+def _line(station: str, signal: Mapping[str, Any]) -> str:
+    unit = f" {signal['unit']}" if signal["unit"] else ""
+    return f"{station}.{signal['name']} = {signal['shown']}{unit}{'' if signal['good'] else ' (bad)'}"
+
+
+def _lines(found: Mapping[str, Mapping[str, Any]]) -> Iterable[str]:
+    return (_line(station, signal) for station, view in found.items() for signal in view["signals"])
+
+
+def _rows(found: Mapping[str, Mapping[str, Any]]) -> Iterable[Sequence[object]]:
+    for station, view in found.items():
+        for signal in view["signals"]:
+            status = "good" if signal["good"] else "bad"
+            what = (signal[key] for key in ("name", "direction", "type", "shown", "unit"))
+            yield station, *what, status, signal["place"]
+
+
+def _watch(farm: FarmClient, wanted: Sequence[_Wanted], found: dict[str, dict[str, Any]], output: Format) -> None:
+    """Print every signal once, then each whose value or status is another one."""
+    seen: dict[tuple[str, str], tuple[Any, bool]] = {}
+    while True:
+        for station, view in found.items():
+            for signal in view["signals"]:
+                now = signal["value"], signal["good"]
+                if seen.get((station, signal["name"])) != now:
+                    seen[station, signal["name"]] = now
+                    text = (
+                        json.dumps({"device": station, **signal}) if output is Format.JSON else _line(station, signal)
+                    )
+                    print_line(text)
+        time.sleep(WATCH_SECONDS)
+        found = _read(farm, wanted)

@@ -1,0 +1,91 @@
+"""Stations, devices and their signals, as plain JSON values for the API, the command line and Python code."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.farm.views.snapshot import NO_AR, controller_snapshot
+from pnfarm.wire.mac import format_mac
+
+if TYPE_CHECKING:
+    from pnfarm.station.plain_signals import PlainSignals
+    from pnfarm.station.station import Station
+    from pnfarm.wire.value_types import Value
+
+__all__ = ["device_snapshot", "json_value", "signals_snapshot", "station_snapshot"]
+
+
+def json_value(value: Value) -> bool | int | float | str:
+    """As JSON has it: octets in hexadecimal, numbers that are not finite as text."""
+    match value:
+        case bytes():
+            return value.hex(" ")
+        case float() if not math.isfinite(value):
+            return str(value)
+        case _:
+            return value
+
+
+def station_snapshot(station: Station, now: int) -> dict[str, Any]:
+    """One station, drive or device."""
+    seen = station.device.view(now)
+    connection = station.device.connection()
+    return {
+        "name": station.configured_name,
+        "station_name": seen.get("station_name", station.device.name),
+        "kind": "drive" if station.axes else "device",
+        "bus": station.bus,
+        "model": station.axes[0].model.name if station.axes else None,
+        "description": None if station.description is None else station.description.title,
+        "axes": [axis.configured_name for axis in station.axes],
+        "mac": format_mac(station.port.mac),
+        "ip": seen.get("ip"),
+        "station_address": seen.get("station_address"),
+        "powered": station.powered,
+        "connected": bool(station.powered and connection is not None and connection.exchanging),
+    }
+
+
+def device_snapshot(station: Station, now: int) -> dict[str, Any]:
+    """A device in full."""
+    described = station.description
+    return {
+        **station_snapshot(station, now),
+        "identity": {} if described is None else dict(described.identity),
+        "access_point": "" if described is None else described.access_point,
+        "modules": [] if described is None else [asdict(module) for module in described.modules],
+        "connection": _connection(station, now),
+        "signals": [] if station.signals is None else signals_snapshot(station.signals),
+    }
+
+
+def _connection(station: Station, now: int) -> dict[str, Any]:
+    found = station.device.connection() if station.powered else None
+    cyclic = found is not None and (found.ip is not None or found.cyclic)
+    return {
+        "state": found.state if found is not None and found.state else NO_AR,
+        "controller": controller_snapshot(found) if cyclic and found is not None else None,
+        "cycle_seconds": found.cycle_ns / 1e9 if cyclic and found is not None else None,
+        "watchdog_seconds": found.watchdog_ns / 1e9 if cyclic and found is not None else None,
+        "connected_seconds": (now - found.connected_ns) / 1e9 if cyclic and found is not None else None,
+    }
+
+
+def signals_snapshot(signals: PlainSignals) -> list[dict[str, Any]]:
+    """Every signal; the values of one direction are of one time."""
+    return [
+        {
+            "name": signal.name,
+            "direction": signal.direction,
+            "type": signal.type.name,
+            "unit": signal.unit,
+            "scale": signal.scale,
+            "place": signal.place,
+            "value": json_value(value),
+            "shown": signal.show(value),
+            "good": good,
+        }
+        for signal, value, good in signals.readings()
+    ]

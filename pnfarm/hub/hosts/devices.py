@@ -1,0 +1,73 @@
+"""Stations and devices at the hub: the lists of all, and a device's own paths at the shard that has it."""
+
+from __future__ import annotations
+
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from fastapi import FastAPI, Request
+
+from pnfarm.api.paths.devices import add_device
+from pnfarm.errors import ConfigError
+from pnfarm.hub.hosts.passing import Passing
+from pnfarm.hub.hub import read
+from pnfarm.web.paths import Paths
+
+if TYPE_CHECKING:
+    from pnfarm.hub.client import Answer
+    from pnfarm.hub.hub import Hub
+    from pnfarm.hub.shards import Shard
+
+__all__ = ["HubDevices"]
+
+
+class HubDevices(Passing):
+    """As :class:`~pnfarm.api.paths.devices.StationsHost`; what is below a device is passed on."""
+
+    def __init__(self, hub: Hub) -> None:
+        super().__init__(hub, "devices/{name}", hub.shards.device_owner)
+
+    async def stations(self) -> dict[str, Any]:
+        return await self._joined("stations")
+
+    async def devices(self) -> dict[str, Any]:
+        return await self._joined("devices")
+
+    async def _joined(self, what: str) -> dict[str, Any]:
+        answers = await self._hub.ask_all("GET", what, what)
+        found = [{**one, "shard": shard.label} for shard, answer in answers.good.items() for one in answer[what]]
+        return {what: found, **self._hub.partial(answers)}
+
+    def add_device(self, app: FastAPI) -> None:
+        """What is below a device."""
+        farm = FastAPI()
+        # nobody answers there
+        nobody: Any = None
+        add_device(Paths(farm, "devices"), nobody)
+        self.add(app, farm)
+
+    async def asked(self, request: Request) -> tuple[Shard, Answer]:
+        await self._look()
+        return await super().asked(request)
+
+    async def write(self, name: str, values: dict[str, Any]) -> None:
+        """Write signals of a device.  Raises :class:`ConfigError` with the shard's refusal, or :class:`AwayError`."""
+        await self._look()
+        shard = self._hub.shards.device_owner(name)
+        answer = await self._hub.ask(shard, "PATCH", f"devices/{quote(name, safe='')}/signals", body=values)
+        if answer.status == HTTPStatus.UNPROCESSABLE_ENTITY:
+            raise ConfigError(f"{name}: {answer.object().get('detail')}")
+        read(shard, answer, "signals")
+
+    async def _look(self) -> None:
+        """Ask the shards that run anew which devices they have; they are the same for the whole run."""
+        hub = self._hub
+
+        async def listed(shard: Shard) -> list[dict[str, Any]]:
+            found: list[dict[str, Any]] = read(shard, await hub.ask(shard, "GET", "devices"), "devices")["devices"]
+            return found
+
+        unknown = [shard for shard in hub.shards.reachable if shard.devices_of != shard.instance]
+        for shard, devices in (await hub.each(unknown, listed)).good.items():
+            shard.devices, shard.devices_of = tuple(str(one["name"]) for one in devices), shard.instance

@@ -1,0 +1,72 @@
+"""Paths below what one shard has: described as a farm's, and answered by that shard."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
+from starlette.responses import Response  # noqa: TC002 - FastAPI reads the annotations of handlers
+
+from pnfarm.api.changes import changes_nothing
+from pnfarm.hub.hub import passed_on
+from pnfarm.hub.shards import AwayError, no_steps
+from pnfarm.web.bodies import PREFIX, read_object
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from fastapi import FastAPI
+
+    from pnfarm.hub.client import Answer
+    from pnfarm.hub.hub import Hub
+    from pnfarm.hub.shards import Shard
+
+__all__ = ["Passing"]
+
+#: Headers of a request that the shard needs, too.
+_CONDITIONS = ("if-match", "if-none-match")
+
+
+class Passing:
+    """``below``: such as ``drives/{name}``; ``owner`` gives the shard by the name, or raises."""
+
+    def __init__(self, hub: Hub, below: str, owner: Callable[[str], Shard]) -> None:
+        self._hub = hub
+        self._below = below
+        self._owner = owner
+
+    def add(self, app: FastAPI, farm: FastAPI) -> None:
+        """Add to ``app`` what ``farm`` has below; the farm's handlers are not called."""
+        for route in farm.routes:
+            path: str = getattr(route, "path", "")
+            if path.startswith(f"{PREFIX}/{self._below}"):
+                methods = sorted(route.methods)  # type: ignore[attr-defined]  # those of the API have it
+                app.add_api_route(path, self.answer, methods=methods, include_in_schema=False)
+                # only describes it: the one before answers
+                app.router.routes.append(route)
+
+    async def answer(self, request: Request) -> Response:
+        """The shard's answer as it is."""
+        return passed_on((await self.asked(request))[1])
+
+    async def asked(self, request: Request) -> tuple[Shard, Answer]:
+        """The shard, and its answer.  Raises :class:`AwayError`."""
+        name = str(request.path_params["name"])
+        shard = self._owner(name)
+        path = request.scope["path"].removeprefix(f"{PREFIX}/")
+        no_steps(path)
+        body = None
+        if request.method in {"PUT", "POST", "PATCH"} and int(request.headers.get("content-length", "0") or 0):
+            body = await read_object(request)
+        if request.method not in {"GET", "HEAD"}:
+            changes_nothing(request)
+        headers = {key: request.headers[key] for key in _CONDITIONS if key in request.headers}
+        query = str(request.url.query)
+        try:
+            return shard, await self._hub.ask(
+                shard, request.method, quote(path, safe="/"), body=body, query=query, headers=headers
+            )
+        except AwayError as exc:
+            later = "" if request.method == "GET" else "; whether it was carried out is not known"
+            raise AwayError(f"{name} is unreachable: {exc}{later}", exc.event, exc.slug) from exc

@@ -1,0 +1,160 @@
+"""``pnfarm io`` against the API of a farm in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+import httpx
+import pytest
+import typer
+from device_world import DeviceWorld
+from plain_station import controller_sends
+
+from pnfarm.cli.completion import complete_signal
+from pnfarm.cli.main import make_app
+
+
+class Farm:
+    """Stands for ``httpx.Client``."""
+
+    def __init__(self, world: DeviceWorld) -> None:
+        self.world = world
+
+    def client(self, **_: Any) -> Farm:
+        return self
+
+    def close(self) -> None:
+        """As a client's."""
+
+    def request(self, method: str, path: str, **options: Any) -> httpx.Response:
+        async def ask() -> httpx.Response:
+            transport = httpx.ASGITransport(self.world.app)
+            async with self.async_client(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
+                return await client.request(method, path, **options)
+
+        return asyncio.run(ask())
+
+    async_client = httpx.AsyncClient
+
+
+@pytest.fixture(scope="module")
+def shared() -> DeviceWorld:
+    return DeviceWorld()
+
+
+@pytest.fixture
+def world(shared, monkeypatch):
+    shared.signals.set({"part_present": False, "pressure": 0, "code": ""})
+    monkeypatch.setattr(httpx, "Client", Farm(shared).client)
+    return shared
+
+
+def test_all_signals_are_listed_with_direction_type_unit_status_and_place(pnfarm, world):
+    world.signals.set({"pressure": 6.5})
+    done = pnfarm("io")
+    assert (done.code, done.err) == (0, "")
+    head, *rows = [line.split() for line in done.out.splitlines()]
+    assert head == ["STATION", "SIGNAL", "DIRECTION", "TYPE", "VALUE", "UNIT", "STATUS", "PLACE"]
+    assert rows[1] == ["island-1", "pressure", "input", "int16", "6.5", "bar", "good", "3.1.0"]
+    assert rows[3] == ["island-1", "valve_1", "output", "bool", "false", "bad", "2.1.0.1"]
+    assert pnfarm("io", "island-1").out == done.out
+
+
+def test_signals_are_read_by_name(pnfarm, world):
+    world.signals.set({"pressure": 6.5})
+    done = pnfarm("io", "island-1.pressure", "island-1.valve_1")
+    assert (done.code, done.out) == (0, "island-1.pressure = 6.5 bar\nisland-1.valve_1 = false (bad)\n")
+    (device,) = json.loads(pnfarm("io", "island-1.pressure", "--format", "json").out)["devices"]
+    assert (device["device"], [signal["value"] for signal in device["signals"]]) == ("island-1", [6.5])
+
+
+def test_values_are_written_together_and_shown(pnfarm, world):
+    done = pnfarm("io", "island-1.part_present=on", "island-1.pressure=-1.25", "island-1.code=01 ff")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.splitlines() == [
+        "island-1.part_present = true", "island-1.pressure = -1.25 bar", "island-1.code = 01 ff 00 00",
+    ]  # fmt: skip
+    assert world.signals.get("pressure") == -1.25
+
+
+def test_nothing_is_written_when_one_value_is_refused(pnfarm, world):
+    done = pnfarm("io", "island-1.part_present=on", "island-1.valve_1=on", "island-1.presure=1")
+    assert done.code == 2
+    assert "island-1: valve_1: is an output: the controller alone writes it" in done.err
+    assert "presure: is not a signal, did you mean pressure?" in done.err
+    assert world.signals.get("part_present") is False
+
+
+@pytest.mark.parametrize(
+    ("word", "sentence"),
+    [
+        ("island-2", "there is no device 'island-2', did you mean island-1?; devices of this farm: island-1"),
+        ("island-2.part_present=1", "there is no device 'island-2'"),
+        ("island-1=on", "island-1=on: island-1 is a device; give the signal to write, island-1.SIGNAL=VALUE"),
+        ("island-1.presure", "island-1 has no signal 'presure', did you mean pressure?"),
+        ("island-1.xyz", "island-1 has no signal 'xyz'; it has code part_present pressure speed valve_1"),
+        ("island-1.pressure=much", "island-1: pressure: 'much' is not a number"),
+    ],
+)
+@pytest.mark.usefixtures("world")
+def test_what_is_wrong_is_one_sentence(pnfarm, word, sentence):
+    done = pnfarm("io", word)
+    assert done.code == 2
+    assert sentence in done.err
+
+
+@pytest.mark.usefixtures("world")
+def test_two_values_for_one_signal_are_refused(pnfarm):
+    done = pnfarm("io", "island-1.pressure=1", "island-1.pressure=2")
+    assert (done.code, "island-1.pressure is given two values" in done.err) == (2, True)
+
+
+def test_a_station_may_have_dots_in_its_name(pnfarm, world, monkeypatch):
+    monkeypatch.setattr(world.device, "configured_name", "island.cell-3.pressure")
+    assert pnfarm("io", "island.cell-3.pressure.pressure").out == "island.cell-3.pressure.pressure = 0 bar\n"
+    assert "part_present" in pnfarm("io", "island.cell-3.pressure").out
+
+
+def test_changes_are_followed(pnfarm, world, monkeypatch):
+    changes = [
+        lambda: controller_sends(world.signals, b"\x02\0\x07"),
+        lambda: None,
+        lambda: world.signals.set({"part_present": True}),
+    ]
+
+    def sleep(_: float) -> None:
+        if not changes:
+            raise KeyboardInterrupt
+        changes.pop(0)()
+
+    monkeypatch.setattr("pnfarm.cli.commands.io.time.sleep", sleep)
+    done = pnfarm("io", "island-1.part_present", "island-1.speed", "--watch")
+    assert done.code == 130
+    assert done.out.splitlines() == [
+        "island-1.part_present = false",
+        "island-1.speed = 0 (bad)",
+        "island-1.speed = 7",
+        "island-1.part_present = true",
+    ]
+
+
+def test_a_farm_without_devices_says_so(pnfarm, world, monkeypatch):
+    stations = [station for station in world.line.farm.stations if station.axes]
+    monkeypatch.setattr(world.line.farm, "stations", stations)
+    assert pnfarm("io").out == "the farm has no devices\n"
+
+
+@pytest.mark.usefixtures("world")
+@pytest.mark.parametrize(
+    ("typed", "words"),
+    [
+        ("isl", ["island-1"]),
+        ("island-1.p", ["island-1.part_present", "island-1.pressure"]),
+        ("x", []),
+    ],
+)
+def test_names_are_completed(typed, words):
+    context = typer.Context(typer.main.get_command(make_app()))
+    assert [word for word, _ in complete_signal(context, typed)] == words

@@ -1,0 +1,97 @@
+"""Stations and devices of farms in memory, through the hub."""
+
+from __future__ import annotations
+
+import asyncio
+
+import httpx
+import pytest
+from api_world import assert_problem
+from device_world import add_island
+from hub_world import HubWorld
+from plain_station import controller_sends
+
+SIGNALS = "devices/island-2/signals"
+
+
+@pytest.fixture
+def world():
+    world = HubWorld(("axis-{n:02}", 2), ("pump-{n:02}", 1))
+    world.islands = [add_island(world[number].farm, f"island-{number}") for number in (1, 2)]
+    return world
+
+
+def test_stations_and_devices_of_all_shards_are_listed(world):
+    found = world.get("stations").json()
+    assert [(one["name"], one["kind"], one["shard"]) for one in found["stations"]] == [
+        ("axis-01", "drive", "s1:8702"),
+        ("axis-02", "drive", "s1:8702"),
+        ("island-1", "device", "s1:8702"),
+        ("pump-01", "drive", "s2:8702"),
+        ("island-2", "device", "s2:8702"),
+    ]
+    assert found["partial"] is False
+    assert [one["name"] for one in world.get("devices").json()["devices"]] == ["island-1", "island-2"]
+    world.lose(2)
+    found = world.get("devices").json()
+    assert ([one["name"] for one in found["devices"]], found["partial"]) == (["island-1"], True)
+
+
+def test_a_device_is_asked_at_the_shard_that_has_it(world):
+    assert world.get("devices/island-2").json()["description"] == "Example island"
+    written = world.request("PATCH", SIGNALS, json={"pressure": 6.5})
+    assert {one["name"]: one["value"] for one in written.json()["signals"]}["pressure"] == 6.5
+    assert world.islands[1].signals.get("pressure") == 6.5
+    assert world.islands[0].signals.get("pressure") == 0
+    assert not [line for line in world[1].requests if "island-2" in line]
+
+
+def test_a_refusal_is_the_shards(world):
+    found = assert_problem(world.request("PATCH", SIGNALS, json={"valve_1": True}), 422, "the controller alone")
+    assert found["errors"][0]["field"] == "valve_1"
+    assert_problem(world.get("devices/island-3"), 404, "there is no device 'island-3', did you mean island-")
+    assert_problem(world.get("devices/axis-01"), 404, "there is no device 'axis-01'")
+
+
+def test_conditions_reach_the_shard_and_its_tag_the_client(world):
+    tag = world.get(SIGNALS).headers["etag"]
+    assert world.request("GET", SIGNALS, headers={"If-None-Match": tag}).status_code == 304
+    controller_sends(world.islands[1].signals, b"\2\0\0")
+    late = world.request("PATCH", SIGNALS, json={"pressure": 1}, headers={"If-Match": tag})
+    assert_problem(late, 412, "has changed since")
+
+
+def test_a_device_of_a_shard_that_is_away_is_unreachable(world):
+    world.get("devices/island-2")
+    world.lose(2)
+    assert_problem(world.get("devices/island-2"), 503, "island-2 is unreachable")
+    assert_problem(world.get("devices/island-3"), 503, "no shard that answers has a device 'island-3'")
+
+
+def test_a_device_that_two_shards_have_is_refused(world):
+    add_island(world[1].farm, "island-2")
+    assert_problem(world.get("devices/island-2"), 409, "claimed by s1:8702 and s2:8702")
+
+
+def carried_out(world, text):
+    async def run():
+        transport = httpx.ASGITransport(world.app)
+        async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
+            begun = (await client.post("scenarios", json={"text": text})).json()
+            for _ in range(500):
+                found = (await client.get(f"scenarios/{begun['id']}")).json()
+                if found["state"] == "ended":
+                    break
+                await asyncio.sleep(0.01)
+            return found
+
+    return asyncio.run(run())
+
+
+def test_a_scenarios_step_writes_signals_of_any_shard(world):
+    text = "scenario: s\nsteps:\n  - set: {island-1.pressure: 1.5, island-2.pressure: 2.5}\n"
+    assert carried_out(world, text)["verdict"] == "passed"
+    assert [island.signals.get("pressure") for island in world.islands] == [1.5, 2.5]
+    found = carried_out(world, "scenario: s\nsteps:\n  - set: {island-2.valve_1: true}\n")
+    assert found["verdict"] == "error"
+    assert "island-2: valve_1: is an output: the controller alone writes it" in str(found["cases"])

@@ -1,0 +1,62 @@
+"""Steps on signals of devices."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+from cell_file import CELL
+
+import pnfarm
+from pnfarm.errors import ConfigError
+
+
+@pytest.fixture(scope="module")
+def farm():
+    """A farm, and what runs a scenario of these steps on it."""
+    farm = pnfarm.Farm.from_text(CELL, virtual=True)
+    with asyncio.Runner() as runner:
+        runner.run(farm.open())
+        runner.run(farm.wait_connected())
+        farm.runner = runner
+        yield farm
+        runner.run(farm.close())
+
+
+@pytest.fixture
+def carried_out(farm, tmp_path):
+    def run(*steps):
+        path = tmp_path / "signals.scenario.yml"
+        path.write_text("scenario: signals\nsteps:\n" + "".join(f"  - {step}\n" for step in steps))
+        return farm.runner.run(farm.run_scenario(path))
+
+    return run
+
+
+def test_signals_are_written_by_a_step(farm, carried_out):
+    result = carried_out("set: {island-1.part_present: true, island-1.pressure: 6.5}", "wait: 10ms")
+    assert result.passed
+    signals = farm.device("island-1").signals
+    assert (signals["part_present"], signals["pressure"]) == (True, 6.5)
+    carried_out("repeat: {for: {bar: [1, 2.5]}, steps: [{set: {island-1.pressure: $bar}}]}")
+    assert signals["pressure"] == 2.5
+
+
+@pytest.mark.parametrize(
+    ("step", "sentence"),
+    [
+        ("set: {island-2.part_present: true}", "there is no device 'island-2', did you mean island-1?"),
+        ("set: {island-1.part_presnt: true}", "island-1 has no such signal, did you mean part_present?"),
+        ("set: {island-1.valve: true}", "is an output: the controller alone writes it"),
+        ("set: {island-1.pressure: 1000}", "is outside of int16 scaled by 0.01; allowed: -327.68 to 327.67 bar"),
+        ("set: {part_present: true}", "'part_present' is not a signal; allowed: STATION.SIGNAL"),
+        ("set: {island-1.part_present: [1]}", "island-1.part_present is a list"),
+        ("set: 1", "is 1; allowed: a mapping of signals to values"),
+    ],
+)
+def test_a_step_that_cannot_be_is_reported_before_the_scenario_begins(farm, carried_out, step, sentence):
+    before = dict(farm.device("island-1").signals)
+    with pytest.raises(ConfigError) as caught:
+        carried_out("set: {island-1.part_present: false}", step)
+    assert sentence in str(caught.value)
+    assert dict(farm.device("island-1").signals) == before

@@ -1,0 +1,88 @@
+"""Signals of a station with plain data: types, all or nothing, one copy, revisions."""
+
+import pytest
+from plain_station import controller_sends, island, sent_to_controller
+
+from pnfarm.signals.refusal import SignalError
+
+
+def test_names_are_in_the_order_of_the_file():
+    assert island().names == ("part_present", "pressure", "code", "valve_1", "speed")
+
+
+def test_new_signals_are_zero_and_inputs_good():
+    signals = island()
+    assert signals.get_all() == {"part_present": False, "pressure": 0, "code": bytes(4), "valve_1": False, "speed": 0}
+    assert [signals.good(name) for name in signals.names] == [True, True, True, False, False]
+
+
+def test_inputs_are_written_in_the_order_of_octets_of_the_bus():
+    signals = island()
+    signals.set({"part_present": True, "pressure": 12.5, "code": "0x01ff"})
+    assert signals.get_all() == {
+        "part_present": True, "pressure": 12.5, "code": b"\1\xff\0\0", "valve_1": False, "speed": 0,
+    }  # fmt: skip
+    assert sent_to_controller(signals) == b"\x08\x04\xe2\x01\xff\0\0"
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("on", True), ("1", True), ("true", True), ("off", False), ("0", False), ("false", False)]
+)
+def test_a_text_is_parsed_by_the_type(text, value):
+    signals = island()
+    signals.set({"part_present": text})
+    assert signals.get("part_present") is value
+
+
+def test_nothing_is_written_when_one_value_is_refused_and_every_reason_is_given():
+    signals = island()
+    with pytest.raises(SignalError) as caught:
+        signals.set({"part_present": True, "pressure": 1e6, "valve_1": True, "part_presnt": True, "code": "zz"})
+    assert signals.get("part_present") is False
+    assert [name for name, _, _ in caught.value.issues] == ["pressure", "valve_1", "part_presnt", "code"]
+    sentence = str(caught.value)
+    assert "pressure: 1000000.0 is outside of int16 scaled by 0.01; allowed: -327.68 to 327.67 bar" in sentence
+    assert "valve_1: is an output: the controller alone writes it" in sentence
+    assert "part_presnt: is not a signal, did you mean part_present?" in sentence
+    assert "code: 'zz' is not hexadecimal" in sentence
+
+
+def test_a_name_without_a_near_one_gets_the_list():
+    with pytest.raises(SignalError, match="x: is not a signal; allowed: part_present, pressure, code, valve_1, speed"):
+        island().get("x")
+
+
+def test_outputs_are_what_the_controller_sent():
+    signals = island()
+    controller_sends(signals, b"\x02\x00\x07")
+    assert (signals.get("valve_1"), signals.get("speed")) == (True, 7)
+    assert signals.good("valve_1")
+    controller_sends(signals, b"\x02\x00\x07", good=(False, True))
+    assert [signals.good(name) for name in ("valve_1", "speed")] == [False, True]
+
+
+def test_the_revision_counts_changes_of_both_directions_but_no_repetition():
+    signals = island()
+    first = signals.revision
+    assert signals.revision == first
+    signals.set({"part_present": True})
+    second = signals.revision
+    signals.set({"part_present": True})
+    assert signals.revision == second == first + 1
+    controller_sends(signals, b"\x02\x00\x00")
+    third = signals.revision
+    controller_sends(signals, b"\x02\x00\x00")
+    assert signals.revision == third == second + 1
+
+
+def test_several_values_are_one_change_of_the_row():
+    signals = island()
+    before = signals._inputs.changes
+    signals.set({"part_present": True, "pressure": 1.0})
+    assert signals._inputs.changes == before + 1
+
+
+def test_a_station_without_inputs_refuses_every_write():
+    signals = island(inputs=False)
+    with pytest.raises(SignalError, match="is an output"):
+        signals.set({"valve_1": True})
