@@ -1,4 +1,4 @@
-"""``pnfarm inspect``: the drives of a running farm."""
+"""``pnfarm inspect``: the drives and devices of a running farm."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pnfarm.cli.completion import complete_drive
+from pnfarm.cli.inspected_devices import listed_devices, print_device, print_devices
 from pnfarm.errors import ConfigError
 from pnfarm.terminal import client
 from pnfarm.terminal.output import number, print_found, print_line, print_section, print_table, seconds
@@ -47,7 +48,17 @@ def inspect(
         raise ConfigError("--no-follow needs --events")
     with client.FarmClient(api, token) as farm:
         if name is not None:
-            drive = farm.get("drives", name)
+            try:
+                drive = farm.get("drives", name)
+            except ConfigError:
+                if name not in [one["name"] for one in listed_devices(farm)]:
+                    raise
+                if events:
+                    everything = farm.events(None, follow=follow)
+                    _follow((entry for entry in everything if entry.get("drive") == name), output)
+                else:
+                    print_found(farm.get("devices", name), output, print_device)
+                return
             name = str(drive["name"])
         if events and not follow and name is not None:
             _follow(drive["events"], output)
@@ -58,6 +69,8 @@ def inspect(
         else:
             view = farm.get("drives")
             print_found(view, output, _all)
+            if output is Format.TABLE:
+                print_devices(listed_devices(farm))
             raise_for_missing(view)
 
 

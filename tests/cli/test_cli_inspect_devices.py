@@ -1,0 +1,57 @@
+"""`pnfarm inspect` with devices, against an API that answers what each test wants."""
+
+from __future__ import annotations
+
+import json
+
+LISTED = {
+    "name": "island",
+    "description": "Island head",
+    "mac": "02:00:00:00:00:29",
+    "ip": "10.77.0.41/24",
+    "powered": True,
+    "connected": True,
+}
+SAFE = {"subslot": 1, "ident": 97, "name": "4FDI", "input_octets": 5, "output_octets": 4, "safety": True}
+WHOLE = {
+    **LISTED,
+    "station_name": "island",
+    "identity": {"order_number": "EX-ISL-100"},
+    "access_point": "DAP 1",
+    "modules": [{"slot": 4, "ident": 96, "name": "4FDI", "submodules": [SAFE]}],
+    "connection": {"state": "DATA", "controller": {"name": "plc"}, "cycle_seconds": 0.016},
+    "signals": [{"name": "part_present"}],
+}
+
+
+def words(text):
+    return [" ".join(line.split()) for line in text.splitlines()]
+
+
+def test_devices_are_listed_behind_the_drives(ask, farm):
+    farm.answer("GET", "drives", {"farm": "line-1", "drives": [], "lines": []})
+    off = {**LISTED, "name": "gate", "ip": None, "powered": False, "connected": False}
+    farm.answer("GET", "devices", {"devices": [LISTED, off]})
+    lines = words(ask("inspect").out)
+    assert "island Island head connected 10.77.0.41/24 02:00:00:00:00:29" in lines
+    assert "gate Island head off - 02:00:00:00:00:29" in lines
+
+
+def test_one_device_is_shown_with_its_modules_and_what_it_does_not_do(ask, farm):
+    farm.answer("GET", "devices", {"devices": [LISTED]})
+    farm.answer("GET", "devices/island", WHOLE)
+    lines = words(ask("inspect", "island").out)
+    assert "order number EX-ISL-100" in lines
+    assert "controller plc" in lines
+    assert (
+        "4.1 4FDI 4FDI 5 4 safe: the device does not run the safety protocol, so that its controller passivates it"
+        in lines
+    )
+    assert lines[-1] == "1 signal: `pnfarm io island`"
+    assert json.loads(ask("inspect", "island", "--format", "json").out) == WHOLE
+
+
+def test_a_name_that_no_drive_and_no_device_has_is_refused(ask, farm):
+    farm.answer("GET", "devices", {"devices": [LISTED]})
+    outcome = ask("inspect", "ghost")
+    assert (outcome.code, "there is no" in outcome.err) == (2, True)
