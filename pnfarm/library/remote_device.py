@@ -18,9 +18,9 @@ from pnfarm.vocabulary.quoting import did_you_mean, shortened
 from pnfarm.wire.value_types import read_type
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Awaitable, Callable, Mapping
 
-    from pnfarm.library.remote import RemoteFarm
+    from pnfarm.terminal.client import FarmClient
     from pnfarm.wire.value_types import Value
 
 __all__ = ["RemoteDevice"]
@@ -30,17 +30,18 @@ ASK_SECONDS = 0.02
 
 
 class RemoteDevice:
-    """A device: readings are those of the last :meth:`refresh`."""
+    """A device: readings are those of the last :meth:`refresh`.  ``ask`` makes a request of ``client`` in a thread."""
 
-    def __init__(self, farm: RemoteFarm, view: Mapping[str, Any]) -> None:
-        self._farm = farm
+    def __init__(self, client: FarmClient, ask: Callable[..., Awaitable[Any]], view: Mapping[str, Any]) -> None:
+        self._client = client
+        self._ask = ask
         #: As ``GET devices`` or ``GET devices/{name}`` gave it.
         self.view = view
         self.name = str(view["name"])
 
     async def refresh(self) -> Self:
         """Read it again."""
-        self.view = await self._farm.ask(self._farm.client.get, "devices", self.name)
+        self.view = await self._ask(self._client.get, "devices", self.name)
         return self
 
     @property
@@ -65,7 +66,7 @@ class RemoteDevice:
     async def write(self, values: Mapping[str, Value]) -> None:
         """Write inputs of the controller, all in force at once, or none."""
         body = {name: json_value(value) for name, value in values.items()}
-        await self._farm.ask(self._farm.client.patch, "devices", self.name, "signals", body=body)
+        await self._ask(self._client.patch, "devices", self.name, "signals", body=body)
         await self.refresh()
 
     async def wait_for(self, name: str, value: Value | Callable[[Value], object], within: float | str) -> float:
