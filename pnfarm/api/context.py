@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pnfarm.metrics import FarmCollector
     from pnfarm.station.axis import Axis
     from pnfarm.station.event import Event
+    from pnfarm.station.node import StationNode
     from pnfarm.station.station import Station
 
 __all__ = ["ApiContext", "Context"]
@@ -86,7 +87,7 @@ class ApiContext(Context):
             self.record(event)
         self.poke()
 
-    def changed(self, station: Station) -> None:
+    def changed(self, station: StationNode) -> None:
         """Call after a change to this station: handles its events and sends its frames."""
         self.core.settle(station, self.now())
         self.poke()

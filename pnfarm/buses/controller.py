@@ -64,7 +64,6 @@ class ProgrammableDevice(Protocol):
     @property
     def axes(self) -> Sequence[tuple[str, Any]]:
         """Each of its axes by name, as such a device."""
-        ...
 
 
 class ControllerPlan(Protocol):

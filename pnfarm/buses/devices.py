@@ -34,23 +34,18 @@ class DevicesPart(Protocol):
     @property
     def devices(self) -> type[DeviceGroup]:
         """The keys of a group on this bus."""
-        ...
 
     def check_devices_group(self, at: Location, group: Any, report: Report) -> None:
         """Check a group's own keys."""
-        ...
 
     def describe(self, at: Location, group: Any, folder: Path, report: Report) -> DeviceGroup:
         """The group with what its file, relative to ``folder``, says; as it was where that is wrong, and reported."""
-        ...
 
     def device(self, common: DeviceConfig, group: Any, step: int, macs: Macs) -> DeviceConfig:
         """A described group's device number ``step``, whose name is counted already."""
-        ...
 
     def sentences(self, group: Any) -> list[str]:
         """What was taken from the file of a described group, for people."""
-        ...
 
 
 @runtime_checkable
@@ -63,15 +58,12 @@ class DeviceBus(Protocol):
     @property
     def description_key(self) -> str:
         """The key of a group that names the file: ``gsdml``."""
-        ...
 
     def device_rows(self, config: Any) -> DeviceRows:
         """What one device of this bus needs of the table."""
-        ...
 
     def described_device(self, station: Station, services: DeviceServices) -> Device:
         """The station's end of the bus."""
-        ...
 
 
 def device_bus(bus: Any) -> DeviceBus:

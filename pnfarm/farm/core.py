@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.links.serial.line import LineTally
     from pnfarm.station.event_log import EventLog
+    from pnfarm.station.node import StationNode
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 #: Events whose row is a consumer's.
@@ -87,15 +88,12 @@ class Node(Protocol):
 
     def receive(self, port: int, frame: bytes, now: int) -> None:
         """One acyclic frame."""
-        ...
 
     def service(self, now: int) -> None:
         """Handle the engine's events and the timers that are due."""
-        ...
 
     def next_deadline(self) -> int | None:
         """When :meth:`service` is due at the latest."""
-        ...
 
 
 @runtime_checkable
@@ -104,11 +102,9 @@ class LineNode(Protocol):
 
     def poll(self, octets: bytes, now: int) -> tuple[int, bytes] | None:
         """Port and answer of the one that these octets poll, None where more is to be done: nothing was done then."""
-        ...
 
     def answer(self, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
         """The same for a poll like the one before it, of which so many octets of an array count."""
-        ...
 
 
 @runtime_checkable
@@ -117,7 +113,6 @@ class SocketNode(Protocol):
 
     def socket_event(self, event: SocketEvent, now: int) -> None:
         """Something of a stream, or a datagram."""
-        ...
 
 
 class FarmCore:
@@ -337,7 +332,7 @@ class FarmCore:
         """A station by its name in the farm file, the one set by DCP, or an axis's; raises :class:`ConfigError`."""
         found = self._by_name.get(name) or next((s for s in self.stations if s.device.name == name), None)
         if found is None and (axis := self._axis_by_name.get(name)) is not None:
-            return axis.station
+            return self._by_image[axis.index]
         if found is None:
             raise ConfigError(f"there is no drive {name!r} in farm {self.name}; `pnfarm inspect` lists them")
         return found
@@ -411,7 +406,7 @@ class FarmCore:
         if self._sockets is not None:
             self._sockets.refuse(port, refused=refused)
 
-    def _carry(self, station: Station, now: int) -> None:
+    def _carry(self, station: StationNode, now: int) -> None:
         """Give a station the address and the ports that it has now, and send what it has to send."""
         port, services = station.port.index, station.services()
         served = self._served.get(port)
@@ -490,7 +485,7 @@ class FarmCore:
             return None
         return segment.answer(octets, length, now)
 
-    def settle(self, station: Station, now: int) -> None:
+    def settle(self, station: StationNode, now: int) -> None:
         """Let a station finish processing an input, send its frames, and note its next deadline."""
         frames = station.pump(now)
         self._segment_of[station.port.index].settled(station.port.index)
@@ -585,7 +580,7 @@ class FarmCore:
                 axis.refused_ns = when
                 self.log.record(when, name, AcknowledgeRefused(value))
             case engine_row.PARAMETER_TASK:
-                axis.device.parameter_task(axis, value, now)
+                axis.device.parameter_task(axis.number, value, now)
             case _:
                 return None
-        return axis.station
+        return self._by_image[row]

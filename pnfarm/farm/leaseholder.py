@@ -53,7 +53,6 @@ class LeasedFarm(Protocol):
 
     def settle(self, station: Station, now: int) -> None:
         """Let a changed station process the consequences."""
-        ...
 
 
 class Leaseholder:

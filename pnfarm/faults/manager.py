@@ -46,11 +46,9 @@ class Timed(Protocol):
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is due."""
-        ...
 
     def handle_timeout(self, now: int) -> None:
         """Do what is due."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

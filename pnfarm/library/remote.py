@@ -70,7 +70,7 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
         """Connect.  Raises :class:`~pnfarm.errors.EnvironmentError_` where no farm answers."""
         try:
             for view in (await self.ask(self._client.get, "devices"))["devices"]:
-                self._devices[view["name"]] = RemoteDevice(self._client, self.ask, view)
+                self._devices[view["name"]] = RemoteDevice(self, view)
             await self.refresh()
         except BaseException:
             with self._client:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import anyio
 
@@ -18,7 +18,7 @@ from pnfarm.vocabulary.quoting import did_you_mean, shortened
 from pnfarm.wire.value_types import read_type
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Mapping
+    from collections.abc import Callable, Mapping
 
     from pnfarm.terminal.client import FarmClient
     from pnfarm.wire.value_types import Value
@@ -29,19 +29,27 @@ __all__ = ["RemoteDevice"]
 ASK_SECONDS = 0.02
 
 
-class RemoteDevice:
-    """A device: readings are those of the last :meth:`refresh`.  ``ask`` makes a request of ``client`` in a thread."""
+class Asker(Protocol):
+    """What asks a farm's API."""
 
-    def __init__(self, client: FarmClient, ask: Callable[..., Awaitable[Any]], view: Mapping[str, Any]) -> None:
-        self._client = client
-        self._ask = ask
+    @property
+    def client(self) -> FarmClient: ...
+
+    async def ask(self, method: Callable[..., Any], *path: str, **options: Any) -> Any: ...
+
+
+class RemoteDevice:
+    """A device: readings are those of the last :meth:`refresh`."""
+
+    def __init__(self, farm: Asker, view: Mapping[str, Any]) -> None:
+        self._farm = farm
         #: As ``GET devices`` or ``GET devices/{name}`` gave it.
         self.view = view
         self.name = str(view["name"])
 
     async def refresh(self) -> Self:
         """Read it again."""
-        self.view = await self._ask(self._client.get, "devices", self.name)
+        self.view = await self._farm.ask(self._farm.client.get, "devices", self.name)
         return self
 
     @property
@@ -66,7 +74,7 @@ class RemoteDevice:
     async def write(self, values: Mapping[str, Value]) -> None:
         """Write inputs of the controller, all in force at once, or none."""
         body = {name: json_value(value) for name, value in values.items()}
-        await self._ask(self._client.patch, "devices", self.name, "signals", body=body)
+        await self._farm.ask(self._farm.client.patch, "devices", self.name, "signals", body=body)
         await self.refresh()
 
     async def wait_for(self, name: str, value: Value | Callable[[Value], object], within: float | str) -> float:

@@ -15,7 +15,6 @@ class Timed(Protocol):
 
     def next_deadline(self) -> int | None:
         """When, nanoseconds; None while it waits for nothing."""
-        ...
 
 
 def earliest(*machines: Timed) -> int | None:

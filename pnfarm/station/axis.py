@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.motion_tasks import MotionTask
     from pnfarm.station.device import Device
-    from pnfarm.station.station import Station, StationPort
+    from pnfarm.station.node import StationNode, StationPort
 
 __all__ = ["Axis", "axes_by_name"]
 
@@ -53,7 +53,7 @@ class Axis:
 
     def __init__(
         self,
-        station: Station,
+        station: StationNode,
         number: int,
         name: str,
         model: Model,
@@ -110,6 +110,10 @@ class Axis:
         """Put the saved fault history into the buffer."""
         restore_history(self.handle.axis, kept.get(self.key("faults"), ()))
 
+    def supply_gone(self) -> None:
+        """The supply goes."""
+        self.handle.axis.powered = 0
+
     def supply_returned(self) -> None:
         """The supply returns."""
         # set points written by parameters are gone, too, and so is the reason why a controller's ended
@@ -134,7 +138,7 @@ class Axis:
                     if written or self.station.keep(now, self.key("drive"), self.store.snapshot()):
                         self.station.note(now, ParametersSaved(), self.configured_name)
                 case TelegramChanged(number):
-                    self.device.telegram_changed(self)
+                    self.device.telegram_changed(self.number)
                     self.station.note(now, TelegramTaken(number), self.configured_name)
                 case RebootRequested():
                     self.station.power_cycle(now)
@@ -151,12 +155,12 @@ class Axis:
     def fault_raised(self, number: int, now: int) -> None:
         """It raised a fault: count it, store it, report it on the bus."""
         self.fault_counts[number] = self.fault_counts.get(number, 0) + 1
-        self.device.fault_raised(self, number)
+        self.device.fault_raised(self.number, number)
         self._keep_faults(now)
 
     def faults_cleared(self, now: int) -> None:
         """Every fault was acknowledged."""
-        self.device.faults_cleared(self)
+        self.device.faults_cleared(self.number)
         self._keep_faults(now)
 
     def raise_fault(self, wanted: str | int, *, hold: bool) -> int:

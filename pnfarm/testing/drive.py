@@ -29,7 +29,6 @@ class Host(Protocol):
 
     def changed(self, station: Axis) -> None:
         """A test changed this drive: let it process the consequences."""
-        ...
 
 
 class Drive(DriveReadings):

@@ -153,7 +153,7 @@ def test_traces_reactions_snapshots_and_metrics_are_of_each_axis(line):
     metrics = {metric.name: metric for metric in collector.collect()}
     assert [sample.labels["drive"] for sample in metrics["pnfarm_axis_velocity_rpm"].samples] == AXES
     assert [sample.labels["drive"] for sample in metrics["pnfarm_ar_state"].samples] == ["alone", "cu"]
-    trace = line.farm.traces.start({"signals": ["velocity"], "drives": ["cu.*"], "for": "100ms"}, line.world.now)
+    trace = line.farm.traces.start({"signals": ["velocity"], "on": ["cu.*"], "length": "100ms"}, line.world.now)
     line.run(0.5)
     assert {column.drive for column in trace.columns} == {"cu.x", "cu.y", "cu.z"}
 

@@ -32,7 +32,6 @@ class InjectionFields(Protocol):
     @property
     def params(self) -> Mapping[str, Any]:
         """The kind's parameters as they were given."""
-        ...
 
     @property
     def probability(self) -> float | None: ...
@@ -48,16 +47,12 @@ class InjectionFields(Protocol):
     @property
     def directions(self) -> tuple[Direction, ...]:
         """Those in force; empty for a kind that has none."""
-        ...
 
     def without(self, *fields: str) -> Self:
         """A copy without these fields."""
-        ...
 
     def limited_to(self, count: int) -> Self:
         """A copy with this ``count``."""
-        ...
 
     def values(self) -> dict[str, Any]:
         """Every parameter of the kind as its effect uses it: given, preset or default."""
-        ...

@@ -48,7 +48,6 @@ class ServoAxis(Protocol):
     @property
     def configured_name(self) -> str:
         """As the farm file has it."""
-        ...
 
     @property
     def model(self) -> Model: ...
@@ -59,17 +58,14 @@ class ServoAxis(Protocol):
     @property
     def powered(self) -> bool:
         """Whether the control supply is on."""
-        ...
 
     @property
     def refused_ns(self) -> int:
         """When it last ignored a request to acknowledge, because of an injection."""
-        ...
 
     @property
     def fault_counts(self) -> Mapping[int, int]:
         """How often each fault began a fault situation."""
-        ...
 
 
 class Servo(DrivePart):

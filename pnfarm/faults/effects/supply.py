@@ -18,7 +18,6 @@ class SuppliedStation(Protocol):
     @property
     def powered(self) -> bool:
         """Whether it is on."""
-        ...
 
     def power_off(self, now: int) -> None: ...
 

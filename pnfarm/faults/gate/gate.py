@@ -63,11 +63,9 @@ class LateRule(Protocol):
 
     def asked(self, now: int) -> int:
         """Delay of the present one, ns; 0: in time."""
-        ...
 
     def left(self, *, sent: bool) -> None:
         """A delayed one has left, or (``sent`` False) never will."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -52,7 +52,6 @@ class Cutter(Protocol):
 
     def pieces(self, data: bytes) -> list[tuple[bool, bytes]]:
         """``data`` in pieces, each with whether it begins a message; no piece has octets of two."""
-        ...
 
 
 class _Whole:

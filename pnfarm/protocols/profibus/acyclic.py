@@ -53,15 +53,12 @@ class RecordSlave(Protocol):
 
     def note(self, event: SlaveEvent) -> None:
         """Something happened."""
-        ...
 
     def answer_data(self, telegram: Telegram, data: bytes) -> Line:
         """An answer with data of the services of DP-V1."""
-        ...
 
     def answer_without(self, telegram: Telegram, answer: Answer) -> Line:
         """An answer of theirs without."""
-        ...
 
 
 class _Records:

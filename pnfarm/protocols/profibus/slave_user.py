@@ -53,48 +53,37 @@ class SlaveUser(Protocol):
 
     def check_parameters(self, parameters: Parameters) -> str | None:
         """Why the user's part of Set_Prm does not fit, None if it does."""
-        ...
 
     def check_configuration(self, identifiers: bytes) -> bool:
         """Whether these identifiers fit; if so, they are in force once the answer has left."""
-        ...
 
     def configuration(self) -> bytes:
         """The identifiers in force (Get_Cfg)."""
-        ...
 
     @property
     def output_octets(self) -> int:
         """Length of the outputs in force."""
-        ...
 
     def take_outputs(self, data: bytes, now: int) -> None:
         """Outputs of that length."""
-        ...
 
     def clear_outputs(self, now: int) -> None:
         """The master is in Clear, or sends empty outputs."""
-        ...
 
     def inputs(self) -> bytes:
         """Inputs as they are now."""
-        ...
 
     def diagnosis(self) -> tuple[bool, bool, bytes]:
         """Whether there is an error (Ext_Diag), whether data exchange makes no sense (Stat_Diag), extended octets."""
-        ...
 
     def read_record(self, slot: int, index: int, length: int, client: int, now: int) -> bytes | None:
         """A record; None while it is not ready.  Raises :class:`RecordRefusedError`."""
-        ...
 
     def write_record(self, slot: int, index: int, data: bytes, client: int, now: int) -> bool:
         """Write a record; False while it is not done yet.  Raises :class:`RecordRefusedError`."""
-        ...
 
     def client_gone(self, client: int) -> None:
         """Its connection ended: drop what it asked for."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pnfarm.engine.channels.impairments import ImpairmentTable
     from pnfarm.engine.channels.schedule import ChannelTable
     from pnfarm.protocols.enip.connection import Connection
-    from pnfarm.station.station import StationPort
+    from pnfarm.station.node import StationPort
 
 __all__ = ["IoChannels", "StationChannels", "channel_rows"]
 

@@ -55,7 +55,6 @@ if TYPE_CHECKING:
     from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
     from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.engine.channels.closed_channels import ClosedChannels
-    from pnfarm.station.axis import Axis
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
     from pnfarm.station.station import Station
@@ -274,7 +273,7 @@ class EthernetIpDevice:
         for answer in self.held.due(now):
             self._actions.append(StreamData(answer.stream, answer.data))
 
-    def telegram_changed(self, axis: Axis) -> None:
+    def telegram_changed(self, axis: int) -> None:
         """See :class:`pnfarm.station.device.Device`: an assembly's layout is fixed."""
         del axis
 
@@ -357,15 +356,15 @@ class EthernetIpDevice:
         """See :class:`pnfarm.station.device.Device`."""
         self.connections.catch_up(now)
 
-    def fault_raised(self, axis: Axis, number: int) -> None:
+    def fault_raised(self, axis: int, number: int) -> None:
         """See :class:`pnfarm.station.device.Device`: status word 1 and the Identity object show it."""
         del axis, number
 
-    def faults_cleared(self, axis: Axis) -> None:
+    def faults_cleared(self, axis: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         del axis
 
-    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+    def parameter_task(self, axis: int, value: int, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`: a task of the front."""
         del axis
         self.tasks.take(value, now)

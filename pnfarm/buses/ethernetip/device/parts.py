@@ -27,13 +27,10 @@ class DeviceParts(Protocol):
     @property
     def config(self) -> EthernetIpDriveConfig:
         """This drive's settings in the farm file."""
-        ...
 
     @property
     def name(self) -> str:
         """The present station name."""
-        ...
 
     def next_hop(self, address: IPv4Address) -> bytes | None:
         """The MAC address to which frames for an address go, None while it is not known."""
-        ...

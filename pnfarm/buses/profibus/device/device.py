@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.engine.channels.closed_channels import ClosedChannels
     from pnfarm.protocols.profibus.slave_user import SlaveEvent
-    from pnfarm.station.axis import Axis
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
     from pnfarm.station.lateness import Lateness
@@ -276,7 +275,7 @@ class ProfibusDevice:
         self.user.channel.handle_timeout(now)
         self.parameter_words.handle_timeout(now)
 
-    def telegram_changed(self, axis: Axis) -> None:
+    def telegram_changed(self, axis: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         del axis
         self.user.layout()
@@ -393,19 +392,19 @@ class ProfibusDevice:
     def catch_up(self, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
 
-    def fault_raised(self, axis: Axis, number: int) -> None:
+    def fault_raised(self, axis: int, number: int) -> None:
         """See :class:`pnfarm.station.device.Device`: the master is asked to read the diagnosis."""
         del axis, number
         if self.user.tells:
             self.slave.diagnosis_changed()
 
-    def faults_cleared(self, axis: Axis) -> None:
+    def faults_cleared(self, axis: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         del axis
         if self.user.tells:
             self.slave.diagnosis_changed()
 
-    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+    def parameter_task(self, axis: int, value: int, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`: a task of the cyclic parameter channel."""
         del axis
         self.parameter_words.take(value, now)

@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from pnfarm.buses.profibus.device.image import CyclicImage
     from pnfarm.buses.profibus.device.product import Product
     from pnfarm.protocols.profibus.slave import Slave
-    from pnfarm.station.station import Station, StationPort
+    from pnfarm.station.node import StationPort
+    from pnfarm.station.station import Station
 
 __all__ = ["LineParts", "SlaveParts"]
 
@@ -23,7 +24,6 @@ class LineParts(Protocol):
 
     def changed(self) -> None:
         """A slave has another address, or found or lost the baud rate."""
-        ...
 
 
 class SlaveParts(Protocol):
@@ -45,26 +45,20 @@ class SlaveParts(Protocol):
     @property
     def baud(self) -> int:
         """The rate of its line, bit/s."""
-        ...
 
     @property
     def name(self) -> str:
         """The present name."""
-        ...
 
     @property
     def cycle_ns(self) -> int:
         """The master's cycle, as far as it is known."""
-        ...
 
     def counted(self) -> Counter[str]:
         """What happened since the farm started, by kind."""
-        ...
 
     def poll(self, octets: bytes, now: int) -> bytes | None:
         """See :meth:`pnfarm.buses.bus.LineSegment.poll`."""
-        ...
 
     def follow(self, now: int) -> None:
         """What the last requests changed may follow."""
-        ...

@@ -11,9 +11,9 @@ from pnfarm.buses.profibus.faults.wire import ACYCLIC, CYCLIC, LineWire
 from pnfarm.errors import DecodeError
 from pnfarm.faults.effects.connection import CONNECTION
 from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
-from pnfarm.faults.effects.station_parts import injected_station
 from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import WIRE
+from pnfarm.faults.stations import injected_station
 from pnfarm.protocols.profibus.wire.telegram import Telegram, parse_telegram
 
 if TYPE_CHECKING:

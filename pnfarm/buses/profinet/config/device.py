@@ -47,7 +47,9 @@ def _read_wanted(value: Any) -> str | int:
     return value
 
 
-Wanted = Annotated[str | int, PlainValidator(_read_wanted), WithJsonSchema({"type": ["string", "integer"]})]
+Wanted = Annotated[
+    str | int, PlainValidator(_read_wanted), WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "integer"}]})
+]
 
 
 class PluggedModule(Section):

@@ -15,14 +15,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.buses.profinet.described.station import DescribedStation
-    from pnfarm.buses.profinet.device.channels import ArChannels
+    from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
     from pnfarm.engine.columns import Columns
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription
-    from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
 __all__ = ["DescribedKind", "DescribedSettings"]
@@ -119,17 +118,17 @@ class DescribedKind:
 
     # -- events ------------------------------------------------------------------------------------------------------
 
-    def fault_raised(self, axis: Axis, number: int) -> None:
+    def fault_raised(self, axis: int, number: int) -> None:
         """There is no axis."""
-        raise InternalError(f"axis {axis.configured_name} of a device without axes raised fault {number}")
+        raise InternalError(f"axis {axis + 1} of a device without axes raised fault {number}")
 
-    def faults_cleared(self, axis: Axis) -> None:
+    def faults_cleared(self, axis: int) -> None:
         """There is no axis."""
-        raise InternalError(f"axis {axis.configured_name} of a device without axes cleared its faults")
+        raise InternalError(f"axis {axis + 1} of a device without axes cleared its faults")
 
-    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+    def parameter_task(self, axis: int, value: int, now: int) -> None:
         """There is no axis."""
-        raise InternalError(f"axis {axis.configured_name} of a device without axes has task {value:#x} at {now}")
+        raise InternalError(f"axis {axis + 1} of a device without axes has task {value:#x} at {now}")
 
     def address_set(self) -> None:
         """No parameter shows it."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.profinet.device.ar_channels import ArChannels
 from pnfarm.engine.channels.closed_channels import ClosedChannels
 from pnfarm.engine.channels.schedule import ConsumerPlan, ProviderPlan
 from pnfarm.protocols.profinet.description import MAX_SUPERVISOR_ARS
@@ -12,8 +12,6 @@ from pnfarm.protocols.profinet.records.store import IoData
 from pnfarm.table.channel import IOXS_GOOD, STATUS_GOOD, STATUS_NO_PROBLEM
 
 if TYPE_CHECKING:
-    from ipaddress import IPv4Address
-
     from pnfarm.buses.profinet.device.kind import Kind
     from pnfarm.engine.channels.impairments import ImpairmentTable
     from pnfarm.engine.channels.schedule import ChannelTable
@@ -21,39 +19,12 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.events import ArConnected
 
-__all__ = ["ArChannels", "StationChannels", "channel_rows"]
+__all__ = ["StationChannels", "channel_rows"]
 
 
 def channel_rows(io_controllers: int) -> int:
     """Rows that a drive owns in each channel table: one for each AR with IO data, and one for an AR that is closing."""
     return io_controllers + MAX_SUPERVISOR_ARS + 1
-
-
-@dataclass(slots=True)
-class ArChannels:
-    """The rows of one AR, and its controller."""
-
-    initiator: str
-    ip: IPv4Address
-    mac: bytes
-    cycle_ns: int
-    watchdog_ns: int
-    set_point_cycle_ns: int
-    providers: list[tuple[int, IocrLayout]] = field(default_factory=list)
-    consumers: list[tuple[int, IocrLayout]] = field(default_factory=list)
-    expected: frozenset[ExpectedKey] = frozenset()
-    unusable: frozenset[ExpectedKey] = frozenset()
-    #: The application has been ready; until then all data are BAD.
-    ready: bool = False
-    #: The axes, by number, whose set points come from this AR; 0 stands for a station without axes.
-    feeds: frozenset[int] = frozenset()
-    established: bool = False
-    connected_ns: int = 0
-
-    @property
-    def bad(self) -> frozenset[ExpectedKey]:
-        """Submodules whose data cannot be used, in either direction."""
-        return self.unusable if self.ready else self.expected
 
 
 class StationChannels:

@@ -34,7 +34,7 @@ from pnfarm.station.lateness import Lateness, budget_ns
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.buses.profinet.device.channels import ArChannels
+    from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.device.parts import DeviceParts
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.protocols.profinet.cm.device.events import CmEvent

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from pnfarm.buses.profinet.device import events as happened
 from pnfarm.buses.profinet.device.address import StationAddress
-from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels, channel_rows
+from pnfarm.buses.profinet.device.channels import StationChannels, channel_rows
 from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
 from pnfarm.buses.profinet.device.connections import StationConnections
 from pnfarm.buses.profinet.device.management.neighbour_rows import NeighbourRows
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.buses.bus import DeviceServices
+    from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.device.config import DeviceConfig
     from pnfarm.buses.profinet.device.kind import Kind
     from pnfarm.engine.channels.closed_channels import ClosedChannels
@@ -64,7 +65,6 @@ if TYPE_CHECKING:
     from pnfarm.protocols.ip.host import IpHost
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.wire.lldp.pdu import Lldpdu
-    from pnfarm.station.axis import Axis
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
     from pnfarm.station.station import Station
@@ -396,7 +396,7 @@ class ProfinetDevice:
         self._others_known = False
         return self._pump.pump(now)
 
-    def telegram_changed(self, axis: Axis) -> None:
+    def telegram_changed(self, axis: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         del axis
         self.channels.rewrite()
@@ -430,15 +430,15 @@ class ProfinetDevice:
             elif consumer.received:
                 self.connections.first_frame(row, now)
 
-    def fault_raised(self, axis: Axis, number: int) -> None:
+    def fault_raised(self, axis: int, number: int) -> None:
         """See :class:`pnfarm.station.device.Device`: its diagnosis appears."""
         self.kind.fault_raised(axis, number)
 
-    def faults_cleared(self, axis: Axis) -> None:
+    def faults_cleared(self, axis: int) -> None:
         """See :class:`pnfarm.station.device.Device`: their diagnosis disappears."""
         self.kind.faults_cleared(axis)
 
-    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+    def parameter_task(self, axis: int, value: int, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         self.kind.parameter_task(axis, value, now)
 

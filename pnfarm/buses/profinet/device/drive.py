@@ -16,7 +16,7 @@ from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pnfarm.buses.profinet.device.channels import ArChannels
+    from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
@@ -209,17 +209,17 @@ class DriveKind:
 
     # -- events ------------------------------------------------------------------------------------------------------
 
-    def fault_raised(self, axis: Axis, number: int) -> None:
+    def fault_raised(self, axis: int, number: int) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
-        self._parts[axis.number].diagnosis.raised(number)
+        self._parts[axis].diagnosis.raised(number)
 
-    def faults_cleared(self, axis: Axis) -> None:
+    def faults_cleared(self, axis: int) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
-        self._parts[axis.number].diagnosis.cleared()
+        self._parts[axis].diagnosis.cleared()
 
-    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+    def parameter_task(self, axis: int, value: int, now: int) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
-        self._parts[axis.number].parameter_words.take(value, now)
+        self._parts[axis].parameter_words.take(value, now)
 
     def address_set(self) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""

@@ -13,14 +13,13 @@ from pnfarm.protocols.profinet.records.handler import RecordHandler
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.buses.profinet.device.channels import ArChannels
+    from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription
     from pnfarm.protocols.profinet.errors import RecordError
-    from pnfarm.station.axis import Axis
 
 __all__ = ["ApplicationRecords", "Kind"]
 
@@ -37,11 +36,9 @@ class ApplicationRecords(RecordHandler, Protocol):
 
     def reset(self, key: int) -> None:
         """The connection of this key ended: discard its pending responses."""
-        ...
 
     def next_deadline(self) -> int | None:
         """When a request is to be carried out."""
-        ...
 
     def handle_timeout(self, now: int) -> None: ...
 
@@ -52,29 +49,23 @@ class Kind(Protocol):
     @property
     def records(self) -> ApplicationRecords:
         """The device's own records; they are new at each power-on."""
-        ...
 
     def commission(self, kept: Mapping[str, Any], *, has_address: bool) -> None:
         """Memory is read and the farm file not yet applied; ``has_address``: it gives one."""
-        ...
 
     def take_name(self, kept: dict[str, Any]) -> str | None:
         """The station name that a saved parameter sets from now on, "" for none; it is no longer in ``kept``."""
-        ...
 
     def describe(self, mac: bytes) -> DeviceDescription:
         """Power-on: the device's description; makes the records."""
-        ...
 
     def join(self, dcp: DcpDevice, mac: bytes, cm: CmDevice) -> None:
         """The machines of this power-on exist."""
-        ...
 
     # -- time: of cyclic parameter channels
 
     def next_deadline(self) -> int | None:
         """When :meth:`handle_timeout` is due."""
-        ...
 
     def handle_timeout(self, now: int) -> None: ...
 
@@ -83,73 +74,56 @@ class Kind(Protocol):
     @property
     def plain_row(self) -> int:
         """The station's row of plain data."""
-        ...
 
     def follow_modules(self) -> None:
         """Other modules may be plugged."""
-        ...
 
     def layout(self, channel: IocrLayout, ar: ArChannels, unusable: frozenset[ExpectedKey]) -> FrameLayout:
         """One frame of a connection."""
-        ...
 
     def feeds(self, ar: ArChannels) -> frozenset[int]:
         """The axes, by number, whose set points come from this connection; 0 stands for a station without axes."""
-        ...
 
     def opened(self, fastest_ns: int) -> None:
         """A connection with IO data stands; the fastest has this cycle."""
-        ...
 
     def fed(self, ar: ArChannels) -> None:
         """This connection feeds."""
-        ...
 
     def closed(self, ar: ArChannels, *, any_left: bool) -> None:
         """A connection ended; ``any_left``: others with IO data remain."""
-        ...
 
     def lost(self, ar: ArChannels) -> None:
         """An established connection ended without a release."""
-        ...
 
     def telegram(self) -> int:
         """The telegram of the first axis, for the log; 0 where there is none."""
-        ...
 
     @property
     def telegrams(self) -> Mapping[int, int]:
         """The idents of the modules that stand for telegrams, by the telegram's number."""
-        ...
 
     def telegram_of(self, module_ident: int) -> int | None:
         """The telegram that a module stands for."""
-        ...
 
     # -- events of an axis
 
-    def fault_raised(self, axis: Axis, number: int) -> None:
+    def fault_raised(self, axis: int, number: int) -> None:
         """An axis raised a fault: its diagnosis appears."""
-        ...
 
-    def faults_cleared(self, axis: Axis) -> None:
+    def faults_cleared(self, axis: int) -> None:
         """Every fault of an axis was acknowledged: their diagnosis disappears."""
-        ...
 
-    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+    def parameter_task(self, axis: int, value: int, now: int) -> None:
         """A task of an axis came in the cyclic parameter channel."""
-        ...
 
     # -- resets and addresses
 
     def address_set(self) -> None:
         """DCP set an address."""
-        ...
 
     def address_forgotten(self) -> None:
         """A reset cleared the address."""
-        ...
 
     def reset_application(self) -> None:
         """A factory reset cleared the application's memory."""
-        ...

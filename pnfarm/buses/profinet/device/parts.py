@@ -9,7 +9,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.buses.profinet.device.address import StationAddress
-    from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels
+    from pnfarm.buses.profinet.device.ar_channels import ArChannels
+    from pnfarm.buses.profinet.device.channels import StationChannels
     from pnfarm.buses.profinet.device.kind import Kind
     from pnfarm.buses.profinet.device.management.neighbour_rows import NeighbourRows
     from pnfarm.buses.profinet.device.management.neighbours import StationNeighbours
@@ -42,36 +43,28 @@ class DeviceParts(Protocol):
     @property
     def name(self) -> str:
         """The present station name."""
-        ...
 
     @property
     def powered(self) -> bool:
         """Whether the control supply is on."""
-        ...
 
     @property
     def booted_ns(self) -> int:
         """Time of the last power-on."""
-        ...
 
     @property
     def ars(self) -> Mapping[int, ArChannels]:
         """The present connections, by the key of their AR."""
-        ...
 
     @property
     def aborts(self) -> Counter[tuple[int, int]]:
         """Aborted connections by the codes of the ERR-RTA."""
-        ...
 
     def discards(self) -> dict[str, int]:
         """Dropped frames and PDUs by reason."""
-        ...
 
     def note(self, now: int, event: Event) -> None:
         """Something happened to this drive."""
-        ...
 
     def keep(self, now: int, key: str, value: Any) -> None:
         """Write one value of non-volatile memory through; None forgets it."""
-        ...

@@ -60,7 +60,6 @@ class PumpedDevice(DeviceParts, Protocol):
     @property
     def config(self) -> DeviceConfig:
         """This drive's settings in the farm file."""
-        ...
 
 
 class DevicePump:

@@ -14,7 +14,7 @@ from pnfarm.wire.mac import format_mac
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from pnfarm.buses.profinet.device.channels import ArChannels
+    from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.device.parts import DeviceParts
     from pnfarm.protocols.profinet.cm.ar import IocrLayout
 

@@ -24,7 +24,6 @@ class ReadyRule(Protocol):
 
     def decide(self) -> tuple[bool, int | None]:
         """(whether this rule acts on the present connection, nanoseconds or None for never)."""
-        ...
 
 
 class SetUp(ConnectRequests):

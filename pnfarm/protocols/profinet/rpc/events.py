@@ -87,11 +87,9 @@ class LateAnswers(Protocol):
 
     def wait_ns(self, call: CallKey, opnum: int, now: int) -> int:
         """Nanoseconds; 0: the answer leaves at once, and :meth:`left` is not called."""
-        ...
 
     def left(self, call: CallKey, *, sent: bool) -> None:
         """The answer left; ``sent`` False: the call was no longer open."""
-        ...
 
 
 ServerEvent = CallReceived | CallCancelled

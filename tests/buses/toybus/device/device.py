@@ -15,7 +15,6 @@ from pnfarm.wire.ethernet import parse_ethernet
 from toybus.frames import Report, emit_report, frame, parse_order
 
 if TYPE_CHECKING:
-    from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
 SILENCE_NS = 100_000_000
@@ -123,7 +122,7 @@ class ToyDevice:
 
     # what only drives with other abilities are told
 
-    def telegram_changed(self, axis: Axis) -> None:
+    def telegram_changed(self, axis: int) -> None:
         pass
 
     def channel_event(self, kind: int, row: int, when: int, value: int, now: int) -> bool:
@@ -132,13 +131,13 @@ class ToyDevice:
     def catch_up(self, now: int) -> None:
         pass
 
-    def fault_raised(self, axis: Axis, number: int) -> None:
+    def fault_raised(self, axis: int, number: int) -> None:
         pass
 
-    def faults_cleared(self, axis: Axis) -> None:
+    def faults_cleared(self, axis: int) -> None:
         pass
 
-    def parameter_task(self, axis: Axis, value: int, now: int) -> None:
+    def parameter_task(self, axis: int, value: int, now: int) -> None:
         pass
 
     # what there is to see

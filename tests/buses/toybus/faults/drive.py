@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.connection import CONNECTION, Connection, ConnectionPart
 from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
-from pnfarm.faults.effects.station_parts import injected_station
 from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import WIRE, Wire
+from pnfarm.faults.stations import injected_station
 
 if TYPE_CHECKING:
     from pnfarm.buses.bus import InjectionHost

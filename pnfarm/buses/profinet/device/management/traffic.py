@@ -13,7 +13,8 @@ from pnfarm.table.channel import DISCARD_IMPAIRED, DISCARDS
 from pnfarm.wire.mac import BROADCAST, is_group
 
 if TYPE_CHECKING:
-    from pnfarm.buses.profinet.device.channels import ArChannels, StationChannels
+    from pnfarm.buses.profinet.device.ar_channels import ArChannels
+    from pnfarm.buses.profinet.device.channels import StationChannels
     from pnfarm.engine.channels.schedule import ChannelTable
 
 __all__ = ["PortTraffic"]

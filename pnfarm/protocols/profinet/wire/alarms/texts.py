@@ -33,11 +33,9 @@ class DiagnosisTexts(Protocol):
 
     def error_type(self, api: int, error_type: int, ext_error_type: int) -> str:
         """Text of a ChannelErrorType, and of the ExtChannelErrorType unless that is 0."""
-        ...
 
     def unit(self, api: int, user_structure: int, data: bytes) -> str:
         """Text of an item in the maker's own format."""
-        ...
 
 
 _CHANNELS = frozenset({Usi.CHANNEL, Usi.EXT_CHANNEL, Usi.QUALIFIED_CHANNEL})

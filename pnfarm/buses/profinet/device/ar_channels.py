@@ -1,0 +1,40 @@
+"""The cyclic channels of one AR."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ipaddress import IPv4Address
+
+    from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
+
+__all__ = ["ArChannels"]
+
+
+@dataclass(slots=True)
+class ArChannels:
+    """The rows of one AR, and its controller."""
+
+    initiator: str
+    ip: IPv4Address
+    mac: bytes
+    cycle_ns: int
+    watchdog_ns: int
+    set_point_cycle_ns: int
+    providers: list[tuple[int, IocrLayout]] = field(default_factory=list)
+    consumers: list[tuple[int, IocrLayout]] = field(default_factory=list)
+    expected: frozenset[ExpectedKey] = frozenset()
+    unusable: frozenset[ExpectedKey] = frozenset()
+    #: The application has been ready; until then all data are BAD.
+    ready: bool = False
+    #: The axes, by number, whose set points come from this AR; 0 stands for a station without axes.
+    feeds: frozenset[int] = frozenset()
+    established: bool = False
+    connected_ns: int = 0
+
+    @property
+    def bad(self) -> frozenset[ExpectedKey]:
+        """Submodules whose data cannot be used, in either direction."""
+        return self.unusable if self.ready else self.expected
