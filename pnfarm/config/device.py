@@ -18,7 +18,7 @@ from pnfarm.vocabulary.quoting import shown
 from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ValueType, read_type
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from pnfarm.config.drive import Claim
 
@@ -163,6 +163,11 @@ class DeviceConfig:
     strict: bool
     impair: tuple[Impairment, ...]
     mac: bytes = b""
+
+    @property
+    def known_signals(self) -> Mapping[str, Any]:
+        """Its signals (:class:`pnfarm.signals.signal.Signal`) by name."""
+        return {}
 
     def claims(self) -> Sequence[Claim]:
         """Values that no other station of the farm may have, besides its name."""

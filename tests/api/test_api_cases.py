@@ -10,6 +10,7 @@ from urllib.parse import quote
 
 import pytest
 from api_world import ApiWorld, assert_problem
+from cell_file import DEVICES
 from json_schema import wrongs
 
 from pnfarm.api.paths.streams import LIVE_STREAM
@@ -31,7 +32,7 @@ HEADERS: tuple[dict[str, str], ...] = (
 )  # fmt: skip
 #: Bodies that no chance would find.
 WHOLE = {
-    "/api/v1/traces": {"on": "axis-01", "signals": ["velocity"]},
+    "/api/v1/traces": {"on": "axis-01", "signals": ["velocity"], "trigger": "manual"},
     "/api/v1/faults": {"kind": "not-ready", "on": "axis-01", "ttl": "60s"},
     "/api/v1/scenarios": {"text": "scenario: short\nsteps: [{wait: 1ms}]"},
 }
@@ -45,7 +46,7 @@ def described() -> dict[str, Any]:
 
 @pytest.fixture
 def world() -> ApiWorld:
-    world = ApiWorld(2)
+    world = ApiWorld(2, top=DEVICES)
     world.line.connect()
     return world
 
@@ -97,14 +98,14 @@ def fitting(rng: Random, schema: dict[str, Any], whole: dict[str, Any]) -> Any:
     return f"{rng.randrange(2000)}ms" if "pattern" in schema else rng.choice(WORDS)
 
 
-def place(rng: Random, path: str, faults: list[str]) -> str:
+def place(rng: Random, path: str, faults: list[str], traces: list[str]) -> str:
     """The path with something in the place of each of its names: mostly what there is."""
     there = {
-        "{name}": "axis-01",
+        "{name}": "island-1" if "/devices/" in path else "axis-01",
         "{pnu}": rng.choice(("922", "DRV.OPMODE", "VL.LIMITP", "3072")),
         "{slot}": "1",
         "{fault_id}": rng.choice(faults),
-        "{trace_id}": f"trace-{rng.randrange(1, 9)}",
+        "{trace_id}": rng.choice(traces),
         "{scenario_id}": f"scenario-{rng.randrange(1, 9)}",
     }
     for word, known in there.items():
@@ -113,7 +114,7 @@ def place(rng: Random, path: str, faults: list[str]) -> str:
 
 
 def request(
-    rng: Random, method: str, path: str, operation: dict[str, Any], whole: dict[str, Any], faults: list[str]
+    rng: Random, method: str, path: str, operation: dict[str, Any], whole: dict[str, Any], *there: list[str]
 ) -> dict[str, Any]:
     options: dict[str, Any] = {"headers": dict(rng.choice(HEADERS))}
     query = {p["name"]: fitting(rng, p["schema"], whole) for p in operation.get("parameters", ()) if p["in"] == "query"}
@@ -134,7 +135,7 @@ def request(
             options["params"] = {}
         options["content"] = rng.choice(BROKEN) if rng.random() < 0.1 else json.dumps(value).encode()
         options["headers"].setdefault("Content-Type", "application/json")
-    return {"method": method.upper(), "path": place(rng, path, faults), **options}
+    return {"method": method.upper(), "path": place(rng, path, *there), **options}
 
 
 def test_each_operation_names_its_errors_as_problem_documents(described):
@@ -194,7 +195,8 @@ def test_no_request_after_the_description_is_answered_by_a_server_error(describe
     for number in range(CASES * len(operations)):
         method, path, operation = operations[number % len(operations)]
         faults = [fault.id for fault in world.faults.list()] or ["fault-1"]
-        asked = request(rng, method, path, operation, described, faults)
+        traces = [trace.id for trace in world.line.farm.traces.kept()] or ["trace-1"]
+        asked = request(rng, method, path, operation, described, faults, traces)
         response = world.request(**asked)
         assert response.status_code < 500 or path == "/api/v1/readyz", (asked, response.text)
         if response.status_code >= 400:

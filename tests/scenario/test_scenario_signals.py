@@ -8,7 +8,9 @@ import pytest
 from cell_file import CELL
 
 import pnfarm
+from pnfarm.cli.commands.run import bound
 from pnfarm.errors import ConfigError
+from pnfarm.scenario.definition.file import load_scenario
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +62,17 @@ def test_a_step_that_cannot_be_is_reported_before_the_scenario_begins(farm, carr
         carried_out("set: {island-1.part_present: false}", step)
     assert sentence in str(caught.value)
     assert dict(farm.device("island-1").signals) == before
+
+
+@pytest.mark.parametrize(("step", "field"), [("island-1.part_present: true", None), ("island-1.valve: 1", "valve")])
+def test_a_scenario_with_a_farm_of_its_own_is_checked_before_the_farm_starts(tmp_path, step, field):
+    (tmp_path / "cell.pnfarm.yml").write_text(CELL)
+    path = tmp_path / "signals.scenario.yml"
+    path.write_text(f"scenario: signals\nfarm: cell.pnfarm.yml\nsteps:\n  - set: {{{step}}}\n")
+    scenario = load_scenario(path)
+    if field is None:
+        binding, _ = bound(scenario)
+        assert "slot2_output_7" in binding.devices["island-1"]
+        return
+    with pytest.raises(ConfigError, match="is an output"):
+        bound(scenario)

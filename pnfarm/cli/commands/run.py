@@ -38,7 +38,7 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.cli.farm_file import check_impairments, check_program, read
     from pnfarm.farm.farm import model_of
-    from pnfarm.farm.file.reading import expand
+    from pnfarm.farm.file.reading import expand, expand_devices
     from pnfarm.scenario.definition.binding import bind_scenario
 
     path = scenario.farm_path
@@ -47,7 +47,9 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     config = read(path).with_overrides(scenario.overrides, origin=f"{scenario.path}: with")
     check_impairments(config)
     check_program(config)
-    return bind_scenario(scenario, {drive.name: model_of(drive) for drive in expand(config)}, fault_kinds()), config
+    drives = {drive.name: model_of(drive) for drive in expand(config)}
+    devices = {device.name: device.known_signals for device in expand_devices(config)}
+    return bind_scenario(scenario, drives, fault_kinds(), devices), config
 
 
 def run(

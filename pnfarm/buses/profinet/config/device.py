@@ -16,7 +16,7 @@ from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from pnfarm.buses.profinet.described.station import DescribedStation
 
@@ -133,6 +133,10 @@ class ProfinetDeviceConfig(IpDeviceConfig):
     described: DescribedStation
     hello: bool = False
     cycle_ns: int | None = None
+
+    @property
+    def known_signals(self) -> Mapping[str, Any]:
+        return self.described.signals
 
     def addresses(self) -> Sequence[str]:
         mac, ip = IpDeviceConfig.addresses(self)
