@@ -158,15 +158,15 @@ def test_power_off_is_silence_and_after_the_next_boot_an_old_stream_is_reset(ech
     client = Client()
     stream = client.connect()
     client.send(stream, b"a")
-    client.station.power_off(client.world.now)
-    client.farm.settle(client.station, client.world.now)
+    client.station.station.power_off(client.world.now)
+    client.farm.settle(client.station.station, client.world.now)
     client.heard.clear()
     client.send(stream, b"b")
     client.connect()
     client.run(2.0)
     assert client.heard == []
-    client.station.power_on(client.world.now)
-    client.farm.settle(client.station, client.world.now)
+    client.station.station.power_on(client.world.now)
+    client.farm.settle(client.station.station, client.world.now)
     client.run(1.0)
     assert not client.station.device.streams
     client.send(stream, b"c")
@@ -179,8 +179,8 @@ def test_power_off_is_silence_and_after_the_next_boot_an_old_stream_is_reset(ech
 def test_a_power_cycle_between_two_inputs_forgets_the_streams(echobus):
     client = Client()
     stream = client.connect()
-    client.station.power_cycle(client.world.now)
-    client.farm.settle(client.station, client.world.now)
+    client.station.station.power_cycle(client.world.now)
+    client.farm.settle(client.station.station, client.world.now)
     client.send(stream, b"x")
     assert client.closed(stream)
 
@@ -222,7 +222,7 @@ def test_a_profinet_drive_and_one_with_sockets_run_side_by_side(echobus):
     client.send(stream, b"beside")
     assert client.read(stream) == b"BESIDE"
     assert client.farm.axis("axis-01").device.connected
-    client.station.power_off(client.world.now)
-    client.farm.settle(client.station, client.world.now)
+    client.station.station.power_off(client.world.now)
+    client.farm.settle(client.station.station, client.world.now)
     client.run(0.5)
     assert client.farm.axis("axis-01").device.connected

@@ -102,11 +102,11 @@ def test_the_end_of_the_connection_forgets_what_the_drive_works_on():
     station = line.farm.axes[0]
     before = station.store.get(1004)
     assert write(line, changing(1004, 0x42, 77)).ok
-    assert station.device.parameter_records.next_deadline() is not None
+    assert station.device.kind.records.next_deadline() is not None
     for ar in list(station.device.ars):
         station.device.cm.abort(ar, RtaError.DEVICE_DEACTIVATED, line.world.now)
     line.farm.settle(station.station, line.world.now)
-    assert station.device.parameter_records.next_deadline() is None
+    assert station.device.kind.records.next_deadline() is None
     line.connect()
     line.run(3.0)
     assert station.store.get(1004) == before
@@ -147,15 +147,15 @@ def test_a_tool_that_goes_leaves_no_request_behind():
                               change=lambda blocks: blocks[:1])  # fmt: skip
         assert answer.status == 0, answer
         assert tool.write(47, changing(1004, 0x42, 77), API, 1, 1).status == 0
-        assert station.device.parameter_records.next_deadline() is not None
+        assert station.device.kind.records.next_deadline() is not None
 
     work()
     assert tool.release().status == 0
-    assert station.device.parameter_records.next_deadline() is None
+    assert station.device.kind.records.next_deadline() is None
     work()
     station.device.cm.abort_all(RtaError.DEVICE_DEACTIVATED, line.world.now)
     line.farm.settle(station.station, line.world.now)
-    assert station.device.parameter_records.next_deadline() is None
+    assert station.device.kind.records.next_deadline() is None
     line.run(11.0)
     assert station.store.get(1004) == before
 
@@ -166,7 +166,7 @@ def test_a_range_gives_each_request_its_own_time_the_same_ones_in_each_run():
         found = []
         for _ in range(12):
             assert write(line, ASKED).ok
-            due = line.farm.axes[0].device.parameter_records.next_deadline()
+            due = line.farm.axes[0].device.kind.records.next_deadline()
             assert due is not None
             found.append(due - line.world.now)
             line.run(0.1)
@@ -268,7 +268,7 @@ controller: {name: plc, ip: 10.77.1.250/23, cycle: 2ms, telegram: 102, program: 
     station = line.farm.axes[0]
     line.controllers[1].put_parameter_task("axis-01", Pkw(2, 918, value=7))
     line.run(0.05)
-    assert station.device.parameter_words.next_deadline() is not None
+    assert station.device.kind.next_deadline() is not None
     line.controllers[1].columns.ppm["active"] = 0
     assert line.until(lambda: len(station.device.ars) == 1, 1.0)
     line.run(3.0)

@@ -93,10 +93,10 @@ def test_a_drive_without_power_says_nothing_and_counts_its_time_from_the_next_po
     line.run(10.0)
     (before,) = tool.get(UPTIME)
     assert 1000 <= before <= 1020
-    tool.station.power_off(line.world.now)
+    tool.station.station.power_off(line.world.now)
     assert tool.ask(GET, VarBind(UPTIME)) is None
     line.run(5.0)
-    tool.station.power_on(line.world.now)
+    tool.station.station.power_on(line.world.now)
     assert tool.get(UPTIME) == [0]
     line.run(1.0)
     assert tool.get(UPTIME) == [100]
@@ -108,7 +108,7 @@ def test_a_text_outlasts_the_power_and_the_farm_and_changes_no_name_of_a_station
     tool = Tool(line)
     assert [tool.set(CONTACT, b"hall 5"), tool.set(NAME, b"press"), tool.set(LOCATION, b"left")] == [0, 0, 0]
     assert tool.get(CONTACT, NAME, LOCATION) == [b"hall 5", b"press", b"left"]
-    tool.station.power_cycle(line.world.now)
+    tool.station.station.power_cycle(line.world.now)
     assert tool.get(CONTACT, NAME, LOCATION) == [b"hall 5", b"press", b"left"]
     assert tool.station.device.name == "axis-01"
     assert line.events("axis-01").count("system text set") == 3
@@ -160,7 +160,7 @@ def test_counters_start_again_at_power_on():
     line.run(1.0)
     columns = [(*IF_ENTRY, arc, 1) for arc in (10, 11, 13, 14, 16, 17)]
     assert tool.get(*columns)[0] > 5000
-    tool.station.power_cycle(line.world.now)
+    tool.station.station.power_cycle(line.world.now)
     octets_in, frames_in, discards, errors, octets_out, _ = tool.get(*columns)
     # nothing but this request has come, and the announcement of the address has gone
     assert (frames_in, discards, errors) == (1, 0, 0)

@@ -192,8 +192,8 @@ def left_behind(line: FaultLine | CipLine) -> dict[str, Any]:
         look(f"{name} delays ready", station.device.connections.ready_delay_ns != 0)
         look(f"{name} answers late", station.device.rpc.late is not None)
         look(f"{name} diagnosis", list(station.device.cm.diagnosis))
-        look(f"{name} refuses records", station.device.parameter_records.error is not None)
-        look(f"{name} withholds responses", station.device.parameter_records.withhold is not None)
+        look(f"{name} refuses records", station.device.kind.records.error is not None)
+        look(f"{name} withholds responses", station.device.kind.records.withhold is not None)
         look(f"{name} modules", [m for m in modules_view(station.device) if m["held"] or m["substitute"]])
         awaiting = [s for m in modules_view(station.device) for s in m["submodules"] if s["awaits_parameters"]]
         look(f"{name} awaits parameters", awaiting)

@@ -47,7 +47,7 @@ def at_rest(line) -> bool:
 def read(line) -> str:
     """Ask the drive for a parameter; how its record access ended."""
     station = line.farm.axes[0]
-    (index, *_) = station.device.parameter_records.channels
+    (index, *_) = station.device.kind.records.channels
     slot, subslot = (
         station.device.description.modules[0].slot,
         station.device.description.modules[0].submodules[0].subslot,

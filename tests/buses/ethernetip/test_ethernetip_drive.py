@@ -362,7 +362,7 @@ def test_settings_of_the_network_survive_a_power_cycle_and_a_reset_to_factory_se
     rig.peer.connect()
     assert rig.peer.set(0x48, 1, 5, b"\x2e").status == 0
     assert rig.peer.set(0xF5, 1, 13, (300).to_bytes(2, "little")).status == 0
-    rig.station().power_cycle(rig.world.now)
+    rig.station().station.power_cycle(rig.world.now)
     rig.peer.run(1.5)
     rig.peer.connect()
     assert rig.peer.get(0x48, 1, 5).data == b"\x2e"

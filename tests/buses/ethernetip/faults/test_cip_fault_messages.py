@@ -128,7 +128,7 @@ def test_another_identity_fails_the_key_of_the_right_product_and_is_undone(rig):
     assert isinstance(made, ConnectionNotMade)
     assert made.reply.extended == (0x0114,)
     assert fault.evidence().confirmed
-    rig.station().power_cycle(rig.world.now)
+    rig.station().station.power_cycle(rig.world.now)
     rig.peer.run(1.0)
     rig.peer.connect()
     assert rig.peer.get(IDENTITY, 1, 1).data == b"\1\0", "also after a boot"
@@ -194,7 +194,7 @@ def test_tcp_refused_leaves_what_stands_and_lets_nobody_in_also_after_a_boot():
     other.stream = other.link.sockets.connect(other.port.index, (other.target, 44818))
     other.run(0.1)
     assert other.closed
-    rig.station().power_cycle(rig.world.now)
+    rig.station().station.power_cycle(rig.world.now)
     rig.peer.run(1.0)
     other.closed = []
     other.stream = other.link.sockets.connect(other.port.index, (other.target, 44818))
@@ -325,7 +325,7 @@ def test_errors_are_for_chosen_class_instance_and_attribute(rig):
     assert rig.peer.get(IDENTITY, 1, 7).status == 0x0C
     assert rig.peer.get(IDENTITY, 1, 1).status == 0
     assert rig.peer.get(PARAMETER, number, 1).status == 0
-    rig.station().power_cycle(rig.world.now)
+    rig.station().station.power_cycle(rig.world.now)
     rig.peer.run(1.0)
     rig.peer.connect()
     assert rig.peer.get(IDENTITY, 1, 7).status == 0x0C, "also after a boot"

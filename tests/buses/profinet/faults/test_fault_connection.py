@@ -130,7 +130,7 @@ def test_the_latest_of_two_record_errors_holds(line):
 
 def test_a_response_that_is_withheld_is_a_state_conflict_and_is_there_afterwards(line):
     """The hook is asked for responses that wait, and for no others."""
-    records = line.farm.axes[0].device.parameter_records
+    records = line.farm.axes[0].device.kind.records
     (index, *_) = records.channels
     slot, asked = line.farm.axes[0].device.description.modules[0].slot, []
     (ar,) = line.farm.axes[0].device.cm.ars

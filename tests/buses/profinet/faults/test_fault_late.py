@@ -39,7 +39,7 @@ def test_watchdog_expire_waits_for_a_connection_and_comes_as_often_as_asked():
 def test_a_connection_after_a_reboot_is_another_one(line, kind):
     fault = line.add(kind, count=2)
     assert line.until(lambda: line.losses() == 1)
-    station(line).power_cycle(line.world.now)
+    station(line).station.power_cycle(line.world.now)
     line.farm.settle(station(line).station, line.world.now)
     assert line.until(lambda: fault.state == "ended")
     assert fault.evidence().activations == 2

@@ -411,7 +411,7 @@ def test_any_faults_in_any_order_with_reboots_between_leave_nothing_behind(steps
                     line.clear(standing[index % len(standing)].id)
             case ("reboot",):
                 if station(line).powered:
-                    station(line).power_cycle(line.world.now)
+                    station(line).station.power_cycle(line.world.now)
             case ("run", seconds):
                 line.run(seconds)
             case ((kind, params),):
