@@ -128,7 +128,7 @@ def test_many_long_values_do_not_make_long_answers() -> None:
     ("farm", "sentence"),
     [
         ("none.pnfarm.yml", "cannot be read: no such file"),
-        (".", "no regular file"),
+        (".", "not a regular file"),
         ("bad.pnfarm.yml", "bad.pnfarm.yml:2: drives"),
         ("$farm", "cannot be read"),
         ("http://a/b/c", "not the address of a farm"),

@@ -127,7 +127,7 @@ def test_a_file_that_cannot_be_read_is_one_sentence(tmp_path) -> None:
 
     with pytest.raises(FarmFileError, match="cannot be read"):
         load_scenario(tmp_path / "no.scenario.yml")
-    with pytest.raises(FarmFileError, match="no regular file"):
+    with pytest.raises(FarmFileError, match="not a regular file"):
         load_scenario(tmp_path)
 
 
