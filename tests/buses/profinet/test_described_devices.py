@@ -229,6 +229,15 @@ def test_faults_of_the_wire_and_of_connections_act_on_devices():
     assert not cell.plc.plain["island"][1].good(0)
 
 
+def test_a_device_without_modules_connects_and_has_diagnosis_at_its_access_point():
+    cell = Cell(f"devices:\n  - {{name: bare, gsdml: {ISLAND}, access_point: DAP 1, ip: 10.77.0.41/24}}\n")
+    cell.connect()
+    cell.farm.injections.inject({"kind": "diagnosis", "on": ["bare"]}, cell.world.now)
+    cell.world.run(0.5)
+    (entry,) = cell.device("bare").cm.diagnosis
+    assert (entry.slot, entry.subslot) == (0, 1)
+
+
 def every_choice():
     """(file, access point, slot, module) of each module that an access point takes."""
     for file in (ISLAND, SCANNER):

@@ -83,7 +83,7 @@ def _carriers(station: PluggedStation, mac: bytes) -> tuple[ImCarrier, ...]:
     for module in modules:
         if module.info.order_number and module.submodules:
             im0 = Im0Description(
-                order_id=module.info.order_number,
+                order_id=_visible(module.info.order_number),
                 serial_number=serial_number(mac),
                 hardware_revision=_hardware(module.info.hardware_release),
                 software_revision=_software(module.info.software_release),
@@ -95,8 +95,12 @@ def _carriers(station: PluggedStation, mac: bytes) -> tuple[ImCarrier, ...]:
 
 def _station_type(station: PluggedStation) -> str:
     """DCP's DeviceVendorValue (assumed, as the file has no key for it): the product family, else the access point."""
-    text = station.product_family or station.name
-    return text.encode("latin-1", "replace")[:_TYPE_LENGTH].decode("latin-1")
+    return _visible(station.product_family or station.name)[:_TYPE_LENGTH]
+
+
+def _visible(text: str) -> str:
+    """The text in the characters of a VisibleString."""
+    return text.encode("ascii", "replace").decode()
 
 
 def _within(numbers: Numbers, known: Iterable[int]) -> tuple[int, ...]:
@@ -118,7 +122,7 @@ def describe_plugged(station: PluggedStation, mac: bytes, *, strict: bool) -> De
         send_clocks=_within(station.send_clocks, _SEND_CLOCKS) if strict else _SEND_CLOCKS,
         reduction_ratios=_within(station.reduction_ratios, _RATIOS) if strict else _RATIOS,
         im0=Im0Description(
-            order_id=station.order_number,
+            order_id=_visible(station.order_number),
             serial_number=serial_number(mac),
             hardware_revision=_hardware(station.hardware_release),
             software_revision=_software(station.software_release),

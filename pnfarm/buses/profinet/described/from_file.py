@@ -91,6 +91,11 @@ def _place_of(at: Location, group: ProfinetDevices, error: PlugError) -> Locatio
 
 def _refused(at: Location, plugged: PluggedStation, file: str, report: Report) -> bool:
     """What the file describes and no device of this version can do."""
+    head, *_ = plugged.modules
+    if not head.submodules:
+        report(
+            (*at, "gsdml"), f"{file}: access point {head.id} has no submodule", "at least one, which has its I&M data"
+        )
     wide = next((one for one in plugged.submodules if (one.iops_length, one.iocs_length) != (1, 1)), None)
     if wide is not None:
         what = f"{file}: {wide.id} has status fields longer than one octet, which are not supported"
@@ -100,7 +105,7 @@ def _refused(at: Location, plugged: PluggedStation, file: str, report: Report) -
     if max(inputs, outputs) > PLAIN_OCTETS:
         what = f"its modules have {max(inputs, outputs)} octets of data and status in one direction"
         report((*at, "slots"), what, f"at most {PLAIN_OCTETS}")
-    return wide is not None or max(inputs, outputs) > PLAIN_OCTETS
+    return not head.submodules or wide is not None or max(inputs, outputs) > PLAIN_OCTETS
 
 
 def _signals(

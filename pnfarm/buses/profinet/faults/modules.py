@@ -106,14 +106,22 @@ def _names(ar: Ar, slot: int, subslot: int | None, *, diagnosis: bool) -> bool:
 
 
 def _place_of(station: ProfinetDevice, slot: int | None, subslot: int | None) -> ExpectedKey:
-    """A submodule that the drive can have; None: the telegram's slot, its submodule with set points."""
+    """A submodule that the drive can have; None: the telegram's slot, its submodule with set points.
+
+    Of a device that is the first slot with a module; its access point's where there is none.
+    """
     description = station.description
-    chosen = description.modules[0].slot if slot is None else slot
+    first = next((m.slot for m in description.modules if m.submodules), description.dap.slot)
+    chosen = first if slot is None else slot
     modules = [m for m in (description.dap, *description.modules) if m.slot == chosen]
     if not modules:
         allowed = ", ".join(map(str, description.slots))
         raise InjectionError([("params.slot", f"{station.configured_name} has no slot {slot}", allowed)])
     known = {s.subslot: s for m in modules for s in m.submodules}
+    if not known:
+        raise InjectionError(
+            [("params.slot", f"slot {slot} of {station.configured_name} has no submodules", "another")]
+        )
     if subslot is None:
         subslot = next((s.subslot for s in known.values() if s.output_bytes), min(known))
     if subslot not in known:
