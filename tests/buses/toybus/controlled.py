@@ -53,6 +53,10 @@ class ToyPlanned:
     signals: AxisSignals = SIGNALS
     life: bool = False
 
+    @property
+    def axes(self) -> list[tuple[str, ToyPlanned]]:
+        return [(self.name, self)]
+
 
 @dataclass(frozen=True, slots=True)
 class ToyPlan:
