@@ -119,8 +119,8 @@ class Stranger:
 
 @pytest.mark.parametrize(("method", "path"), [("GET", ""), ("PUT", "/1"), ("DELETE", "/1")])
 def test_a_drive_on_another_bus_has_no_modules(world, monkeypatch, method, path):
-    station = world.line.farm.axis("axis-01")
-    monkeypatch.setattr(station, "model", replace(station.model, bus="other"))
+    station = world.line.farm.station("axis-01")
+    monkeypatch.setattr(station, "bus", "other")
     monkeypatch.setattr(station, "device", Stranger())
     response = world.request(method, PATH + path, **({"json": {}} if method == "PUT" else {}))
     assert_problem(response, 404, "axis-01 has no modules: it is a drive on other")

@@ -12,7 +12,7 @@ from own_interfaces import own_interfaces
 
 from pnfarm.buses import registry
 from pnfarm.buses.ethernetip.commands.scan import _take, _warnings
-from pnfarm.buses.search import SearchAnswer
+from pnfarm.buses.search import SearchAnswer, SearchBus
 from pnfarm.cli.main import main
 from pnfarm.protocols.enip.identity_search import IdentitySearch
 from pnfarm.protocols.enip.wire.cpf import emit_items
@@ -29,14 +29,19 @@ drives:
 """
 
 
-class Found:
+class Found(SearchBus):
     """A bus that can be searched."""
 
     name = "found"
+    title = "Found"
+    link_kinds = frozenset()
     frame_families = ()
 
     def __init__(self) -> None:
         self.asked = []
+
+    def channel_rows(self, model):
+        return 0
 
     def fault_kinds(self):
         return ()

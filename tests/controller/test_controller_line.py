@@ -191,7 +191,7 @@ def test_another_drive_that_answers_at_a_drives_address_is_not_taken_for_it():
     """Both have the address; the Connect for axis-01 goes to where axis-02 said that it was."""
     line = VirtualLine(drives=2)
     first, second = line.farm.axes
-    wanted = first.config.ip
+    wanted = first.station.config.ip
     second.device.dcp.address = wanted
     second.device.addressing.own_ip = wanted.ip.packed
     for station in (first, second):

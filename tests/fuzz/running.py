@@ -340,7 +340,7 @@ class Episode:
         """Every connection is open; an address that was refused for a conflict's sake is in use again."""
         line = self.line
         addresses = all(
-            s.device.ip.address is not None and s.device.ip.address.ip == s.config.ip.ip for s in line.farm.axes
+            s.device.ip.address is not None and s.device.ip.address.ip == s.station.config.ip.ip for s in line.farm.axes
         )
         return addresses and line.plc.all_connected
 

@@ -53,7 +53,7 @@ class Scanner(Peer):
         self.look_ns = 0
         self.serial = 0
         self.acknowledge_ns = 0
-        (self.clear_faults, *_) = next(s for s in rig.farm.axes if s.config.ip.ip == self.target).model.resolve(
+        (self.clear_faults, *_) = next(s for s in rig.farm.axes if s.station.config.ip.ip == self.target).model.resolve(
             "DRV.CLRFAULTS"
         )
 

@@ -198,7 +198,7 @@ class Peer:
 
     def _exchange(self, made: ConnectionMade) -> None:
         asked, reply = made.request, made.reply
-        station = next(s for s in self.rig.farm.axes if s.config.ip.ip == self.target)
+        station = next(s for s in self.rig.farm.axes if s.station.config.ip.ip == self.target)
         groups = [item.address for item in made.items if not item.o_to_t]
         group = groups[0] if groups and asked.t_to_o.kind == ConnectionType.MULTICAST else None
         data = asked.o_to_t.size - 2
