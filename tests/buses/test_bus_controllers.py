@@ -229,7 +229,7 @@ def test_drives_of_three_buses_run_in_virtual_time():
 def test_connected_and_running_and_stopped_count_every_controller():
     line = line_of()
     toy = line.farm.axis("toy-1")
-    toy.power_off(line.world.now)
+    toy.station.power_off(line.world.now)
     line.farm.settle(toy.station, line.world.now)
     line.world.run(0.5)
     assert not line.controllers.all_connected

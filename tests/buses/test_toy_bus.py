@@ -188,7 +188,7 @@ def test_its_routes_are_in_the_api_beside_those_of_others(mixed):
 
 def test_a_power_cycle_and_a_frame_of_the_other_bus_leave_it_well(mixed):
     mixed.run_it(0.2)
-    mixed.toy.power_cycle(mixed.world.now)
+    mixed.toy.station.power_cycle(mixed.world.now)
     mixed.world.switch.send(
         mixed.port.index, mixed.toy.port.mac + MASTER + bytes.fromhex("8892fefe") + bytes(50), mixed.world.now
     )

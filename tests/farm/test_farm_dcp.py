@@ -367,7 +367,7 @@ def test_an_address_that_another_drive_has_is_not_used_until_that_drive_is_gone(
     assert "address not used" in line.events("axis-02")
     line.run(RECHECK_SECONDS)
     assert second.device.ip.address is None
-    first.power_off(line.world.now)
+    first.station.power_off(line.world.now)
     line.run(RECHECK_SECONDS)
     assert str(second.device.ip.address) == "10.77.0.11/23"
     assert tool.identify()[second.port.mac].ip_info == 0x01

@@ -46,7 +46,7 @@ class Wire:
         ]
 
     def power_cycle(self, seconds: float) -> None:
-        self.drive.power_cycle(self.rig.world.now)
+        self.drive.station.power_cycle(self.rig.world.now)
         self.rig.farm.settle(self.drive.station, self.rig.world.now)
         self.peer.run(seconds)
 
@@ -131,7 +131,7 @@ def test_requests_for_the_address_are_answered_where_no_kernel_does(wire):
 
 
 def test_a_drive_without_supply_says_nothing_of_its_address(wire):
-    wire.drive.power_off(wire.rig.world.now)
+    wire.drive.station.power_off(wire.rig.world.now)
     wire.rig.farm.settle(wire.drive.station, wire.rig.world.now)
     wire.say(OPERATION_REQUEST, IPv4Address("10.77.1.100"), OWN)
     assert wire.heard() == []
