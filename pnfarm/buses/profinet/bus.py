@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
     from pnfarm.buses.profinet.described.kind import DescribedSettings
     from pnfarm.buses.profinet.device.device import ProfinetDevice
-    from pnfarm.buses.profinet.device.drive import DriveSettings
     from pnfarm.drives.description.model import Model
     from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
@@ -52,7 +51,7 @@ class Profinet(ImportingBus, ProjectBus, SearchBus):
         from pnfarm.buses.profinet.device.device import ProfinetDevice
         from pnfarm.buses.profinet.device.drive import DriveKind
 
-        kind = DriveKind(station, cast("DriveSettings", station.config))
+        kind = DriveKind(station)
         return ProfinetDevice(station, services, kind, kind.model.limits.io_controllers)
 
     def device_rows(self, config: ProfinetDeviceConfig) -> DeviceRows:

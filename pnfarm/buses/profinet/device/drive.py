@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from pnfarm.buses.profinet.binding import DriveRecords, axis_stride, describe_device
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
-__all__ = ["DriveKind", "DriveSettings"]
+__all__ = ["DriveKind"]
 
 
 class AxisSettings(Protocol):
@@ -63,13 +63,16 @@ class _AxisPart:
 class DriveKind:
     """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
 
-    def __init__(self, station: Station, settings: DriveSettings) -> None:
+    def __init__(self, station: Station) -> None:
         self._station = station
-        self._settings = settings
         self.model = station.axes[0].model
         self.records: DriveRecords
         self._parts: tuple[_AxisPart, ...] = ()
         self._cm: CmDevice
+
+    @property
+    def _settings(self) -> DriveSettings:
+        return cast("DriveSettings", self._station.config)
 
     @property
     def _first(self) -> Axis:
