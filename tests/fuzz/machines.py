@@ -73,7 +73,7 @@ class Machine:
         self.talk = Conversation(rng.choice(("legacy", "advanced")))
         self.talk.untap()
         self.line = self.talk.line
-        self.station = self.line.farm.axes[0]
+        self.station = self.line.farm.stations[0]
         self.session = self.line.plc.sessions[0]
 
     def revive(self, rng: Random) -> None:

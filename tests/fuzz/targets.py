@@ -249,11 +249,12 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
             add(title, call, suiting(module, name), varied_xml if name in DOCUMENTS else variation)
     for module, kind in _structures():
         title = f"{module.__name__.rsplit('.', 1)[-1]}.{kind.__name__}"
-        for block_type in getattr(kind, "TYPES", ()):
-            alike = [octets for other in kind.TYPES for octets in layers.get(f"block-{other:04x}", ())]
+        types = kind.TYPES if issubclass(kind, Block) else ()
+        for block_type in types:
+            alike = [octets for other in types for octets in layers.get(f"block-{other:04x}", ())]
             pool = layers.get(f"block-{block_type:04x}") or alike or layers["block"]
             add(f"{title}-{block_type:04x}", lambda data, kind=kind, of=block_type: kind.of(_raw_block(of, data)), pool)
-        if not getattr(kind, "TYPES", ()):
+        if not types:
             pool = suiting(module, kind.__name__)
             add(title, kind.parse, pool)
             add(f"{title}-little", lambda data, kind=kind: kind.parse(data, little_endian=True), pool)

@@ -26,11 +26,11 @@ def test_every_parser_and_machine_survives_some_thousand_inputs():
 
 
 def test_the_same_seed_makes_the_same_inputs():
-    first, second, other = (fuzz("--count", "3000", "--target", "rpc.parse_*", "--seed", seed).stdout for seed in "778")
+    first, second, other = (fuzz("--count", "3000", "--target", "tlvs.*", "--seed", seed).stdout for seed in "778")
 
     def outcomes(text):
         # target, inputs, accepted, and the reasons behind the two columns of times
-        return re.findall(r"^(rpc\.\S+ +\d+ +\d+) +[\d.]+ +\d+ +(.*)$", text, re.MULTILINE)
+        return re.findall(r"^(tlvs\.\S+ +\d+ +\d+) +[\d.]+ +\d+ +(.*)$", text, re.MULTILINE)
 
     assert len(outcomes(first)) > 5
     assert outcomes(first) == outcomes(second)
