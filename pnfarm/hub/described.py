@@ -150,13 +150,14 @@ DESCRIBED = {
         "End every injected fault on every shard",
         _whole_or_not(HubReset, "Shards did not answer: their faults may be in force."),
     ),
-    "get_traces": Described("Every trace of every shard and how far it is, without samples", {200: HubTraces}),
+    "get_traces": Described("Every trace of every shard and its progress, without samples", {200: HubTraces}),
     "post_trace": Described("Start a trace, of drives of one shard"),
     "version": Described("Version of the hub"),
     "clock": Described("The hub's clock, which its seconds are of, and this machine's"),
     "readyz": Described("Whether every shard answers and is ready, and no drive is claimed twice", {200: HubReady}),
     "get_health": Described(
-        "How each shard and all together do: whether it answers, its clock's offset, its own lateness", {200: HubHealth}
+        "State of each shard and of all together: whether it answers, its clock's offset, its own lateness",
+        {200: HubHealth},
     ),
     "get_doctor": Described("What `pnfarm doctor` finds on the machine of each shard", {200: HubFindings}),
     "get_reactions": Described("", {200: HubReactions}),

@@ -168,9 +168,13 @@ class FarmCollector(Collector):
                 (
                     "lease_held",
                     "gauge",
-                    "Whether the drives may speak: 1 also without a lease, 0 while they are mute.",
+                    "Whether the drives may send: 1 also without a lease, 0 while they are mute.",
                 ),
-                ("lease_renewed_seconds_ago", "gauge", "Since the newest renewal of the lease, 0 without a lease."),
+                (
+                    "lease_renewed_seconds_ago",
+                    "gauge",
+                    "Time since the newest renewal of the lease, 0 without a lease.",
+                ),
             )
         ]
         self._info = Family(
@@ -213,9 +217,7 @@ class FarmCollector(Collector):
         self._states = {name: connection_numbers(name) for name in buses}
         states = "; ".join(", ".join(f"{n} {word}" for word, n in words.items()) for words in self._states.values())
         self._ar_state = node("ar_state", "gauge", f"State of the connection (CMDEV): 0 none, {states}.")
-        self._exchanging = node(
-            "ar_exchanging", "gauge", "1 while the connection is completely set up, whatever its bus calls that state."
-        )
+        self._exchanging = node("ar_exchanging", "gauge", "1 while the connection is completely set up, on any bus.")
         self._ar_cycle = node("ar_cycle_seconds", "gauge", "Cycle of the connection's IO data, 0 without one.")
         self._connects = node("ar_connects_total", "counter", "Connections that reached DATA.")
         self._aborts = self._counted(

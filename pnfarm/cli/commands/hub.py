@@ -34,7 +34,7 @@ def hub(
         setting(
             "--discover",
             "PNFARM_HUB_DISCOVER",
-            "A name whose every address in DNS is a farm's; asked anew every 5 s.  Repeatable.",
+            "A name whose every address in DNS is a farm's; resolved again every 5 s.  Repeatable.",
             metavar="NAME:PORT",
             show_default=False,
         ),
@@ -45,7 +45,7 @@ def hub(
         setting(
             "--api-token",
             "PNFARM_HUB_API_TOKEN",
-            "Bearer token of the hub's API; beyond loopback one is made up, and logged, unless it is given.",
+            "Bearer token of the hub's API; beyond loopback one is generated and logged unless it is given.",
             metavar="TOKEN",
         ),
     ] = None,

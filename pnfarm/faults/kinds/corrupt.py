@@ -32,15 +32,15 @@ KIND = InjectionKind(
         "whole": ParamSpec("yes or no", "Whether also in the addresses and the EtherType.", default=False),
         "mend": ParamSpec(
             "yes or no",
-            "Whether the checksums of IPv4 and UDP of a cyclic frame are made right again, so that its receiver takes "
-            "the wrong data; a frame without such checksums is not changed by it.",
+            "Whether the checksums of IPv4 and UDP of a cyclic frame are corrected, so that its receiver takes "
+            "the wrong data; no effect on a frame without such checksums.",
             default=False,
         ),
     },
     directions=EVERY_DIRECTION,
     takes=FRAMES,
     wire="Inverted bits after the EtherType, with `whole` before it as well.",
-    reports="Depends on the bit: wrong data, a frame that is discarded, or one that is nobody's. IP and UDP discard by "
+    reports="Depends on the bit: wrong data, a discarded frame, or one without a receiver. IP and UDP discard by "
     "their checksums.",
     place=50,
 )

@@ -24,8 +24,8 @@ class LimitSwitch(StandingEffect):
 KIND = InjectionKind(
     "limit-switch",
     "drive",
-    "The axis is on a limit of its travel: no task goes further that way, and the drive warns if its manual names a "
-    "warning.",
+    "The axis is on a limit of its travel: no task moves further that way, and the drive warns if its manual "
+    "names a warning.",
     "reaching the limit",
     LimitSwitch,
     {"side": ParamSpec("word", "Which end of the travel.", default="positive", words={"positive": 0, "negative": 1})},

@@ -22,8 +22,8 @@ class AddedLoad(StandingEffect):
 KIND = InjectionKind(
     "load",
     "drive",
-    "The machine puts more on the shaft, on top of the load of the farm file; several add up.  The drive's controllers "
-    "stay tuned for the load that they know.",
+    "The machine adds load to the shaft, on top of the load of the farm file; several add up.  The drive's "
+    "controllers stay tuned for the load without it.",
     "the change",
     AddedLoad,
     {

@@ -85,7 +85,7 @@ KIND = InjectionKind(
     },
     takes=HELD | {"seed"},
     place=50,
-    wire="The frames end without a farewell; after the boot, LLDP (chassis), DCP, ARP and cyclic frames come from the "
+    wire="The frames end without notice; after the boot, LLDP (chassis), DCP, ARP and cyclic frames come from the "
     "other MAC address, with the same station name and IP address.",
     reports="After the watchdog, IO device failure (S7-1500: OB86; CODESYS: the device is shown as not running "
     "(assumed)). The controller finds the station by its name and sets the connection up again: nothing stays behind, "

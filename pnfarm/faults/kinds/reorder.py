@@ -34,8 +34,8 @@ def _check(values: dict[str, Any]) -> Misfits:
 KIND = InjectionKind(
     "reorder",
     "frames",
-    "Frames arrive behind later ones: a cyclic one half a cycle after the `distance`-th frame that follows, an acyclic "
-    "one after `wait`.",
+    "Frames arrive after later ones: a cyclic one half a cycle after the `distance`-th frame that follows, an "
+    "acyclic one after `wait`.",
     "a frame that is held back",
     Reorder,
     {

@@ -9,8 +9,8 @@ from pnfarm.table.impairment import COUNT_FREEZE
 __all__ = ["KIND", "REPORTS", "WIRE", "Freeze"]
 
 WIRE = (
-    "Bits 12 to 15 of ZSW2 (`out`) keep the count of the first frame that is hit; all else goes on. Afterwards the "
-    "drive's own count is sent again. With `in`, the drive gets such an STW2."
+    "Bits 12 to 15 of ZSW2 (`out`) keep the count of the first frame that is hit; all else continues. Afterwards "
+    "the drive's own count is sent again. With `in`, the drive gets such an STW2."
 )
 REPORTS = (
     "PROFINET does not evaluate it, so the connection stays. S7-1500: a technology object that monitors the drive's "
@@ -28,8 +28,8 @@ class Freeze(SignOfLifeEffect):
 KIND = InjectionKind(
     "sign-of-life-freeze",
     "liveness",
-    "The sign of life stands: of the drive in ZSW2, or with direction `in` the controller's in STW2, which the drive "
-    "monitors.  When it ends, the true count follows.",
+    "The sign of life freezes: of the drive in ZSW2, or with direction `in` the controller's in STW2, which the "
+    "drive monitors.  When it ends, the true count follows.",
     "a cyclic frame whose count is frozen",
     Freeze,
     directions=("out", "in", "both"),

@@ -19,7 +19,7 @@ class Skip(SignOfLifeEffect):
 KIND = InjectionKind(
     "sign-of-life-skip",
     "liveness",
-    "The sign of life leaves counts out, and goes on from there: each skip is one failed sign of life. The end is a "
+    "The sign of life skips counts, and continues from there: each skip is one failed sign of life. The end is a "
     "further one, when the true count follows.",
     "a cyclic frame in front of which counts were skipped",
     Skip,

@@ -18,8 +18,8 @@ class WatchdogExpire(BreakingEffect):
 KIND = InjectionKind(
     "watchdog-expire",
     "connection",
-    "The drive behaves as if its data hold timer had run out, although the controller's frames come: the connection "
-    "ends (ERR-RTA-PDU), and the drive takes its fault for that.",
+    "The drive behaves as if its data hold timer had run out, although the controller's frames arrive: the "
+    "connection ends (ERR-RTA-PDU), and the drive takes its fault for that.",
     "one broken connection; without `count` and `for` it happens once",
     WatchdogExpire,
     takes=EACH,

@@ -33,8 +33,8 @@ def _check(spec: InjectionFields) -> Misfits:
 KIND = InjectionKind(
     "wrong-length",
     "cyclic",
-    "The IO data of cyclic frames is longer or shorter than agreed. On Ethernet, a frame below 60 octets is filled up "
-    "by the network card.",
+    "The IO data of cyclic frames is longer or shorter than agreed. On Ethernet, a frame below 60 octets is "
+    "padded by the network card.",
     "a cyclic frame that is changed",
     WrongLength,
     {"by": ParamSpec("whole number", "Octets more, or below 0 fewer; not 0.", default=1, low=-1400, high=1400)},

@@ -78,6 +78,6 @@ KIND = InjectionKind(
     place=96,
     wire="Encapsulation messages of the drive with one wrong field, or octets that are no message.",
     reports="The message fails; after a wrong length or garbage nothing that follows can be read, and the scanner "
-    "closes the TCP connection. Logix: the MSG instruction ends with an error; without a connection the module stays "
-    "faulted. CODESYS: the request ends with an error (all assumed). Cyclic data go on.",
+    "closes the TCP connection. Logix: the MSG instruction ends with an error; without a connection the "
+    "module stays faulted. CODESYS: the request ends with an error (all assumed). Cyclic data continue.",
 )

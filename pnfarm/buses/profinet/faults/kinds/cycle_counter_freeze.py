@@ -18,7 +18,7 @@ class CounterFreeze(ProfinetFramesEffect):
 KIND = InjectionKind(
     "cycle-counter-freeze",
     "cyclic",
-    "The cycle counter stands, so that controllers take the frames for old ones and discard them; the watchdog "
+    "The cycle counter freezes, so that controllers take the frames for old ones and discard them; the watchdog "
     "expires.",
     "a cyclic frame whose counter is frozen",
     CounterFreeze,

@@ -33,9 +33,9 @@ def _misfits(spec: InjectionFields) -> Misfits:
 KIND = InjectionKind(
     "duplicate-ip",
     "link",
-    "A second station at the drive's port has the drive's IP address: it announces it by ARP, answers ARP and ping, "
-    "and defends it as RFC 5227 says.  RPC to its MAC address is not answered; a connection that stands goes on, "
-    "because cyclic frames need no IP address.",
+    "A second station at the drive's port has the drive's IP address: it announces it by ARP, answers ARP and "
+    "ping, and defends it as RFC 5227 says.  RPC to its MAC address is not answered; an existing connection "
+    "continues, because cyclic frames need no IP address.",
     "a frame of the second station",
     SecondHost,
     {"mac": MAC, "every": ParamSpec("duration", "From one announcement to the next.", default="10s")},

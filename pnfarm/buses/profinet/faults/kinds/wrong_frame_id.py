@@ -29,7 +29,8 @@ KIND = InjectionKind(
     takes=FRAMES,
     wire="Frame id `frame_id`, or without it the agreed one plus one.",
     reports=(
-        "The frames are nobody's: IO device failure when the watchdog expires (S7-1500); CODESYS the same (assumed)."
+        "The frames belong to no connection: IO device failure when the watchdog expires (S7-1500); CODESYS the "
+        "same (assumed)."
     ),
     place=80,
 )
