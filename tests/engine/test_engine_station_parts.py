@@ -1,5 +1,7 @@
 """One channel for several axes and plain data, over an ideal wire in virtual time."""
 
+import threading
+
 import numpy as np
 import pytest
 from bench_axis import MS, VELOCITY_STEP, configure
@@ -188,3 +190,38 @@ def test_a_piece_outside_of_frame_or_row_is_an_internal_error(piece):
                 send_clock_factor=32, reduction_ratio=1, words=[], iops=[], pieces=[piece],
             )
         )  # fmt: skip
+
+
+def test_nobody_sees_half_a_change_of_1400_octets_while_the_engine_runs():
+    """A thread writes and reads beside the engine, which runs without the interpreter's lock."""
+    length, octets = 1404, 1400
+    piece = Piece(0, 0, octets, octets, octets)
+    farm, plc = (allocate(images=1, channels=2, plain=1, pieces=2) for _ in range(2))
+    common = {"image": 0, "port": 1, "data_length": length, "send_clock_factor": 8, "reduction_ratio": 1}
+    ends = {"frame_id": 0x8001, "words": [], "iops": [], "pieces": [piece], **common}
+    ChannelTable(plc).open_provider(ProviderPlan(destination=DRIVE, source=CONTROLLER, **ends))
+    ChannelTable(farm).open_consumer(ConsumerPlan(destination=DRIVE, source=CONTROLLER, data_hold_factor=255, **ends))
+    sent, taken = ProvidedData(plc.provided, 0, octets, 1), ConsumedData(farm.consumed, 0, octets, 1)
+    torn, seen, over = [], set(), threading.Event()
+
+    def beside():
+        number = 0
+        while not over.is_set():
+            number = (number + 1) & 0xFF
+            sent.write({0: bytes([number]) * octets})
+            found = set(taken.read())
+            seen.update(found)
+            if len(found) > 1:
+                torn.append(found)
+
+    thread = threading.Thread(target=beside)
+    thread.start()
+    now = 1_000_000_000
+    places = np.array([int.from_bytes(DRIVE, "big")]), np.array([1], np.int32)
+    others = np.array([int.from_bytes(CONTROLLER, "big")]), np.array([1], np.int32)
+    while now < 6_000_000_000 or (len(seen) <= 20 and now < 600_000_000_000):
+        now = run_virtual(farm, plc, *places, *others, now, now + 10_000_000)
+    over.set()
+    thread.join()
+    assert torn == []
+    assert len(seen) > 20, "changes were seen while the engine ran"
