@@ -58,6 +58,8 @@ EVERY_DIRECTION: tuple[Directions, ...] = ("both", "in", "out")
 #: Ranges of parameters.
 OCTET: dict[str, Any] = {"low": 0, "high": 0xFF}
 WORD: dict[str, Any] = {"low": 0, "high": 0xFFFF}
+#: Characters of a text in place of a number.
+_LONGEST_NAME = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +67,7 @@ class ParamSpec:
     """One parameter of a kind.  ``words`` are names for numbers, or the only words of a ``word``.
 
     Durations are given as ``500ms`` and read as nanoseconds.  ``high`` of octets is how many there may be.
-    ``required`` ones have no default.
+    ``required`` ones have no default.  ``other`` says what other text a number may be given by; the effect reads it.
     """
 
     type: ParamType
@@ -76,6 +78,7 @@ class ParamSpec:
     low: float | None = None
     high: float | None = None
     words: Mapping[str, int] = field(default_factory=dict)
+    other: str = ""
 
     @property
     def allowed(self) -> str:
@@ -99,7 +102,8 @@ class ParamSpec:
                 bounded = self.low is not None and self.high is not None
                 bounds = f" from {self.low:{form}} to {self.high:{form}}" if bounded else ""
                 named = f", or one of {', '.join(self.words)}" if self.words else ""
-                return f"a {self.type}{bounds}{named}"
+                other = f", or {self.other}" if self.other else ""
+                return f"a {self.type}{bounds}{named}{other}"
 
     def read(self, value: Any) -> Any:
         """The value as the kind uses it; raises :class:`Problem`."""
@@ -147,7 +151,7 @@ class ParamSpec:
             raise Problem(f"has {len(octets)} octets", self.allowed)
         return octets
 
-    def _number(self, value: Any) -> int | float:
+    def _number(self, value: Any) -> int | float | str:
         if isinstance(value, str):
             word = value.strip().lower()
             if word in self.words:
@@ -155,6 +159,8 @@ class ParamSpec:
             try:
                 value = int(word, 0) if self.type == "whole number" else float(word)
             except ValueError as exc:
+                if self.other and word and len(word) <= _LONGEST_NAME:
+                    return str(value).strip()
                 raise Problem(f"is {shown(value)}{did_you_mean(word, self.words)}", self.allowed) from exc
         wanted = int if self.type == "whole number" else (int, float)
         if isinstance(value, bool) or not isinstance(value, wanted):

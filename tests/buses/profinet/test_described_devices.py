@@ -13,6 +13,8 @@ from pnfarm.cli.farm_file import described
 from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.farm.file.reading import FarmFileError, expand_devices, load_farm, parse_farm
+from pnfarm.faults.errors import InjectionError
+from pnfarm.protocols.profinet.diagnosis import Severity
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.station.event_log import EventLog
 
@@ -358,3 +360,39 @@ def test_an_error_in_one_group_leaves_the_others_checked():
 def test_a_link_that_does_not_carry_the_bus_is_refused():
     with pytest.raises(FarmFileError, match="does not carry"):
         parse("farm: f\nlink: {kind: serial, pty: auto}\n" + ONE)
+
+
+def diagnosed(cell, error, **params):
+    """The entries while the diagnosis is in force."""
+    spec = {"kind": "diagnosis", "on": ["island"], "params": {"error": error, "slot": 1, **params}}
+    one = cell.farm.injections.inject(spec, cell.world.now)
+    cell.world.run(0.5)
+    entries = list(cell.device().cm.diagnosis)
+    cell.farm.injections.clear(one.id, cell.world.now)
+    cell.world.run(0.5)
+    assert not list(cell.device().cm.diagnosis)
+    return entries
+
+
+def test_a_diagnosis_is_raised_by_its_name_in_the_file():
+    cell = Cell(ONE)
+    cell.connect()
+    (overloaded,) = diagnosed(cell, "sensor supply overloaded", channel=2)
+    assert (overloaded.slot, overloaded.channel, overloaded.usi, overloaded.error_type) == (1, 2, 0x8000, 256)
+    (worn,) = diagnosed(cell, "Valve worn")
+    assert (worn.error_type, worn.severities) == (258, {Severity.MAINTENANCE_REQUIRED})
+    (group,) = diagnosed(cell, "group b")
+    assert (group.usi, group.error_type, group.ext_error_type) == (0x8002, 256, 2)
+    (line,) = diagnosed(cell, "gateway line error")
+    assert (line.usi, len(line.data)) == (1, 4)
+    (number,) = diagnosed(cell, 258)
+    assert (number.error_type, number.severities) == (258, {Severity.FAULT})
+
+
+def test_an_unknown_name_of_a_diagnosis_is_refused_with_what_there_is():
+    cell = Cell(ONE)
+    cell.connect()
+    with pytest.raises(InjectionError, match=r"no diagnosis 'valve wron'.*did you mean valve worn"):
+        diagnosed(cell, "valve wron")
+    assert not list(cell.device().cm.diagnosis)
+    assert not cell.farm.injections.active()

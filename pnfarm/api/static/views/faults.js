@@ -50,11 +50,13 @@ function Parameter({name, parameter, value, onInput}) {
   const hint = [parameter.doc, parameter.allowed && !parameter.words.length && `Allowed: ${parameter.allowed}.`].filter(Boolean).join(" ");
   const words = parameter.type === "yes or no" ? ["yes", "no"] : parameter.words;
   const shown = parameter.default === null || parameter.default === "" ? "" : typeof parameter.default === "boolean" ? (parameter.default ? "yes" : "no") : String(parameter.default);
+  const chosen = ["yes or no", "word"].includes(parameter.type);
   return html`<div class="field"><label for=${id}>${name.replaceAll("_", " ")}${parameter.required ? html` <span class="bad" title="required">*</span>` : null}</label>
-    ${words.length
+    ${chosen
       ? html`<select id=${id} value=${value ?? ""} onChange=${event => onInput(event.target.value)}>
           <option value="">${shown ? `as usual (${shown})` : "choose"}</option>${words.map(word => html`<option key=${word} value=${word} selected=${word === value}>${word}</option>`)}</select>`
-      : html`<input id=${id} value=${value ?? ""} placeholder=${shown} aria-describedby=${id + "-hint"} onInput=${event => onInput(event.target.value)}/>`}
+      : html`<input id=${id} list=${"words-" + name} value=${value ?? ""} placeholder=${shown} aria-describedby=${id + "-hint"} onInput=${event => onInput(event.target.value)}/>
+          <datalist id=${"words-" + name}>${words.map(word => html`<option key=${word} value=${word}/>`)}</datalist>`}
     <span class="dim">${parameter.unit}</span><p id=${id + "-hint"} class="hint dim">${coded(hint)}</p></div>`;
 }
 

@@ -8,6 +8,7 @@ from pnfarm.buses.profinet.described.description import describe_plugged
 from pnfarm.buses.profinet.described.records import DescribedRecords
 from pnfarm.buses.profinet.frame_layout import frame_layout
 from pnfarm.errors import InternalError
+from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
 from pnfarm.signals.station_signals import StationSignals
 from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
@@ -68,6 +69,11 @@ class DescribedKind:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self.records = DescribedRecords(self.described, self._station.note, strict=self._strict)
         return describe_plugged(self.described.plugged, mac, strict=self._strict)
+
+    @property
+    def diagnoses(self) -> DiagnosisCatalogue:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        return DiagnosisCatalogue(self.described.plugged.gsdml)
 
     def join(self, dcp: DcpDevice, mac: bytes, cm: CmDevice) -> None:
         """Nothing here acts on the machines."""

@@ -130,6 +130,7 @@ class DriveKind:
     # -- cyclic data -------------------------------------------------------------------------------------------------
 
     plain_row = 0
+    diagnoses = None
 
     def follow_modules(self) -> None:
         """The plugged modules determine the telegrams of the frames."""

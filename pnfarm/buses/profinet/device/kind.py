@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription
     from pnfarm.protocols.profinet.errors import RecordError
+    from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
 
 __all__ = ["ApplicationRecords", "Kind"]
 
@@ -58,6 +59,10 @@ class Kind(Protocol):
 
     def describe(self, mac: bytes) -> DeviceDescription:
         """Power-on: the device's description; makes the records."""
+
+    @property
+    def diagnoses(self) -> DiagnosisCatalogue | None:
+        """Those that the device's file names; None where there is no file."""
 
     def join(self, dcp: DcpDevice, mac: bytes, cm: CmDevice) -> None:
         """The machines of this power-on exist."""

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.device.device import ProfinetDevice
     from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+    from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
 
 __all__ = ["DIAGNOSES", "Diagnoses"]
 
@@ -31,6 +32,11 @@ class Diagnoses(DrivePart):
 
     def in_force(self) -> list[Any]:
         return list(self._entries)
+
+    @property
+    def catalogue(self) -> DiagnosisCatalogue | None:
+        """Those that the device's file names; None where there is no file."""
+        return self._station.kind.diagnoses
 
     def diagnose(self, entry: DiagnosisEntry, now: int) -> None:
         """Let a diagnosis appear.  Raises :class:`ConfigError` when the drive's store is full."""

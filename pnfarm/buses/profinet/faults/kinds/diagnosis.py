@@ -8,16 +8,19 @@ from pnfarm.buses.profinet.faults.diagnosis import DIAGNOSES
 from pnfarm.buses.profinet.faults.own_alarm import ERROR_TYPES, EXT_TYPES, NEVER_BY_ITSELF
 from pnfarm.buses.profinet.faults.reported_effect import ReportedEffect
 from pnfarm.buses.profinet.faults.slot_effect import SLOT, SUBSLOT
+from pnfarm.errors import ConfigError
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, WORD, InjectionKind, ParamSpec
 from pnfarm.protocols.profinet.diagnosis import DiagnosisEntry
+from pnfarm.protocols.profinet.gsdml.diagnosis import unit_octets
 from pnfarm.protocols.profinet.wire.alarms.notification import AlarmType
 from pnfarm.protocols.profinet.wire.records.diagnosis import WHOLE_SUBMODULE, Maintenance, Qualifier, Usi
-from pnfarm.vocabulary.quoting import shown
+from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey
     from pnfarm.protocols.profinet.cm.device.events import AlarmConfirmed
+    from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
 
 __all__ = ["KIND"]
 
@@ -28,6 +31,8 @@ _MAINTENANCE = {
     "maintenance-required": Maintenance.REQUIRED,
     "maintenance-demanded": Maintenance.DEMANDED,
 }
+#: Of MaintenanceAlarmState in a file.
+_SEVERITY_OF = {"D": "fault", "MR": "maintenance-required", "MD": "maintenance-demanded"}
 _CODINGS = {"channel": Usi.CHANNEL, "extended": Usi.EXT_CHANNEL, "qualified": Usi.QUALIFIED_CHANNEL, "manufacturer": 0}
 _QUALIFIERS = {
     "fault": Qualifier.FAULT,
@@ -43,7 +48,10 @@ class Diagnosis(ReportedEffect):
     diagnoses = DIAGNOSES
 
     def prepare(self) -> None:
-        self._entry = _entry(self.values, self.modules.place(self.values["slot"], self.values["subslot"]))
+        values = self.values
+        if isinstance(values["error"], str):
+            values = {**values, **_described(values, self.diagnoses.catalogue)}
+        self._entry = _entry(values, self.modules.place(values["slot"], values["subslot"]))
 
     def _change(self, now: int) -> None:
         self.diagnoses.diagnose(self._entry, now)
@@ -60,9 +68,32 @@ class Diagnosis(ReportedEffect):
         return self.modules.in_diff_at_connect(slot, subslot, self._standing, diagnosis=True)
 
 
+def _described(values: dict[str, Any], catalogue: DiagnosisCatalogue | None) -> dict[str, Any]:
+    """The parameters of an error that is given by its name in the device's file."""
+    name = values["error"]
+    if catalogue is None:
+        what = f"is {shown(name)}{did_you_mean(name, ERROR_TYPES)}"
+        raise InjectionError([("params.error", what, "a ChannelErrorType, by its number or name")])
+    try:
+        found = catalogue.find(name)
+    except ConfigError as exc:
+        raise InjectionError([("params.error", str(exc), "")]) from exc
+    if found.unit is not None:
+        data = values["data"] or unit_octets(found.unit)
+        return {"coding": "manufacturer", "usi": found.error_type, "data": data}
+    own: dict[str, Any] = {"error": found.error_type}
+    if found.ext_error_type:
+        own["ext"] = found.ext_error_type
+        if values["coding"] == "channel":
+            own["coding"] = "extended"
+    if values["severity"] is None:
+        own["severity"] = next((_SEVERITY_OF[one] for one in found.severities if one in _SEVERITY_OF), None)
+    return own
+
+
 def _entry(values: dict[str, Any], place: ExpectedKey) -> DiagnosisEntry:
     """The diagnosis that the parameters describe; raises :class:`InjectionError` for what no coding can express."""
-    severity, coding = values["severity"], values["coding"]
+    severity, coding = values["severity"] or "fault", values["coding"]
     if severity == "advice" and coding != "qualified":
         raise InjectionError(
             [("params.severity", "is 'advice'", "with `coding` qualified; fault and maintenance otherwise")]
@@ -99,7 +130,16 @@ KIND = InjectionKind(
     "the diagnosis",
     Diagnosis,
     {
-        "error": ParamSpec("whole number", "ChannelErrorType.", default="error", words=ERROR_TYPES, low=1, high=0xFFFF),
+        "error": ParamSpec(
+            "whole number",
+            "ChannelErrorType.  For a device also a diagnosis by its name in the maker's file; an extended one, or one "
+            "in the maker's own form, then has its coding.",
+            default="error",
+            words=ERROR_TYPES,
+            other="a name in the device's file",
+            low=1,
+            high=0xFFFF,
+        ),
         "ext": ParamSpec(
             "whole number", "ExtChannelErrorType, where the coding has one.", default=0, words=EXT_TYPES, **WORD
         ),
@@ -116,7 +156,12 @@ KIND = InjectionKind(
         ),
         "slot": SLOT,
         "subslot": SUBSLOT,
-        "severity": ParamSpec("word", "Severity; advice only in the qualified coding.", "fault", words=_SEVERITIES),
+        "severity": ParamSpec(
+            "word",
+            "Severity; advice only in the qualified coding.  Left out, a fault, or what the device's file has for this "
+            "error.",
+            words=_SEVERITIES,
+        ),
         "coding": ParamSpec("word", "Coding of the diagnosis.", "channel", words=_CODINGS),
         "usi": ParamSpec(
             "whole number",
