@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Catalogue", "InjectionKind", "kinds_in", "neutral"]
 
-_FAMILIES = ("frames", "link", "cyclic", "liveness", "connection", "records", "alarms", "drive")
+_FAMILIES = ("frames", "link", "cyclic", "liveness", "connection", "records", "alarms", "drive", "signals")
 
 
 def kinds_in(package: ModuleType) -> tuple[InjectionKind, ...]:

@@ -44,7 +44,7 @@ __all__ = [
     "words_of",
 ]
 
-ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault", "octets", "mac"]
+ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault", "octets", "mac", "text"]
 
 #: Fields that contradict each other, with what is wrong.
 Misfits: TypeAlias = "Iterable[tuple[str, Problem]]"
@@ -67,7 +67,8 @@ class ParamSpec:
     """One parameter of a kind.  ``words`` are names for numbers, or the only words of a ``word``.
 
     Durations are given as ``500ms`` and read as nanoseconds.  ``high`` of octets is how many there may be.
-    ``required`` ones have no default.  ``other`` says what other text a number may be given by; the effect reads it.
+    ``required`` ones have no default.  ``other`` says what a text is, or by what text a number may be given; the effect
+    reads it.
     """
 
     type: ParamType
@@ -95,6 +96,8 @@ class ParamSpec:
             case "octets":
                 most = "" if self.high is None else f", at most {self.high:g} octets"
                 return f"octets in hexadecimal, such as 0a1bff or hex:0102{most}"
+            case "text":
+                return self.other
             case "fault":
                 return "a number, name or cause of the drive's model, such as 702 or undervoltage"
             case _:
@@ -123,6 +126,8 @@ class ParamSpec:
                 return self._octets(value)
             case "mac":
                 return self._mac(value)
+            case "text":
+                return self._text(value)
             case "fault":
                 if isinstance(value, bool) or not isinstance(value, (int, str)) or value == "":
                     raise Problem(f"is {shown(value)}", self.allowed)
@@ -150,6 +155,13 @@ class ParamSpec:
         if self.high is not None and len(octets) > self.high:
             raise Problem(f"has {len(octets)} octets", self.allowed)
         return octets
+
+    def _text(self, value: Any) -> str:
+        # a command line or a YAML file gives what looks like one as a number or a switch
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        if not isinstance(value, bool | int | float | str) or not text.strip() or len(text) > _LONGEST_NAME:
+            raise Problem(f"is {shown(value)}", self.allowed)
+        return text.strip()
 
     def _number(self, value: Any) -> int | float | str:
         if isinstance(value, str):

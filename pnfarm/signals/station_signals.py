@@ -1,11 +1,12 @@
 """The signals of a station with plain data: read, written all or nothing, and whether they changed.
 
-*Input* and *output* are the controller's: an input is written here and goes to it, an output is what it sent.
+*Input* and *output* are the controller's: an input is written here and goes to it, an output is what it sent.  A
+*shape* is what a fault makes of an input on its way: while it is there, what users write waits behind it.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from pnfarm.signals.refusal import SignalError
 from pnfarm.table.channel import IOXS_GOOD
@@ -13,13 +14,16 @@ from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, few_hints, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from pnfarm.signals.signal import Direction, Signal
     from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
     from pnfarm.wire.value_types import Value
 
-__all__ = ["StationSignals"]
+__all__ = ["Shape", "StationSignals"]
+
+#: The value that is written -> the one that the controller gets; of the signal's type.
+Shape: TypeAlias = "Callable[[Value], Value]"
 
 
 class StationSignals:
@@ -46,6 +50,9 @@ class StationSignals:
         for place in places:
             self._statuses[place] = numbers.setdefault(place[2], 0)
             numbers[place[2]] += 1
+        self._shapes: list[tuple[Signal, Shape]] = []
+        #: The inputs as users wrote them, while there are shapes.
+        self._written = b""
         self._revision = 0
         self._seen = self._copies()
 
@@ -87,8 +94,7 @@ class StationSignals:
 
         Raises :class:`SignalError` with the reason of every value that is refused; then nothing is changed.
         """
-        before = b"" if self._inputs is None else self._inputs.read()
-        octets = bytearray(before)
+        octets = bytearray(self._unshaped())
         refused = []
         with few_hints():
             for name, value in values.items():
@@ -100,8 +106,48 @@ class StationSignals:
                     refused += error.issues
         if refused:
             raise SignalError(refused)
-        if self._inputs is not None and octets != before:
+        self._written = bytes(octets)
+        self.apply()
+
+    # -- shapes ------------------------------------------------------------------------------------------------------
+
+    def written(self, signal: Signal) -> Value:
+        """The value of an input before its shapes."""
+        return signal.read(memoryview(self._unshaped())[self._place(signal) :])
+
+    def put_shape(self, signal: Signal, shape: Shape) -> None:
+        """Put a shape over an input; the latest of one input sees what those before it give."""
+        self._written = self._unshaped()
+        self._shapes.append((signal, shape))
+        self.apply()
+
+    def take_shape(self, signal: Signal, shape: Shape) -> None:
+        """Remove one: what was written meanwhile goes to the controller."""
+        written = self._unshaped()
+        self._shapes.remove((signal, shape))
+        self._written = written
+        self.apply()
+
+    def apply(self) -> None:
+        """Send what the shapes make of what was written; to be called as well when a shape changes its mind."""
+        if self._inputs is None:
+            return
+        octets = bytearray(self._written)
+        for signal, shape in self._shapes:
+            data = memoryview(octets)[self._place(signal) :]
+            signal.write(data, shape(signal.read(data)))
+        if octets != self._inputs.read():
             self._inputs.write({0: bytes(octets)})
+
+    def _unshaped(self) -> bytes:
+        if self._shapes:
+            return self._written
+        return b"" if self._inputs is None else self._inputs.read()
+
+    def _place(self, signal: Signal) -> int:
+        return self._places[signal.slot, signal.subslot, "input"]
+
+    # ----------------------------------------------------------------------------------------------------------------
 
     @property
     def revision(self) -> int:
@@ -115,7 +161,7 @@ class StationSignals:
     def _put(self, octets: bytearray, name: str, value: Value) -> None:
         signal = self.signal(name)
         found = signal.check(value)
-        signal.write(memoryview(octets)[self._places[signal.slot, signal.subslot, "input"] :], found)
+        signal.write(memoryview(octets)[self._place(signal) :], found)
 
     def _unknown(self, name: str) -> tuple[str, str, str]:
         hint = did_you_mean(name, self._signals)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from pnfarm.wire.value_types import Value
 
@@ -36,3 +36,15 @@ class PlainSignals(Protocol):
 
     def set(self, values: Mapping[str, Value]) -> None:
         """Write inputs of the controller, all or none."""
+
+    def written(self, signal: Any) -> Value:
+        """The value of an input as it was written."""
+
+    def put_shape(self, signal: Any, shape: Callable[[Value], Value]) -> None:
+        """From now on the controller gets what this makes of an input."""
+
+    def take_shape(self, signal: Any, shape: Callable[[Value], Value]) -> None:
+        """Undo it."""
+
+    def apply(self) -> None:
+        """A shape changes its mind."""

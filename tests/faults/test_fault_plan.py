@@ -77,7 +77,7 @@ def test_every_wrong_field_is_reported_with_what_is_allowed():
         ({"kind": "loss", "after_cycles": 1 << 32}, "fault.after_cycles: is 4294967296; allowed: a whole number from"),
         ({"kind": "loss", "params": {"frames": "cyclc"}}, "did you mean cyclic?"),
         ({"kind": "late-application-ready", "params": {"delay": 5}}, "which has no unit"),
-        ({"kind": "diagnosis", "params": {"error": "wire-brake"}}, "did you mean wire-break?"),
+        ({"kind": "alarm-storm", "params": {"error": "wire-brake"}}, "did you mean wire-break?"),
         ({"kind": "diagnosis", "params": {"data": "0g"}}, "fault.params.data: is '0g'; allowed: octets in hexadecimal"),
         ({"kind": "diagnosis", "params": {"data": 12}}, "fault.params.data: is 12; allowed: octets in hexadecimal"),
         ({"kind": "diagnosis", "params": {"data": "00" * 129}}, "at most 128 octets"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.registry import BUSES, bus, fault_kinds
+from pnfarm.faults.effects.signals import SIGNALS
 from pnfarm.faults.effects.sockets import SOCKETS
 
 if TYPE_CHECKING:
@@ -14,8 +15,13 @@ __all__ = ["fits", "kinds_of"]
 
 
 def fits(kind: InjectionKind, name: str) -> bool:
-    """Whether drives on this bus can have this kind: the bus does not refuse it, and it is not another bus's own."""
+    """Whether drives on this bus can have this kind: the bus does not refuse it, and it is not another bus's own.
+
+    Signals only devices have.
+    """
     if name in kind.on and kind.on[name].refused:
+        return False
+    if SIGNALS in kind.effect.needs:
         return False
     if SOCKETS in kind.effect.needs and not bus(name).uses_sockets:
         return False

@@ -30,7 +30,7 @@ MOST_AHEAD_SECONDS = 10.0
 
 
 class KindParameter(Schema):
-    type: str = Field(description="number, whole number, yes or no, duration, word, fault, mac or octets.")
+    type: str = Field(description="number, whole number, yes or no, duration, word, fault, mac, octets or text.")
     default: Any
     required: bool
     unit: str

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 from pnfarm.faults.effects.connection import CONNECTION
 from pnfarm.faults.effects.effect import Effect, Held
-from pnfarm.faults.effects.servo import SERVO
 
 if TYPE_CHECKING:
     from pnfarm.faults.effects.connection import Status
@@ -21,7 +20,6 @@ SHOWN_WITHIN = 4
 class ConfirmedEffect(Effect):
     """Confirmed by a cyclic frame that left since; if there is a ``status``, by one that reports it."""
 
-    servo = SERVO
     connection = CONNECTION
     status: Status | None = None
     #: Whether frames without the status contradict the injection.

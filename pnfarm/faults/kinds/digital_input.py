@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pnfarm.faults.effects.confirmed import Held, StandingEffect
+from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 
 __all__ = ["KIND"]
@@ -10,6 +11,8 @@ __all__ = ["KIND"]
 
 class DigitalInput(StandingEffect):
     """The input is on until the injection ends."""
+
+    servo = SERVO
 
     def held(self) -> Held:
         return self.servo.inputs, int(self.values["input"])

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects.confirmed import ConfirmedEffect
 from pnfarm.faults.effects.connection import Status
+from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import InjectionKind, Misfits, ParamSpec
 from pnfarm.vocabulary.problem import Problem
@@ -24,6 +25,7 @@ HOLD = ParamSpec("yes or no", "The cause stays: the fault cannot be acknowledged
 class DriveFault(ConfirmedEffect):
     """Raised once or ``count`` times, or held with its cause."""
 
+    servo = SERVO
     ends_by_itself = True
     status = Status.FAULT
     _was_active = False

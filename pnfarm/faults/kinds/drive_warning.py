@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.effects.connection import Status
+from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 
@@ -13,6 +14,7 @@ __all__ = ["KIND"]
 class DriveWarning(StandingEffect):
     """Shown before the drive's own warnings."""
 
+    servo = SERVO
     status = Status.WARNING
 
     def prepare(self) -> None:

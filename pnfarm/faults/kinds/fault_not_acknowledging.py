@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pnfarm.faults.effects.confirmed import ConfirmedEffect
 from pnfarm.faults.effects.connection import Status
+from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.kind import InjectionKind
 
 __all__ = ["KIND"]
@@ -15,6 +16,7 @@ _FOREVER = 1 << 62
 class NotAcknowledging(ConfirmedEffect):
     """The firmware ignores the requests and counts them; a frame that still reports the fault confirms it."""
 
+    servo = SERVO
     status = Status.FAULT
     # an error of positioning is acknowledged as well, and is no fault
     must_show = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pnfarm.faults.effects.confirmed import Held, StandingEffect
 from pnfarm.faults.effects.connection import Status
+from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 
 __all__ = ["KIND"]
@@ -11,6 +12,8 @@ __all__ = ["KIND"]
 
 class LimitSwitch(StandingEffect):
     """Confirmed by the drive's warning, if its manual names one."""
+
+    servo = SERVO
 
     def prepare(self) -> None:
         self._side = str(self.values["side"])

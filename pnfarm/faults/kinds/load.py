@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.faults.effects.confirmed import Held, StandingEffect
+from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 
 __all__ = ["KIND", "AddedLoad"]
@@ -14,6 +15,8 @@ _ANY_LOAD: dict[str, Any] = {"low": -1e6, "high": 1e6}
 
 class AddedLoad(StandingEffect):
     """Torque, inertia and friction in addition to the present ones."""
+
+    servo = SERVO
 
     def held(self) -> Held:
         return self.servo.loads, tuple(float(self.values[name]) for name in ("torque", "inertia", "friction"))

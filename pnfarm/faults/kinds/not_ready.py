@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pnfarm.faults.effects.confirmed import Held, StandingEffect
 from pnfarm.faults.effects.connection import Status
+from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 
 __all__ = ["KIND"]
@@ -12,6 +13,7 @@ __all__ = ["KIND"]
 class NotReady(StandingEffect):
     """Without a fault, the drive cannot be switched on."""
 
+    servo = SERVO
     status = Status.INHIBITED
 
     def held(self) -> Held:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pnfarm.faults.effects.confirmed import Held, StandingEffect
+from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
 
@@ -11,6 +12,8 @@ __all__ = ["KIND"]
 
 class SlowRamp(StandingEffect):
     """Ramps of speed and of positioning alike."""
+
+    servo = SERVO
 
     def prepare(self) -> None:
         self._factor = float(self.values["factor"])

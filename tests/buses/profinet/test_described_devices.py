@@ -3,77 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from pathlib import Path
 
 import pytest
+from device_cell import CONFIGS, CONTROLLER, DRIVES, HEAD, ISLAND, ONE, SCANNER, Cell, parse
 
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.cli.farm_file import described
 from pnfarm.controller.line import VirtualLine
-from pnfarm.drives.parameters.memory import VolatileMemory
-from pnfarm.farm.file.reading import FarmFileError, expand_devices, load_farm, parse_farm
+from pnfarm.farm.file.reading import FarmFileError, expand_devices, load_farm
 from pnfarm.faults.errors import InjectionError
 from pnfarm.protocols.profinet.diagnosis import Severity
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
-from pnfarm.station.event_log import EventLog
-
-CONFIGS = Path(__file__).parents[3] / "configs"
-ISLAND = "gsdml/GSDML-V2.35-Example-Island-20261127.xml"
-SCANNER = "gsdml/GSDML-V2.43-Example-Scanner-20261127.xml"
-HEAD = "farm: cell\nlink: {kind: memory}\n"
-CONTROLLER = "controller: {name: plc, ip: 10.77.0.1/24, cycle: 16ms, reconnect: {after: 300ms}%s}\n"
-ONE = f"""devices:
-  - name: island
-    gsdml: {ISLAND}
-    access_point: DAP 1
-    ip: 10.77.0.41/24
-    slots: {{1: 16DI, 2: {{module: 8DO, parameters: {{Substitute: hold}}}}, 3: EX-AI-4, 4: FDI4}}
-    signals:
-      part_present: 1.1.0.3
-      pressure: {{at: 3.1.0, type: int16, unit: bar, scale: 0.01}}
-"""
-DRIVES = "drives:\n  - {name: 'axis-{n}', count: 2, model: akd-profinet, ip: 10.77.0.11/24}\n"
-
-
-def parse(text):
-    return parse_farm(text, CONFIGS / "cell.pnfarm.yml")
-
-
-class Cell:
-    """A farm from the text of its file, with its controller."""
-
-    def __init__(self, text, controller="", memory=None):
-        self.log = EventLog(quiet=True)
-        config = parse(HEAD + text + CONTROLLER % controller)
-        self.line = asyncio.run(VirtualLine.create(config, log=self.log, memory=memory or VolatileMemory()))
-        self.world, self.farm, self.plc = self.line.world, self.line.farm, self.line.plc
-
-    def connect(self, within=10.0):
-        reasons = [f"{s.plan.name} {s.state} {s.measures.last_reason}" for s in self.plc.sessions]
-        assert self.world.run(within, until=lambda: self.plc.all_connected), reasons
-        self.world.run(0.1)
-
-    def signals(self, name="island"):
-        return self.farm.station(name).signals
-
-    def device(self, name="island"):
-        return self.farm.station(name).device
-
-    def events(self, name="island"):
-        return [entry.event for entry in self.log.entries(name)]
-
-    def sent(self, octets, place=0, name="island"):
-        """The controller sends these, and a cycle or two pass."""
-        self.plc.plain[name][0].write({place: octets})
-        self.world.run(0.1)
-
-    def record(self, index, data=None, slot=2, name="island"):
-        place = (0, slot, 1, index)
-        now = self.world.now
-        job = self.plc.read_record(name, place, now) if data is None else self.plc.write_record(name, place, data, now)
-        self.world.run(1.0, until=lambda: job.done)
-        return job
 
 
 @pytest.mark.parametrize("startup", ["legacy", "advanced"])
@@ -396,3 +337,11 @@ def test_an_unknown_name_of_a_diagnosis_is_refused_with_what_there_is():
         diagnosed(cell, "valve wron")
     assert not list(cell.device().cm.diagnosis)
     assert not cell.farm.injections.active()
+
+
+def test_on_a_drive_a_misspelt_name_of_a_diagnosis_is_refused_with_the_likely_one():
+    cell = Cell(DRIVES)
+    with pytest.raises(InjectionError, match=r"params\.error: is 'wire-brake', did you mean wire-break"):
+        cell.farm.injections.inject(
+            {"kind": "diagnosis", "on": ["axis-1"], "params": {"error": "wire-brake"}}, cell.world.now
+        )

@@ -1,0 +1,100 @@
+"""A station's signals, as injections see them: what goes to the controller of an input that is written."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.faults.effects.confirmed import ConfirmedEffect
+from pnfarm.faults.effects.parts import DrivePart, Part
+from pnfarm.faults.errors import InjectionError
+from pnfarm.faults.kind import ParamSpec
+from pnfarm.signals.refusal import SignalError
+from pnfarm.vocabulary.problem import Problem
+
+if TYPE_CHECKING:
+    from pnfarm.signals.signal import Signal
+    from pnfarm.signals.station_signals import Shape
+    from pnfarm.station.plain_signals import PlainSignals
+    from pnfarm.wire.value_types import Value
+
+__all__ = ["SIGNAL", "SIGNALS", "TO_CONTROLLER", "SignalEffect", "Signals"]
+
+SIGNAL = ParamSpec("text", "An input of the controller.", required=True, other="a name of the device's signals")
+#: Part of what such a kind has on the wire.
+TO_CONTROLLER = "The signal's octets in the device's cyclic data, with status GOOD."
+
+
+class Signals(DrivePart):
+    """Shapes of inputs, the latest last."""
+
+    def __init__(self, station: PlainSignals) -> None:
+        self._station = station
+        self._shapes: list[tuple[Signal, Shape]] = []
+        self.apply = station.apply
+        self.written = station.written
+
+    def in_force(self) -> list[Any]:
+        return [signal.name for signal, _ in self._shapes]
+
+    def input(self, name: str) -> Signal:
+        """An input by its name; raises :class:`InjectionError`."""
+        try:
+            signal: Signal = self._station.signal(name)
+        except SignalError as exc:
+            issues = [("params.signal", f"{where} {what}", allowed) for where, what, allowed in exc.issues]
+            raise InjectionError(issues) from exc
+        if signal.direction == "output":
+            raise InjectionError([("params.signal", f"{name} is an output, which the controller writes", "an input")])
+        return signal
+
+    def put(self, signal: Signal, shape: Shape) -> None:
+        """Put a shape over an input."""
+        self._shapes.append((signal, shape))
+        self._station.put_shape(signal, shape)
+
+    def take(self, signal: Signal, shape: Shape) -> None:
+        """Undo one :meth:`put`."""
+        self._shapes.remove((signal, shape))
+        self._station.take_shape(signal, shape)
+
+
+SIGNALS: Part[Signals] = Part("signals")
+
+
+class SignalEffect(ConfirmedEffect):
+    """A shape over one input from begin to end."""
+
+    signals = SIGNALS
+
+    def prepare(self) -> None:
+        self.signal = self.signals.input(self.values["signal"])
+
+    @abstractmethod
+    def shaped(self, value: Value) -> Value:
+        """What the controller gets of a value."""
+
+    def begin(self, now: int) -> None:
+        self.signals.put(self.signal, self.shaped)
+        self._occurred(now)
+
+    def check(self, now: int) -> None:
+        self._look(now)
+
+    def end(self, now: int) -> None:
+        self._look(now)
+        self._due = None
+        self.signals.take(self.signal, self.shaped)
+
+    def value_of(self, text: str) -> Value:
+        """A value of the signal; raises :class:`InjectionError`."""
+        try:
+            return self.signal.check(text)
+        except Problem as problem:
+            raise InjectionError([("params.value", problem.what, problem.allowed)]) from problem
+
+    def needs_bit(self) -> None:
+        """Raises :class:`InjectionError` for a signal that is not a bit."""
+        if self.signal.type.kind != "bool":
+            what = f"{self.signal.name} is of type {self.signal.type.name}"
+            raise InjectionError([("params.signal", what, "a signal of type bool")])

@@ -1,0 +1,76 @@
+"""signal-delay: changes of an input reach the controller late."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.faults.effects.signals import SIGNAL, TO_CONTROLLER, SignalEffect
+from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec, by_values
+from pnfarm.vocabulary.problem import Problem
+
+if TYPE_CHECKING:
+    from pnfarm.faults.kind import Misfits
+    from pnfarm.wire.value_types import Value
+
+__all__ = ["KIND"]
+
+#: How often the signal is looked at, and the changes at most that are under way.
+_SAMPLE_NS = 5_000_000
+_MOST_CHANGES = 1_000
+_LONGEST_NS = 60_000_000_000
+
+
+class Delayed(SignalEffect):
+    """Each change is an occurrence; when this ends, those under way arrive at once."""
+
+    def prepare(self) -> None:
+        super().prepare()
+        self._delay: int = self.values["delay"]
+        self._changes: deque[tuple[int, Value]] = deque(maxlen=_MOST_CHANGES)
+
+    def begin(self, now: int) -> None:
+        self._present = self._latest = self.signals.written(self.signal)
+        self.signals.put(self.signal, self.shaped)
+        self._due = now + _SAMPLE_NS
+
+    def shaped(self, value: Value) -> Value:
+        del value
+        return self._present
+
+    def check(self, now: int) -> None:
+        self._look(now)
+        written = self.signals.written(self.signal)
+        if written != self._latest:
+            self._latest = written
+            self._changes.append((now + self._delay, written))
+        arrived = False
+        while self._changes and self._changes[0][0] <= now:
+            self._present = self._changes.popleft()[1]
+            arrived = True
+        if arrived:
+            self.signals.apply()
+            self._occurred(now)
+        self._due = now + _SAMPLE_NS
+
+
+@by_values
+def _misfits(values: dict[str, Any]) -> Misfits:
+    if values["delay"] > _LONGEST_NS:
+        yield "params.delay", Problem("is above 1min", "up to 1min")
+
+
+KIND = InjectionKind(
+    "signal-delay",
+    "signals",
+    "Each change of an input of a device reaches the controller late, as through a long filter time.  The signal is "
+    "looked at every 5 ms; a shorter pulse is lost.",
+    "a change that arrives late",
+    Delayed,
+    {"signal": SIGNAL, "delay": ParamSpec("duration", "How late; at most 1min.", default="500ms")},
+    takes=HELD,
+    place=20,
+    wire=TO_CONTROLLER,
+    reports="The bus reports nothing.",
+    misfits=_misfits,
+)
