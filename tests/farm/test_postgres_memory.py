@@ -191,7 +191,7 @@ def test_a_url_is_shown_without_its_password(url, shown):
 def test_a_url_that_libpq_does_not_take_is_refused_without_its_words():
     pytest.importorskip("psycopg")
     state = PostgresState("postgresql://u:ge%heim@h/d", "line-1", NAMES)
-    with pytest.raises(EnvironmentError_, match="is no URL of a database") as caught:
+    with pytest.raises(EnvironmentError_, match="is not the URL of a database") as caught:
         state.start()
     assert "ge%heim" not in str(caught.value)
 

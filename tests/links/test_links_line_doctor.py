@@ -90,7 +90,7 @@ def test_a_port_that_is_not_there_is_missing(measured):
 
 def test_a_driver_that_collects_octets_is_told_with_its_remedy(measured, monkeypatch, plug):
     monkeypatch.setattr(lines, "LineFormat", lambda bauds, _: serial_probe_format(bauds))
-    monkeypatch.setattr(lines.serial_probe, "latency_timer_ms", lambda _: 16)
+    monkeypatch.setattr(lines.probe, "latency_timer_ms", lambda _: 16)
     _, line = findings(f"{{kind: serial, port: {plug}}}")
     assert line.ok is None
     assert "collects octets for 16 ms" in line.detail

@@ -18,7 +18,7 @@ NOBODY = 65534
 # Everything is used once while still root: the interpreter may lie where an ordinary user cannot read.
 AS_NOBODY = f"""
     import asyncio, ctypes, os
-    from pnfarm.links import probe, sandbox
+    from pnfarm.links.kernel import probe, sandbox
     libc = ctypes.CDLL(None)
     if os.geteuid() == 0:
         libc.unshare(0x40000000)  # a rehearsal in a namespace of its own loads every module
@@ -145,7 +145,7 @@ def test_without_rights_and_namespaces_the_refusal_says_what_would_help():
         import ctypes, json, os
         from pathlib import Path
         from pnfarm.errors import EnvironmentError_
-        from pnfarm.links import sandbox
+        from pnfarm.links.kernel import sandbox
         libc = ctypes.CDLL(None)
         assert libc.unshare(0x10000000) == 0
         Path("/proc/self/uid_map").write_text("0 0 1")

@@ -179,7 +179,7 @@ async def test_only_a_farm_that_asks_for_it_sends_so(cable, choice, has):
     link = MacvlanLink("line-1", near, send=choice)
     async with opened(link, [PortSpec("axis-01", bytes.fromhex("020000000001"))]) as (port,):
         parent = socket.if_nametoindex(near)
-        assert egress_of(link).xdp == (parent if has else 0)
+        assert egress_of(link).xdp_interface == (parent if has else 0)
         assert egress_of(link).egress_for(port.index, bytes.fromhex("0a0000000001")) == (
             0 if choice == "own" else parent
         )
