@@ -28,7 +28,7 @@ def words(line):
 
 @pytest.mark.parametrize(
     ("line", "expected"),
-    [("pnfarm fault kinds sign", ["sign-of-life-freeze", "sign-of-life-loss", "sign-of-life-skip"]),
+    [("pnfarm fault kinds sign-", ["sign-of-life-freeze", "sign-of-life-loss", "sign-of-life-skip"]),
      ("pnfarm fault add f7", ["f702"]),
      ("pnfarm models moog", ["moog-msd", "moog-msd-dp"]),
      ("pnfarm bench profibus-32-c", ["profibus-32-cpu", "profibus-32-cycle"]),

@@ -30,7 +30,7 @@ def test_validate_names_the_drives_of_a_shard(tmp_path, pnfarm):
     for words in (("validate", file), ("up", file), ("down", file), ("doctor", file)):
         refused = pnfarm(*words, "--shard", "3/2")
         assert refused.code == 2
-        assert refused.err.splitlines()[-1].startswith("pnfarm: --shard: there is not a shard 3/2")
+        assert refused.err.splitlines()[-1].startswith("pnfarm: --shard: there is no shard 3/2")
     many = pnfarm("up", file, "--shard", "1/6")
     assert (many.code, many.err.count("\n")) == (2, 1)
     assert "6 shards are too many for farm line-1: at most 5" in many.err

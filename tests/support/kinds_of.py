@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.registry import BUSES, bus, fault_kinds
-from pnfarm.faults.effects.signals import SIGNALS
 from pnfarm.faults.effects.sockets import SOCKETS
+from pnfarm.faults.signals import SIGNALS
 
 if TYPE_CHECKING:
     from pnfarm.faults.kind import InjectionKind

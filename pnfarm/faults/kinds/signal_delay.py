@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.effects.signals import SIGNAL, TO_CONTROLLER, SignalEffect
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec, by_values
+from pnfarm.faults.signals import SIGNAL, TO_CONTROLLER, SignalEffect
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:

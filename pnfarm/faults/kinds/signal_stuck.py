@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.faults.effects.signals import SIGNAL, TO_CONTROLLER, SignalEffect
 from pnfarm.faults.kind import HELD, InjectionKind, ParamSpec
+from pnfarm.faults.signals import SIGNAL, TO_CONTROLLER, SignalEffect
 
 if TYPE_CHECKING:
     from pnfarm.wire.value_types import Value

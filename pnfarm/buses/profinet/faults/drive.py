@@ -17,9 +17,9 @@ from pnfarm.faults.effects.adapter import ADAPTER, Adapter
 from pnfarm.faults.effects.connection import CONNECTION
 from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
 from pnfarm.faults.effects.sign_of_life import LIFE, SignOfLife
-from pnfarm.faults.effects.signals import SIGNALS, Signals
 from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
+from pnfarm.faults.signals import SIGNALS, Signals
 from pnfarm.faults.stations import injected_station
 
 if TYPE_CHECKING:
