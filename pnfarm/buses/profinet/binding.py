@@ -5,6 +5,7 @@ The only file of this protocol that depends on drives.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
@@ -47,8 +48,9 @@ def serial_number(mac: bytes) -> str:
     return f"PNF{mac.hex().upper()}"
 
 
+@lru_cache(1024)
 def _module(module: Module, shift: int = 0) -> ModuleDescription:
-    """``shift``: so many slots further."""
+    """``shift``: so many slots further.  All drives of a model share it."""
     return ModuleDescription(
         slot=module.slot + shift,
         module_ident=module.ident,

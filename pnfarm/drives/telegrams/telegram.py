@@ -104,7 +104,7 @@ class Module:
     #: Its name among other modules of the same telegram.
     name: str = ""
     #: Parameters that plugging it sets, if different from its telegram: PNU -> raw number.
-    settings: Mapping[int, int] = field(default_factory=dict)
+    settings: Mapping[int, int] = field(default_factory=dict, hash=False)
 
     @property
     def slot(self) -> int:

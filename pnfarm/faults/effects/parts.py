@@ -71,6 +71,8 @@ class InForce(list[P]):
     ``changed()`` applies it to the drive.
     """
 
+    __slots__ = ("_changed",)
+
     def __init__(self, changed: Callable[[], None]) -> None:
         super().__init__()
         self._changed = changed
