@@ -14,7 +14,6 @@ from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
     from pnfarm.signals.signal import Signal
-    from pnfarm.signals.station_signals import Shape
     from pnfarm.station.plain_signals import PlainSignals
     from pnfarm.wire.value_types import Value
 
@@ -30,12 +29,12 @@ class Signals(DrivePart):
 
     def __init__(self, station: PlainSignals) -> None:
         self._station = station
-        self._shapes: list[tuple[Signal, Shape]] = []
-        self.apply = station.apply
+        #: Put a shape over an input, undo one, let one change its mind; the value of an input as it was written.
+        self.put, self.take, self.apply = station.put_shape, station.take_shape, station.apply
         self.written = station.written
 
     def in_force(self) -> list[Any]:
-        return [signal.name for signal, _ in self._shapes]
+        return list(self._station.shaped)
 
     def input(self, name: str) -> Signal:
         """An input by its name; raises :class:`InjectionError`."""
@@ -47,16 +46,6 @@ class Signals(DrivePart):
         if signal.direction == "output":
             raise InjectionError([("params.signal", f"{name} is an output, which the controller writes", "an input")])
         return signal
-
-    def put(self, signal: Signal, shape: Shape) -> None:
-        """Put a shape over an input."""
-        self._shapes.append((signal, shape))
-        self._station.put_shape(signal, shape)
-
-    def take(self, signal: Signal, shape: Shape) -> None:
-        """Undo one :meth:`put`."""
-        self._shapes.remove((signal, shape))
-        self._station.take_shape(signal, shape)
 
 
 SIGNALS: Part[Signals] = Part("signals")

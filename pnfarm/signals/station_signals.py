@@ -111,6 +111,11 @@ class StationSignals:
 
     # -- shapes ------------------------------------------------------------------------------------------------------
 
+    @property
+    def shaped(self) -> tuple[str, ...]:
+        """The inputs that have a shape, once for each."""
+        return tuple(signal.name for signal, _ in self._shapes)
+
     def written(self, signal: Signal) -> Value:
         """The value of an input before its shapes."""
         return signal.read(memoryview(self._unshaped())[self._place(signal) :])

@@ -37,6 +37,10 @@ class PlainSignals(Protocol):
     def set(self, values: Mapping[str, Value]) -> None:
         """Write inputs of the controller, all or none."""
 
+    @property
+    def shaped(self) -> Sequence[str]:
+        """The inputs that have a shape, once for each."""
+
     def written(self, signal: Any) -> Value:
         """The value of an input as it was written."""
 

@@ -6,9 +6,9 @@ from pnfarm.faults.effects.sign_of_life import SignOfLifeEffect
 from pnfarm.faults.kind import FRAMES, InjectionKind
 from pnfarm.table.impairment import COUNT_FREEZE
 
-__all__ = ["KIND", "REPORTS", "WIRE", "Freeze"]
+__all__ = ["KIND", "REPORTS"]
 
-WIRE = (
+_WIRE = (
     "Bits 12 to 15 of ZSW2 (`out`) keep the count of the first frame that is hit; all else continues. Afterwards "
     "the drive's own count is sent again. With `in`, the drive gets such an STW2."
 )
@@ -34,7 +34,7 @@ KIND = InjectionKind(
     Freeze,
     directions=("out", "in", "both"),
     takes=FRAMES,
-    wire=WIRE,
+    wire=_WIRE,
     reports=REPORTS,
     place=10,
 )

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from pnfarm.faults.kind import FRAMES, InjectionKind
-from pnfarm.faults.kinds.sign_of_life_freeze import REPORTS, WIRE, Freeze
+from dataclasses import replace
+
+from pnfarm.faults.kinds import sign_of_life_freeze
 
 __all__ = ["KIND"]
 
-KIND = InjectionKind(
-    "sign-of-life-loss",
-    "liveness",
-    "The sign of life freezes: sign-of-life-freeze.",
-    "a cyclic frame whose count is frozen",
-    Freeze,
-    directions=("out", "in", "both"),
-    takes=FRAMES,
-    wire=WIRE,
-    reports=REPORTS,
+KIND = replace(
+    sign_of_life_freeze.KIND,
+    name="sign-of-life-loss",
+    doc="The sign of life freezes: sign-of-life-freeze.",
     place=30,
 )
