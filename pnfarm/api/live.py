@@ -6,7 +6,7 @@ event                 data
 ``farm``              once: name, link, interface, lines, count of drives, faults by model, what this client may do
 ``overview``          ten times a second, what changed since the message before (:mod:`pnfarm.farm.views.overview`)
 ``log``               new entries of the event log; ``lost``, if the client was too slow for some
-``drive``             of the chosen drive: its whole state, four times a second
+``drive``             of the chosen drive: its whole state, about three times a second
 ``signals``           of the chosen drive: samples of its signals since the message before (:mod:`pnfarm.trace.live`)
 ====================  =============================================================================================
 

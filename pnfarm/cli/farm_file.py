@@ -102,7 +102,7 @@ def check_impairments(config: FarmConfig) -> None:
         names = [one.name for one in stations]
         kinds = _kinds(stations[0], model)
         for number, impairment in enumerate(impairments):
-            found = list(_misfits(impairment, model, kinds, names))
+            found = list(_misfits(impairment, key[:-1], model, kinds, names))
             if impairment.name is not None and impairment.name in named:
                 found.append(("as", f"{impairment.name!r} is the name of another fault", "a name of its own"))
             if impairment.name is not None:
@@ -125,9 +125,12 @@ def _kinds(one: DriveConfig | DeviceConfig, model: Model | None) -> tuple[str, .
 
 
 def _misfits(
-    impairment: Impairment, model: Model | None, models: tuple[str, ...], names: Sequence[str]
+    impairment: Impairment, what: str, model: Model | None, models: tuple[str, ...], names: Sequence[str]
 ) -> Iterator[tuple[str, str, str]]:
-    """What is wrong with an impairment of drives of one model, or of devices: (field, what, allowed)."""
+    """What is wrong with an impairment of drives of one model, or of devices: (field, what is wrong, allowed).
+
+    ``what`` is one of them: ``drive``, ``device``.
+    """
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.faults.errors import InjectionError
     from pnfarm.station.conditions import bind
@@ -139,7 +142,7 @@ def _misfits(
     except InjectionError as exc:
         yield from exc.issues
     if impairment.on is not None and not any(means(glob, (name,), models) for glob in impairment.on for name in names):
-        yield "on", f"means no drive of this group: {names[0]} to {names[-1]}", GLOBS
+        yield "on", f"means no {what} of this group: {names[0]} to {names[-1]}", GLOBS
     if impairment.when is not None and model is None:
         yield "when", "is about the signals of an axis, which a device does not have", "after, after_cycles or nothing"
     elif impairment.when is not None and model is not None:

@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from pnfarm.links.serial.line import LineTally
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.node import StationNode
+    from pnfarm.station.plain_signals import PlainSignals
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 #: Events whose row is a consumer's.
@@ -328,9 +329,13 @@ class FarmCore:
             station.device.leave(now)
             self.settle(station, now)
 
+    def _named(self, name: str) -> Station | None:
+        """By the name in the farm file, else by that on the bus."""
+        return self._by_name.get(name) or next((s for s in self.stations if s.device.name == name), None)
+
     def station(self, name: str) -> Station:
         """A station by its name in the farm file, the one set by DCP, or an axis's; raises :class:`ConfigError`."""
-        found = self._by_name.get(name) or next((s for s in self.stations if s.device.name == name), None)
+        found = self._named(name)
         if found is None and (axis := self._axis_by_name.get(name)) is not None:
             return self._by_image[axis.index]
         if found is None:
@@ -348,13 +353,20 @@ class FarmCore:
         return station.axes[0]
 
     def device(self, name: str) -> Station:
-        """A station without axes, by the names of :meth:`station`; raises :class:`ConfigError`."""
-        found = next((s for s in self.stations if name in {s.configured_name, s.device.name}), None)
+        """A station without axes, by its own names; raises :class:`ConfigError`."""
+        found = self._named(name)
         if found is not None and not found.axes:
             return found
         known = [station.configured_name for station in self.stations if not station.axes]
         why = f"there is no device {shown(name)}{did_you_mean(name, known)}" if found is None else f"{name} is a drive"
         raise ConfigError(f"{why}; devices of farm {self.name}: {shortened(known) or 'none'}")
+
+    def with_signals(self, name: str) -> tuple[Station, PlainSignals]:
+        """A device and its signals; raises :class:`ConfigError`."""
+        station = self.device(name)
+        if station.signals is None:
+            raise ConfigError(f"device {station.configured_name} has no signals: none of its modules has data")
+        return station, station.signals
 
     def signals(self) -> dict[str, dict[str, Any]]:
         """By device, the signals (:class:`pnfarm.signals.signal.Signal`) by name."""

@@ -50,6 +50,14 @@ _T = TypeVar("_T")
 logger = structlog.get_logger("pnfarm.hub")
 
 
+def refusal(answer: Answer) -> str:
+    """Why a shard refuses, in its words."""
+    try:
+        return str(answer.object()["detail"])
+    except (ValueError, KeyError):
+        return f"status {answer.status}"
+
+
 def read(shard: Shard, answer: Answer, *keys: str) -> dict[str, Any]:
     """A good answer's object, which has these members; raises :class:`AwayError` for anything else."""
     try:
@@ -57,8 +65,7 @@ def read(shard: Shard, answer: Answer, *keys: str) -> dict[str, Any]:
     except ValueError as exc:
         raise AwayError(f"{shard.label} does not answer as a farm does: {exc}", slug="garbage") from exc
     if not answer.good:
-        detail = found.get("detail", f"status {answer.status}")
-        raise AwayError(f"{shard.label} refuses: {str(detail)[:300]}", slug="refusal")
+        raise AwayError(f"{shard.label} refuses: {refusal(answer)[:300]}", slug="refusal")
     if missing := [key for key in keys if key not in found]:
         raise AwayError(f"{shard.label} does not answer as a farm does: {missing[0]} is missing", slug="garbage")
     return found

@@ -23,7 +23,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from pnfarm.errors import ConfigError, PnfarmError
 from pnfarm.hub.hosts.devices import HubDevices
 from pnfarm.hub.hosts.drives import HubDrives
-from pnfarm.hub.hub import read
+from pnfarm.hub.hub import read, refusal
 from pnfarm.hub.shards import AwayError
 from pnfarm.scenario.definition.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.scenario.flow import EndedError, Flow, Life
@@ -158,11 +158,7 @@ class HubRun(Flow):
         shard = self._hub.shards.owner(name)
         answer = await self._hub.ask(shard, method, f"drives/{quote(name, safe='')}/{path}", body=body)
         if not answer.good:
-            try:
-                why = str(answer.object()["detail"])
-            except (ValueError, KeyError):
-                why = f"status {answer.status}"
-            raise ConfigError(f"{name}, {path}: {why}")
+            raise ConfigError(f"{name}, {path}: {refusal(answer)}")
 
     # -- steps that change something
 

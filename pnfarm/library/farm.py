@@ -212,7 +212,7 @@ class Farm(FarmFace[Drive, Device]):
         return self._passing.core.injections
 
     def __repr__(self) -> str:
-        return f"<Farm {self.config.farm or 'farm'}: {'; '.join(map(repr, self.drives[:8])) or 'not running'}>"
+        return f"<Farm {self.config.farm or 'farm'}: {first_drives(self.drives) or 'not running'}>"
 
 
 class _LocalFault(Bound):

@@ -196,7 +196,7 @@ class RemoteFarm(FarmFace["RemoteDrive", RemoteDevice]):
         return Metrics(text_string_to_metric_families(text))
 
     def __repr__(self) -> str:
-        return f"<RemoteFarm {self.url}: {'; '.join(map(repr, self.drives[:8])) or 'not connected'}>"
+        return f"<RemoteFarm {self.url}: {first_drives(self.drives) or 'not connected'}>"
 
 
 class RemoteDrive:

@@ -90,7 +90,7 @@ class RemoteDevice:
             if value(present) if callable(value) else present == wanted:
                 return took
             if took * 1e9 >= within_ns:
-                now = signal.show(present)
+                now = f"{signal.show(present)}{f' {signal.unit}' if signal.unit else ''}"
                 raise NotInTime(
                     f"{name} did not become {value!r} within {within_ns / 1e9:g} s: {self.name}.{name} = {now}"
                 )

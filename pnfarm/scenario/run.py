@@ -179,11 +179,9 @@ class ScenarioRun(Flow):
                     self._core.settle(self._stations[name].station, self._now)
 
     def _set(self, name: str, values: Mapping[str, Any]) -> None:
-        station = self._core.device(name)
-        if station.signals is None:
-            raise ConfigError(f"{name} has no signals: none of its modules has data")
+        station, signals = self._core.with_signals(name)
         try:
-            station.signals.set(values)
+            signals.set(values)
         except PnfarmError as error:
             raise ConfigError(f"{name}: {error}") from error
         self._core.settle(station, self._now)

@@ -107,7 +107,7 @@ class Line(BlockingFace[Drive]):
         self._plc_log = plc_log
         self._began_ns = self._line.world.now
         self._drives = {s.configured_name: Drive(self, s) for s in self.core.axes}
-        add_impairments(self.core.injections, [s.config for s in self.core.stations], self.now_ns)  # type: ignore[misc]  # as the farm does
+        add_impairments(self.core.injections, self._line.stations, self.now_ns)
 
     # -- time
 

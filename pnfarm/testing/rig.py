@@ -133,7 +133,7 @@ class Rig(BlockingFace["RigDrive"]):
         return time.monotonic() - began
 
     def wait_connected(self, within: float = 20.0) -> float:
-        """Until every drive exchanges data with its controller."""
+        """Until every drive and every device exchanges data with its controller."""
         return self.call(self._farm.wait_connected(within))
 
     def wait_running(self, within: float = 20.0) -> float:

@@ -18,7 +18,7 @@ __all__ = ["RigDevice"]
 
 
 class RigSignals(Mapping[str, "Value"]):
-    """As :class:`pnfarm.library.device_readings.Signals`."""
+    """The values, as :class:`pnfarm.library.device_readings.Signals` has them."""
 
     def __init__(self, call: Call, device: Device | RemoteDevice) -> None:
         self._call = call

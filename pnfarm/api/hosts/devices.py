@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.farm.views.stations import device_snapshot, signals_snapshot, station_snapshot
-from pnfarm.web.errors import NotFoundError
+from pnfarm.web.errors import named_by_path
 
 if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext
@@ -53,7 +53,5 @@ class FarmDevices:
         return self.signals(name)
 
     def _with_signals(self, name: str) -> tuple[Station, PlainSignals]:
-        station = self._context.device(name)
-        if station.signals is None:
-            raise NotFoundError(f"device {station.configured_name} has no signals: none of its modules has data")
-        return station, station.signals
+        with named_by_path():
+            return self._context.core.with_signals(name)

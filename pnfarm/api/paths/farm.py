@@ -154,7 +154,7 @@ def add_farm(path: Paths, farm: FarmHost) -> None:
 
     @path("GET version", Version)
     async def version() -> Response:
-        """Name and version of the farm."""
+        """Versions of pnfarm, Python and the API."""
         return Json({"pnfarm": __version__, "python": platform.python_version(), "api": "v1"})
 
     @path("GET clock", Clock)

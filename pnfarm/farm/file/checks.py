@@ -173,13 +173,14 @@ def _check_interfaces(controllers: Sequence[ControllerSection], report: Report) 
         report(controller.at("interface"), what, f"one for each: {own}: {{interface: ...}}")
 
 
-def _check_group(at: Location, group: DriveGroup, known: Known, report: Report) -> None:
+def _check_count(at: Location, group: DriveGroup | DeviceGroup, report: Report) -> None:
     if group.count > 1 and not numbered(group.name):
-        report(
-            (*at, "name"),
-            f"{group.count} drives cannot all be called {shown(group.name)}",
-            "a name with {n}, or count: 1",
-        )
+        what = f"{group.count} {group.members} cannot all be called {shown(group.name)}"
+        report((*at, "name"), what, "a name with {n}, or count: 1")
+
+
+def _check_group(at: Location, group: DriveGroup, known: Known, report: Report) -> None:
+    _check_count(at, group, report)
     bus_of(group).farm_file.check_group(at, group, report)
     model = known.model(group.model)
     if model is None:
@@ -190,9 +191,7 @@ def _check_group(at: Location, group: DriveGroup, known: Known, report: Report) 
 
 
 def _check_devices(at: Location, group: DeviceGroup, report: Report) -> None:
-    if group.count > 1 and not numbered(group.name):
-        what = f"{group.count} devices cannot all be called {shown(group.name)}"
-        report((*at, "name"), what, "a name with {n}, or count: 1")
+    _check_count(at, group, report)
     names = (expand_name(group.name, group.start + step) for step in range(min(group.count, MAX_DRIVES)))
     part = bus_of_devices(group).farm_file
     # one report for a group, however many of its names are wrong

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NO_AR",
-    "controller_snapshot",
+    "connection_snapshot",
     "discards",
     "drive_snapshot",
     "injected_faults",
@@ -87,7 +87,6 @@ def drive_snapshot(
     telegram = station.store.telegram_number
     codes = [int(code) & NUMBER_MASK for code in axis.faults.code if code]
     connection = station.device.connection()
-    known = connection if connection is not None and (connection.ip is not None or connection.cyclic) else None
     exchanging = powered and connection is not None and connection.exchanging
     sent, suppressed, received = _frames(core, station)
     seen = {**_NOT_SHOWN, "station_name": station.device.name, **station.device.view(now)}
@@ -113,10 +112,7 @@ def drive_snapshot(
         "telegram": telegram,
         "ar_state": connection.state if powered and connection is not None and connection.state else NO_AR,
         "connected": exchanging,
-        "controller": controller_snapshot(known) if known is not None else None,
-        "cycle_seconds": known.cycle_ns / 1e9 if known is not None else None,
-        "watchdog_seconds": known.watchdog_ns / 1e9 if known is not None else None,
-        "connected_seconds": (now - known.connected_ns) / 1e9 if known is not None else None,
+        **connection_snapshot(connection, now),
         "frames_sent": sent,
         "frames_suppressed": suppressed,
         "frames_received": received,
@@ -156,7 +152,19 @@ def drive_snapshot(
     }
 
 
-def controller_snapshot(connection: ConnectionView) -> dict[str, Any]:
+def connection_snapshot(connection: ConnectionView | None, now: int) -> dict[str, Any]:
+    """The controller and its times; all None without a connection that has either address or cyclic data."""
+    if connection is None or (connection.ip is None and not connection.cyclic):
+        return dict.fromkeys(("controller", "cycle_seconds", "watchdog_seconds", "connected_seconds"))
+    return {
+        "controller": _controller(connection),
+        "cycle_seconds": connection.cycle_ns / 1e9,
+        "watchdog_seconds": connection.watchdog_ns / 1e9,
+        "connected_seconds": (now - connection.connected_ns) / 1e9,
+    }
+
+
+def _controller(connection: ConnectionView) -> dict[str, Any]:
     """The controller at the other end."""
     ip = "" if connection.ip is None else str(connection.ip)
     return {"name": connection.controller, "ip": ip, "mac": format_mac(connection.mac) if connection.mac else ""}

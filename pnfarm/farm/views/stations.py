@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.views.snapshot import NO_AR, controller_snapshot
+from pnfarm.farm.views.snapshot import NO_AR, connection_snapshot
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
@@ -63,14 +63,8 @@ def device_snapshot(station: Station, now: int) -> dict[str, Any]:
 
 def _connection(station: Station, now: int) -> dict[str, Any]:
     found = station.device.connection() if station.powered else None
-    cyclic = found is not None and (found.ip is not None or found.cyclic)
-    return {
-        "state": found.state if found is not None and found.state else NO_AR,
-        "controller": controller_snapshot(found) if cyclic and found is not None else None,
-        "cycle_seconds": found.cycle_ns / 1e9 if cyclic and found is not None else None,
-        "watchdog_seconds": found.watchdog_ns / 1e9 if cyclic and found is not None else None,
-        "connected_seconds": (now - found.connected_ns) / 1e9 if cyclic and found is not None else None,
-    }
+    state = found.state if found is not None and found.state else NO_AR
+    return {"state": state, **connection_snapshot(found, now)}
 
 
 def signals_snapshot(signals: PlainSignals) -> list[dict[str, Any]]:

@@ -11,7 +11,8 @@ from fastapi import FastAPI, Request
 from pnfarm.api.paths.devices import add_device
 from pnfarm.errors import ConfigError
 from pnfarm.hub.hosts.passing import Passing
-from pnfarm.hub.hub import read
+from pnfarm.hub.hub import read, refusal
+from pnfarm.hub.shards import AwayError
 from pnfarm.web.paths import Paths
 
 if TYPE_CHECKING:
@@ -57,17 +58,20 @@ class HubDevices(Passing):
         shard = self._hub.shards.device_owner(name)
         answer = await self._hub.ask(shard, "PATCH", f"devices/{quote(name, safe='')}/signals", body=values)
         if answer.status == HTTPStatus.UNPROCESSABLE_ENTITY:
-            raise ConfigError(f"{name}: {answer.object().get('detail')}")
+            raise ConfigError(f"{name}: {refusal(answer)}")
         read(shard, answer, "signals")
 
     async def _look(self) -> None:
         """Ask the shards that run anew which devices they have; they are the same for the whole run."""
         hub = self._hub
 
-        async def listed(shard: Shard) -> list[dict[str, Any]]:
-            found: list[dict[str, Any]] = read(shard, await hub.ask(shard, "GET", "devices"), "devices")["devices"]
-            return found
+        async def listed(shard: Shard) -> tuple[str, ...]:
+            found = read(shard, await hub.ask(shard, "GET", "devices"), "devices")
+            try:
+                return tuple(str(one["name"]) for one in found["devices"])
+            except (KeyError, TypeError) as exc:
+                raise AwayError(f"{shard.label} lists devices as no farm does", slug="garbage") from exc
 
         unknown = [shard for shard in hub.shards.reachable if shard.devices_of != shard.instance]
         for shard, devices in (await hub.each(unknown, listed)).good.items():
-            shard.devices, shard.devices_of = tuple(str(one["name"]) for one in devices), shard.instance
+            shard.devices, shard.devices_of = devices, shard.instance

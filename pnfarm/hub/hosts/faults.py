@@ -169,7 +169,8 @@ class HubFaults:
         # the answer shows it in force, as a farm's does
         await hub.sleep(max(0.0, (start - hub.now()) / 1e9) + SETTLE_SECONDS)
         await self._look(name, answers.good)
-        hit = sorted((drive for shard in answers.good for drive in plan.at[shard]), key=hub.shards.names.index)
+        reached_drives = {drive for shard in answers.good for drive in plan.at[shard]}
+        hit = [name for name in hub.shards.names if name in reached_drives]
         return {**self._joined(name), "partial": bool(not_hit), "hit": hit, "not_hit": not_hit}, not not_hit
 
     def _start(self, shards: Iterable[Shard]) -> int:
