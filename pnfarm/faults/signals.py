@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.faults.effects.confirmed import ConfirmedEffect
+from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.effects.parts import DrivePart, Part
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import ParamSpec
@@ -29,9 +29,8 @@ class Signals(DrivePart):
 
     def __init__(self, station: PlainSignals) -> None:
         self._station = station
-        #: Put a shape over an input, undo one, let one change its mind; the value of an input as it was written.
+        #: Put a shape over an input, undo one, let one change its mind.
         self.put, self.take, self.apply = station.put_shape, station.take_shape, station.apply
-        self.written = station.written
 
     def in_force(self) -> list[Any]:
         return list(self._station.shaped)
@@ -51,7 +50,7 @@ class Signals(DrivePart):
 SIGNALS: Part[Signals] = Part("signals")
 
 
-class SignalEffect(ConfirmedEffect):
+class SignalEffect(StandingEffect):
     """A shape over one input from begin to end."""
 
     signals = SIGNALS
@@ -63,16 +62,10 @@ class SignalEffect(ConfirmedEffect):
     def shaped(self, value: Value) -> Value:
         """What the controller gets of a value."""
 
-    def begin(self, now: int) -> None:
+    def put(self) -> None:
         self.signals.put(self.signal, self.shaped)
-        self._occurred(now)
 
-    def check(self, now: int) -> None:
-        self._look(now)
-
-    def end(self, now: int) -> None:
-        self._look(now)
-        self._due = None
+    def take(self) -> None:
         self.signals.take(self.signal, self.shaped)
 
     def value_of(self, text: str) -> Value:

@@ -6,7 +6,7 @@ of the node, and each axis has a servo of its own and finds the other parts at t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
 from pnfarm.faults.effects.servo import SERVO, Servo
@@ -16,27 +16,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from pnfarm.station.axis import Axis
+    from pnfarm.station.station import Station
 
 __all__ = ["injected_station"]
 
 Parts = dict[Part[Any], DrivePart]
 
 
-class InjectedStation(Protocol):
-    """Host of the parts."""
-
-    @property
-    def configured_name(self) -> str: ...
-    @property
-    def kinds(self) -> tuple[str, ...]: ...
-    @property
-    def bus(self) -> str: ...
-    @property
-    def axes(self) -> tuple[Axis, ...]: ...
-
-
 def injected_station(
-    station: InjectedStation,
+    station: Station,
     parts: Mapping[Part[Any], DrivePart],
     supply: Supply,
     machines: Callable[[], object],

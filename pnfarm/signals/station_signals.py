@@ -116,10 +116,6 @@ class StationSignals:
         """The inputs that have a shape, once for each."""
         return tuple(signal.name for signal, _ in self._shapes)
 
-    def written(self, signal: Signal) -> Value:
-        """The value of an input before its shapes."""
-        return signal.read(memoryview(self._unshaped())[self._place(signal) :])
-
     def put_shape(self, signal: Signal, shape: Shape) -> None:
         """Put a shape over an input; the latest of one input sees what those before it give."""
         self._written = self._unshaped()

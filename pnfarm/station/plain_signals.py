@@ -41,9 +41,6 @@ class PlainSignals(Protocol):
     def shaped(self) -> Sequence[str]:
         """The inputs that have a shape, once for each."""
 
-    def written(self, signal: Any) -> Value:
-        """The value of an input as it was written."""
-
     def put_shape(self, signal: Any, shape: Callable[[Value], Value]) -> None:
         """From now on the controller gets what this makes of an input."""
 

@@ -239,7 +239,7 @@ def _pack(w: Writer, layout: struct.Struct, values: tuple[Any, ...] | list[Any])
 
 
 class _Run:
-    """Neighbouring fields of fixed size: name and codec of each, octets of padding before it."""
+    """Neighbouring fields of fixed size: name of each, its place among the unpacked values, load and store."""
 
     __slots__ = ("layout", "names", "parts", "plain")
 

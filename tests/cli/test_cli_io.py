@@ -111,8 +111,8 @@ def test_two_values_for_one_signal_are_refused(pnfarm):
     assert (done.code, "island-1.pressure is given two values" in done.err) == (2, True)
 
 
-def test_a_station_may_have_dots_in_its_name(pnfarm, world, monkeypatch):
-    monkeypatch.setattr(world.device, "configured_name", "island.cell-3.pressure")
+def test_a_station_may_have_dots_in_its_name(pnfarm, monkeypatch):
+    monkeypatch.setattr(httpx, "Client", Farm(DeviceWorld(name="island.cell-3.pressure")).client)
     assert pnfarm("io", "island.cell-3.pressure.pressure").out == "island.cell-3.pressure.pressure = 0 bar\n"
     assert "part_present" in pnfarm("io", "island.cell-3.pressure").out
 

@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 
 from pnfarm.buses.profinet.config.clock import (
     CYCLE_UNIT_NS,
-    REDUCTION_RATIOS,
-    SEND_CLOCK_FACTORS,
     check_clock,
     join_cycle,
     nearest_cycles,
@@ -20,6 +18,7 @@ from pnfarm.buses.profinet.config.clock import (
 from pnfarm.config.values import expand_name, numbered
 from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.vocabulary.durations import format_duration, parse_duration
+from pnfarm.wire.rtc import REDUCTION_RATIOS, SEND_CLOCK_FACTORS
 
 # --- patterns ---------------------------------------------------------------------------------------------------
 

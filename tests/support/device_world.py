@@ -45,7 +45,7 @@ def add_island(farm: Any, name: str = "island-1", **more: Any) -> Any:
 class DeviceWorld(ApiWorld):
     """``device`` is the island, ``signals`` are its."""
 
-    def __init__(self, *, more: Any = None, **line: Any) -> None:
+    def __init__(self, *, name: str = "island-1", more: Any = None, **line: Any) -> None:
         super().__init__(1, controller=False, **line)
-        self.device = add_island(self.line.farm, more=more)
+        self.device = add_island(self.line.farm, name, more=more)
         self.signals = self.device.signals

@@ -13,7 +13,6 @@ from pnfarm.errors import DecodeError
 from pnfarm.protocols.deadlines import earliest
 from pnfarm.protocols.profinet.description import (
     MAX_REDUCTION,
-    REDUCTION_RATIOS,
     DeviceDescription,
     Im0Description,
     Limits,
@@ -21,7 +20,7 @@ from pnfarm.protocols.profinet.description import (
     SubmoduleDescription,
 )
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
-from pnfarm.wire.rtc import SEND_CLOCK_NS
+from pnfarm.wire.rtc import REDUCTION_RATIOS, SEND_CLOCK_FACTORS, SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -31,11 +30,10 @@ if TYPE_CHECKING:
     from pnfarm.drives.telegrams.telegram import Module
     from pnfarm.protocols.profinet.cm.ar import Ar
 
-__all__ = ["DriveRecords", "axis_stride", "describe_device", "serial_number"]
+__all__ = ["EVERY_RATIO", "DriveRecords", "axis_stride", "describe_device", "serial_number"]
 
 #: A drive with lax limits accepts every defined SendClockFactor and ReductionRatio.
-_EVERY_SEND_CLOCK = (1, 2, 4, 8, 16, 32, 64, 128)
-_EVERY_RATIO = range(1, MAX_REDUCTION + 1)
+EVERY_RATIO = range(1, MAX_REDUCTION + 1)
 
 
 #: I&M1 to I&M3, which every device must store since V2.31 of the specification, and I&M4, which is optional.  Assumed:
@@ -102,7 +100,7 @@ def describe_device(
     """A drive's device description; ``telegrams`` are plugged at first, one for each axis, None is the model's."""
     identity = model.profidrive.identity
     prefix, version = identity.software_prefix, identity.software_version
-    clocks, ratios = _timing(model) if strict else (_EVERY_SEND_CLOCK, _EVERY_RATIO)
+    clocks, ratios = _timing(model) if strict else (SEND_CLOCK_FACTORS, EVERY_RATIO)
     return DeviceDescription(
         vendor_id=identity.vendor_id,
         device_id=identity.device_id,

@@ -20,11 +20,6 @@ class PlainLayout:
     places: Mapping[tuple[int, int], PlainPlace]
     octets: int
 
-    @property
-    def whole(self) -> int:
-        """Octets of data and statuses."""
-        return self.octets + len(self.places)
-
 
 def plain_layout(lengths: Iterable[tuple[int, int, int]]) -> PlainLayout:
     """Of submodules (slot, subslot, octets); those without data have no place."""

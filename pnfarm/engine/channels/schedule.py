@@ -437,8 +437,7 @@ class ChannelTable:
         for one in (row, *(one for one, _ in further)):
             one.words = 0
             one.iops_count = 0
-        plain_row = int(row.plain)
-        self._pieces.put(row, (), 0, start)
+        self._pieces.put(row, (), int(row.plain), start)
         frame = self.columns.frames[number]
         for offset, octet in constants:
             frame[start + offset] = octet
@@ -456,7 +455,7 @@ class ChannelTable:
         _write_words(row, words, iops, start)
         for one, rider in further:
             _write_words(one, rider.words, rider.iops, start)
-        self._pieces.put(row, pieces, plain_row, start)
+        self._pieces.put(row, pieces, int(row.plain), start)
         _write_statuses(row, iops, riders, pieces, start)
 
     def relayout_consumer(

@@ -116,8 +116,7 @@ class InjectedDrive:
     def hit_by(self, needs: Iterable[Part[Any]]) -> list[str]:
         """Names of those whom an effect with these needs hits if it is aimed here: the node once, or its axes."""
         node = self.node or self
-        missing = [part for part in needs if part not in node._parts]  # noqa: SLF001 - of the same class
-        if not missing:
+        if all(part in node._parts for part in needs):  # noqa: SLF001 - of the same class
             return [node.name]
         return self.axes or [self.name]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.axis_handle import CommandRingFullError
 from pnfarm.drives.profiles.profidrive.fault_buffer import active_faults
@@ -28,44 +28,15 @@ from pnfarm.table.axis_codes import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from pnfarm.drives.axis_handle import AxisHandle
-    from pnfarm.drives.description.model import Model
     from pnfarm.drives.description.parts import Fault
     from pnfarm.faults.effects.supply import Supply
+    from pnfarm.station.axis import Axis
 
-__all__ = ["SERVO", "Servo", "ServoAxis"]
+__all__ = ["SERVO", "Servo"]
 
 #: Bits of the axis's ``fault_limits`` and ``interlocks``.
 _LIMIT_BITS = {"negative": 0x1, "positive": 0x2}
 _LACKS = {"enable": LACKS_ENABLE, "supply": LACKS_SUPPLY}
-
-
-class ServoAxis(Protocol):
-    """Host of a servo, whatever its bus."""
-
-    @property
-    def configured_name(self) -> str:
-        """As the farm file has it."""
-
-    @property
-    def model(self) -> Model: ...
-
-    @property
-    def handle(self) -> AxisHandle: ...
-
-    @property
-    def powered(self) -> bool:
-        """Whether the control supply is on."""
-
-    @property
-    def refused_ns(self) -> int:
-        """When it last ignored a request to acknowledge, because of an injection."""
-
-    @property
-    def fault_counts(self) -> Mapping[int, int]:
-        """How often each fault began a fault situation."""
 
 
 class Servo(DrivePart):
@@ -76,7 +47,7 @@ class Servo(DrivePart):
 
     def __init__(
         self,
-        station: ServoAxis,
+        station: Axis,
         supply: Supply,
     ) -> None:
         self._station = station

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from pnfarm.engine.columns import Columns
-    from pnfarm.faults.effects.servo import ServoAxis
+    from pnfarm.station.axis import Axis
     from pnfarm.wire.direction import Direction
 
 __all__ = ["LIFE", "SignOfLife", "SignOfLifeEffect"]
@@ -24,22 +24,20 @@ _NAMES = {"out": "ZSW2", "in": "STW2"}
 
 
 class SignOfLife(DrivePart):
-    """``index`` is the drive's row of the process images."""
+    """That of an axis."""
 
-    def __init__(self, station: ServoAxis, index: int, columns: Columns, number: int = 0) -> None:
-        self._station = station
-        self._number = number
-        self._index = index
+    def __init__(self, axis: Axis, columns: Columns) -> None:
+        self._axis = axis
         self._columns = columns
 
     def check(self, directions: tuple[Direction, ...]) -> None:
         """Raises :class:`ConfigError` where there is no sign of life: in the drive, or in its present telegram."""
-        name = self._station.configured_name
-        if self._number:
+        name = self._axis.configured_name
+        if self._axis.number:
             raise ConfigError(f"{name} is not the first axis of its station, whose sign of life alone can be changed")
-        if not self._station.handle.axis.life.settings.watched:
+        if not self._axis.handle.axis.life.settings.watched:
             raise ConfigError(
-                f"{name} ({self._station.model.name}) has no sign of life: as it is set up, it neither sends nor "
+                f"{name} ({self._axis.model.name}) has no sign of life: as it is set up, it neither sends nor "
                 "monitors one"
             )
         for direction in directions:
@@ -49,7 +47,7 @@ class SignOfLife(DrivePart):
 
     def _channels(self, direction: Direction) -> list[Any]:
         table = self._columns.cpm if direction == "in" else self._columns.ppm
-        return [row for row in table if row.active and row.state == RUN and row.image == self._index]
+        return [row for row in table if row.active and row.state == RUN and row.image == self._axis.station.index]
 
 
 def _carries(channel: Any, slot: int) -> bool:

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.parts import DrivePart, Part
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from pnfarm.station.station import Station
+
 __all__ = ["SUPPLY", "Supply"]
-
-
-class SuppliedStation(Protocol):
-    """What has a control supply."""
-
-    @property
-    def powered(self) -> bool:
-        """Whether it is on."""
-
-    def power_off(self, now: int) -> None: ...
-
-    def power_on(self, now: int) -> None: ...
 
 
 class Supply(DrivePart):
@@ -31,9 +21,7 @@ class Supply(DrivePart):
     each of :attr:`returned` with the time when it has returned, before the station is settled.
     """
 
-    def __init__(
-        self, station: SuppliedStation, *, settle: Callable[[int], None], goes_off: Callable[[], None]
-    ) -> None:
+    def __init__(self, station: Station, *, settle: Callable[[int], None], goes_off: Callable[[], None]) -> None:
         self._station = station
         self._settle = settle
         self._goes_off = goes_off

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.faults.effects.confirmed import ConfirmedEffect
 from pnfarm.faults.effects.connection import Status
+from pnfarm.faults.effects.effect import POLL_NS
 from pnfarm.faults.effects.servo import SERVO
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.kind import InjectionKind, Misfits, ParamSpec
@@ -15,9 +16,6 @@ if TYPE_CHECKING:
     from pnfarm.faults.effects.injection_fields import InjectionFields
 
 __all__ = ["HOLD", "KIND", "DriveFault", "check_repetition"]
-
-#: How often a drive without supply is checked.
-LOOK_NS = 50_000_000
 
 HOLD = ParamSpec("yes or no", "The cause stays: the fault cannot be acknowledged until this is cleared.", default=False)
 
@@ -48,7 +46,7 @@ class DriveFault(ConfirmedEffect):
     def _raise(self, now: int) -> None:
         """Raised once; on a drive without supply when it is back."""
         if not self.servo.powered:
-            self._due = now + LOOK_NS
+            self._due = now + POLL_NS
             return
         self._was_active = False
         self._raised_before = self.servo.fault_count(self._fault)

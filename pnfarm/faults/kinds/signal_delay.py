@@ -28,22 +28,23 @@ class Delayed(SignalEffect):
         super().prepare()
         self._delay: int = self.values["delay"]
         self._changes: deque[tuple[int, Value]] = deque(maxlen=_MOST_CHANGES)
+        self._present: Value | None = None
 
     def begin(self, now: int) -> None:
-        self._present = self._latest = self.signals.written(self.signal)
-        self.signals.put(self.signal, self.shaped)
+        self.put()
         self._due = now + _SAMPLE_NS
 
     def shaped(self, value: Value) -> Value:
-        del value
+        self._given = value
+        if self._present is None:
+            self._present = self._latest = value
         return self._present
 
     def check(self, now: int) -> None:
         self._look(now)
-        written = self.signals.written(self.signal)
-        if written != self._latest:
-            self._latest = written
-            self._changes.append((now + self._delay, written))
+        if self._given != self._latest:
+            self._latest = self._given
+            self._changes.append((now + self._delay, self._given))
         arrived = False
         while self._changes and self._changes[0][0] <= now:
             self._present = self._changes.popleft()[1]

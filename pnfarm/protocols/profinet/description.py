@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from pnfarm.wire.rtc import SEND_CLOCK_NS
+from pnfarm.wire.rtc import REDUCTION_RATIOS, SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 __all__ = [
     "MAX_REDUCTION",
     "MAX_SUPERVISOR_ARS",
-    "REDUCTION_RATIOS",
     "DeviceDescription",
     "Im0Description",
     "ImCarrier",
@@ -29,9 +28,8 @@ __all__ = [
     "SubmoduleDescription",
 ]
 
-#: The greatest ReductionRatio, and those of engineering.
+#: The greatest ReductionRatio.
 MAX_REDUCTION = 512
-REDUCTION_RATIOS = tuple(1 << exponent for exponent in range(10))
 #: Supervisors with IO data at one device.
 MAX_SUPERVISOR_ARS = 1
 

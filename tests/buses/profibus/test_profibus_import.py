@@ -20,7 +20,6 @@ from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import expand, parse_farm
 from pnfarm.links.capture.pcap import PcapngWriter
 from pnfarm.protocols.profibus.wire.dp import Diagnosis, Parameters, PrmStatus, StationStatus
-from pnfarm.protocols.profibus.wire.dp import emit_parameters as set_prm
 from pnfarm.protocols.profibus.wire.telegram import Sap, ShortAck, Telegram, emit_telegram
 from pnfarm.testing import Line
 from tests.fuzz.mutate import mutated
@@ -110,7 +109,7 @@ def test_a_slave_with_an_ident_number_of_no_model_is_listed_with_the_model_that_
 
 def test_a_slave_is_told_by_its_diagnosis_alone_and_one_that_never_answered_is_not_there(capsys, tmp_path):
     told = Diagnosis(StationStatus.PRM_REQ | StationStatus.ALWAYS_1, 255, IDENT).emit()
-    parameters = set_prm(Parameters(PrmStatus.LOCK_REQ, (0, 0), 11, IDENT))
+    parameters = Parameters(PrmStatus.LOCK_REQ, (0, 0), 11, IDENT).emit()
     file = written(
         tmp_path, asked(7, Sap.SLAVE_DIAGNOSIS), answered(7, Sap.SLAVE_DIAGNOSIS, told),
         asked(8, Sap.SET_PARAMETERS, parameters), asked(8, Sap.SET_PARAMETERS, parameters),
@@ -126,7 +125,7 @@ def test_a_slave_is_told_by_its_diagnosis_alone_and_one_that_never_answered_is_n
 def test_what_get_cfg_tells_and_a_master_with_another_ident_number_are_noted(capsys, tmp_path):
     told = Diagnosis(StationStatus.PRM_FAULT | StationStatus.ALWAYS_1, 255, 0x1234).emit()
     file = written(
-        tmp_path, asked(9, Sap.SET_PARAMETERS, set_prm(Parameters(PrmStatus.LOCK_REQ, (0, 0), 11, IDENT))), ShortAck(),
+        tmp_path, asked(9, Sap.SET_PARAMETERS, Parameters(PrmStatus.LOCK_REQ, (0, 0), 11, IDENT).emit()), ShortAck(),
         asked(9, Sap.SLAVE_DIAGNOSIS), answered(9, Sap.SLAVE_DIAGNOSIS, told),
         asked(9, Sap.GET_CONFIGURATION), answered(9, Sap.GET_CONFIGURATION, b"\x13\x21"),
     )  # fmt: skip
@@ -162,7 +161,7 @@ def test_drives_of_a_network_and_of_a_line_have_both_in_their_link():
 
 def _pool():
     told = Diagnosis(StationStatus.ALWAYS_1, 3, IDENT, bytes((12, 0x81, *range(10)))).emit()
-    parameters = set_prm(Parameters(PrmStatus.LOCK_REQ | PrmStatus.WD_ON, (10, 1), 11, IDENT, 1, b"\x80\0\0"))
+    parameters = Parameters(PrmStatus.LOCK_REQ | PrmStatus.WD_ON, (10, 1), 11, IDENT, 1, b"\x80\0\0").emit()
     for address in (7, 126):
         yield from (
             asked(address, 61, parameters), ShortAck(), asked(address, 62, bytes.fromhex("F3F1")), ShortAck(),

@@ -28,9 +28,9 @@ from virtual_line import VirtualLine
 from pnfarm.buses.profinet.binding import describe_device, serial_number
 from pnfarm.buses.profinet.device.fault_diagnosis import fault_entry
 from pnfarm.buses.profinet.model_gsdml import STATION, describe_model, file_name
+from pnfarm.drives import catalogue
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.drives.catalogue import model, models
-from pnfarm.drives.description import loader
 from pnfarm.drives.description.identity import with_identity
 from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.errors import ConfigError
@@ -52,7 +52,7 @@ from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4, parse_ipv4
 from pnfarm.wire.udp import UdpDatagram, emit_udp
 
 #: Those that come with the program.
-SHIPPED = [name for name in NAMES if Path(loader.__file__).parent in models()[name].folder.parents]
+SHIPPED = [name for name in NAMES if Path(catalogue.__file__).parent in models()[name].folder.parents]
 #: What each model's file says, as a digest: a file that says something else needs another date (see the test).
 DIGESTS = {
     "GSDML-V2.35-pnfarm-akd-profinet-20261124.xml": "216032423c9d06d9",

@@ -157,8 +157,25 @@ def test_parameters_that_the_file_does_not_allow_are_refused_with_what_it_does(s
 
 def test_a_value_is_read_with_its_meaning():
     (substitute, _) = record(2).refs
-    assert (substitute.value(b"\x01\x00"), substitute.meaning(1), substitute.meaning(9)) == (1, "hold", "")
-    assert substitute.meaning(None) == ""
+    assert substitute.value(b"\x01\x00") == 1
+    assert dict(substitute.texts)["1"] == "hold"
+
+
+@pytest.mark.parametrize(
+    ("ref", "octets", "value"),
+    [
+        (ParameterRef("BitArea", bit_length=0), b"\xff", 0),
+        (ParameterRef("BitArea", bit_length=0, byte_offset=1), b"\xff", None),
+        (ParameterRef("Bit", bit_offset=7, bit_length=2), b"\x80", 1),
+        (ParameterRef("Boolean", bit_offset=3), b"\x01", 1),
+    ],
+)
+def test_odd_lengths_and_offsets_of_bits_are_read_as_they_are_written(ref, octets, value):
+    assert ref.value(octets) == value
+    if value is not None:
+        written = bytearray(len(octets))
+        ref.put(written, str(value), checked=False)
+        assert ref.value(bytes(written)) == value
 
 
 @given(st.floats(allow_nan=False, width=32), st.integers(0, 0xFFFF))

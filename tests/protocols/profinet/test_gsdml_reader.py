@@ -470,4 +470,4 @@ def test_all_f_parameters_are_in_their_places():
     (submodule,) = gsdml.module("FDI4").submodules
     record = submodule.f_parameters
     assert (record.length, record.defaults().hex()) == (14, "0840" + "0001" * 2 + "0096" + "01020304" + "d06c")
-    assert [ref.meaning(ref.value(record.defaults())) for ref in record.refs[:2]] == ["NoCheck", "SIL3"]
+    assert [dict(ref.texts)[str(ref.value(record.defaults()))] for ref in record.refs[:2]] == ["NoCheck", "SIL3"]

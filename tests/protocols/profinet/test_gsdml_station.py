@@ -44,16 +44,17 @@ def test_an_access_point_may_be_left_out_where_the_file_has_one():
 def test_the_station_says_who_it_is_and_how_it_connects():
     station = island()
     assert (station.vendor_id, station.device_id, station.vendor_name) == (0xFEED, 0x1517, "Example Works")
-    assert (station.name, station.order_number, station.dns_name) == (
+    assert (station.name, station.order_number, station.dap.dns_name) == (
         "Island head, fast", "EX-ISL-200", "example-island")  # fmt: skip
     assert (station.hardware_release, station.software_release) == ("2", "V1.4.2")
-    assert (station.main_family, station.product_family) == ("I/O", "Example Island")
-    assert (station.startup_modes, station.number_of_ars, station.min_device_interval) == (("advanced",), 1, 8)
+    assert (station.gsdml.main_family, station.product_family) == ("I/O", "Example Island")
+    assert station.relations.startup_modes == ("Advanced",)
+    assert (station.number_of_ars, station.min_device_interval) == (1, 8)
     assert list(station.send_clocks) == [8, 16, 32, 64, 128]
-    assert (station.dcp_hello, station.shared_device, station.dap.ioxs_required) == (True, False, False)
+    assert (station.dcp_hello, station.dap.shared_device, station.dap.ioxs_required) == (True, False, False)
     other = island(access_point="DAP 1")
-    assert (other.dcp_hello, other.shared_device, other.number_of_ars) == (False, True, 2)
-    assert other.startup_modes == ("legacy", "advanced")
+    assert (other.dcp_hello, other.dap.shared_device, other.number_of_ars) == (False, True, 2)
+    assert other.relations.startup_modes == ("Legacy", "Advanced")
     assert max(other.reduction_ratios) == 512
 
 
@@ -90,7 +91,6 @@ def test_every_module_and_submodule_is_in_its_place():
     ]
     assert {s.module_ident for s in station.submodules if s.slot == 7} == {0x70}
     assert [s.slot for s in station.submodules if s.profisafe] == [6]
-    assert station.profisafe
     assert list(station.submodule(0, 0x8000).writeable_im) == [1, 2, 3]
     assert station.submodule(9, 1) is None
 

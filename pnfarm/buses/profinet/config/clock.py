@@ -15,15 +15,13 @@ So a cycle is 31.25 us times a power of two up to 2^14, and nothing else.
 from __future__ import annotations
 
 from pnfarm.vocabulary.durations import format_duration
-from pnfarm.wire.rtc import SEND_CLOCK_NS
+from pnfarm.wire.rtc import REDUCTION_RATIOS, SEND_CLOCK_FACTORS, SEND_CLOCK_NS
 
 __all__ = [
     "CYCLE_UNIT_NS",
     "MAX_CYCLE_UNITS",
     "MAX_DATA_HOLD_FACTOR",
     "MAX_WATCHDOG_NS",
-    "REDUCTION_RATIOS",
-    "SEND_CLOCK_FACTORS",
     "USUAL_FACTOR",
     "check_clock",
     "join_cycle",
@@ -35,8 +33,6 @@ __all__ = [
 CYCLE_UNIT_NS = SEND_CLOCK_NS
 #: 512 ms, the slowest cycle, in units.
 MAX_CYCLE_UNITS = 1 << 14
-SEND_CLOCK_FACTORS = tuple(1 << exponent for exponent in range(8))
-REDUCTION_RATIOS = tuple(1 << exponent for exponent in range(10))
 #: IEC 61158-6-10, DataHoldFactor of the RT classes 1 to 3.
 MAX_DATA_HOLD_FACTOR = 0x1E00
 MAX_WATCHDOG_NS = 1_920_000_000

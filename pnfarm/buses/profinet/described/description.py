@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.binding import serial_number
+from pnfarm.buses.profinet.binding import EVERY_RATIO, serial_number
 from pnfarm.protocols.profinet.description import (
-    MAX_REDUCTION,
     DeviceDescription,
     Im0Description,
     ImCarrier,
@@ -15,6 +14,7 @@ from pnfarm.protocols.profinet.description import (
     ModuleDescription,
     SubmoduleDescription,
 )
+from pnfarm.wire.rtc import SEND_CLOCK_FACTORS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 __all__ = ["describe_plugged"]
 
-_SEND_CLOCKS = tuple(1 << exponent for exponent in range(8))
-_RATIOS = range(1, MAX_REDUCTION + 1)
 #: I&M1 to I&M3 where the file names no record that can be written: it is older than the key, and every device must
 #: store these since V2.31 of the specification (assumed).
 _USUAL_IM = 0b1110
@@ -119,8 +117,8 @@ def describe_plugged(station: PluggedStation, mac: bytes, *, strict: bool) -> De
         modules=tuple(_module(module) for module in modules),
         instance=dap.instance,
         min_device_interval=station.min_device_interval if strict else 1,
-        send_clocks=_within(station.send_clocks, _SEND_CLOCKS) if strict else _SEND_CLOCKS,
-        reduction_ratios=_within(station.reduction_ratios, _RATIOS) if strict else _RATIOS,
+        send_clocks=_within(station.send_clocks, SEND_CLOCK_FACTORS) if strict else SEND_CLOCK_FACTORS,
+        reduction_ratios=_within(station.reduction_ratios, EVERY_RATIO) if strict else EVERY_RATIO,
         im0=Im0Description(
             order_id=_visible(station.order_number),
             serial_number=serial_number(mac),

@@ -76,7 +76,7 @@ def injected_drives(station: ProfinetDevice, host: InjectionHost) -> list[Inject
 
     def of_axis(axis: Axis) -> dict[Part[Any], DrivePart]:
         return {
-            LIFE: SignOfLife(axis, station.index, host.columns, axis.number),
+            LIFE: SignOfLife(axis, host.columns),
             CONNECTION: ProfinetConnection(station, host.columns, keys, host.settle, axis.number),
         }
 

@@ -5,7 +5,7 @@ from operator import attrgetter
 from typing import Annotated, Final
 
 from pnfarm.protocols.enip.wire.item import Item, ItemType
-from pnfarm.wire.layout import Fixed, Octets8, Pad, UInt8, UInt16, UInt32
+from pnfarm.wire.layout import Fixed, Octets8, Pad, UInt8, UInt16, UInt32, octets
 from pnfarm.wire.octets import Writer
 
 __all__ = ["CIP_OVER_TCP", "CIP_OVER_UDP", "COMMUNICATIONS", "IdentityItem", "ServiceItem"]
@@ -46,15 +46,9 @@ class IdentityItem(
     family: _NETWORK_U16 = 2
 
 
-def _service_name(name: bytes) -> bytes:
-    if len(name) != len(COMMUNICATIONS):
-        raise ValueError(f"the name of a service has 16 octets, not {len(name)}")
-    return name
-
-
 class ServiceItem(Item, types=(ItemType.SERVICES,), wire="version capabilities name"):
     """A service that the device offers over the encapsulation; ``name`` has 16 octets, padded with zeros."""
 
     capabilities: UInt16 = CIP_OVER_TCP | CIP_OVER_UDP
     version: UInt16 = 1
-    name: Annotated[bytes, Fixed("16s", bytes, _service_name)] = COMMUNICATIONS
+    name: Annotated[bytes, octets(16)] = COMMUNICATIONS

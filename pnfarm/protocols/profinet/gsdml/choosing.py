@@ -61,7 +61,7 @@ def matching(wanted: str | int, items: Sequence[T], languages: Languages) -> tup
     ways = [
         [item for item in items if item.id == text],
         [item for item in items if _order_number(item).strip().casefold() == folded],
-        [item for item in items if any(n.strip().casefold() == folded for n in languages.wordings(name_of(item)))],
+        [item for item in items if languages.called(name_of(item), text)],
     ]
     ways.insert(0 if isinstance(wanted, int) else len(ways), [item for item in items if item.ident == ident])
     return tuple(next(filter(None, ways), ()))

@@ -56,10 +56,8 @@ class DiagnosisCatalogue:
         #: What the file describes.
         self.described = (*_channels(gsdml), *_units(gsdml))
         known = {(one.error_type, one.ext_error_type) for one in self.described if one.kind == "channel"}
-        self._all = (
-            *self.described,
-            *(one for one in _standard() if (one.error_type, one.ext_error_type) not in known),
-        )
+        self._standard = tuple(one for one in _standard() if (one.error_type, one.ext_error_type) not in known)
+        self._all = (*self.described, *self._standard)
 
     def texts(self, error: DescribedError, language: str) -> tuple[str, str]:
         """Name and help in a language of the file; in its primary one where there is no translation."""
@@ -99,11 +97,15 @@ class DiagnosisCatalogue:
         if not folded:
             raise ConfigError("the diagnosis has no name")
         for fits in (str.__eq__, str.startswith):
-            found = [one for one in self._all if any(fits(word, folded) for word in self._wordings(one))]
+            own, standard = (
+                [one for one in errors if any(fits(word, folded) for word in self._wordings(one))]
+                for errors in (self.described, self._standard)
+            )
+            found = [*own, *standard]
             # what the file describes goes before the standard's; an error before those that extend it
             for some in (
-                [one for one in found if one in self.described and not one.ext_error_type],
-                [one for one in found if one in self.described],
+                [one for one in own if not one.ext_error_type],
+                own,
                 [one for one in found if not one.ext_error_type],
                 found,
             ):

@@ -58,7 +58,7 @@ class FileTexts:
             texts = found.setdefault(language.text("lang"), {})
             if len(found) > _MOST_LANGUAGES:
                 raise DecodeError("too-large", f"line {language.line}: more than {_MOST_LANGUAGES} languages")
-            for name, text in _texts_of(node for node in language.children if node.name == "Text").items():
+            for name, text in _texts_of(language.all("Text")).items():
                 texts.setdefault(self._texts.get(name, name), text)
         return Languages(found)
 

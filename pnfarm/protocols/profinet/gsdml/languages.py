@@ -30,3 +30,8 @@ class Languages:
         for texts in self.texts.values():
             if text in texts:
                 yield texts[text]
+
+    def called(self, text: str, wanted: str) -> bool:
+        """Whether ``text`` is ``wanted`` in one of the languages, in upper or lower case."""
+        folded = wanted.strip().casefold()
+        return any(word.strip().casefold() == folded for word in self.wordings(text))

@@ -43,12 +43,10 @@ def _asked(key: str) -> tuple[tuple[int, ...], str]:
 def _find(module: PluggedModule, key: str, languages: Languages) -> Found:
     candidates = [found for found in _all(module) if found[2].name]
     place, name = _asked(key)
-    folded = name.strip().casefold()
     here = [
         (position, record, ref)
         for position, record, ref in candidates
-        if position[: len(place)] == place
-        and any(wording.strip().casefold() == folded for wording in languages.wordings(ref.name))
+        if position[: len(place)] == place and languages.called(ref.name, name)
     ]
     if not here:
         names = list(dict.fromkeys(ref.name for _, _, ref in candidates))
@@ -79,7 +77,9 @@ def parameter_records(
     changed: dict[tuple[int, int], bytearray] = {}
     for key, value in values.items():
         position, record, ref = _find(module, key, languages)
-        octets = changed.setdefault(position[:2], bytearray(record.defaults()))
+        if position[:2] not in changed:
+            changed[position[:2]] = bytearray(record.defaults())
+        octets = changed[position[:2]]
         text = str(value).lower() if isinstance(value, bool) else str(value)
         try:
             ref.put(octets, ref.content(text, languages), checked=True)

@@ -10,7 +10,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.station import plug_station
 from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
-from pnfarm.wire.rtc import SEND_CLOCK_NS
+from pnfarm.wire.rtc import SEND_CLOCK_FACTORS, SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     Parameters = Mapping[tuple[int, int, int], bytes | Mapping[str, str | float]]
 
 __all__ = ["PlannedDevice", "from_gsdml", "plan_station"]
-
-#: SendClockFactors of the RT classes.
-_SEND_CLOCKS = tuple(1 << exponent for exponent in range(8))
 
 
 def _doublings(send_clock: int) -> int:
@@ -65,7 +62,7 @@ class PlannedDevice:
         A pair that no other can replace is returned unchanged; :meth:`check_clock` says what is wrong with it.
         """
         units = send_clock_factor * reduction_ratio
-        others = [(clock, units // clock) for clock in _SEND_CLOCKS if units % clock == 0]
+        others = [(clock, units // clock) for clock in SEND_CLOCK_FACTORS if units % clock == 0]
         others.sort(key=lambda pair: _doublings(pair[0]))
         for pair in ((send_clock_factor, reduction_ratio), *others):
             with suppress(ConfigError):

@@ -101,10 +101,15 @@ class ParameterRef:
         return self.data_type in {"Bit", "BitArea"}
 
     @property
+    def bits(self) -> int:
+        """Of a Bit, a BitArea or a Boolean."""
+        return self.bit_length if self.data_type == "BitArea" else 1
+
+    @property
     def octets(self) -> int | None:
         """Octets from ``byte_offset`` on; None for a type whose length is not known here."""
         if self.is_bits:
-            return (self.bit_offset + self.bit_length + 7) // 8
+            return max(1, (self.bit_offset + self.bits + 7) // 8)
         if self.data_type in _PACKED:
             return struct.calcsize(_PACKED[self.data_type])
         if self.data_type == "Boolean":
@@ -144,7 +149,7 @@ class ParameterRef:
         if wrong is not None:
             raise ValueError(wrong)
         if self.is_bits or self.data_type == "Boolean":
-            bits = self.bit_length if self.data_type == "BitArea" else 1
+            bits = self.bits
             if self.is_bits and self.bit_offset + bits > 8:
                 raise ValueError("a bit area inside one octet; of this one the whole record has to be given")
             if value not in range(1 << bits):
@@ -162,15 +167,7 @@ class ParameterRef:
 
     def content(self, text: str, languages: Languages = _ONE_LANGUAGE) -> str:
         """The value that a text of its ValueItem stands for, in any language; ``text`` itself where there is none."""
-        wanted = text.strip().casefold()
-        for content, named in self.texts:
-            if any(wording.strip().casefold() == wanted for wording in languages.wordings(named)):
-                return content
-        return text
-
-    def meaning(self, value: float | bytes | None) -> str:
-        """The text of a value, empty for none."""
-        return next((text for content, text in self.texts if _is(content, value)), "")
+        return next((content for content, named in self.texts if languages.called(named, text)), text)
 
     def value(self, octets: bytes) -> float | bytes | None:
         """The value there; None where it does not fit, or is of a type that is not supported."""
@@ -179,10 +176,9 @@ class ParameterRef:
             return None
         place = octets[self.byte_offset : self.byte_offset + size]
         if self.is_bits or self.data_type == "Boolean":
-            bits = self.bit_length if self.data_type == "BitArea" else 1
             if size > 1:
                 return None  # it crosses its octet, see the module's docstring
-            return place[0] >> self.bit_offset & (1 << bits) - 1
+            return place[0] >> (self.bit_offset if self.is_bits else 0) & (1 << self.bits) - 1
         code = _PACKED.get(self.data_type)
         found: float | bytes = place if code is None else struct.unpack(code, place)[0]
         return found
@@ -201,13 +197,6 @@ def _numeric(text: str) -> float:
         except ValueError:
             continue
     raise ValueError("a number")
-
-
-def _is(content: str, value: float | bytes | None) -> bool:
-    try:
-        return _numeric(content) == value
-    except ValueError:
-        return False
 
 
 def _whole(value: float) -> int:

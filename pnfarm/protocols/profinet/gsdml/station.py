@@ -114,7 +114,6 @@ class PluggedSubmodule:
     f_parameters: ParameterRecord | None = None
     records: tuple[ParameterRecord, ...] = ()
     writeable_im: Numbers = NO_NUMBERS
-    may_issue_process_alarm: bool = False
     line: int = 0
 
     @property
@@ -199,17 +198,8 @@ class PluggedStation:
         return self.dap.info.software_release
 
     @property
-    def main_family(self) -> str:
-        return self.gsdml.main_family
-
-    @property
     def product_family(self) -> str:
         return self.gsdml.product_family
-
-    @property
-    def dns_name(self) -> str:
-        """DNS_CompatibleName: the station name that the maker suggests."""
-        return self.dap.dns_name
 
     # connections
 
@@ -217,11 +207,6 @@ class PluggedStation:
     def relations(self) -> Relations:
         """Start-up modes, NumberOfAR, send clocks and reduction ratios."""
         return self.dap.relations
-
-    @property
-    def startup_modes(self) -> tuple[str, ...]:
-        """``legacy``, ``advanced``."""
-        return tuple(mode.lower() for mode in self.relations.startup_modes)
 
     @property
     def number_of_ars(self) -> int:
@@ -244,15 +229,6 @@ class PluggedStation:
     @property
     def dcp_hello(self) -> bool:
         return any(interface.dcp_hello for interface in self.dap.interfaces)
-
-    @property
-    def shared_device(self) -> bool:
-        return self.dap.shared_device
-
-    @property
-    def profisafe(self) -> bool:
-        """Whether a submodule speaks the safety protocol."""
-        return any(submodule.profisafe for submodule in self.submodules)
 
     # lengths
 
@@ -480,7 +456,6 @@ class _Plugger:
             f_parameters=safe,
             records=item.records if safe is None else (*item.records, safe),
             writeable_im=item.writeable_im,
-            may_issue_process_alarm=item.may_issue_process_alarm,
             line=item.line,
         )
 

@@ -93,6 +93,19 @@ def test_a_delayed_input_changes_so_much_later_and_loses_no_change():
         inject(cell, "signal-delay", signal="pressure", delay="2min")
 
 
+def test_a_delay_delays_what_an_earlier_fault_makes_of_the_input():
+    cell = connected()
+    inject(cell, "signal-invert", signal="part_present")
+    cell.world.run(0.1)
+    inject(cell, "signal-delay", signal="part_present", delay="200ms")
+    cell.world.run(0.1)
+    assert part(cell), "inverted, as before the delay"
+    write(cell, part_present=True)
+    assert part(cell)
+    cell.world.run(0.2)
+    assert not part(cell)
+
+
 def test_a_flickering_input_changes_to_and_fro_around_what_is_written():
     cell = connected()
     flicker = inject(cell, "signal-flicker", signal="part_present", period="200ms")

@@ -57,7 +57,7 @@ from pnfarm.protocols.profinet.wire.cm.iocr import (
 )
 from pnfarm.protocols.profinet.wire.frame_id import RT_UDP_UNICAST, RTC1_UNICAST
 from pnfarm.protocols.profinet.wire.records.iod import NIL_UUID
-from pnfarm.wire.rtc import SEND_CLOCK_NS
+from pnfarm.wire.rtc import SEND_CLOCK_FACTORS, SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -80,7 +80,6 @@ _MAX_FACTOR = 0x1E00
 #: The data hold time of RT class 1 and 2 is at most 1.92 s.
 _MAX_HOLD_NS = 1_920_000_000
 _MAX_FRAME_SEND_OFFSET = 0x003D0900
-_SEND_CLOCKS = frozenset(1 << n for n in range(8))
 #: IOCRProperties: bits 4 to 10 and 24 to 31 are reserved.  Those between are ignored: bit 11 was about media
 #: redundancy in older editions, and the standard lets the rest be anything.
 _IOCR_RESERVED = 0xFF00_07F0
@@ -250,7 +249,7 @@ def _check_timing(iocr: IocrBlockReq, description: DeviceDescription) -> None:
 
     clock, ratio = iocr.send_clock_factor, iocr.reduction_ratio
     cycle_ns = clock * ratio * SEND_CLOCK_NS
-    if clock not in _SEND_CLOCKS or clock not in description.send_clocks:
+    if clock not in SEND_CLOCK_FACTORS or clock not in description.send_clocks:
         refuse(IocrField.SEND_CLOCK_FACTOR, f"SendClockFactor {clock} is not supported")
     if (
         not 1 <= ratio <= MAX_REDUCTION
