@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from pnfarm.links.sockets import sockets_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Interface
 
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from pnfarm.engine.columns import Columns
     from pnfarm.links.base import Link, Port
     from pnfarm.links.sockets import SocketCarrier
+    from pnfarm.signals.signal import Direction, Signal
     from pnfarm.station.event_log import EventLog
+    from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
 __all__ = ["Controller", "ControllerHost", "ControllerPlan", "ProgrammableDevice"]
 
@@ -58,6 +60,14 @@ class ProgrammableDevice(Protocol):
         """The signals of its telegram, None for a device that no model describes."""
 
     @property
+    def data_signals(self) -> Mapping[str, Signal]:
+        """The signals of a device of the farm that has no axes; none of any other."""
+
+    @property
+    def signal_places(self) -> Mapping[tuple[int, int, Direction], int]:
+        """Where the data of its submodules (slot, subslot) begin in :attr:`Controller.plain`."""
+
+    @property
     def life(self) -> bool:
         """Whether the drive expects a sign of life."""
 
@@ -87,6 +97,8 @@ class Controller(Protocol):
     columns: Columns
     link: Link
     port: Port
+    #: What is sent to the devices without axes, and what comes from them, by name.
+    plain: Mapping[str, tuple[ProvidedData, ConsumedData]]
 
     # -- the node
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.controller.line_device import LineDevice
 from pnfarm.errors import ConfigError, InternalError
 
 if TYPE_CHECKING:
@@ -76,6 +78,21 @@ class Controllers:
             if one.section.program.python is not None
         ]
         return sorted(found, key=lambda each: self._place(each.device.name))
+
+    def line_devices(self) -> dict[str, LineDevice]:
+        """The devices of the farm, by name, as a program sees them."""
+        return {
+            device.name: LineDevice(
+                device.name,
+                device.data_signals,
+                device.signal_places,
+                *controller.plain[device.name],
+                partial(controller.exchanging, device.name),
+            )
+            for one, controller in zip(self._planned, self._controllers, strict=True)
+            for device in one.plan.devices
+            if device.data_signals
+        }
 
     def _place(self, name: str) -> int:
         """Place of a drive in the file; devices come after the drives."""

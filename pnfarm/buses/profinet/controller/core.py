@@ -65,8 +65,7 @@ class ProfinetCore(SessionCore[DeviceSession]):
         super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=pieces)
         name, port, ip, count = plan.name, self.port, plan.ip, len(plan.devices)
         self.channels = SessionChannels(self.columns, port)
-        #: What is sent to the devices without axes, and what comes from them, by name.
-        self.plain: dict[str, tuple[ProvidedData, ConsumedData]] = {
+        self.plain = {
             session.plan.name: (
                 ProvidedData(self.columns.provided, session.index, outputs.octets, len(outputs.places)),
                 ConsumedData(self.columns.consumed, session.index, inputs.octets, len(inputs.places)),

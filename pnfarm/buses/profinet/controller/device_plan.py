@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pnfarm.buses.controllers.device_plan import IpPlan, PlannedDevice
 from pnfarm.buses.controllers.signal_steps import SignalSteps
+from pnfarm.buses.profinet.plain_layout import NO_DATA, signal_places
 from pnfarm.protocols.profinet.cm.controller.events import Timeouts
 from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
 from pnfarm.protocols.profinet.wire.cm.connect import ArType
@@ -14,12 +15,13 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Address, IPv4Interface
 
     from pnfarm.buses.profinet.plain_layout import PlainLayout
     from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
+    from pnfarm.signals.signal import Direction
 
 __all__ = ["CALL_PORT", "DevicePlan", "PlannedAxis", "ProfinetPlan"]
 
@@ -66,6 +68,11 @@ class DevicePlan(PlannedDevice):
     @property
     def cycle_ns(self) -> int:
         return self.send_clock_factor * self.reduction_ratio * SEND_CLOCK_NS
+
+    @property
+    def signal_places(self) -> Mapping[tuple[int, int, Direction], int]:
+        outputs, inputs = self.plain or (NO_DATA, NO_DATA)
+        return signal_places(inputs, outputs)
 
     def ar_plan(self, **own: Any) -> ArPlan:
         """What its AR is asked for: fields of the same names, and the controller's ``own``."""
