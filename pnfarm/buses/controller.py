@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from pnfarm.links.sockets import sockets_of
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pnfarm.station.event_log import EventLog
     from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
-__all__ = ["Controller", "ControllerHost", "ControllerPlan", "ProgrammableDevice"]
+__all__ = ["Controller", "ControllerHost", "ControllerPlan", "DeviceController", "DeviceData", "ProgrammableDevice"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,20 +60,26 @@ class ProgrammableDevice(Protocol):
         """The signals of its telegram, None for a device that no model describes."""
 
     @property
-    def data_signals(self) -> Mapping[str, Signal]:
-        """The signals of a device of the farm that has no axes; none of any other."""
-
-    @property
-    def signal_places(self) -> Mapping[tuple[int, int, Direction], int]:
-        """Where the data of its submodules (slot, subslot) begin in :attr:`Controller.plain`."""
-
-    @property
     def life(self) -> bool:
         """Whether the drive expects a sign of life."""
 
     @property
     def axes(self) -> Sequence[tuple[str, Any]]:
         """Each of its axes by name, as such a device."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceData:
+    """A controller's rows of a device of the farm that has no axes.
+
+    ``places``: slot, subslot and direction of a submodule's data -> their first octet in the row, in the order of the
+    row's statuses.
+    """
+
+    signals: Mapping[str, Signal]
+    places: Mapping[tuple[int, int, Direction], int]
+    sent: ProvidedData
+    received: ConsumedData
 
 
 class ControllerPlan(Protocol):
@@ -97,8 +103,6 @@ class Controller(Protocol):
     columns: Columns
     link: Link
     port: Port
-    #: What is sent to the devices without axes, and what comes from them, by name.
-    plain: Mapping[str, tuple[ProvidedData, ConsumedData]]
 
     # -- the node
 
@@ -153,3 +157,12 @@ class Controller(Protocol):
 
     def parameter_answer(self, name: str) -> Pkw:
         """What a drive answers there; raises as :meth:`put_parameter_task` does."""
+
+
+@runtime_checkable
+class DeviceController(Protocol):
+    """What a controller says besides if it runs devices without axes."""
+
+    @property
+    def device_data(self) -> Mapping[str, DeviceData]:
+        """The data of the farm's devices without axes, by name."""

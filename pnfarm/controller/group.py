@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.controller import DeviceController
 from pnfarm.controller.line_device import LineDevice
 from pnfarm.errors import ConfigError, InternalError
 
@@ -82,16 +83,10 @@ class Controllers:
     def line_devices(self) -> dict[str, LineDevice]:
         """The devices of the farm, by name, as a program sees them."""
         return {
-            device.name: LineDevice(
-                device.name,
-                device.data_signals,
-                device.signal_places,
-                *controller.plain[device.name],
-                partial(controller.exchanging, device.name),
-            )
-            for one, controller in zip(self._planned, self._controllers, strict=True)
-            for device in one.plan.devices
-            if device.data_signals
+            name: LineDevice(name, data, partial(controller.exchanging, name))
+            for controller in self._controllers
+            if isinstance(controller, DeviceController)
+            for name, data in controller.device_data.items()
         }
 
     def _place(self, name: str) -> int:

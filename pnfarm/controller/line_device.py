@@ -15,8 +15,8 @@ from pnfarm.vocabulary.quoting import did_you_mean
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
+    from pnfarm.buses.controller import DeviceData
     from pnfarm.signals.signal import Direction, Signal
-    from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
     from pnfarm.wire.value_types import Value
 
 __all__ = ["DeviceInputs", "DeviceOutputs", "LineDevice"]
@@ -119,32 +119,20 @@ class DeviceOutputs(_Values):
 
 
 class LineDevice:
-    """``sent`` and ``received`` are its rows of plain data, ``places`` where each submodule's data begin there.
+    """See the module's docstring."""
 
-    The submodules of a direction are in the order of the row's statuses.
-    """
-
-    def __init__(
-        self,
-        name: str,
-        signals: Mapping[str, Signal],
-        places: Mapping[tuple[int, int, Direction], int],
-        sent: ProvidedData,
-        received: ConsumedData,
-        is_connected: Callable[[], bool],
-    ) -> None:
+    def __init__(self, name: str, data: DeviceData, is_connected: Callable[[], bool]) -> None:
         def those(way: Direction) -> dict[str, tuple[Signal, int]]:
-            return {
-                one.name: (one, places[one.slot, one.subslot, way]) for one in signals.values() if one.direction == way
-            }
+            found = (one for one in data.signals.values() if one.direction == way)
+            return {one.name: (one, data.places[one.slot, one.subslot, way]) for one in found}
 
-        inputs = [(slot, subslot) for slot, subslot, way in places if way == "input"]
+        inputs = [(slot, subslot) for slot, subslot, way in data.places if way == "input"]
         self.name = name
-        self.inputs = DeviceInputs(name, those("input"), received.octets, {at: i for i, at in enumerate(inputs)})
-        self.outputs = DeviceOutputs(name, those("output"), sent.octets)
-        self._sent, self._received = sent, received
+        self.inputs = DeviceInputs(name, those("input"), data.received.octets, {at: i for i, at in enumerate(inputs)})
+        self.outputs = DeviceOutputs(name, those("output"), data.sent.octets)
+        self._sent, self._received = data.sent, data.received
         self._is_connected = is_connected
-        self._given = bytes(sent.octets)
+        self._given = bytes(data.sent.octets)
 
     @property
     def connected(self) -> bool:

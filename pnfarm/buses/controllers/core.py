@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from pnfarm.buses.controllers.device_plan import PlannedDevice
     from pnfarm.buses.controllers.session_life import Life
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
-    from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
 __all__ = ["DriveCore", "SessionCore"]
 
@@ -56,7 +55,6 @@ class DriveCore(Controller):
         count = len(self.axes)
         plain = len(self.devices) if pieces else 0
         self.columns: Columns = allocate(images=count, programs=count, channels=channels, plain=plain, pieces=pieces)
-        self.plain: dict[str, tuple[ProvidedData, ConsumedData]] = {}
         self.columns.engine[0].tick_ns = tick_ns
         self.columns.image.lost[:] = LOST_NEVER
         #: The first row of each device.

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.controllers.axis_program import IDLE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
     from ipaddress import IPv4Interface
 
     from pnfarm.buses.controllers.axis_program import AxisProgram
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.telegrams.signal_view import AxisSignals
-    from pnfarm.signals.signal import Direction, Signal
 
 __all__ = ["IpPlan", "PlannedDevice"]
 
@@ -32,8 +31,6 @@ class PlannedDevice:
     life: bool = False
     #: The signals of the drive's telegram, for a program of the user's.
     signals: AxisSignals | None = None
-    #: The signals of a device of the farm without axes.
-    data_signals: Mapping[str, Signal] = field(default_factory=dict)
     #: The codes of its telegram's words (:mod:`pnfarm.table.signals`).
     output_words: tuple[int, ...] = ()
     input_words: tuple[int, ...] = ()
@@ -47,11 +44,6 @@ class PlannedDevice:
     further: tuple[PlannedDevice, ...] = ()
     #: The slots of an axis of several; None: all.
     slots: frozenset[int] | None = None
-
-    @property
-    def signal_places(self) -> Mapping[tuple[int, int, Direction], int]:
-        """Where the data of its submodules begin in its rows of plain data."""
-        return {}
 
     @property
     def axes(self) -> list[tuple[str, PlannedDevice]]:

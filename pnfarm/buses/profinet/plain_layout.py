@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from pnfarm.signals.signal import Direction
 
-__all__ = ["NO_DATA", "PlainLayout", "plain_layout", "signal_places"]
+__all__ = ["PlainLayout", "plain_layout", "signal_places"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,9 +21,6 @@ class PlainLayout:
 
     places: Mapping[tuple[int, int], PlainPlace]
     octets: int
-
-
-NO_DATA = PlainLayout({}, 0)
 
 
 def signal_places(inputs: PlainLayout, outputs: PlainLayout) -> dict[tuple[int, int, Direction], int]:

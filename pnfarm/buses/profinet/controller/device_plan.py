@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pnfarm.buses.controllers.device_plan import IpPlan, PlannedDevice
 from pnfarm.buses.controllers.signal_steps import SignalSteps
-from pnfarm.buses.profinet.plain_layout import NO_DATA, signal_places
 from pnfarm.protocols.profinet.cm.controller.events import Timeouts
 from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
 from pnfarm.protocols.profinet.wire.cm.connect import ArType
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.plain_layout import PlainLayout
     from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
-    from pnfarm.signals.signal import Direction
+    from pnfarm.signals.signal import Signal
 
 __all__ = ["CALL_PORT", "DevicePlan", "PlannedAxis", "ProfinetPlan"]
 
@@ -62,17 +61,14 @@ class DevicePlan(PlannedDevice):
     texts: DescribedDiagnosis | None = None
     #: Where the outputs and the inputs of a device without axes are in its rows of plain data; None: it has axes.
     plain: tuple[PlainLayout, PlainLayout] | None = None
+    #: The signals of a device of the farm without axes.
+    data_signals: Mapping[str, Signal] = field(default_factory=dict)
     #: About the file that describes the device.
     remarks: tuple[str, ...] = ()
 
     @property
     def cycle_ns(self) -> int:
         return self.send_clock_factor * self.reduction_ratio * SEND_CLOCK_NS
-
-    @property
-    def signal_places(self) -> Mapping[tuple[int, int, Direction], int]:
-        outputs, inputs = self.plain or (NO_DATA, NO_DATA)
-        return signal_places(inputs, outputs)
 
     def ar_plan(self, **own: Any) -> ArPlan:
         """What its AR is asked for: fields of the same names, and the controller's ``own``."""
