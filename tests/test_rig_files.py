@@ -232,7 +232,7 @@ def test_the_controllers_health_check_shows_the_token_of_the_file(tmp_path):
         environment["PNFARM_API"] = f"http://127.0.0.1:{server.server_address[1]}"
         run = subprocess.run(program, capture_output=True, text=True, check=False, env=environment)
         thread.join()
-    assert (run.returncode, run.stdout) == (0, "1 of 1 drives exchange data\n")
+    assert (run.returncode, run.stdout) == (0, "1 of 1 stations exchange data\n")
     assert asked == ["Bearer a-kept-token"]
 
 
