@@ -102,6 +102,21 @@ def test_a_scenarios_step_writes_signals_of_any_shard(world):
     assert "island-2: valve_1: is an output: the controller alone writes it" in str(found["cases"])
 
 
+def test_an_expectation_is_checked_by_the_shard_that_has_the_device(world):
+    world.islands[1].signals.set({"pressure": 2.5})
+    head = "scenario: s\nsteps:\n"
+    found = carried_out(
+        world, head + "  - expect: {that: island-2.pressure == 2.5}\n  - wait: {until: island-1.pressure == 0}\n"
+    )
+    assert found["verdict"] == "passed"
+    assert found["cases"][0]["shown"]["island-2"]["island-2.pressure"] == "2.5 bar"
+    found = carried_out(world, head + "  - expect: {that: island-2.presure > 2}\n")
+    assert "did you mean pressure" in str(found["cases"])
+    found = carried_out(world, head + "  - expect: {that: island-1.pressure > 2 or island-2.pressure > 2}\n")
+    assert found["verdict"] == "error"
+    assert "island-1, island-2 are devices of several shards" in str(found["cases"])
+
+
 # -- their signals as they change
 
 
