@@ -69,6 +69,7 @@ def _connection(station: Station, now: int) -> dict[str, Any]:
 
 def signals_snapshot(signals: PlainSignals) -> list[dict[str, Any]]:
     """Every signal; the values of one direction are of one time."""
+    forced = signals.forced
     return [
         {
             "name": signal.name,
@@ -80,6 +81,8 @@ def signals_snapshot(signals: PlainSignals) -> list[dict[str, Any]]:
             "value": json_value(value),
             "shown": signal.show(value),
             "good": good,
+            "owner": signals.owner(signal.name),
+            "forced": json_value(forced[signal.name]) if signal.name in forced else None,
         }
         for signal, value, good in signals.readings()
     ]
