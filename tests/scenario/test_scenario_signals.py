@@ -176,6 +176,20 @@ def test_what_is_wrong_about_a_device_is_reported_with_its_line(farm, carried_ou
     assert "signals.scenario.yml:4" in str(caught.value)
 
 
+def test_a_step_replays_the_values_of_a_file_beside_the_scenario(farm, carried_out, tmp_path):
+    (tmp_path / "pressure.csv").write_text("time,pressure\n0,1\n0.1,2.5\n")
+    step = "fault: {{kind: signal-replay, on: island-1, params: {{signal: pressure, values: '@{}'}}}}"
+    result = carried_out(
+        step.format("pressure.csv"),
+        "expect: {that: island-1.pressure == 1}",
+        "expect: {that: island-1.pressure == 2.5, within: 101ms}",
+    )
+    assert result.passed, result.record["cases"]
+    assert result.record["cases"][1]["held_after_seconds"]["island-1"] == pytest.approx(0.1)
+    with pytest.raises(ConfigError, match=r"params\.values: .*presure\.csv cannot be read: no such file"):
+        carried_out(step.format("presure.csv"))
+
+
 def test_a_running_farm_carries_out_a_scenario_about_its_device():
     world = DeviceWorld()
     controller_sends(world.signals, b"\2\0\7")
