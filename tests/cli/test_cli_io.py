@@ -58,9 +58,9 @@ def test_all_signals_are_listed_with_direction_type_unit_status_and_place(pnfarm
     done = pnfarm("io")
     assert (done.code, done.err) == (0, "")
     head, *rows = [line.split() for line in done.out.splitlines()]
-    assert head == ["STATION", "SIGNAL", "DIRECTION", "TYPE", "VALUE", "UNIT", "STATUS", "PLACE"]
-    assert rows[1] == ["island-1", "pressure", "input", "int16", "6.5", "bar", "good", "3.1.0"]
-    assert rows[3] == ["island-1", "valve_1", "output", "bool", "false", "bad", "2.1.0.1"]
+    assert head == ["STATION", "SIGNAL", "DIRECTION", "TYPE", "VALUE", "UNIT", "STATUS", "OWNER", "PLACE"]
+    assert rows[1] == ["island-1", "pressure", "input", "int16", "6.5", "bar", "good", "value", "3.1.0"]
+    assert rows[3] == ["island-1", "valve_1", "output", "bool", "false", "bad", "controller", "2.1.0.1"]
     assert pnfarm("io", "island-1").out == done.out
 
 
@@ -79,6 +79,25 @@ def test_values_are_written_together_and_shown(pnfarm, world):
         "island-1.part_present = true", "island-1.pressure = -1.25 bar", "island-1.code = 01 ff 00 00",
     ]  # fmt: skip
     assert world.signals.get("pressure") == -1.25
+
+
+def test_a_forced_signal_says_so_until_it_is_released(pnfarm, world):
+    done = pnfarm("io", "--force", "island-1.part_present=on", "island-1.pressure=6.5")
+    assert (done.code, done.err) == (0, "")
+    assert done.out == "island-1.part_present = true (force)\nisland-1.pressure = 6.5 bar (force)\n"
+    done = pnfarm("io", "island-1.pressure=1")
+    assert done.out == "island-1.pressure = 6.5 bar (force)\n"
+    assert done.err == "island-1.pressure: a force has it now; 1 waits behind it\n"
+    assert pnfarm("io", "--release", "island-1.pressure").out == "island-1.pressure = 1 bar\n"
+    assert list(world.signals.forced) == ["part_present"]
+    assert pnfarm("io", "--release", "island-1").code == 0
+    assert not world.signals.forced
+    for words, why in (
+        (("--release", "island-1.pressure=1"), "a force ends without a value"),
+        (("--release", "--force"), "exclude each other"),
+    ):
+        done = pnfarm("io", *words)
+        assert (done.code, why in done.err) == (2, True)
 
 
 def test_nothing_is_written_when_one_value_is_refused(pnfarm, world):
