@@ -26,6 +26,8 @@ __all__ = ["DeviceConfig", "DeviceGroup", "SignalPlace", "SignalSetting", "read_
 
 _PLACE = re.compile(r"([0-9]{1,5})\.([0-9]{1,5})\.([0-9]{1,4})(?:\.([0-7]))?")
 _MOST_SCALE = 1e12
+#: Kinds of types that a metric can have.
+_EXPORTED = frozenset({"bool", "int", "uint", "float"})
 _ALLOWED = "slot.subslot.octet or slot.subslot.octet.bit, such as 3.1.0 or 1.1.0.3"
 #: Slot, subslot, octet, bit.
 Place = tuple[int, int, int, int | None]
@@ -82,6 +84,11 @@ class SignalPlace(Section):
         default=None, description="The controller's; input where the submodule has inputs, else output, unless given."
     )
 
+    metrics: bool | None = Field(
+        default=None,
+        description="Export it as pnfarm_signal_value{station, signal}; left out, as the group's `metrics` says.",
+    )
+
     @property
     def value_type(self) -> ValueType:
         """The type given, else the one that `at` implies."""
@@ -101,7 +108,16 @@ class SignalPlace(Section):
             )
         if self.scale != 1 and not self.value_type.is_number:
             raise Problem(f"`scale` is for numbers, not for {self.value_type.name}", "no scale, or such as type: int16")
+        if self.metrics:
+            self.check_metric()
         return self
+
+    def check_metric(self) -> None:
+        """Raises :class:`Problem` for a type that no metric has."""
+        if self.value_type.kind not in _EXPORTED:
+            raise Problem(
+                f"is of type {self.value_type.name}, and a metric is a number", "metrics: false, or another type"
+            )
 
 
 def _open_place(value: Any) -> Any:
@@ -134,12 +150,24 @@ class DeviceGroup(Section):
         "with `at`, type, unit and scale.",
         examples=[{"part_present": "1.1.0.3"}],
     )
+    metrics: bool = Field(default=False, description="Export every signal that `signals` names as a metric.")
     limits: Literal["strict", "lax"] = Field(
         default="strict",
         description="strict: refuse what the file does not permit; lax: permit every cycle, and keep parameter records "
         "that are wrong with a warning.",
     )
     impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
+
+    @model_validator(mode="after")
+    def _exports(self) -> Self:
+        for name, place in self.signals.items() if self.metrics else ():
+            if place.metrics is None:
+                try:
+                    place.check_metric()
+                except Problem as problem:
+                    raise Problem(f"`metrics` exports {name}, which {problem.what}", problem.allowed) from problem
+                self.signals[name] = place.model_copy(update={"metrics": True})
+        return self
 
     @property
     def is_described(self) -> bool:
