@@ -109,6 +109,7 @@ LAYERS = {
     "parse_unconnected_send": ("enip-body",),
     "parse_class1": ("enip-class1",),
     "parse_eds": ("eds",),
+    "parse_sheet": ("eds",),
 }
 #: Parsers of text with a syntax of its own: octets changed at random would mostly break that alone.
 DOCUMENTS = {"parse_gsdml", "parse_xml"}

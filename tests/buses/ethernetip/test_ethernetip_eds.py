@@ -22,7 +22,7 @@ from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.parameters.parameter import Backing
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, parse_farm
-from pnfarm.protocols.enip.eds import emit_eds, parse_eds
+from pnfarm.protocols.enip.eds.text import emit_eds, parse_eds
 from pnfarm.protocols.enip.objects.identity import identity_key
 from pnfarm.protocols.enip.originator_events import ConnectionMade
 from pnfarm.protocols.enip.status import GeneralStatus, Service

@@ -5,12 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.frame_layout import PlainPlace
-
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["PlainLayout", "plain_layout"]
+    from pnfarm.signals.signal import Direction
+
+__all__ = ["PlainLayout", "PlainPlace", "plain_layout", "signal_places"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlainPlace:
+    """Where the plain data of a submodule are in the station's row, and the place of their status."""
+
+    place: int
+    length: int
+    status: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,3 +40,9 @@ def plain_layout(lengths: Iterable[tuple[int, int, int]]) -> PlainLayout:
         places[slot, subslot] = PlainPlace(place, octets, total + number)
         place += octets
     return PlainLayout(places, total)
+
+
+def signal_places(inputs: PlainLayout, outputs: PlainLayout) -> dict[tuple[int, int, Direction], int]:
+    """The first octet of each submodule's data, in the order of their statuses."""
+    ways: tuple[tuple[Direction, PlainLayout], ...] = (("input", inputs), ("output", outputs))
+    return {(*key, way): place.place for way, layout in ways for key, place in layout.places.items()}
