@@ -10,7 +10,10 @@ from pnfarm.buses.search import SearchBus
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from pnfarm.buses.bus import DeviceServices
+    from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
     from pnfarm.drives.description.model import Model
+    from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 
 __all__ = ["ETHERNETIP", "EthernetIp"]
@@ -30,6 +33,12 @@ class EthernetIp(ImportingBus, SearchBus):
         from pnfarm.buses.ethernetip.device.product import Product
 
         return channel_rows(Product.of(model).io_connections)
+
+    def device(self, station: Station, services: DeviceServices) -> EthernetIpDevice:
+        from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
+        from pnfarm.buses.ethernetip.device.drive import DriveKind
+
+        return EthernetIpDevice(station, services, DriveKind(station))
 
     def commands(self) -> Iterable[Command]:
         from pnfarm.buses.ethernetip.commands import eds
