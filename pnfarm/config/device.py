@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, WithJsonSchema, model_validator
 
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.impairment import Impairment
@@ -141,10 +141,23 @@ class DeviceGroup(Section):
     )
     impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
 
+    _described: Any = PrivateAttr(default=None)
+
+    def adopting(self, described: Any) -> Self:
+        """The group with what its file says, in the form of its bus."""
+        found = self.model_copy()
+        found._described = described  # noqa: SLF001 - a copy of its own
+        return found
+
     @property
     def is_described(self) -> bool:
         """Whether its file was read, without errors."""
-        return False
+        return self._described is not None
+
+    @property
+    def described(self) -> Any:
+        """What its file says, once that is read without errors; None before."""
+        return self._described
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

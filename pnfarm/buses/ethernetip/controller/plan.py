@@ -18,11 +18,13 @@ from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.connection import ConnectionKind
 from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, emit_epath, logical_path
 from pnfarm.protocols.enip.wire.forward_open import CYCLIC
+from pnfarm.vocabulary.durations import format_duration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pnfarm.buses.ethernetip.config.controller import EdsDevice, EthernetIpController
+    from pnfarm.buses.ethernetip.config.device import EthernetIpDeviceConfig
     from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
     from pnfarm.drives.description.model import Model
     from pnfarm.protocols.enip.eds.document import Connection
@@ -132,6 +134,35 @@ def _plan_foreign(section: EthernetIpController, device: EdsDevice, folder: Path
     )
 
 
+def _plan_own(section: EthernetIpController, device: EthernetIpDeviceConfig) -> DevicePlan:
+    """A device of the farm: its file was read with the farm file."""
+    if device.ip is None:
+        raise ConfigError(f"device {device.name} has no ip")
+    described = device.described
+    found, key = described.connection, described.sheet.key
+    connection = _described_connection(section, None, found, key, described.configuration(), described.sizes)
+    intervals = [way.rpi for way in (found.outputs, found.inputs) if way.rpi is not None]
+    usual = section.rpi_ns if section.rpi_ns is not None else max((i.default * 1000 for i in intervals), default=0)
+    rpi_ns = device.rpi_ns or usual or USUAL_RPI_NS
+    for one in intervals if device.strict else ():
+        if not one.least * 1000 <= rpi_ns <= one.most * 1000:
+            allowed = f"{format_duration(one.least * 1000)} to {format_duration(one.most * 1000)}"
+            what = f"its file does not allow a packet interval of {format_duration(rpi_ns)}, but {allowed}"
+            raise ConfigError(f"device {device.name}: {what}: give `rpi`, or `limits: lax`")
+    return DevicePlan(
+        name=device.name,
+        model=described.title,
+        ip=device.ip,
+        connection=connection,
+        rpi_ns=rpi_ns,
+        timeout_multiplier=section.timeout_multiplier,
+        reconnect_after_ns=reconnect_after_ns(section),
+        request_timeout_ns=section.request_timeout_ns,
+        explicit=section.explicit,
+        key=key,
+    )
+
+
 def _foreign_connection(
     section: EthernetIpController, device: EdsDevice, found: Connection, key: ElectronicKey
 ) -> ConnectionPlan:
@@ -184,19 +215,25 @@ def plan_devices(
     drives: Sequence[EthernetIpDriveConfig],
     models: Sequence[Model],
     folder: Path | None = None,
+    own: Sequence[EthernetIpDeviceConfig] = (),
 ) -> list[DevicePlan]:
-    """What the scanner expects, drive by drive and then device by device.
+    """What the scanner expects, drive by drive and then device by device: the farm's ``own``, and foreign ones.
 
-    ``folder`` is what the EDS files of the devices are relative to.  Raises :class:`ConfigError`.
+    ``folder`` is what the EDS files of the foreign devices are relative to.  Raises :class:`ConfigError`.
     """
     plans = [_plan_drive(section, drive, model) for drive, model in zip(drives, models, strict=True)]
+    plans += [_plan_own(section, device) for device in own]
     return plans + [_plan_foreign(section, device, folder or Path()) for device in section.devices]
 
 
 def plan_controller(
-    section: EthernetIpController, drives: Sequence[EthernetIpDriveConfig], models: Sequence[Model], folder: Path | None
+    section: EthernetIpController,
+    drives: Sequence[EthernetIpDriveConfig],
+    models: Sequence[Model],
+    folder: Path | None,
+    own: Sequence[EthernetIpDeviceConfig] = (),
 ) -> EthernetIpPlan:
     """The scanner and what it expects; arguments and errors as those of :func:`plan_devices`."""
-    devices = plan_devices(section, drives, models, folder)
+    devices = plan_devices(section, drives, models, folder, own)
     address = own_address(section.ip, (device.ip for device in devices))
     return EthernetIpPlan(section.name, address, tuple(devices))
