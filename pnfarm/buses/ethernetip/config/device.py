@@ -42,8 +42,8 @@ class EthernetIpDevices(IpDevices):
     )
     connection: str | int | None = Field(
         default=None,
-        description="Number, keyword (`Connection2`) or name of the connection that the built-in controller opens; left "
-        "out, the first one with an exclusive owner.  Other controllers may open any one of the file.",
+        description="Number, keyword (`Connection2`) or name of the connection that the built-in controller opens; "
+        "left out, the first one with an exclusive owner.  Other controllers may open any one of the file.",
     )
     sizes: DataSizes = Field(
         default_factory=DataSizes,
@@ -53,8 +53,8 @@ class EthernetIpDevices(IpDevices):
     parameters: dict[str, Scalar] = Field(
         default_factory=dict,
         max_length=10_000,
-        description="Its parameters by the names of its file, or as ParamN: the values that it has, and that the built-in "
-        "controller sends as configuration.  Numbers are those on the wire.",
+        description="Its parameters by the names of its file, or as ParamN: the values that it has, and that the "
+        "built-in controller sends as configuration.  Numbers are those on the wire.",
         examples=[{"Filter": "slow"}],
     )
     rpi_ns: Rpi | None = Field(

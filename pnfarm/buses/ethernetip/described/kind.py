@@ -60,7 +60,8 @@ def io_connections(described: DescribedStation) -> int:
 class DescribedKind:
     """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`.
 
-    Inputs survive a power cycle (assumed: what a sensor sees does not depend on the device's supply).
+    Inputs begin with the values of their parameters, and survive a power cycle (assumed: what a sensor sees does not
+    depend on the device's supply).
     """
 
     def __init__(self, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
@@ -74,6 +75,13 @@ class DescribedKind:
         self.sessions = min(self.io_connections + self._explicit, _MOST_EXPLICIT)
         inputs, outputs = self.described.inputs, self.described.outputs
         self.inputs = ProvidedData(columns.provided, plain_row, inputs.octets, len(inputs.places))
+        self.inputs.write(
+            {
+                inputs.places[one.instance, SUBSLOT].place: composed(one.octets, one.members, self.described.parameter)
+                for one in self.described.points
+                if one.direction == "input"
+            }
+        )
         self.outputs = ConsumedData(columns.consumed, plain_row, outputs.octets, len(outputs.places))
         self.signals = StationSignals(self.described.signals, signal_places(inputs, outputs), self.inputs, self.outputs)
         self._offers: dict[IoOffer, EdsConnection] = {}

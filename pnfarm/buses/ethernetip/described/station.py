@@ -105,10 +105,10 @@ class DescribedStation:
         sheet = self.sheet
         catalog = f" ({sheet.catalog})" if sheet.catalog else ""
         configuration = self.connection.configuration.size.default
+        chosen = f"{self.connection.keyword}: {self.connection.name or self.connection.kind}"
+        octets = f"{self.sizes[1]} octets of inputs, {self.sizes[0]} of outputs, {configuration} of configuration"
         return [
-            f"{self.title}{catalog}, {self.connection.keyword}: {self.connection.name or self.connection.kind}, of "
-            f"{len(self.offered)} that controllers may open",
-            f"{self.sizes[1]} octets of inputs, {self.sizes[0]} of outputs, {configuration} of configuration, "
-            f"{len(self.signals)} signals, {len(sheet.parameters)} parameters",
+            f"{self.title}{catalog}, {chosen}, of {len(self.offered)} that controllers may open",
+            f"{octets}, {len(self.signals)} signals, {len(sheet.parameters)} parameters",
             *self.notes,
         ]
