@@ -30,7 +30,7 @@ from pnfarm.protocols.profinet.wire.block import Block, RawBlock
 from pnfarm.wire.layout import Structure
 from pnfarm.wire.octets import Reader
 from tests.fuzz.mutate import variation, varied_xml
-from tests.fuzz.plugging import plug_everything
+from tests.fuzz.plugging import describe_everything, plug_everything
 
 __all__ = ["Parser", "parsers"]
 
@@ -260,4 +260,5 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
             add(title, kind.parse, pool)
             add(f"{title}-little", lambda data, kind=kind: kind.parse(data, little_endian=True), pool)
     found["station.plug_station"] = Parser("station.plug_station", plug_everything, layers.get("gsdml", ()), varied_xml)
+    found["eds.describe"] = Parser("eds.describe", describe_everything, layers.get("eds", ()))
     return sorted(found.values(), key=lambda parser: parser.name)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.enip.object import CipObject
     from pnfarm.protocols.enip.wire.epath import ElectronicKey
 
-__all__ = ["DescribedKind", "DescribedSettings", "io_connections"]
+__all__ = ["DescribedKind", "DescribedSettings", "io_connections", "offer_of"]
 
 #: Where the file's section Capacity has no number.
 _USUAL_IO, _USUAL_EXPLICIT = 8, 16
@@ -86,7 +86,7 @@ class DescribedKind:
         self.signals = StationSignals(self.described.signals, signal_places(inputs, outputs), self.inputs, self.outputs)
         self._offers: dict[IoOffer, EdsConnection] = {}
         for one in self.described.offered:
-            self._offers.setdefault(_offer(one, strict=self._strict), one)
+            self._offers.setdefault(offer_of(one, strict=self._strict), one)
         self.values = ParameterValues(sheet.parameters, self.described.parameter, self._cyclic(), strict=self._strict)
         self.objects: Sequence[CipObject] = ()
         if sheet.parameters:
@@ -239,7 +239,7 @@ def _least(size: Limits) -> int | None:
     return None if size.least == size.most else size.least
 
 
-def _offer(one: EdsConnection, *, strict: bool) -> IoOffer:
+def offer_of(one: EdsConnection, *, strict: bool) -> IoOffer:
     """``strict``: with the packet intervals of the file."""
     types = {ConnectionType.MULTICAST: one.multicast, ConnectionType.POINT_TO_POINT: one.point_to_point}
     intervals = [

@@ -122,7 +122,9 @@ class Parameter:
             found = int(value)
         octets = self.encode(found)
         if (wrong := self.complaint(octets)) != "":
-            raise Problem(wrong, f"{self.minimum} to {self.maximum}")
+            low, high = self.type.limits if self.type.is_number else ("", "")
+            least, most = low if self.minimum is None else self.minimum, high if self.maximum is None else self.maximum
+            raise Problem(wrong, f"{least} to {most}")
         return octets
 
 
