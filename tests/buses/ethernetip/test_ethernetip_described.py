@@ -172,7 +172,8 @@ def test_faults_that_need_no_servo_act_on_a_device():
         return cell.plc.sessions[0].measures.losses - before
 
     assert losses("power-cycle", params={"off": "1s"}) == 1
-    assert losses("watchdog-expire") == 1
+    for kind in ("silence", "link-down", "ar-abort", "wrong-connection-id", "mac-change"):
+        assert losses(kind, **{"for": "1s"} if kind != "ar-abort" else {}) == 1, kind
     cell.farm.injections.inject(
         {"kind": "signal-stuck", "on": ["weigher"], "params": {"signal": "slot102_weight", "value": 7}}, cell.world.now
     )

@@ -102,7 +102,7 @@ def test_a_connection_is_found_by_number_keyword_or_name():
         (b"[File]\n", "no section Device"),
         (b"[Device]\nVendCode = x;", "line 2: VendCode: its number 'x' is not a number"),
         (b"[Device]\nVendCode = 65536;", "line 2: VendCode: its number is 65536, not 0 to 65535"),
-        (DEVICE + b"[Params]\nParam1 = 0,,,0,0xC6,1,,,,0,300,;", "line 3: Param1: its value 300 is outside of uint8"),
+        (DEVICE + b"[Params]\nParam1 = 0,,,0,0xC6,1,,,,,,300;", "line 3: Param1: its value 300 is outside of uint8"),
         (DEVICE + b"[Params]\nParam1 = 0,,,0,0xCA,4,,,,,,nan;", "'nan' is not a number of float32"),
         (DEVICE + b"[Params]\nParam1 = 0,,,0,0xC6,501,,,,,,;", "its data size is 501"),
         (DEVICE + b'[Params]\nParam1 = 0,,"2G",0,0xC6,1,,,,,,;', "line 3: Param1: its path '2G' is not octets alone"),

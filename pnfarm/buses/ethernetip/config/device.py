@@ -36,7 +36,11 @@ class EthernetIpDevices(IpDevices):
 
     first_keys: ClassVar[tuple[str, ...]] = ("name", "count", "start", "eds", "connection", "ip", "gateway", "mac")
 
-    eds: str = Field(min_length=1, max_length=4096, description="Its maker's EDS file, relative to this file.")
+    eds: str = Field(
+        min_length=1,
+        max_length=4096,
+        description="Its maker's EDS file, relative to this file: a device on EtherNet/IP.",
+    )
     ip: Cidr | None = Field(
         default=None, description="First device's address; counts up.  A device here must have one."
     )

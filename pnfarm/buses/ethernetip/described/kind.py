@@ -39,6 +39,8 @@ __all__ = ["DescribedKind", "DescribedSettings", "io_connections", "offer_of"]
 #: Where the file's section Capacity has no number.
 _USUAL_IO, _USUAL_EXPLICIT = 8, 16
 _MOST_IO, _MOST_EXPLICIT = 32, 64
+#: Shortest packet interval of a file that names none.
+_SHORTEST_RPI_US = 1000
 #: Longest product name (CIP volume 1, 5A-2.2), octets.
 _LONGEST_NAME = 32
 
@@ -112,15 +114,16 @@ class DescribedKind:
 
     def settings(self, key: ElectronicKey, multicast: IPv4Address) -> ConnectionSettings:
         """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
+        named = [limits[0] for one in self._offers for limits in (one.consumed_rpi_us, one.produced_rpi_us) if limits]
         return ConnectionSettings(
             key,
             tuple(self._offers),
             multicast,
             io_connections=self.io_connections,
             explicit_connections=self._explicit,
-            minimum_rpi_us=1,
+            minimum_rpi_us=min([_SHORTEST_RPI_US, *named]),
             maximum_rpi_us=0xFFFF_FFFF,
-            below_minimum=RpiBelowMinimum.ACCEPT,
+            below_minimum=RpiBelowMinimum.REFUSE if self._strict else RpiBelowMinimum.ACCEPT,
             paths_told_apart=True,
         )
 

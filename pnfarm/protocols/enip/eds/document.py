@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,7 @@ _KINDS = (
     (1 << 25, ConnectionKind.INPUT_ONLY),
     (1 << 24, ConnectionKind.LISTEN_ONLY),
 )
+_APPLICATION_TYPES, _REDUNDANT_OWNER = 7 << 24, 1 << 27
 # Connection parameters: fixed and variable size of each direction, its real-time format, its types.
 _OUTPUT_SIZES, _INPUT_SIZES = 0, 2
 _OUTPUT_FORMAT, _INPUT_FORMAT = 8, 12
@@ -118,8 +120,12 @@ class Parameter:
                 known = ", ".join(name for name in self.enums.values()) if names else "a number"
                 raise Problem(f"{self.name}: {shown(value)} is no value{did_you_mean(value, names)}", known)
             found = names[value.strip().casefold()]
+        elif isinstance(value, str):
+            found = value.encode("latin-1", "replace")
         elif isinstance(value, bool):
             found = int(value)
+        elif isinstance(value, float) and not math.isfinite(value):
+            raise Problem(f"{self.name}: {shown(value)} is no finite number", "a number")
         octets = self.encode(found)
         if (wrong := self.complaint(octets)) != "":
             low, high = self.type.limits if self.type.is_number else ("", "")
@@ -244,6 +250,8 @@ class Connection:
                 return f"the real-time format {number} of its {way} is none of modeless, heartbeat and 32-bit header"
         if self.class_id != ASSEMBLY or len(self.points) not in {2, 3}:
             return "its path does not name two or three instances of the Assembly object"
+        if not self.transport & _APPLICATION_TYPES and self.transport & _REDUNDANT_OWNER:
+            return "it has a redundant owner alone"
         if not self.multicast and not self.point_to_point:
             return "it has neither a multicast nor a point-to-point connection to the originator"
         if self.parameters & 7 << 16 and not self.parameters & _OUTPUT_POINT_TO_POINT:

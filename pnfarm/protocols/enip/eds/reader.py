@@ -18,53 +18,32 @@ All else is left alone.  A connection that cannot be followed is noted in ``unus
 
 from __future__ import annotations
 
-import math
-import re
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.enip.connection_check import Refusal, read_path
-from pnfarm.protocols.enip.eds.document import NO_DATA, Assembly, Connection, Limits, Member, Parameter, Sheet, Way
-from pnfarm.protocols.enip.eds.text import EdsString, parse_eds, whole
+from pnfarm.protocols.enip.eds.document import NO_DATA, Assembly, Connection, Limits, Member, Sheet, Way
+from pnfarm.protocols.enip.eds.fields import LONGEST_DATA, NUMBERED, FieldReader, numbered, refusal
+from pnfarm.protocols.enip.eds.text import parse_eds
 from pnfarm.protocols.enip.message_router import object_path
 from pnfarm.protocols.enip.wire.epath import ElectronicKey
-from pnfarm.wire.value_types import ValueType
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pnfarm.protocols.enip.eds.text import Eds, EdsEntry
-    from pnfarm.wire.value_types import Value
 
-__all__ = ["LONGEST_DATA", "parse_sheet"]
+__all__ = ["parse_sheet"]
 
-#: Octets of data that a frame has room for.
-LONGEST_DATA: Final = 1400
 _MOST_MEMBERS, _DEEPEST = 4096, 8
-#: Octets of one parameter.
-_LONGEST_VALUE: Final = 500
 _U8, _U16 = 0xFF, 0xFFFF
 
-# Fields of ParamN, from 0.
-_PATH, _DESCRIPTOR, _TYPE, _SIZE, _NAME, _UNIT, _HELP, _MINIMUM, _MAXIMUM, _DEFAULT, _SCALING = range(2, 13)
-_DECIMALS = 20
 # Fields of AssemN.
 _ASSEMBLY_PATH, _ASSEMBLY_SIZE, _MEMBERS = 1, 2, 6
 # Fields of ConnectionN: trigger and transport, parameters; RPI, size and format of each direction; name, help, path.
 _TRANSPORT, _PARAMETERS, _OUTPUTS, _INPUTS = 0, 1, 2, 5
 _CONFIGURATIONS = ((8, 9), (10, 11))
 _CONNECTION_NAME, _CONNECTION_HELP, _CONNECTION_PATH = 12, 13, 14
-
-_SIGNED = frozenset({0xC2, 0xC3, 0xC4, 0xC5, 0xCC, 0xD6, 0xD7, 0xD8, 0xDB})
-_FLOATS = {0xCA: 4, 0xCB: 8}
-#: Types that are no numbers, whatever their length.
-_TEXTS = frozenset({0xD0, 0xD5, 0xD9, 0xDA, 0xDC, 0xDE})
-_NUMBERED = re.compile(r"(param|assem|enum|connection|class|port)([0-9]{1,5})", re.IGNORECASE)
-_PATH_PART = re.compile(r"\s*(?:([0-9a-f]{2})|\[?(param[0-9]{1,5})\]?)\s*", re.IGNORECASE)
-
-
-def _refusal(entry: EdsEntry, what: str) -> DecodeError:
-    return DecodeError("bad-entry", f"line {entry.line}: {entry.keyword}: {what}")
 
 
 def parse_sheet(data: bytes) -> Sheet:
@@ -73,26 +52,17 @@ def parse_sheet(data: bytes) -> Sheet:
 
 
 class _SheetReader:
-    """Reads sections of one file; parameters and assemblies are read when they are asked for first."""
+    """Reads the sections of one file; assemblies are read when they are asked for first."""
 
     def __init__(self, eds: Eds) -> None:
         self._eds = eds
-        self._entries = {kind: self._numbered(section, kind) for section, kind in (
-            ("Params", "param"), ("Assembly", "assem"), ("Connection Manager", "connection"),
-        )}  # fmt: skip
-        self._enums = self._all_enums()
-        self._parameters: dict[int, Parameter] = {}
+        self._fields = FieldReader(eds)
+        self._entries = {
+            "param": self._fields.entries,
+            "assem": numbered(eds, "Assembly", "assem"),
+            "connection": numbered(eds, "Connection Manager", "connection"),
+        }
         self._assemblies: dict[int, Assembly] = {}
-
-    def _numbered(self, section: str, kind: str) -> dict[int, EdsEntry]:
-        """The entries ``kindN`` of a section; the first of a number counts."""
-        found: dict[int, EdsEntry] = {}
-        known = self._eds.section(section)
-        for entry in known.entries if known is not None else ():
-            match = _NUMBERED.fullmatch(entry.keyword)
-            if match is not None and match[1].casefold() == kind:
-                found.setdefault(int(match[2]), entry)
-        return found
 
     def sheet(self) -> Sheet:
         device = self._eds.section("Device")
@@ -101,7 +71,7 @@ class _SheetReader:
 
         def number(keyword: str, most: int) -> int:
             entry = device.entry(keyword)
-            return 0 if entry is None else self._whole(entry, 0, 0, most)
+            return 0 if entry is None else self._fields.whole(entry, 0, 0, most)
 
         def text(keyword: str) -> str:
             entry = device.entry(keyword)
@@ -111,17 +81,17 @@ class _SheetReader:
             number("VendCode", _U16), number("ProdType", _U16), number("ProdCode", _U16),
             number("MajRev", 0x7F), number("MinRev", _U8),
         )  # fmt: skip
-        parameters = {number: self._parameter(number) for number in sorted(self._entries["param"])}
+        parameters = {number: self._fields.parameter(number) for number in sorted(self._entries["param"])}
         assemblies = {number: self._assembly(number) for number in sorted(self._entries["assem"])}
         connections, unusable = self._connections()
-        ports = self._numbered("Port", "port")
+        ports = numbered(self._eds, "Port", "port")
         return Sheet(
             key=key,
             vendor=text("VendName"),
             product=text("ProdName"),
             catalog=text("Catalog"),
             networks=tuple(
-                entry.text(0).strip() for entry in self._numbered("Device Classification", "class").values()
+                entry.text(0).strip() for entry in numbered(self._eds, "Device Classification", "class").values()
             ),
             port=next((entry.text(1).strip() for entry in ports.values()), ""),
             parameters=parameters,
@@ -135,156 +105,7 @@ class _SheetReader:
     def _capacity(self, keyword: str) -> int:
         section = self._eds.section("Capacity")
         entry = None if section is None else section.entry(keyword)
-        return 0 if entry is None else self._whole(entry, 0, 0, _U16)
-
-    # -- numbers -----------------------------------------------------------------------------------------------------
-
-    def _whole(self, entry: EdsEntry, place: int, default: int, most: int, *, what: str = "its number") -> int:
-        """A field; ``default`` for an empty one."""
-        text = entry.text(place).strip()
-        if not text:
-            return default
-        found = whole(text)
-        if found is None:
-            raise _refusal(entry, f"{what} {text!r} is not a number")
-        if not 0 <= found <= most:
-            raise _refusal(entry, f"{what} is {found}, not 0 to {most}")
-        return found
-
-    def _limits(self, entry: EdsEntry, text: str, most: int, what: str) -> Limits:
-        """A number, or a parameter whose value is one."""
-        found = whole(text)
-        if found is not None:
-            limits = Limits(found, found, found)
-        else:
-            match = _NUMBERED.fullmatch(text)
-            named = match is not None and match[1].casefold() == "param" and int(match[2]) in self._entries["param"]
-            parameter = self._parameter(int(match[2])) if match is not None and named else None
-            if parameter is None or not isinstance(parameter.default, int):
-                raise _refusal(entry, f"{what} {text!r} is not a number, and no default of a parameter")
-            default = parameter.default
-            least, greatest = parameter.minimum, parameter.maximum
-            low, high = (int(default if one is None else one) for one in (least, greatest))
-            limits = Limits(default, min(low, default), max(high, default))
-        if not 0 <= limits.least <= limits.default <= most:
-            raise _refusal(entry, f"{what} is {limits.default}, not 0 to {most}")
-        return Limits(limits.default, limits.least, min(limits.most, most))
-
-    def _octets(self, entry: EdsEntry, text: str) -> Limits:
-        """A size."""
-        try:
-            return self._limits(entry, text, LONGEST_DATA, "the size")
-        except DecodeError as exc:
-            number = whole(text)
-            if number is None or number < 0:
-                raise
-            raise _refusal(entry, f"{number} octets of data do not fit into a frame") from exc
-
-    # -- parameters --------------------------------------------------------------------------------------------------
-
-    def _all_enums(self) -> dict[int, dict[int, str]]:
-        """``EnumN = value, "text", ...``; the older ``ParamN = "text", ...`` counts from 0."""
-        found: dict[int, dict[int, str]] = {}
-        for name, kind in (("Params", "enum"), ("Enum", "enum"), ("EnumPar", "param")):
-            for number, entry in self._numbered(name, kind).items():
-                texts: dict[int, str] = {}
-                value: int | None = None
-                for place, one in enumerate(entry.fields):
-                    if isinstance(one, EdsString):
-                        texts.setdefault(len(texts) if value is None else value, one.value.strip())
-                        value = None
-                    elif isinstance(one, str) and one and (value := whole(one)) is None:
-                        raise _refusal(entry, f"field {place + 1}, {one!r}, is neither a number nor a text")
-                found.setdefault(number, texts)
-        return found
-
-    def _parameter(self, number: int) -> Parameter:
-        if number not in self._parameters:
-            self._parameters[number] = self._read_parameter(number, self._entries["param"][number])
-        return self._parameters[number]
-
-    def _read_parameter(self, number: int, entry: EdsEntry) -> Parameter:
-        code = self._whole(entry, _TYPE, 0, _U8, what="its data type")
-        size = self._whole(entry, _SIZE, 0, _LONGEST_VALUE, what="its data size") or _FLOATS.get(code, 1)
-        kind = _type_of(code, size)
-        default = self._value(entry, _DEFAULT, kind)
-        least, greatest = self._bounds(entry, kind)
-        multiplier, divisor, base = (
-            self._whole(entry, _SCALING + place, 1, _U16, what="its scaling") for place in range(3)
-        )
-        offset = self._value(entry, _SCALING + 3, ValueType("int", 4))
-        return Parameter(
-            number=number,
-            name=entry.text(_NAME).strip() or f"Param{number}",
-            path=self._path(entry, _PATH),
-            descriptor=self._whole(entry, _DESCRIPTOR, 0, 0xFFFF_FFFF, what="its descriptor"),
-            code=code,
-            type=kind,
-            unit=entry.text(_UNIT).strip(),
-            help=entry.text(_HELP).strip(),
-            minimum=least,
-            maximum=greatest,
-            default=kind.decode(bytes(size)) if default is None else default,
-            scaling=(multiplier, divisor, base, offset if isinstance(offset, int) else 0),
-            decimals=self._whole(entry, _DECIMALS, 0, _U8, what="its precision"),
-            enums=self._enums.get(number, {}),
-        )
-
-    def _bounds(self, entry: EdsEntry, kind: ValueType) -> tuple[int | float | None, int | float | None]:
-        """Minimum and maximum; both the same, or the wrong way round, means none (files have 0 and 0)."""
-        found = [self._value(entry, place, kind) for place in (_MINIMUM, _MAXIMUM)]
-        least, greatest = (one if isinstance(one, int | float) else None for one in found)
-        if least is not None and greatest is not None and least >= greatest:
-            return None, None
-        return least, greatest
-
-    def _value(self, entry: EdsEntry, place: int, kind: ValueType) -> Value | None:
-        """A value of a type; None for an empty field.  A hexadecimal one has the bits of a negative number."""
-        text = entry.text(place).strip()
-        if not text:
-            return None
-        if kind.kind == "octets":
-            return text.encode("latin-1", "replace")[: kind.octets].ljust(kind.octets, b"\0")
-        if kind.kind == "float":
-            try:
-                number = float(text)
-            except ValueError:
-                number = math.nan
-            if not math.isfinite(number) or not kind.limits[0] <= number <= kind.limits[1]:
-                raise _refusal(entry, f"its value {text!r} is not a number of {kind.name}")
-            return number
-        found = whole(text)
-        if found is None:
-            raise _refusal(entry, f"its value {text!r} is not a number")
-        least, most = (int(limit) for limit in kind.limits)
-        if kind.kind == "int" and text.lower().startswith("0x") and most < found <= most - least:
-            found += least - most - 1
-        if not least <= found <= most:
-            raise _refusal(entry, f"its value {text} is outside of {kind.name}")
-        return found
-
-    def _path(self, entry: EdsEntry, place: int) -> bytes:
-        """Octets in hexadecimal, among them the defaults of parameters."""
-        text = entry.text(place).strip()
-        found, at = bytearray(), 0
-        while at < len(text):
-            match = _PATH_PART.match(text, at)
-            if match is None or (match[2] and self._numbered_in(match[2]) is None):
-                raise _refusal(entry, f"its path {text!r} is not octets alone")
-            if match[1]:
-                found.append(int(match[1], 16))
-            else:
-                parameter = self._parameter(int(match[2][5:]))
-                found += parameter.encode(parameter.default)
-            at = match.end()
-        if len(found) % 2:
-            raise _refusal(entry, f"its path {text!r} is not whole words")
-        return bytes(found)
-
-    def _numbered_in(self, keyword: str) -> EdsEntry | None:
-        """The entry of a parameter by which a path is completed; a parameter's own path has none."""
-        number = int(keyword[5:])
-        return self._entries["param"].get(number) if number in self._parameters else None
+        return 0 if entry is None else self._fields.whole(entry, 0, 0, _U16)
 
     # -- assemblies --------------------------------------------------------------------------------------------------
 
@@ -295,7 +116,7 @@ class _SheetReader:
 
     def _read_assembly(self, number: int, entry: EdsEntry, depth: int) -> Assembly:
         if depth > _DEEPEST:
-            raise _refusal(entry, f"it holds itself, or assemblies are nested deeper than {_DEEPEST}")
+            raise refusal(entry, f"it holds itself, or assemblies are nested deeper than {_DEEPEST}")
         members: list[Member] = []
         place = 0
         for at in range(_MEMBERS, len(entry.fields), 2):
@@ -303,41 +124,41 @@ class _SheetReader:
                 members.append(Member(place, member.bits, member.parameter))
                 place += member.bits
             if len(members) > _MOST_MEMBERS:
-                raise _refusal(entry, f"it has more than {_MOST_MEMBERS} members")
+                raise refusal(entry, f"it has more than {_MOST_MEMBERS} members")
         text = entry.text(_ASSEMBLY_SIZE).strip()
-        size = self._octets(entry, text) if text else Limits(*3 * [-(-place // 8)])
+        size = self._fields.octets(entry, text) if text else Limits(*3 * [-(-place // 8)])
         if place > 8 * size.most:
-            raise _refusal(entry, f"its members have {place} bits, its size is {size.most} octets")
+            raise refusal(entry, f"its members have {place} bits, its size is {size.most} octets")
         if place > 8 * LONGEST_DATA:
-            raise _refusal(entry, f"{-(-place // 8)} octets of data do not fit into a frame")
+            raise refusal(entry, f"{-(-place // 8)} octets of data do not fit into a frame")
         return Assembly(number, entry.text(0).strip(), self._instance(entry), size, tuple(members))
 
     def _members(self, entry: EdsEntry, at: int, depth: int) -> Iterator[Member]:
         """One pair of fields: bits, and what they are."""
         text = entry.text(at + 1).strip()
-        match = _NUMBERED.fullmatch(text)
+        match = NUMBERED.fullmatch(text)
         kind, number = (match[1].casefold(), int(match[2])) if match is not None else ("", 0)
         if kind in {"param", "assem"} and number not in self._entries[kind]:
-            raise _refusal(entry, f"there is no {text}")
+            raise refusal(entry, f"there is no {text}")
         if kind == "assem":
             yield from self._assembly(number, depth + 1).members
             return
-        parameter = self._parameter(number) if kind == "param" else None
+        parameter = self._fields.parameter(number) if kind == "param" else None
         usual = 8 * parameter.type.octets if parameter is not None else 0
-        bits = self._limits(
+        bits = self._fields.limits(
             entry, entry.text(at).strip() or str(usual), 8 * LONGEST_DATA, "the size of a member"
         ).default
         if bits:
             yield Member(0, bits, parameter)
 
     def _instance(self, entry: EdsEntry) -> int | None:
-        path = self._path(entry, _ASSEMBLY_PATH)
+        path = self._fields.path(entry, _ASSEMBLY_PATH)
         if not path:
             return None
         try:
             return object_path(path).instance_id
         except DecodeError as exc:
-            raise _refusal(entry, f"its path {path.hex(' ').upper()!r} cannot be read: {exc}") from exc
+            raise refusal(entry, f"its path {path.hex(' ').upper()!r} cannot be read: {exc}") from exc
 
     # -- connections -------------------------------------------------------------------------------------------------
 
@@ -353,10 +174,10 @@ class _SheetReader:
         return found, unusable
 
     def _connection(self, entry: EdsEntry) -> Connection:
-        transport = self._whole(entry, _TRANSPORT, 0, 0xFFFF_FFFF, what="trigger and transport")
-        parameters = self._whole(entry, _PARAMETERS, 0, 0xFFFF_FFFF, what="connection parameters")
+        transport = self._fields.whole(entry, _TRANSPORT, 0, 0xFFFF_FFFF, what="trigger and transport")
+        parameters = self._fields.whole(entry, _PARAMETERS, 0, 0xFFFF_FFFF, what="connection parameters")
         parts = [self._way(entry, size, form) for size, form in _CONFIGURATIONS]
-        path = self._path(entry, _CONNECTION_PATH)
+        path = self._fields.path(entry, _CONNECTION_PATH)
         class_id, points = _points(path)
         return Connection(
             keyword=entry.keyword,
@@ -376,24 +197,24 @@ class _SheetReader:
         text, described = entry.text(size).strip(), entry.text(form).strip()
         members: tuple[Member, ...] = ()
         octets = Limits(0, 0, 0)
-        match = _NUMBERED.fullmatch(described)
+        match = NUMBERED.fullmatch(described)
         kind, number = (match[1].casefold(), int(match[2])) if match is not None else ("", 0)
         if kind in {"param", "assem"} and number not in self._entries[kind]:
-            raise _refusal(entry, f"there is no {described}")
+            raise refusal(entry, f"there is no {described}")
         if kind == "assem":
             assembly = self._assembly(number)
             members, octets = assembly.members, assembly.size
         elif kind == "param":
-            parameter = self._parameter(number)
+            parameter = self._fields.parameter(number)
             members = (Member(0, 8 * parameter.type.octets, parameter),)
             octets = Limits(*3 * [parameter.type.octets])
         if text:
-            octets = self._octets(entry, text)
+            octets = self._fields.octets(entry, text)
         interval = entry.text(rpi).strip() if rpi is not None else ""
         return Way(
             octets,
             tuple(one for one in members if one.place + one.bits <= 8 * octets.most),
-            self._limits(entry, interval, 0xFFFF_FFFF, "the packet interval") if interval else None,
+            self._fields.limits(entry, interval, 0xFFFF_FFFF, "the packet interval") if interval else None,
         )
 
 
@@ -404,15 +225,6 @@ def _points(path: bytes) -> tuple[int, tuple[int, ...]]:
     except Refusal:
         return 0, ()
     return found.class_id, found.points
-
-
-def _type_of(code: int, size: int) -> ValueType:
-    """Little-endian data of this size; a type that is not known, or has another size than its own, is a number."""
-    if _FLOATS.get(code) == size:
-        return ValueType("float", size)
-    if code in _TEXTS or size > 8:
-        return ValueType("octets", size)
-    return ValueType("int" if code in _SIGNED else "uint", size)
 
 
 def _joined(parts: list[Way]) -> Way:
