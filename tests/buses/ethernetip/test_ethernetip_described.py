@@ -9,6 +9,7 @@ import pytest
 from device_cell import CONFIGS
 from peer import Rig, io_path
 
+import pnfarm
 from pnfarm.cli.farm_file import described
 from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.parameters.memory import VolatileMemory
@@ -192,6 +193,20 @@ def test_drives_and_devices_share_a_farm_and_a_scanner():
     cell.sent(b"\x01")
     assert cell.signals.get("slot101_tare")
     assert [row["name"] for row in cell.plc.snapshot()] == ["axis-1", "weigher"]
+
+
+def test_a_scenario_writes_the_inputs_of_a_device(tmp_path):
+    path = tmp_path / "one.scenario.yml"
+    path.write_text("scenario: one\nsteps:\n  - set: {weigher.slot102_weight: 3.25, weigher.slot102_ready: on}\n")
+    farm = pnfarm.Farm.from_text(HEAD + ONE.replace(EDS, str(CONFIGS / EDS)) + CONTROLLER % "", virtual=True)
+
+    async def work():
+        async with farm:
+            await farm.wait_connected()
+            assert (await farm.run_scenario(path)).passed
+            return farm.device("weigher").signals["slot102_weight"], farm.device("weigher").connected
+
+    assert asyncio.run(work()) == (3.25, True)
 
 
 # -- with a peer -------------------------------------------------------------------------------------------------------
