@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, WithJsonSchema, model_validator
 
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.impairment import Impairment
@@ -15,7 +15,7 @@ from pnfarm.config.section import Section
 from pnfarm.config.values import NamePattern
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
-from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ValueType, read_type
+from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ByteOrder, ValueType, read_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -79,7 +79,7 @@ class SignalPlace(Section):
         PlainValidator(_read_scale),
         WithJsonSchema({"type": "number", "minimum": -_MOST_SCALE, "maximum": _MOST_SCALE}),
     ] = Field(default=1.0, description="Value of one step of the raw number, in units.")
-    order: Literal["big", "little"] = Field(default="big", description="Order of the octets.")
+    order: ByteOrder | None = Field(default=None, description="Order of the octets; left out, that of the bus.")
     direction: Literal["input", "output"] | None = Field(
         default=None, description="The controller's; input where the submodule has inputs, else output, unless given."
     )
@@ -158,6 +158,14 @@ class DeviceGroup(Section):
     )
     impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
 
+    _described: Any = PrivateAttr(default=None)
+
+    def adopting(self, described: Any) -> Self:
+        """The group with what its file says, in the form of its bus."""
+        found = self.model_copy()
+        found._described = described  # noqa: SLF001 - a copy of its own
+        return found
+
     @model_validator(mode="after")
     def _exports(self) -> Self:
         for name, place in self.signals.items() if self.metrics else ():
@@ -172,7 +180,12 @@ class DeviceGroup(Section):
     @property
     def is_described(self) -> bool:
         """Whether its file was read, without errors."""
-        return False
+        return self._described is not None
+
+    @property
+    def described(self) -> Any:
+        """What its file says, once that is read without errors; None before."""
+        return self._described
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -190,8 +190,10 @@ def _number(word: str) -> int | float:
     raise Problem(f"{shown(word)} is not a number", "a number such as 12, 0x1F or 1.5")
 
 
-def place_signal(name: str, place: SignalPlace, input_octets: int, output_octets: int) -> Signal:
-    """A signal of the farm file in a submodule with these octets.
+def place_signal(
+    name: str, place: SignalPlace, input_octets: int, output_octets: int, order: ByteOrder = "big"
+) -> Signal:
+    """A signal of the farm file in a submodule with these octets, whose order is the bus's unless it has its own.
 
     Without a direction it is an input where the submodule has inputs, else an output.  Raises :class:`Problem` where
     the place is outside of the data.
@@ -201,7 +203,17 @@ def place_signal(name: str, place: SignalPlace, input_octets: int, output_octets
     octets = input_octets if direction == "input" else output_octets
     kind = place.value_type
     signal = Signal(
-        name, direction, slot, subslot, octet, kind, bit, place.unit, place.scale, place.order, bool(place.metrics)
+        name,
+        direction,
+        slot,
+        subslot,
+        octet,
+        kind,
+        bit,
+        place.unit,
+        place.scale,
+        place.order or order,
+        bool(place.metrics),
     )
     if signal.end > octets:
         other = output_octets if direction == "input" else input_octets

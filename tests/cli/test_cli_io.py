@@ -11,34 +11,12 @@ from typing import Any
 import httpx
 import pytest
 import typer
+from api_client import Farm
 from device_world import DeviceWorld
 from plain_station import controller_sends
 
 from pnfarm.cli.completion import complete_signal
 from pnfarm.cli.main import make_app
-
-
-class Farm:
-    """Stands for ``httpx.Client``."""
-
-    def __init__(self, world: DeviceWorld) -> None:
-        self.world = world
-
-    def client(self, **_: Any) -> Farm:
-        return self
-
-    def close(self) -> None:
-        """As a client's."""
-
-    def request(self, method: str, path: str, **options: Any) -> httpx.Response:
-        async def ask() -> httpx.Response:
-            transport = httpx.ASGITransport(self.world.app)
-            async with self.async_client(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
-                return await client.request(method, path, **options)
-
-        return asyncio.run(ask())
-
-    async_client = httpx.AsyncClient
 
 
 @pytest.fixture(scope="module")

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, WithJsonSchema
+from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 
 from pnfarm.buses.profinet.config.values import Cycle  # noqa: TC001 - pydantic reads the annotations of fields
 from pnfarm.config.ip import IpDeviceConfig, IpDevices
@@ -91,7 +91,11 @@ class ProfinetDevices(IpDevices):
         "slots",
     )
 
-    gsdml: str = Field(min_length=1, max_length=4096, description="Its maker's GSDML file, relative to this file.")
+    gsdml: str = Field(
+        min_length=1,
+        max_length=4096,
+        description="Its maker's GSDML file, relative to this file: a device on PROFINET.",
+    )
     access_point: Wanted | None = Field(
         default=None, description=f"{_WANTED} of the access point; left out where the GSDML file has one only."
     )
@@ -108,22 +112,6 @@ class ProfinetDevices(IpDevices):
     cycle_ns: Cycle | None = Field(
         default=None, alias="cycle", description="Cycle at which the built-in controller runs these devices."
     )
-    _described: DescribedStation | None = PrivateAttr(default=None)
-
-    def adopting(self, described: DescribedStation) -> Self:
-        """The group with what its file says."""
-        found = self.model_copy()
-        found._described = described  # noqa: SLF001 - a copy of its own
-        return found
-
-    @property
-    def is_described(self) -> bool:
-        return self._described is not None
-
-    @property
-    def described(self) -> DescribedStation | None:
-        """What its file says, once that is read without errors."""
-        return self._described
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
