@@ -5,11 +5,14 @@ from __future__ import annotations
 from contextlib import suppress
 
 from pnfarm.buses.profinet.file_signals import file_signals
+from pnfarm.protocols.profibus.gsd import values as gsd_values
+from pnfarm.protocols.profibus.gsd.reader import parse_gsd_file
+from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
 
-__all__ = ["plug_everything"]
+__all__ = ["plug_every_module", "plug_everything"]
 
 #: Choices for each access point.
 MOST = 4
@@ -35,3 +38,21 @@ def plug_everything(data: bytes) -> None:
                 for submodule in station.submodules:
                     for record in submodule.records:
                         record.complaint(record.defaults())
+
+
+def plug_every_module(data: bytes) -> None:
+    """A slave of PROFIBUS; raises as :func:`plug_everything` does."""
+    gsd = parse_gsd_file(data)
+    choices: list[dict[int, str | int | None]] = [{}]
+    choices += [{slot: module.name} for slot in (1, gsd.most_modules) for module in gsd.modules[:MOST]]
+    choices += [dict.fromkeys(range(1, gsd.most_modules + 1), module.number) for module in gsd.modules[:MOST]]
+    for modules in choices:
+        with suppress(gsd_values.PlugError):
+            slave = plug_slave(gsd, modules)
+            assert slave.takes(slave.identifiers)
+            assert len(slave.identifiers) <= 244 >= max(slave.inputs, slave.outputs)
+            slave.complaint(slave.user)
+            for module in slave.modules:
+                for _, value in module.item.parameters.values:
+                    with suppress(gsd_values.PlugError):
+                        module.item.parameters.changed({value.name: value.default})

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.controllers.device_plan import PlannedDevice
 from pnfarm.buses.controllers.plan import describing, profidrive_keys, reconnect_after_ns, telegram_of
 from pnfarm.buses.controllers.signal_steps import KnownSteps, SignalSteps
+from pnfarm.buses.profibus.gsd_file import load_gsd
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profibus.gsd_file import LONGEST
-from pnfarm.protocols.profibus.gsd_slave import parse_gsd_slave
+from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profibus.master import MasterSettings, SlavePlan
-from pnfarm.protocols.profibus.wire.dp import V1Status1, parse_identifiers, watchdog_factors
-from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.protocols.profibus.wire.dp import V1Status1, watchdog_factors
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,8 +27,6 @@ if TYPE_CHECKING:
 __all__ = ["DevicePlan", "ProfibusPlan", "plan_controller"]
 
 _MS = 1_000_000
-#: Octets of a Data_Exchange each way.
-MOST_DATA = 244
 #: The longest watchdog that the base of 1 ms can say.
 _SHORT_NS = 255 * 255 * _MS
 
@@ -98,37 +95,30 @@ def _plan_drive(
 def _plan_foreign(section: ProfibusController, device: GsdDevice, folder: Path) -> DevicePlan:
     """A slave by its GSD file."""
     path = folder / device.gsd
+    gsd = load_gsd(path)
     with describing(device.name, path):
-        slave = parse_gsd_slave(read_regular(path, LONGEST + 1))
-        identifiers, user = slave.chosen(device.modules)
-        parts = parse_identifiers(identifiers)
-    outputs, inputs = sum(part.outputs for part in parts), sum(part.inputs for part in parts)
-    if outputs > MOST_DATA or inputs > MOST_DATA:
-        raise ConfigError(
-            f"device {device.name}: {outputs} octets of outputs and {inputs} of inputs, at most {MOST_DATA}"
-        )
+        slave = plug_slave(gsd, dict(enumerate(device.modules, 1)))
     given = device.outputs or b""
-    if len(given) > outputs:
-        raise ConfigError(f"device {device.name}: {len(given)} octets of `outputs`, its modules have {outputs}")
-    user = device.user if device.user is not None else user
+    if len(given) > slave.outputs:
+        raise ConfigError(f"device {device.name}: {len(given)} octets of `outputs`, its modules have {slave.outputs}")
     factors, _ = _watchdog(section, v1=False)
     return DevicePlan(
         name=device.name,
-        model=slave.name or path.name,
+        model=gsd.model or path.name,
         slave=SlavePlan(
             name=device.name,
             address=device.address,
-            ident=slave.ident,
-            identifiers=identifiers,
-            output_octets=outputs,
-            input_octets=inputs,
-            user=user,
+            ident=gsd.ident,
+            identifiers=slave.identifiers,
+            output_octets=slave.outputs,
+            input_octets=slave.inputs,
+            user=device.user if device.user is not None else slave.user,
             watchdog_factors=factors,
             reconnect_ns=reconnect_after_ns(section),
             access=section.access,
         ),
         cycle_ns=section.cycle_ns,
-        outputs=given.ljust(outputs, b"\0"),
+        outputs=given.ljust(slave.outputs, b"\0"),
     )
 
 
