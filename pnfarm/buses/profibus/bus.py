@@ -9,11 +9,13 @@ from pnfarm.buses.imports import ImportingBus
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pnfarm.buses.bus import LineSplitter
+    from pnfarm.buses.bus import DeviceServices, LineSplitter
     from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.controller.line_question import LineParameter
+    from pnfarm.buses.profibus.device.device import ProfibusDevice
     from pnfarm.drives.description.model import Model
     from pnfarm.links.base import Link, Port
+    from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 
 __all__ = ["PROFIBUS", "Profibus"]
@@ -49,6 +51,12 @@ class Profibus(ImportingBus):
         from pnfarm.buses.profibus.device.line import TelegramSplitter
 
         return TelegramSplitter(baud)
+
+    def device(self, station: Station, services: DeviceServices) -> ProfibusDevice:
+        from pnfarm.buses.profibus.device.device import ProfibusDevice
+        from pnfarm.buses.profibus.device.drive import DriveKind
+
+        return ProfibusDevice(station, services, DriveKind(station))
 
     def commands(self) -> Iterable[Command]:
         from pnfarm.buses.profibus.commands import gsd
