@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, WithJsonSchema, model_validator
 
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.impairment import Impairment
@@ -141,10 +141,23 @@ class DeviceGroup(Section):
     )
     impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
 
+    _described: Any = PrivateAttr(default=None)
+
+    def adopting(self, described: Any) -> Self:
+        """The group with what its file says."""
+        found = self.model_copy()
+        found._described = described  # noqa: SLF001 - a copy of its own
+        return found
+
     @property
     def is_described(self) -> bool:
         """Whether its file was read, without errors."""
-        return False
+        return self._described is not None
+
+    @property
+    def described(self) -> Any:
+        """What its file says, as its bus has it; None before it is read, and where it is wrong."""
+        return self._described
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +176,11 @@ class DeviceConfig:
     strict: bool
     impair: tuple[Impairment, ...]
     mac: bytes = b""
+
+    @classmethod
+    def extending(cls, common: DeviceConfig, **own: Any) -> Self:
+        """The device of a bus: the fields of ``common``, and the bus's ``own``."""
+        return cls(**{each.name: getattr(common, each.name) for each in fields(DeviceConfig)} | own)
 
     @property
     def known_signals(self) -> Mapping[str, Any]:

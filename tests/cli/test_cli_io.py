@@ -9,8 +9,10 @@ from typing import Any
 import httpx
 import pytest
 import typer
+from api_world import Served
 from device_world import DeviceWorld
 from plain_station import controller_sends
+from slave_cell import ONE, SlaveCell
 
 from pnfarm.cli.completion import complete_signal
 from pnfarm.cli.main import make_app
@@ -19,7 +21,7 @@ from pnfarm.cli.main import make_app
 class Farm:
     """Stands for ``httpx.Client``."""
 
-    def __init__(self, world: DeviceWorld) -> None:
+    def __init__(self, world: Served) -> None:
         self.world = world
 
     def client(self, **_: Any) -> Farm:
@@ -158,3 +160,17 @@ def test_a_farm_without_devices_says_so(pnfarm, world, monkeypatch):
 def test_names_are_completed(typed, words):
     context = typer.Context(typer.main.get_command(make_app()))
     assert [word for word, _ in complete_signal(context, typed)] == words
+
+
+def test_a_device_on_a_serial_line_is_written_and_inspected(pnfarm, monkeypatch):
+    cell = SlaveCell(ONE)
+    cell.connect()
+    monkeypatch.setattr(httpx, "Client", Farm(Served(cell)).client)
+    done = pnfarm("io", "island.part_present=on", "island.count=258")
+    assert (done.code, done.out.splitlines()) == (0, ["island.part_present = true", "island.count = 258"])
+    cell.sent(b"\x01\0\0")
+    assert cell.inputs() == (bytes.fromhex("0800000001020000"), True)
+    assert pnfarm("io", "island.clamp").out == "island.clamp = true\n"
+    lines = [" ".join(line.split()) for line in pnfarm("inspect", "island").out.splitlines()]
+    assert "ident number 7425" in lines
+    assert any("16DI" in line for line in lines)

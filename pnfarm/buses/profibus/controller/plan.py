@@ -14,19 +14,24 @@ from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profibus.master import MasterSettings, SlavePlan
 from pnfarm.protocols.profibus.wire.dp import V1Status1, watchdog_factors
+from pnfarm.vocabulary.durations import format_duration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from ipaddress import IPv4Interface
 
     from pnfarm.buses.profibus.config.controller import ProfibusController
-    from pnfarm.buses.profibus.config.device import GsdDevice
+    from pnfarm.buses.profibus.config.device import ProfibusDeviceConfig
     from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
+    from pnfarm.buses.profibus.config.foreign import GsdDevice
     from pnfarm.drives.description.model import Model
+    from pnfarm.protocols.profibus.gsd.station import PluggedSlave
 
 __all__ = ["DevicePlan", "ProfibusPlan", "plan_controller"]
 
 _MS = 1_000_000
+#: DPV1_Status_1 to 3: the first of the user's octets of a slave of DP-V1.
+_V1_OCTETS = 3
 #: The longest watchdog that the base of 1 ms can say.
 _SHORT_NS = 255 * 255 * _MS
 
@@ -98,27 +103,51 @@ def _plan_foreign(section: ProfibusController, device: GsdDevice, folder: Path) 
     gsd = load_gsd(path)
     with describing(device.name, path):
         slave = plug_slave(gsd, dict(enumerate(device.modules, 1)))
+    user = slave.user if device.user is None else device.user
     given = device.outputs or b""
     if len(given) > slave.outputs:
         raise ConfigError(f"device {device.name}: {len(given)} octets of `outputs`, its modules have {slave.outputs}")
+    return _plan_described(section, device.name, device.address, slave, user, given)
+
+
+def _plan_own(section: ProfibusController, device: ProfibusDeviceConfig) -> DevicePlan:
+    """A device of the farm: its file was read with the farm file."""
+    if device.address is None:
+        raise ConfigError(f"device {device.name} has no station address, and this master sets none: give `address`")
+    slave = device.described.plugged
+    user = bytearray(slave.user)
+    if slave.gsd.v1 and len(user) >= _V1_OCTETS:
+        # as engineering tools do for a slave of DP-V1: its file leaves these octets to them
+        user[0] |= V1Status1.DPV1_ENABLE
+    return _plan_described(section, device.name, device.address, slave, bytes(user))
+
+
+def _plan_described(
+    section: ProfibusController, name: str, address: int, slave: PluggedSlave, user: bytes, outputs: bytes = b""
+) -> DevicePlan:
+    """A slave by what its file says of it."""
+    gsd = slave.gsd
+    if section.cycle_ns < gsd.interval_ns:
+        least = format_duration(gsd.interval_ns)
+        raise ConfigError(f"device {name}: a cycle of {format_duration(section.cycle_ns)}, its file allows {least}")
     factors, _ = _watchdog(section, v1=False)
     return DevicePlan(
-        name=device.name,
-        model=gsd.model or path.name,
+        name=name,
+        model=gsd.model or f"0x{gsd.ident:04X}",
         slave=SlavePlan(
-            name=device.name,
-            address=device.address,
+            name=name,
+            address=address,
             ident=gsd.ident,
             identifiers=slave.identifiers,
             output_octets=slave.outputs,
             input_octets=slave.inputs,
-            user=device.user if device.user is not None else slave.user,
+            user=user,
             watchdog_factors=factors,
             reconnect_ns=reconnect_after_ns(section),
             access=section.access,
         ),
         cycle_ns=section.cycle_ns,
-        outputs=given.ljust(slave.outputs, b"\0"),
+        outputs=outputs.ljust(slave.outputs, b"\0"),
     )
 
 
@@ -127,10 +156,15 @@ def plan_controller(
     drives: Sequence[ProfibusDriveConfig],
     models: Sequence[Model],
     folder: Path | None,
+    own: Sequence[ProfibusDeviceConfig] = (),
 ) -> ProfibusPlan:
-    """The master and what it expects, drive by drive.  Raises :class:`ConfigError`."""
+    """The master and what it expects, drive by drive and then device by device: the farm's ``own``, and foreign ones.
+
+    Raises :class:`ConfigError`.
+    """
     known_steps = KnownSteps()
     devices = [_plan_drive(section, drive, model, known_steps) for drive, model in zip(drives, models, strict=True)]
+    devices += [_plan_own(section, device) for device in own]
     devices += [_plan_foreign(section, device, folder or Path()) for device in section.devices]
     settings = MasterSettings(
         address=section.address,

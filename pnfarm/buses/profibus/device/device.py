@@ -259,8 +259,10 @@ class ProfibusDevice:
             case dp.ParametersTaken(master, parameters):
                 self.number += 1
                 self._watchdog_ns = parameters.watchdog_ns()
-                self.kind.parametrised(parameters, now)
+                wrong = self.kind.parametrised(parameters)
                 self.note(now, happened.ParametersTaken(master, parameters.watchdog_ns(), connection=self.number))
+                if wrong is not None:
+                    self.note(now, happened.ParametersDoubted(master, wrong))
             case dp.ParametersRefused(master, why):
                 self.note(now, happened.ParametersRefused(master, why))
             case dp.ConfigurationRefused(master, identifiers):

@@ -11,6 +11,7 @@ from pnfarm.buses.profibus.device.product import Product
 from pnfarm.buses.profibus.device.station_address import DEFAULT_ADDRESS, SWITCHES, station_address
 from pnfarm.buses.profibus.device.user import DriveUser
 from pnfarm.drives.parameters.network import NoNetwork
+from pnfarm.errors import ConfigError
 from pnfarm.firmware.motion.interpolation import POSITION_MODE
 from pnfarm.protocols.profibus.slave_user import SlaveOptions
 from pnfarm.station.parameter_words import StationParameterWords
@@ -117,9 +118,9 @@ class DriveKind:
         rate = self.product.baud_code(baud) if baud else 0
         self._store.network = NoNetwork(name=self._station.configured_name, line_rate=rate)
 
-    def parametrised(self, parameters: Parameters, now: int) -> None:
-        del now
+    def parametrised(self, parameters: Parameters) -> str | None:
         self._store.watchdog_ns = parameters.watchdog_ns()
+        return None
 
     def began(self) -> None:
         self._handle.axis.step_ns = FASTEST_STEP_NS
@@ -155,6 +156,11 @@ class DriveKind:
 
     def parameter_task(self, value: int, now: int) -> None:
         self._parameter_words.take(value, now)
+
+    def diagnosis(self, name: str, slot: int, channel: int) -> bytes:
+        """No file names a drive's."""
+        del slot, channel
+        raise ConfigError(f"{self._station.configured_name} is a drive, and has no diagnosis {name!r}: give a number")
 
     def lamps(self, state: LampState) -> Mapping[str, str]:
         return lamps(self.product, state)

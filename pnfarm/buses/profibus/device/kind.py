@@ -94,8 +94,8 @@ class Kind(Protocol):
     def rate_known(self, baud: int) -> None:
         """The rate that was found, 0 while none is."""
 
-    def parametrised(self, parameters: Parameters, now: int) -> None:
-        """A Set_Prm was taken."""
+    def parametrised(self, parameters: Parameters) -> str | None:
+        """A Set_Prm was taken; what is wrong with it nevertheless."""
 
     def began(self) -> None:
         """The first Data_Exchange."""
@@ -116,6 +116,9 @@ class Kind(Protocol):
 
     def parameter_task(self, value: int, now: int) -> None:
         """A task of the cyclic parameter channel."""
+
+    def diagnosis(self, name: str, slot: int, channel: int) -> bytes:
+        """Blocks of a diagnosis by its name in the maker's file; raises :class:`ConfigError`."""
 
     def lamps(self, state: LampState) -> Mapping[str, str]:
         """Each lamp by its name, and how it is lit."""

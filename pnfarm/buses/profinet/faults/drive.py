@@ -19,7 +19,6 @@ from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
 from pnfarm.faults.effects.sign_of_life import LIFE, SignOfLife
 from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
-from pnfarm.faults.signals import SIGNALS, Signals
 from pnfarm.faults.stations import injected_station
 
 if TYPE_CHECKING:
@@ -71,8 +70,6 @@ def injected_drives(station: ProfinetDevice, host: InjectionHost) -> list[Inject
         RECORDS: records,
         PARAMETER_ACCESS: records,
     }
-    if station.station.signals is not None:
-        parts[SIGNALS] = Signals(station.station.signals)
 
     def of_axis(axis: Axis) -> dict[Part[Any], DrivePart]:
         return {

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profibus.gsd.values import UserParameters
     from pnfarm.protocols.profibus.wire.dp import Identifier
 
-__all__ = ["EMPTY_SLOT", "PluggedModule", "PluggedSlave", "plug_slave"]
+__all__ = ["EMPTY_SLOT", "STATION", "PluggedModule", "PluggedSlave", "plug_slave"]
 
 #: The identifier of a slot without a module, and the most octets of Chk_Cfg and of Data_Exchange each way.
 EMPTY_SLOT: Final = b"\0"
@@ -131,7 +131,7 @@ def plug_slave(
     given = parameters or {}
     for slot in given:
         if slot != STATION and slot not in chosen:
-            raise PlugError(f"slot {slot} has parameters and no module", slot=slot)
+            raise PlugError(f"slot {slot} has parameters and no module", slot=slot, parameter=True)
     found = PluggedSlave(
         gsd,
         tuple(_plugged(slot, chosen[slot], given.get(slot, {})) for slot in sorted(chosen)),
@@ -202,7 +202,7 @@ def _changed(parameters: UserParameters, given: Mapping[str, str | float], slot:
     try:
         return parameters.changed(given)
     except PlugError as exc:
-        raise PlugError(f"slot {slot}: {exc}" if slot else str(exc), slot=slot) from exc
+        raise PlugError(f"slot {slot}: {exc}" if slot else str(exc), slot=slot, parameter=True) from exc
 
 
 def _check_lengths(slave: PluggedSlave) -> None:

@@ -32,11 +32,15 @@ def listed(names: Sequence[str]) -> str:
 
 
 class PlugError(ConfigError):
-    """A choice that the file does not allow; ``slot`` says where, None where it is not about one."""
+    """A choice that the file does not allow; ``slot`` says where, None where it is not about one.
 
-    def __init__(self, message: str, *, slot: int | None = None) -> None:
+    ``parameter``: it is about a parameter of what is there.
+    """
+
+    def __init__(self, message: str, *, slot: int | None = None, parameter: bool = False) -> None:
         super().__init__(message)
         self.slot = slot
+        self.parameter = parameter
 
 
 @dataclass(frozen=True, slots=True)
