@@ -33,7 +33,7 @@ class GsdModule(Section):
     """What is in a slot."""
 
     module: NamedModule | None = Field(
-        default=None, description=f"{_NAMED} of the module; left out, what its file fixes."
+        default=None, description=f"{_NAMED.capitalize()} of the module; left out, what its file fixes."
     )
     parameters: dict[str, Scalar] = Field(
         default_factory=dict,
@@ -65,7 +65,7 @@ class ProfibusDevices(DeviceGroup):
     )
     slots: dict[Slot, SlotSetting] = Field(
         default_factory=dict,
-        description=f"Slot, from 1: {_NAMED} of the module in it, or a mapping with module and parameters; null for "
+        description=f"On PROFIBUS: slot, from 1: {_NAMED} of the module in it, or a mapping with module and parameters; null for "
         "an empty slot. What the file fixes is there without being named. Slot 0, with parameters alone, is "
         "the station.",
         examples=[

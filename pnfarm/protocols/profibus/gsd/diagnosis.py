@@ -36,7 +36,7 @@ def diagnosis_blocks(slave: PluggedSlave, name: str, slot: int, channel: int) ->
     (assumed: one identifier for each).  Raises :class:`ConfigError`.
     """
     gsd, word = slave.gsd, name.strip().casefold()
-    bits = {text.casefold(): bit for bit, text in reversed(gsd.unit_diagnoses.items())}
+    bits = {text.casefold(): bit for bit, text in reversed(list(gsd.unit_diagnoses.items()))}
     errors = {text.casefold(): number for number, text in (_ERRORS | dict(gsd.channel_errors)).items()}
     if (bit := bits.get(word)) is not None:
         octets = bytearray(bit // 8 + 1)
