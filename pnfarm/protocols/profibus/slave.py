@@ -391,7 +391,7 @@ class Slave:
                 return self._set_address(telegram)
             case Sap.MSAC1, Sap.MSAC1 if self._class_one_open(telegram.source):
                 return self.class_one.request(telegram, now)
-            case (sap, Sap.MASTER_2) if self.options.v1 and self.options.connections:
+            case (sap, Sap.MASTER_2) if self.options.v1:
                 return self.class_two.request(telegram, sap, now)
             case (Sap.MASTER_2, sap) if self.options.v1 and self.options.class_two_exchanged:
                 return self.class_two.request(telegram, sap, now)

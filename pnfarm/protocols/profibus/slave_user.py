@@ -32,7 +32,7 @@ class SlaveOptions:
 
     ``silence_ns``: without a good telegram for so long, the slave seeks the baud rate again.  ``address_changes``:
     whether Set_Slave_Add is taken.  ``class_one``: whether it has records within its cyclic connection;
-    ``connections``: of masters of class 2, 0 without.  ``class_two_exchanged``: their requests
+    ``connections``: of masters of class 2.  ``class_two_exchanged``: their requests
     are taken with DSAP and SSAP exchanged, too.
     """
 
