@@ -20,7 +20,7 @@ from pnfarm.errors import InternalError
 from pnfarm.farm.file.sections import DEFAULT_LISTEN, FarmSections
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from pnfarm.buses.bus import Bus
     from pnfarm.config.known import ModelFacts
@@ -75,7 +75,7 @@ def _keys_of_buses(
     ``text`` describes it; left out, the descriptions of the buses' sections.
     """
     properties: dict[str, Any] = {}
-    required: list[str] = []
+    required: list[list[str]] = []
     texts: list[str] = []
     for bus in BUSES.values():
         section = of(bus)
@@ -89,9 +89,17 @@ def _keys_of_buses(
             found = own["properties"][key]
             properties[key] = _either(properties[key], found) if key in properties else found
         texts.append(own["description"])
-        required += [key for key in own.get("required", ()) if key not in required]
+        required.append(own.get("required", []))
     whole = {**sections[base.__name__], "properties": properties, "description": text or " / ".join(texts)}
-    return whole | ({"required": required} if required else {})
+    return whole | _required(required)
+
+
+def _required(of_buses: Sequence[Sequence[str]]) -> dict[str, Any]:
+    """The keys that every bus needs, and beside them those of one bus: a device's file."""
+    common = [key for key in of_buses[0] if all(key in own for own in of_buses)]
+    others = [[key for key in own if key not in common] for own in of_buses]
+    found: dict[str, Any] = {"required": common} if common else {}
+    return found | {"anyOf": [{"required": own} for own in others]} if all(others) else found
 
 
 def _maps_of_buses(properties: dict[str, Any]) -> dict[str, Any]:
