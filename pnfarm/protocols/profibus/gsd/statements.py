@@ -48,6 +48,8 @@ BLOCKS: Final = {
     "module": "endmodule",
     "slotdefinition": "endslotdefinition",
     "physical_interface": "end_physical_interface",
+    "data_area_beg": "data_area_end",
+    "version_firmware_download": "end_version_firmware_download",
 }
 #: Baud rate -> how the keywords name it.
 RATES: Final = {
@@ -69,7 +71,7 @@ _ENDS: Final = frozenset(BLOCKS.values())
 #: Blocks whose statements may lack the equals sign: ``Unsigned8 0 0-3``, and the Module_Reference.
 _BARE: Final = frozenset({"extuserprmdata", "module"})
 _STATEMENT: Final = re.compile(
-    r"(?P<key>[\w.]+)\s*(?:\((?P<argument>[^()]*)\))?\s*(?P<equals>=?)\s*(?P<value>.*)", re.DOTALL
+    r"(?P<key>[\w.!]+)\s*(?:\((?P<argument>[^()]*)\))?\s*(?P<equals>=?)\s*(?P<value>.*)", re.DOTALL
 )
 _NUMBER: Final = re.compile(r"[+-]?(?:0[xX][0-9A-Fa-f]{1,16}|[0-9]{1,20})")
 _STRING: Final = re.compile(r'"([^"]*)"')
