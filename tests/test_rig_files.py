@@ -216,7 +216,7 @@ def test_the_controllers_health_check_shows_the_token_of_the_file(tmp_path):
     class Farm(BaseHTTPRequestHandler):
         def do_GET(self):
             asked.append(self.headers.get("Authorization"))
-            body = b'{"drives": [{"name": "a", "connected": true}]}'
+            body = b'{"stations": [{"name": "a", "connected": true}]}'
             self.send_response(200)
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
@@ -232,7 +232,7 @@ def test_the_controllers_health_check_shows_the_token_of_the_file(tmp_path):
         environment["PNFARM_API"] = f"http://127.0.0.1:{server.server_address[1]}"
         run = subprocess.run(program, capture_output=True, text=True, check=False, env=environment)
         thread.join()
-    assert (run.returncode, run.stdout) == (0, "1 of 1 drives exchange data\n")
+    assert (run.returncode, run.stdout) == (0, "1 of 1 stations exchange data\n")
     assert asked == ["Bearer a-kept-token"]
 
 
@@ -242,7 +242,7 @@ def test_the_controllers_health_check_says_in_a_sentence_that_nobody_answers():
         capture_output=True, text=True, check=False, env={"PNFARM_API": "http://127.0.0.1:9"},
     )  # fmt: skip
     assert run.returncode == 1
-    assert run.stderr.startswith("the farm at http://127.0.0.1:9 does not tell: ")
+    assert run.stderr.startswith("the farm at http://127.0.0.1:9 does not answer: ")
 
 
 @needs_promtool

@@ -1,4 +1,4 @@
-"""Whether every drive of a farm exchanges data with a controller: the health check of the rig's controller.
+"""Whether every station of a farm exchanges data with a controller: the health check of the rig's controller.
 
 ``PNFARM_API`` and ``PNFARM_TOKEN`` or ``PNFARM_TOKEN_FILE`` name the farm, as for ``pnfarm inspect``.  Exit code 0: all
 do; 1: some do not.
@@ -23,15 +23,15 @@ def main() -> int:
     try:
         token = os.environ.get("PNFARM_TOKEN") or _kept(os.environ.get("PNFARM_TOKEN_FILE"))
         headers = {"Authorization": f"Bearer {token}"} if token else {}
-        request = urllib.request.Request(f"{api}/api/v1/drives", headers=headers)  # noqa: S310 - the farm's own address
+        request = urllib.request.Request(f"{api}/api/v1/stations", headers=headers)  # noqa: S310 - the farm's own address
         with urllib.request.urlopen(request, timeout=3) as answer:  # noqa: S310 - as above
-            drives = json.load(answer)["drives"]
+            stations = json.load(answer)["stations"]
     except OSError as exc:  # no token file, connection refused, timeout, or an error response
-        sys.stderr.write(f"the farm at {api} does not tell: {exc}\n")
+        sys.stderr.write(f"the farm at {api} does not answer: {exc}\n")
         return 1
-    missing = [drive["name"] for drive in drives if not drive["connected"]]
-    sys.stdout.write(f"{len(drives) - len(missing)} of {len(drives)} drives exchange data\n")
-    return 1 if missing or not drives else 0
+    missing = [one["name"] for one in stations if not one["connected"]]
+    sys.stdout.write(f"{len(stations) - len(missing)} of {len(stations)} stations exchange data\n")
+    return 1 if missing or not stations else 0
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from pnfarm.api.paths.scenarios import add_scenarios
 from pnfarm.api.paths.streams import add_streams
 from pnfarm.api.paths.traces import add_traces
 from pnfarm.api.problems import install_handlers
+from pnfarm.api.schemas.device import ChangedSignals
 from pnfarm.api.schemas.problem import PROBLEMS, Problem, problems_of
 from pnfarm.version import __version__
 from pnfarm.web.paths import Paths
@@ -92,7 +93,7 @@ def make_api(
     add_farm(path("farm"), hosts.farm)
     add_streams(path("farm"), hosts.streams)
     add_page(app)
-    _describe_problems(app)
+    _describe_more(app)
     app.add_middleware(Changes, record=host.record)
     app.add_middleware(Guard, token=token, read_token=read_token)
     # outermost: a request above the limits is refused before its token is checked
@@ -100,8 +101,8 @@ def make_api(
     return app
 
 
-def _describe_problems(app: FastAPI) -> None:
-    """Add the schema that every operation's errors refer to, and drop FastAPI's own for validation."""
+def _describe_more(app: FastAPI) -> None:
+    """Add the schemas of errors and of a stream's messages, and drop FastAPI's own for validation."""
     generate = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -109,9 +110,11 @@ def _describe_problems(app: FastAPI) -> None:
         if described is None:
             described = generate()
             schemas = described.setdefault("components", {}).setdefault("schemas", {})
-            problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
-            schemas.update(problem.pop("$defs", {}))
-            schemas["Problem"] = problem
+            # no body is one of these
+            for model in (Problem, ChangedSignals):
+                schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
+                schemas.update(schema.pop("$defs", {}))
+                schemas[model.__name__] = schema
             for place, path in described["paths"].items():
                 for method, operation in path.items():
                     # FastAPI's own 422 is of another form

@@ -73,6 +73,10 @@ class ApiContext(Context):
         with named_by_path():
             return self.core.device(name)
 
+    def tag(self, revision: int) -> str:
+        """The ETag of a device's signals at this revision."""
+        return f'"{self.instance}-{revision}"'
+
     def view(self, axis: Axis) -> dict[str, Any]:
         """One drive as it is now."""
         return drive_snapshot(self.core, axis, self.now())

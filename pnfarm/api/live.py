@@ -8,22 +8,27 @@ event                 data
 ``log``               new entries of the event log; ``lost``, if the client was too slow for some
 ``drive``             of the chosen drive: its whole state, about three times a second
 ``signals``           of the chosen drive: samples of its signals since the message before (:mod:`pnfarm.trace.live`)
+``values``            of the chosen devices: signals that changed since the message before (:mod:`pnfarm.api.followed`)
 ====================  =============================================================================================
 
 A message is made when the client has taken the one before, and holds what changed since: a slow client gets fewer and
-larger ones, and costs no more memory than its connection.
+larger ones, and costs no more memory than its connection.  A client may do without the first three.
 """
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
+from weakref import WeakValueDictionary
 
 import anyio
 
 from pnfarm.api.access.guard import WHO
+from pnfarm.api.events import ALIVE_SECONDS
+from pnfarm.api.followed import Followed
+from pnfarm.api.messages import message
 from pnfarm.farm.views.overview import Overview
+from pnfarm.farm.views.signal_changes import SignalChanges
 from pnfarm.links.base import interface_below
 from pnfarm.trace.live import LiveSignals, LiveViewer
 
@@ -33,8 +38,9 @@ if TYPE_CHECKING:
     from pnfarm.api.context import ApiContext, Context
     from pnfarm.api.events import Log
     from pnfarm.station.axis import Axis
+    from pnfarm.station.plain_signals import PlainSignals
 
-__all__ = ["LiveViews", "Page", "message", "page_stream"]
+__all__ = ["LiveViews", "Page", "page_stream"]
 
 INTERVAL_SECONDS = 0.1
 #: The chosen drive's whole state is sent with each so many messages.
@@ -46,12 +52,8 @@ MOST_BEHIND = 512
 PIECE = 65_536
 #: Time until a browser reconnects.
 RETRY_MILLISECONDS = 1000
-
-
-def message(event: str, data: object) -> bytes:
-    """``data``: JSON octets, or what becomes JSON."""
-    text = data if isinstance(data, bytes) else json.dumps(data, separators=(",", ":"), default=str).encode()
-    return b"event: %b\ndata: %b\n\n" % (event.encode(), text)
+#: Rounds without a message after which a comment keeps the stream open.
+ALIVE_ROUNDS = round(ALIVE_SECONDS / INTERVAL_SECONDS)
 
 
 class Page(Protocol):
@@ -60,12 +62,15 @@ class Page(Protocol):
     def overview(self) -> Iterable[bytes]:
         """The farm, if it is another one than before, and what changed."""
 
-    def drive(self) -> Iterable[bytes]:
-        """The chosen drive."""
+    def chosen(self, *, whole: bool) -> Iterable[bytes]:
+        """The chosen drive and devices; with ``whole`` of all devices at once."""
 
 
-async def page_stream(context: Context, log: Log, page: Page, *, follow: bool = True) -> AsyncGenerator[bytes]:
-    """Messages until the client goes or the API stops; without ``follow`` one of each event."""
+async def page_stream(context: Context, log: Log | None, page: Page, *, follow: bool = True) -> AsyncGenerator[bytes]:
+    """Messages until the client goes or the API stops; without ``follow`` one of each event.
+
+    Without a ``log`` the client gets what it chose, and no overview.
+    """
     wake = anyio.Event()
 
     def stop() -> None:
@@ -74,17 +79,21 @@ async def page_stream(context: Context, log: Log, page: Page, *, follow: bool = 
     context.streams.add(stop)
     try:
         yield b"retry: %d\n" % RETRY_MILLISECONDS
-        after = log.newest
+        after = 0 if log is None else log.newest
+        silent = 0
         while not context.closing:
-            pieces = [*page.overview()]
-            lost = max(0, log.newest - after - MOST_BEHIND)
-            if entries := log.entries(after=after + lost, most=MOST_ENTRIES):
+            pieces = [] if log is None else [*page.overview()]
+            lost = 0 if log is None else max(0, log.newest - after - MOST_BEHIND)
+            if log is not None and (entries := log.entries(after=after + lost, most=MOST_ENTRIES)):
                 found: dict[str, Any] = {"entries": [entry.as_dict() for entry in entries]}
                 if lost := entries[0].sequence - after - 1:
                     found["lost"] = lost
                 after = entries[-1].sequence
                 pieces.append(message("log", found))
-            whole = b"".join([*pieces, *page.drive()])
+            whole = b"".join([*pieces, *page.chosen(whole=not follow)])
+            silent = 0 if whole else silent + 1
+            if silent == ALIVE_ROUNDS:
+                whole, silent = b": alive\n\n", 0
             # of a long message, a client that does not read holds two pieces at most
             for begin in range(0, len(whole), PIECE):
                 yield whole[begin : begin + PIECE]
@@ -104,6 +113,8 @@ class LiveViews:
         self._signals = LiveSignals(context.core.traces)
         #: Made with the first page: a farm that nobody looks at has no cost.
         self._overview: Overview | None = None
+        #: By device, while a client follows it.
+        self._changes: WeakValueDictionary[str, SignalChanges] = WeakValueDictionary()
         context.on_close.append(self._close)
 
     def _close(self) -> None:
@@ -111,39 +122,57 @@ class LiveViews:
             self._overview.close()
             self._overview = None
 
-    def stream(self, scope: Mapping[str, Any], station: Axis | None, *, follow: bool = True) -> AsyncIterator[bytes]:
-        """See :func:`page_stream`; ``station`` is the chosen drive."""
+    def stream(
+        self,
+        scope: Mapping[str, Any],
+        station: Axis | None,
+        devices: Mapping[str, PlainSignals] | None = None,
+        *,
+        overview: bool = True,
+        follow: bool = True,
+    ) -> AsyncIterator[bytes]:
+        """See :func:`page_stream`; ``station`` is the chosen drive, ``devices`` are the chosen ones by name."""
         context = self._context
-        if self._overview is None:
+        if overview and self._overview is None:
             self._overview = Overview(context.core, context.now)
         viewer = None if station is None else LiveViewer(self._signals, station)
-        page = _FarmPage(context, self._overview, scope.get(WHO) != "read_token", station, viewer)
-        return page_stream(context, context.core.log, page, follow=follow)
+        followed = Followed([(name, self._changes_of(name, one)) for name, one in (devices or {}).items()], context.tag)
+        page = _FarmPage(context, self._overview, scope.get(WHO) != "read_token", station, viewer, followed)
+        return page_stream(context, context.core.log if overview else None, page, follow=follow)
+
+    def _changes_of(self, name: str, signals: PlainSignals) -> SignalChanges:
+        found = self._changes.get(name)
+        if found is None:
+            found = self._changes[name] = SignalChanges(signals, self._context.now)
+        return found
 
 
 @dataclass(slots=True)
 class _FarmPage:
     context: ApiContext
-    seen: Overview
+    seen: Overview | None
     #: Whether this client may change something.
     writes: bool
     station: Axis | None
     viewer: LiveViewer | None
+    followed: Followed
     version: int = 0
     number: int = 0
 
     def overview(self) -> Iterator[bytes]:
+        assert self.seen is not None
         if not self.number:
             yield message("farm", self._farm())
         text = self.seen.since(self.version)
         self.version = self.seen.version
         yield message("overview", text)
 
-    def drive(self) -> Iterator[bytes]:
+    def chosen(self, *, whole: bool) -> Iterator[bytes]:
         if self.station is not None and self.viewer is not None:
             if self.number % DRIVE_EVERY == 0:
                 yield message("drive", self.context.view(self.station))
             yield message("signals", self.viewer.fresh(self.context.now()))
+        yield from self.followed.messages(whole=whole)
         self.number += 1
 
     def _farm(self) -> dict[str, Any]:

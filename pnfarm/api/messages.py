@@ -1,4 +1,4 @@
-"""Log entries as server-sent events, each made once for all streams."""
+"""Server-sent events; those of log entries are made once for all streams."""
 
 from __future__ import annotations
 
@@ -8,10 +8,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pnfarm.station.event_log import LogEntry
 
-__all__ = ["Messages"]
+__all__ = ["Messages", "message"]
 
 #: Messages kept for other streams.
 MESSAGES = 256
+
+
+def message(event: str, data: object) -> bytes:
+    """``data``: JSON octets, or what becomes JSON."""
+    text = data if isinstance(data, bytes) else json.dumps(data, separators=(",", ":"), default=str).encode()
+    return b"event: %b\ndata: %b\n\n" % (event.encode(), text)
 
 
 class Messages:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.bench.cyclic import WAYS, akd_1024, flat, frame_cost, full_port, memory, ways
+from pnfarm.bench.devices import devices
 from pnfarm.bench.enip import enip_64
 from pnfarm.bench.latency import fault_latency
 from pnfarm.bench.load import Load
@@ -79,6 +80,14 @@ BENCHMARKS: dict[str, Benchmark] = {
         _figures(
             "profibus-32",
             *("cpu", "reply-p50", "reply-p99", "cycle", "missed", "repeated", "floor-p50", "floor-p99", "floor-cpu"),
+        ),
+    ),
+    "devices": Benchmark(
+        devices,
+        20.0,
+        (
+            *("devices-256", *_figures("devices-256", "drives", "floor", "ratio"), "devices-memory"),
+            *_figures("devices-signal", "p50", "p99", "floor-p50", "floor-p99"),
         ),
     ),
     "page-1000": Benchmark(

@@ -79,9 +79,9 @@ def difference(before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-async def _settled(core: Any, seconds: float) -> dict[str, Any]:
+async def _settled(core: Any, stations: int, seconds: float) -> dict[str, Any]:
     """The counters once the event loop hears no more than what goes on for ever, at the latest after so long."""
-    few = len(core.axes) // 10 + 5
+    few = stations // 10 + 5
     with anyio.move_on_after(seconds):
         while True:
             before = core.link.counters.received
@@ -92,13 +92,13 @@ async def _settled(core: Any, seconds: float) -> dict[str, Any]:
     return _counters(core)
 
 
-async def _commands(core: Any, connected: Any) -> None:
+async def _commands(core: Any, stations: int, connected: Any) -> None:
     while line := await anyio.to_thread.run_sync(sys.stdin.readline):
         word, _, argument = line.strip().partition(" ")
         if word == "connected":
             _answer({"connected": await connected(float(argument))})
         elif word == "settled":
-            _answer(await _settled(core, float(argument)))
+            _answer(await _settled(core, stations, float(argument)))
         elif word == "measure":
             before = _counters(core)
             await anyio.sleep(float(argument))
@@ -129,13 +129,12 @@ async def _farm(settings: dict[str, Any]) -> None:
 
         async def connected(seconds: float) -> bool:
             with anyio.move_on_after(seconds):
-                core = farm.core
-                while not all(s.device.connected for s in core.axes):  # noqa: ASYNC110 - stations have no events to wait for
+                while not all(s.device.connected for s in farm.core.stations):  # noqa: ASYNC110 - stations have no events to wait for
                     await anyio.sleep(0.005)
                 return True
             return False
 
-        await _commands(farm.core, connected)
+        await _commands(farm.core, len(farm.core.stations), connected)
         tasks.cancel_scope.cancel()
 
 
@@ -150,7 +149,7 @@ async def _plc(settings: dict[str, Any]) -> None:
         async with plc:
             keep_what_is_loaded()
             _answer({"up": True})
-            await _commands(plc.core, plc.wait_connected)
+            await _commands(plc.core, len(plc.core.snapshot()), plc.wait_connected)
         return
     _answer({"up": True})
     seconds = float(sys.stdin.readline().split()[1])
@@ -158,7 +157,7 @@ async def _plc(settings: dict[str, Any]) -> None:
     async with plc:
         connected = await plc.wait_connected(seconds)
         _answer({"connected": connected, "cpu": _cpu() - before})
-        await _commands(plc.core, plc.wait_connected)
+        await _commands(plc.core, len(plc.core.snapshot()), plc.wait_connected)
 
 
 def _floor(settings: dict[str, Any]) -> None:

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.bench.line import cores, expirations, farm_and_plc, lateness, measure, per_frame, settled_floor
+from pnfarm.bench.line import (
+    cores,
+    expirations,
+    farm_and_plc,
+    lateness,
+    measure,
+    memory_per_station,
+    per_frame,
+    settled_floor,
+)
 from pnfarm.bench.result import WINDOWS, Result
 
 if TYPE_CHECKING:
@@ -76,13 +85,7 @@ def full_port(seconds: float, load: Load) -> list[Result]:
 def memory(seconds: float, load: Load) -> list[Result]:
     """Resident memory of one more drive, connected."""
     del seconds
-    sizes = {}
-    for drives in (16, 272):
-        # the watch lasts as long as the question: others' work does not change what is resident
-        with farm_and_plc(drives, "16ms", 16) as (farm, _), load:
-            farm.ask("rss")
-            sizes[drives] = farm.answer()["rss"]
-    value = (sizes[272] - sizes[16]) / 256 / 1000
+    value = memory_per_station(16, 272, load, lambda drives: farm_and_plc(drives, "16ms", 16))
     return [Result("memory-per-drive", value, "kB", None, "<= 200", 0 < value <= 200)]
 
 

@@ -17,11 +17,14 @@ from pnfarm.bench.line import (
     cores,
     expirations,
     measure,
+    memory_per_station,
     settled_floor,
 )
 from pnfarm.bench.result import Result, Windows
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from pnfarm.bench.load import Load
 
 __all__ = ["cyclic_packet", "enip_64"]
@@ -55,6 +58,10 @@ controller:
 
 def _file(drives: int, cpu: int) -> str:
     return FILE.format(parent=PARENT, peer=PEER, drives=drives, cpu=cpu)
+
+
+def _ends(drives: int) -> AbstractContextManager[tuple[Child, Child]]:
+    return both_ends(drives, _file(drives, FARM_CPU), _file(drives, PEER_CPU))
 
 
 def cyclic_packet(octets: int = 66) -> bytes:
@@ -96,16 +103,6 @@ def _exchanged(farm: Child, plc: Child, seconds: float, load: Load) -> tuple[Win
     return cores(ours), production
 
 
-def _memory() -> float:
-    """Resident memory of one more connected drive, kB."""
-    sizes = {}
-    for drives in (FEW, MANY):
-        with both_ends(drives, _file(drives, FARM_CPU), _file(drives, PEER_CPU)) as (farm, _):
-            farm.ask("rss")
-            sizes[drives] = farm.answer()["rss"]
-    return float(sizes[MANY] - sizes[FEW]) / (MANY - FEW) / 1000
-
-
 def enip_64(seconds: float, load: Load) -> list[Result]:
     """64 drives on EtherNet/IP at 10 ms on one core, beside the same packets in a minimal loop."""
     packet, groups = cyclic_packet(), RPI_NS // TICK_NS
@@ -114,13 +111,13 @@ def enip_64(seconds: float, load: Load) -> list[Result]:
         return settled_floor(DRIVES, groups, TICK_NS, min(5.0, seconds), load, packet=packet)
 
     first = floor()
-    with both_ends(DRIVES, _file(DRIVES, FARM_CPU), _file(DRIVES, PEER_CPU)) as (farm, plc):
+    with _ends(DRIVES) as (farm, plc):
         before = expirations(farm, plc)
         used, production = _exchanged(farm, plc, seconds, load)
         lost = expirations(farm, plc) - before
     low = cores(first + floor())
     core, ratio = used.median, used.over(low)
-    off, memory = (production.mean_ns / RPI_NS - 1) * 100, _memory()
+    off, memory = (production.mean_ns / RPI_NS - 1) * 100, memory_per_station(FEW, MANY, load, _ends)
     drift = production.drift_ns / 1e6
     return [
         used.row("enip-64-cpu", "cores", ratio, "< 0.15", core < 0.15),

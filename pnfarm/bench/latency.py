@@ -1,8 +1,8 @@
-"""How long after its request a fault is on the wire: the whole way, over HTTP, in a farm at work.
+"""How long after its request a fault or a signal is on the wire: the whole way, over HTTP, in a farm at work.
 
-A tap (a packet socket with the kernel's time stamps) on the farm's interface sees the drives' frames leave.  The time
-counts from before the request is sent to the first frame with the changed data status.  The floor is the same request
-as a dry run, and then the drive's next frame: what HTTP and the wait for the cycle cost, with nothing injected.
+A tap (a packet socket with the kernel's time stamps) on the farm's interface sees the stations' frames leave.  The time
+counts from before the request is sent to the first frame that shows the change.  The floor is the same request with
+nothing to change (a fault's dry run), and then the station's next frame: what HTTP and the wait for the cycle cost.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.bench.line import PARENT, PEER_CPU, farm_and_plc
@@ -25,13 +27,16 @@ from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, ETHERTYPE_VLAN
 from pnfarm.wire.mac import parse_mac
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from pnfarm.bench.load import Load
 
-__all__ = ["fault_latency"]
+__all__ = ["API", "Change", "call", "change_times", "fault_latency", "latency_rows"]
 
 DRIVES, CYCLE, CYCLE_NS = 16, "4ms", 4_000_000
 DRIVE, API = "axis-0001", ("127.0.0.1", 8702)
-GOAL_NS = CYCLE_NS + 2_000_000
+#: Whether a cyclic frame, from its FrameID on, shows a change.
+Shows = Callable[[bytes], bool]
 #: Data status: the provider is in RUN.
 RUNS = 0x10
 SO_TIMESTAMPNS = 35
@@ -43,7 +48,7 @@ SHARE, ONE_IN_100 = 0.99, 2.33
 
 
 class _Tap:
-    """The cyclic frames that one drive sends: (when they left, ns since the epoch; data status)."""
+    """The cyclic frames that one station sends, and when they left, ns since the epoch."""
 
     def __init__(self, mac: bytes) -> None:
         self._mac = mac
@@ -56,8 +61,8 @@ class _Tap:
     def close(self) -> None:
         self._socket.close()
 
-    def first(self, after_ns: int, *, runs: bool | None) -> int:
-        """When the first frame from then on left, whose provider is in RUN, in STOP, or either (None)."""
+    def first(self, after_ns: int, shows: Shows) -> int:
+        """When the first frame from then on left that shows something."""
         until = time.monotonic() + LONGEST_SECONDS
         while time.monotonic() < until:
             frame, ancillary, _, _ = self._socket.recvmsg(2048, 64)
@@ -66,11 +71,9 @@ class _Tap:
                 continue
             place = 16 if int.from_bytes(frame[12:14], "big") == ETHERTYPE_VLAN else 12
             kind, frame_id = (int.from_bytes(frame[i : i + 2], "big") for i in (place, place + 2))
-            if kind != ETHERTYPE_PROFINET or not 0x8000 <= frame_id < 0xC000:
-                continue
-            if runs is None or bool(frame[-2] & RUNS) is runs:
+            if kind == ETHERTYPE_PROFINET and 0x8000 <= frame_id < 0xC000 and shows(frame[place + 2 :]):
                 return when
-        raise InternalError(f"the tap saw no such frame of {DRIVE} within {LONGEST_SECONDS:g} s")
+        raise InternalError(f"the tap saw no such frame of {self._mac.hex(':')} within {LONGEST_SECONDS:g} s")
 
     @staticmethod
     def _stamp(ancillary: list[Any]) -> int:
@@ -81,7 +84,8 @@ class _Tap:
         raise InternalError("the kernel gave a frame no time stamp")
 
 
-def _call(api: http.client.HTTPConnection, method: str, path: str, body: Any = None) -> Any:
+def call(api: http.client.HTTPConnection, method: str, path: str, body: Any = None) -> Any:
+    """The API's answer to a request, from JSON; raises :class:`InternalError` for a problem."""
     octets = None if body is None else json.dumps(body).encode()
     api.request(method, f"/api/v1/{path}", octets, {"Content-Type": "application/json"} if octets else {})
     answer = api.getresponse()
@@ -106,61 +110,95 @@ def meets(times_ns: list[int], limit_ms: float) -> bool:
     return sum(time > limit_ms * 1e6 for time in times_ns) <= expected + ONE_IN_100 * math.sqrt(2 * expected * SHARE)
 
 
-def _row(name: str, times_ns: list[int], share: float, floor: float, goal: str = "none", ok: bool = True) -> Result:
-    """A share of all times, because those of a window are few; the spread is that of windows in the order of time."""
-    value, size = _share(times_ns, share), -(-len(times_ns) // WINDOWS)
-    windows = Windows(_share(times_ns[at : at + size], share) for at in range(0, len(times_ns), size))
-    return Result(f"fault-latency-{name}", value, "ms", value / floor, goal, ok, windows.spread)
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What is timed: ``make`` asks for a change, ``undo`` takes it back, and both say how a frame shows it.
+
+    ``nothing`` is the same request with nothing to change.
+    """
+
+    make: Callable[[http.client.HTTPConnection], Shows]
+    undo: Callable[[http.client.HTTPConnection], Shows]
+    nothing: Callable[[http.client.HTTPConnection], Any]
+
+
+def latency_rows(head: str, times_ns: tuple[list[int], list[int]], cycle_ns: int) -> list[Result]:
+    """Rows of times of changes and of the floor: 50th and 99th percentiles; the goal is one cycle and 2 ms."""
+    changes, floors = times_ns
+    usual, floor = _share(floors, 0.5), _share(floors, SHARE)
+    # what the machine alone needs for the request and the next frame cannot be had faster
+    goal = (cycle_ns + 2_000_000) / 1e6
+    ok = meets(changes, max(goal, floor))
+
+    def row(name: str, times: list[int], share: float, floor: float, goal: str = "none", ok: bool = True) -> Result:
+        # a share of all times, because those of a window are few; the spread is that of windows in the order of time
+        value, size = _share(times, share), -(-len(times) // WINDOWS)
+        windows = Windows(_share(times[at : at + size], share) for at in range(0, len(times), size))
+        return Result(f"{head}-{name}", value, "ms", value / floor, goal, ok, windows.spread)
+
+    return [
+        row("p50", changes, 0.5, usual),
+        row("p99", changes, SHARE, floor, f"<= {goal:g} (one cycle + 2), or the floor", ok),
+        row("floor-p50", floors, 0.5, usual),
+        row("floor-p99", floors, SHARE, floor),
+    ]
 
 
 def fault_latency(seconds: float, load: Load) -> list[Result]:
     """Inject a fault by the API into one of 16 drives at 4 ms: from the request to the first changed frame."""
-    faults, floors = _measured(seconds, load)
-    usual, floor = _share(floors, 0.5), _share(floors, SHARE)
-    # what the machine alone needs for the request and the next frame cannot be had faster
-    goal = GOAL_NS / 1e6
-    ok = meets(faults, max(goal, floor))
-    return [
-        _row("p50", faults, 0.5, usual),
-        _row("p99", faults, SHARE, floor, f"<= {goal:g} (one cycle + 2), or the floor", ok),
-        _row("floor-p50", floors, 0.5, usual),
-        _row("floor-p99", floors, SHARE, floor),
-    ]
+    fault = {"kind": "provider-stop", "on": DRIVE}
+    injected: list[Any] = []
+
+    def make(api: http.client.HTTPConnection) -> Shows:
+        injected.append(call(api, "POST", "faults", fault))
+        return lambda frame: not frame[-2] & RUNS
+
+    def undo(api: http.client.HTTPConnection) -> Shows:
+        call(api, "DELETE", f"faults/{injected.pop()['id']}")
+        return lambda frame: bool(frame[-2] & RUNS)
+
+    change = Change(make, undo, lambda api: call(api, "POST", "faults?dry_run=true", fault))
+    ends = farm_and_plc(DRIVES, CYCLE, 64, api=f"{API[0]}:{API[1]}")
+    return latency_rows("fault-latency", change_times(ends, f"drives/{DRIVE}", change, seconds, load), CYCLE_NS)
 
 
-def _measured(seconds: float, load: Load) -> tuple[list[int], list[int]]:
-    """Times of faults and of the floor, in turn, ns."""
+def change_times(
+    ends: AbstractContextManager[Any], station: str, change: Change, seconds: float, load: Load
+) -> tuple[list[int], list[int]]:
+    """Times of changes and of the floor, in turn, ns, of a farm with its API at :data:`API` and its controller.
+
+    ``station``: the API's path of the one whose frames count.
+    """
     subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
     # beside the controller: the farm has its CPU for itself
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {PEER_CPU})
-    faults: list[int] = []
+    changes: list[int] = []
     floors: list[int] = []
     rng = random.Random(1)
-    fault = {"kind": "provider-stop", "on": DRIVE}
     try:
-        with farm_and_plc(DRIVES, CYCLE, 64, api=f"{API[0]}:{API[1]}"):
+        with ends:
             api = http.client.HTTPConnection(*API, timeout=10)
-            tap = _Tap(parse_mac(_call(api, "GET", f"drives/{DRIVE}")["mac"]))
+            tap = _Tap(parse_mac(call(api, "GET", station)["mac"]))
             try:
                 with load:
                     end = time.monotonic() + seconds
-                    while time.monotonic() < end or len(faults) < FEWEST:
+                    while time.monotonic() < end or len(changes) < FEWEST:
                         # any phase of the cycle
                         time.sleep(rng.uniform(0.005, 0.015))
                         begin = time.time_ns()
-                        injected = _call(api, "POST", "faults", fault)
-                        faults.append(tap.first(begin, runs=False) - begin)
-                        _call(api, "DELETE", f"faults/{injected['id']}")
-                        tap.first(time.time_ns(), runs=True)
-                        # as for the fault
+                        shows = change.make(api)
+                        changes.append(tap.first(begin, shows) - begin)
+                        undone = change.undo(api)
+                        tap.first(time.time_ns(), undone)
+                        # as for the change
                         time.sleep(rng.uniform(0.005, 0.015))
                         begin = time.time_ns()
-                        _call(api, "POST", "faults?dry_run=true", fault)
-                        floors.append(tap.first(time.time_ns(), runs=None) - begin)
+                        change.nothing(api)
+                        floors.append(tap.first(time.time_ns(), lambda _: True) - begin)
             finally:
                 tap.close()
                 api.close()
     finally:
         os.sched_setaffinity(0, before)
-    return faults, floors
+    return changes, floors

@@ -16,7 +16,8 @@ from pnfarm.bench.result import WINDOWS, Windows
 from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+    from contextlib import AbstractContextManager
 
     from pnfarm.bench.load import Load
 
@@ -34,6 +35,7 @@ __all__ = [
     "floor_ends",
     "lateness",
     "measure",
+    "memory_per_station",
     "per_frame",
     "percentile",
     "settled_floor",
@@ -52,12 +54,7 @@ farm: bench
 link: {link}
 api: {api}
 realtime: {{cpu: {cpu}}}
-drives:
-  - name: axis-{{n:04}}
-    count: {drives}
-    model: akd-profinet
-    ip: 10.64.0.11/16
-    limits: lax
+{stations}
 controller:
   name: plc
   ip: 10.64.255.250/16
@@ -67,14 +64,32 @@ controller:
   program: {{kind: sine, speed_rpm: 600, period: 4s, acknowledge_after: 100ms}}
 """
 
+DRIVES = """
+drives:
+  - name: axis-{{n:04}}
+    count: {count}
+    model: akd-profinet
+    ip: 10.64.0.11/16
+    limits: lax
+"""
+
 
 def farm_file(
-    drives: int, cycle: str, watchdog: int, cpu: int, api: str = "off", send: str = "auto", *, in_memory: bool = False
+    count: int,
+    cycle: str,
+    watchdog: int,
+    cpu: int,
+    api: str = "off",
+    send: str = "auto",
+    *,
+    in_memory: bool = False,
+    stations: str = DRIVES,
 ) -> str:
-    """The drives of a benchmark and their controller, on the benchmarks' line or in memory."""
+    """The drives of a benchmark, or other ``stations``, and their controller, on the benchmarks' line or in memory."""
     text = FILE.replace("  interface: {peer}\n", "") if in_memory else FILE
     link = "{kind: memory}" if in_memory else f"{{kind: macvlan, parent: {PARENT}, send: {send}}}"
-    return text.format(link=link, peer=PEER, drives=drives, cycle=cycle, watchdog=watchdog, cpu=cpu, api=api)
+    said = stations.strip().format(count=count)
+    return text.format(link=link, peer=PEER, stations=said, cycle=cycle, watchdog=watchdog, cpu=cpu, api=api)
 
 
 class Child:
@@ -138,16 +153,16 @@ def wire() -> Iterator[None]:
 
 @contextmanager
 def farm_and_plc(
-    drives: int, cycle: str, watchdog: int, api: str = "off", send: str = "auto"
+    count: int, cycle: str, watchdog: int, api: str = "off", send: str = "auto", stations: str = DRIVES
 ) -> Iterator[tuple[Child, Child]]:
     """A farm, with its API at ``api``, and the built-in controller, connected."""
-    theirs = farm_file(drives, cycle, watchdog, PEER_CPU)
-    with both_ends(drives, farm_file(drives, cycle, watchdog, FARM_CPU, api, send), theirs) as children:
+    ours = farm_file(count, cycle, watchdog, FARM_CPU, api, send, stations=stations)
+    with both_ends(count, ours, farm_file(count, cycle, watchdog, PEER_CPU, stations=stations)) as children:
         yield children
 
 
 @contextmanager
-def both_ends(drives: int, ours: str, theirs: str) -> Iterator[tuple[Child, Child]]:
+def both_ends(count: int, ours: str, theirs: str) -> Iterator[tuple[Child, Child]]:
     """A farm and its controller, by the farm file of each, connected."""
     with wire(), ExitStack() as stack:
         farm = Child("farm", FARM_CPU, file=ours)
@@ -158,7 +173,7 @@ def both_ends(drives: int, ours: str, theirs: str) -> Iterator[tuple[Child, Chil
         plc.answer()
         plc.ask("connected 120")
         if not plc.answer()["connected"]:
-            raise InternalError(f"{drives} drives did not connect within 120 s")
+            raise InternalError(f"{count} stations did not connect within 120 s")
         # let the start-up (DCP, ARP, records, neighbours) finish before measuring
         farm.ask(f"settled {SETTLED_SECONDS}")
         farm.answer()
@@ -184,6 +199,19 @@ def expirations(*children: Child) -> int:
     for child in children:
         child.ask("mark")
     return sum(int(child.answer()["expirations"]) for child in children)
+
+
+def memory_per_station(
+    few: int, many: int, load: Load, ends: Callable[[int], AbstractContextManager[tuple[Child, Child]]]
+) -> float:
+    """Resident memory of one more connected station, kB; ``ends`` makes a farm with so many and its controller."""
+    sizes = {}
+    for count in (few, many):
+        # the watch lasts as long as the question: others' work does not change what is resident
+        with ends(count) as (farm, _), load:
+            farm.ask("rss")
+            sizes[count] = farm.answer()["rss"]
+    return float(sizes[many] - sizes[few]) / (many - few) / 1000
 
 
 def cores(answers: list[dict[str, Any]]) -> Windows:

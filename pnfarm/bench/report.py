@@ -116,6 +116,9 @@ _READING = """\
   by the kernel's time stamps at the farm's interface. The floor is the same request as a dry run, and the
   drive's next frame after the answer. The values are shares of all requests, the spread is that of eight windows.
   The goal is missed if more than 1 % of the requests are above it, by more than chance does in one run of a hundred.
+- `devices-256-*` compares devices by a GSDML file with drives of the same number and cycle. `devices-signal-*` counts
+  from the sending of `PATCH devices/NAME/signals` to the first frame with the value; the floor writes the value that is
+  there already.
 - The floor of `virtual-64` copies the frames of both directions and reads their octets: no timers,
   no firmware, no program. The same compiled loop is the floor of `firmware-*`.
 - Beside a loop of the interpreter, `to floor` is how many of its passes the figure takes: to connect a drive, to make

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from pnfarm.links.sockets import sockets_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Interface
 
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     from pnfarm.engine.columns import Columns
     from pnfarm.links.base import Link, Port
     from pnfarm.links.sockets import SocketCarrier
+    from pnfarm.signals.signal import Direction, Signal
     from pnfarm.station.event_log import EventLog
+    from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
-__all__ = ["Controller", "ControllerHost", "ControllerPlan", "ProgrammableDevice"]
+__all__ = ["Controller", "ControllerHost", "ControllerPlan", "DeviceController", "DeviceData", "ProgrammableDevice"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +66,20 @@ class ProgrammableDevice(Protocol):
     @property
     def axes(self) -> Sequence[tuple[str, Any]]:
         """Each of its axes by name, as such a device."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceData:
+    """A controller's rows of a device of the farm that has no axes.
+
+    ``places``: slot, subslot and direction of a submodule's data -> their first octet in the row, in the order of the
+    row's statuses.
+    """
+
+    signals: Mapping[str, Signal]
+    places: Mapping[tuple[int, int, Direction], int]
+    sent: ProvidedData
+    received: ConsumedData
 
 
 class ControllerPlan(Protocol):
@@ -141,3 +157,12 @@ class Controller(Protocol):
 
     def parameter_answer(self, name: str) -> Pkw:
         """What a drive answers there; raises as :meth:`put_parameter_task` does."""
+
+
+@runtime_checkable
+class DeviceController(Protocol):
+    """What a controller says besides if it runs devices without axes."""
+
+    @property
+    def device_data(self) -> Mapping[str, DeviceData]:
+        """The data of the farm's devices without axes, by name."""

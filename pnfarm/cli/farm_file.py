@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.farm.file.reading import FarmConfig, Known
     from pnfarm.farm.shard import Shard
+    from pnfarm.signals.device_signal import KnownDevices
 
 __all__ = [
     "check_impairments",
@@ -91,6 +92,7 @@ def check_impairments(config: FarmConfig) -> None:
     issues: list[FileIssue] = []
     named: set[str] = set()
     drives, devices = expand(config), expand_devices(config)
+    known = {device.name: device.known_signals for device in devices}
     members: list[tuple[str, int, Sequence[Impairment], list[DriveConfig | DeviceConfig], Model | None]] = []
     for group, section in enumerate(config.drives):
         own = [drive for drive in drives if drive.group == group]
@@ -102,7 +104,7 @@ def check_impairments(config: FarmConfig) -> None:
         names = [one.name for one in stations]
         kinds = _kinds(stations[0], model)
         for number, impairment in enumerate(impairments):
-            found = list(_misfits(impairment, key[:-1], model, kinds, names))
+            found = list(_misfits(impairment, key[:-1], model, kinds, names, known))
             if impairment.name is not None and impairment.name in named:
                 found.append(("as", f"{impairment.name!r} is the name of another fault", "a name of its own"))
             if impairment.name is not None:
@@ -125,15 +127,20 @@ def _kinds(one: DriveConfig | DeviceConfig, model: Model | None) -> tuple[str, .
 
 
 def _misfits(
-    impairment: Impairment, what: str, model: Model | None, models: tuple[str, ...], names: Sequence[str]
+    impairment: Impairment,
+    what: str,
+    model: Model | None,
+    models: tuple[str, ...],
+    names: Sequence[str],
+    devices: KnownDevices,
 ) -> Iterator[tuple[str, str, str]]:
     """What is wrong with an impairment of drives of one model, or of devices: (field, what is wrong, allowed).
 
-    ``what`` is one of them: ``drive``, ``device``.
+    ``what`` is one of them: ``drive``, ``device``; ``devices`` are all of the farm.
     """
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.faults.errors import InjectionError
-    from pnfarm.station.conditions import bind
+    from pnfarm.signals.conditions import bind
     from pnfarm.vocabulary.conditions import ConditionError
     from pnfarm.vocabulary.globs import GLOBS, means
 
@@ -143,11 +150,9 @@ def _misfits(
         yield from exc.issues
     if impairment.on is not None and not any(means(glob, (name,), models) for glob in impairment.on for name in names):
         yield "on", f"means no {what} of this group: {names[0]} to {names[-1]}", GLOBS
-    if impairment.when is not None and model is None:
-        yield "when", "is about the signals of an axis, which a device does not have", "after, after_cycles or nothing"
-    elif impairment.when is not None and model is not None:
+    if impairment.when is not None:
         try:
-            bind(impairment.when, model)
+            bind(impairment.when, model, devices, "" if model is not None else names[0])
         except ConditionError as exc:
             yield "when", f"column {exc.column}: {exc.what}", exc.allowed
 

@@ -21,22 +21,49 @@ from typing import TYPE_CHECKING
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
+    from pnfarm.controller.line_device import LineDevice
     from pnfarm.drives.telegrams.signal_view import Inputs, Outputs
 
 __all__ = ["AxisProgram", "Line"]
 
 
 class Line:
-    """All axes of the controller: ``line["axis-02"].inputs``, ``for axis in line``."""
+    """All axes of the controller: ``line["axis-02"].inputs``, ``for axis in line``; ``line.device("island-1").inputs``.
 
-    def __init__(self) -> None:
+    ``devices``: those of the farm without axes, by name.
+    """
+
+    def __init__(self, devices: Mapping[str, LineDevice] | None = None) -> None:
         self._axes: dict[str, AxisProgram] = {}
+        self._devices = devices or {}
+        #: The devices that a program has asked for.
+        self._used: dict[str, LineDevice] = {}
 
     def add(self, axis: AxisProgram) -> None:
         """Called by the controller, when it makes the program."""
         self._axes[axis.name] = axis
+
+    def device(self, name: str) -> LineDevice:
+        """A device of the farm file's ``devices:``; raises :class:`KeyError`."""
+        found = self._used.get(name)
+        if found is None:
+            if name not in self._devices:
+                raise KeyError(f"the controller has no device {name!r}{did_you_mean(name, self._devices)}")
+            found = self._used[name] = self._devices[name]
+            found.take()
+        return found
+
+    def take(self) -> None:
+        """Called by the controller, before the programs: what the devices sent."""
+        for device in list(self._used.values()):
+            device.take()
+
+    def give(self) -> None:
+        """Called by the controller, behind the programs: what they wrote is sent."""
+        for device in list(self._used.values()):
+            device.give()
 
     def __getitem__(self, name: str) -> AxisProgram:
         if name not in self._axes:

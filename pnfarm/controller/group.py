@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.controller import DeviceController
+from pnfarm.controller.line_device import LineDevice
 from pnfarm.errors import ConfigError, InternalError
 
 if TYPE_CHECKING:
@@ -76,6 +79,15 @@ class Controllers:
             if one.section.program.python is not None
         ]
         return sorted(found, key=lambda each: self._place(each.device.name))
+
+    def line_devices(self) -> dict[str, LineDevice]:
+        """The devices of the farm, by name, as a program sees them."""
+        return {
+            name: LineDevice(name, data, partial(controller.exchanging, name))
+            for controller in self._controllers
+            if isinstance(controller, DeviceController)
+            for name, data in controller.device_data.items()
+        }
 
     def _place(self, name: str) -> int:
         """Place of a drive in the file; devices come after the drives."""

@@ -102,7 +102,7 @@ async def join_controllers(
     settings, runner = program_settings(config), None
     if settings is not None and (kind := program or program_of(config)) is not None:
         runner = ProgramRunner(
-            controllers.programmed(),
+            controllers,
             kind,
             log.record,
             limit_ns=settings.limit_ns,

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pnfarm.buses.controller import Controller
-    from pnfarm.controller.group import ControlledDevice
+    from pnfarm.controller.group import ControlledDevice, Controllers
     from pnfarm.engine.columns import Columns
 
 __all__ = ["Note", "ProgramFailed", "ProgramLate", "ProgramRunner", "ProgrammedNode"]
@@ -127,7 +127,7 @@ class _Axis:
 
 
 class ProgramRunner:
-    """``devices`` of all controllers, in the order of the calls; those without signals (foreign devices) have none.
+    """The axes of all ``controllers`` without a built-in program have one of ``kind``, and are called in their order.
 
     ``in_real_time``: whether a call that takes longer than its cycle is late; in virtual time none is, unless a call is
     said to take ``call_ns``: the axes' calls follow each other then, and what one writes is sent when it is done.
@@ -136,7 +136,7 @@ class ProgramRunner:
 
     def __init__(
         self,
-        devices: Sequence[ControlledDevice],
+        controllers: Controllers,
         kind: type[AxisProgram],
         note: Note,
         *,
@@ -154,8 +154,10 @@ class ProgramRunner:
         self._missing_until_ns = 0
         self._worker = Worker()
         self._abandoned: list[Worker] = []
-        self.line = Line()
-        self._axes = [_Axis(each, kind, self.line) for each in devices if each.device.signals is not None]
+        self.line = Line(controllers.line_devices())
+        self._axes = [
+            _Axis(each, kind, self.line) for each in controllers.programmed() if each.device.signals is not None
+        ]
         self._tables = list({id(axis.columns): axis.columns for axis in self._axes}.values())
         self._by_name = {axis.name: axis for axis in self._axes}
 
@@ -183,7 +185,9 @@ class ProgramRunner:
             axis.read(axis.columns.image[axis.row])
             axis.program.now_ns = now
             axis.program.began_ns = axis.program.began_ns or now
+        self.line.take()
         self._call(waiting, now)
+        self.line.give()
         for axis in called:
             if self._call_ns and axis.filled is not None and not axis.failure:
                 self._busy_until_ns = max(now, self._busy_until_ns) + self._call_ns

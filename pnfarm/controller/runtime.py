@@ -274,7 +274,7 @@ class Plc:
             with contextlib.suppress(RuntimeError):
                 loop.call_soon_threadsafe(self.driver.fail, exc)
 
-        self._runner = ProgramRunner(self.controllers.programmed(), kind, note, limit_ns=limit_ns, in_real_time=True)
+        self._runner = ProgramRunner(self.controllers, kind, note, limit_ns=limit_ns, in_real_time=True)
         self._programs = ProgramThread(self._runner, failed)
         self._programs.start()
 

@@ -368,6 +368,11 @@ class FarmCore:
             raise ConfigError(f"device {station.configured_name} has no signals: none of its modules has data")
         return station, station.signals
 
+    @property
+    def live_devices(self) -> dict[str, PlainSignals]:
+        """The signals of each device that has some."""
+        return {s.configured_name: s.signals for s in self.stations if not s.axes and s.signals is not None}
+
     def signals(self) -> dict[str, dict[str, Any]]:
         """By device, the signals (:class:`pnfarm.signals.signal.Signal`) by name."""
         devices = {s.configured_name: s.signals for s in self.stations if not s.axes}

@@ -65,7 +65,7 @@ def make_manager(
         host = InjectionHost(columns, impairments, gate, carriers, addresses, partial(settle, station), sockets)
         for drive in bus(station.bus).injected_drives(station.device, host):
             drives[drive.name] = drive
-    return InjectionManager(fault_kinds(), drives, (gate, sockets, addresses), Conditions(axes, columns))
+    return InjectionManager(fault_kinds(), drives, (gate, sockets, addresses), Conditions(axes, columns, stations))
 
 
 def add_impairments(

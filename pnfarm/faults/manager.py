@@ -482,8 +482,10 @@ class InjectionManager:
     def _wait_until(spec: InjectionSpec, run: DriveRun, now: int) -> int | None:
         if now < run.not_before:
             return run.not_before
-        # the engine, or what happens to the drive, tells that the condition holds
-        return None if run.watch is not None else wait_until(spec, run, now)
+        if run.watch is None:
+            return wait_until(spec, run, now)
+        # the engine, or what happens to the drive, tells that the condition holds, but for signals of devices
+        return None if run.watch.every_ns is None else now + run.watch.every_ns
 
     # last, because the name hides the type in the annotations after it
     def of_kind(self, kind: str) -> Iterator[Injection]:

@@ -1,9 +1,9 @@
 """``when``: injections that wait for a condition on each of their drives.
 
-The language is that of scenarios (:mod:`pnfarm.station.conditions`).  The condition is compiled to rows of the table,
+The language is that of scenarios (:mod:`pnfarm.signals.conditions`).  The condition is compiled to rows of the table,
 and the engine checks it in each of its steps (:mod:`pnfarm.engine.conditions`), so that no step in which it holds is
 missed.  What only the event loop knows (connections, parameters) it writes into these rows whenever something has
-happened to the drive.  A condition of such names alone needs no row.
+happened to the drive.  A condition of such names alone needs no row.  Signals of devices it reads every millisecond.
 """
 
 from __future__ import annotations
@@ -14,21 +14,35 @@ from typing import TYPE_CHECKING
 from pnfarm.errors import ConfigError
 from pnfarm.faults.errors import InjectionError
 from pnfarm.firmware.axis import AXIS
-from pnfarm.station.conditions import bind
+from pnfarm.signals.conditions import bind
+from pnfarm.signals.device_signal import DeviceSignal
 from pnfarm.table import condition as codes
 from pnfarm.table.access.places import Place, place_of
 from pnfarm.table.access.plain import plain
 from pnfarm.table.segments import Segments
 from pnfarm.table.trace import SOURCE_AXIS_REAL
-from pnfarm.vocabulary.conditions import Both, Comparison, ConditionError, Either, Name, Not, Text, evaluate
+from pnfarm.vocabulary.conditions import (
+    Both,
+    Comparison,
+    ConditionError,
+    Either,
+    Name,
+    Not,
+    Text,
+    evaluate,
+    names_in,
+    parse_condition,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from pnfarm.drives.description.model import Model
     from pnfarm.engine.columns import Columns
+    from pnfarm.signals.conditions import Condition
+    from pnfarm.signals.device_signal import LiveDevices
     from pnfarm.station.axis import Axis
-    from pnfarm.station.conditions import Condition
+    from pnfarm.station.station import Station
     from pnfarm.vocabulary.conditions import Operand, Tree, Value
 
 __all__ = ["ConditionWatch", "Conditions"]
@@ -50,11 +64,16 @@ _POWERED = place_of(AXIS, "powered")
 _STATE = place_of(AXIS, "drive.state")
 
 
-class Conditions:
-    """The conditions for which injections wait on a farm's drives."""
+#: Between two looks at signals of devices.
+LOOK_NS = 1_000_000
 
-    def __init__(self, stations: Sequence[Axis], columns: Columns) -> None:
-        self._stations = {station.configured_name: station for station in stations}
+
+class Conditions:
+    """The conditions for which injections wait on a farm's axes, and on those ``stations`` that are devices."""
+
+    def __init__(self, axes: Sequence[Axis], columns: Columns, stations: Sequence[Station] = ()) -> None:
+        self._axes = {axis.configured_name: axis for axis in axes}
+        self._devices = {station.configured_name: station.signals for station in stations if not station.axes}
         self._engine = columns.engine
         self._conditions, self._ops = plain(columns.condition), plain(columns.condition_op)
         self._watches: dict[int, ConditionWatch] = {}
@@ -65,15 +84,26 @@ class Conditions:
         self._serial = 0
 
     def bind(self, drive: str, text: str) -> Condition:
-        """The condition as this drive's model understands it.  Raises :class:`InjectionError`."""
+        """The condition as this drive's model, or this device, understands it.  Raises :class:`InjectionError`."""
+        axis = self._axes.get(drive)
         try:
-            return _bound(text, self._stations[drive].model)
+            if axis is not None and not any("." in name.name for name in names_in(parse_condition(text))):
+                return _bound(text, axis.model)
+            known = {
+                name: {} if signals is None else {one: signals.signal(one) for one in signals.names}
+                for name, signals in self._devices.items()
+            }
+            return bind(text, None if axis is None else axis.model, known, "" if axis is not None else drive)
         except ConditionError as exc:
             raise InjectionError([("when", f"column {exc.column}: {exc.what}", exc.allowed)]) from exc
 
     def watch(self, drive: str, text: str) -> ConditionWatch:
         """Watch from the first :meth:`ConditionWatch.look` on.  Raises :class:`InjectionError`."""
-        return ConditionWatch(self, self._stations[drive], self.bind(drive, text))
+        return ConditionWatch(self, drive, self._axes.get(drive), self.bind(drive, text), self._live)
+
+    @property
+    def _live(self) -> LiveDevices:
+        return {name: signals for name, signals in self._devices.items() if signals is not None}
 
     def reported(self, row: int, serial: int, now: int) -> str | None:
         """The engine saw the condition in this row hold at ``now``: the name of its drive, None if it is over."""
@@ -136,16 +166,21 @@ def _bound(text: str, model: Model) -> Condition:
 
 
 class ConditionWatch:
-    """A condition on one drive, until it held or :meth:`close` is called."""
+    """A condition on one drive or device, until it held or :meth:`close` is called."""
 
-    def __init__(self, conditions: Conditions, station: Axis, condition: Condition) -> None:
-        self.drive = station.configured_name
+    def __init__(
+        self, conditions: Conditions, drive: str, station: Axis | None, condition: Condition, devices: LiveDevices
+    ) -> None:
+        self.drive = drive
+        #: How often to look, if what happens to the drive is not enough.
+        self.every_ns = LOOK_NS if any(isinstance(one, DeviceSignal) for one in condition.signals.values()) else None
         self.serial = 0
         #: When the engine saw it hold.
         self.held_ns: int | None = None
         self._conditions = conditions
         self._station = station
         self._condition = condition
+        self._devices = devices
         #: Its row and its first operation.
         self._row: tuple[int, int] | None = None
         #: Operations whose value the event loop gives.
@@ -159,13 +194,13 @@ class ConditionWatch:
         """
         if self.held_ns is not None:
             return self.held_ns
-        if self._condition.holds(self._station):
+        if self._condition.holds(self._station, self._devices):
             return now
-        if self._telegram != self._station.store.telegram_number:
+        if self._station is not None and self._telegram != self._station.store.telegram_number:
             # bits of words have other places
             self.close()
             self._telegram = self._station.store.telegram_number
-            self._open()
+            self._open(self._station)
         elif self._row is not None:
             for op, leaf in self._given.items():
                 self._conditions.give(self._row[1] + op, self._value(leaf))
@@ -178,8 +213,8 @@ class ConditionWatch:
             self._row = None
         self._telegram = -1
 
-    def _open(self) -> None:
-        builder = _Builder(self._station, self._condition, self._value)
+    def _open(self, station: Axis) -> None:
+        builder = _Builder(station, self._condition, self._value)
         builder.add(self._condition.tree)
         self._given = builder.given
         if builder.in_table:
@@ -188,7 +223,7 @@ class ConditionWatch:
     def _value(self, leaf: Tree) -> float:
         def value_of(operand: Operand) -> Value:
             if isinstance(operand, Name):
-                return self._condition.signals[operand.name].read(self._station)
+                return self._condition.read(operand.name, self._station, self._devices)
             return operand.value
 
         return float(evaluate(leaf, value_of))
@@ -229,8 +264,9 @@ class _Builder:
         if isinstance(tree, Name) and (place := self._place(tree)) is not None:
             return self._field(place)
         if isinstance(tree, Comparison):
-            if isinstance(state := tree.right if isinstance(tree.left, Name) else tree.left, Text):
-                return self._state(str(state.value), equal=tree.sign == "==")
+            name, other = (tree.left, tree.right) if isinstance(tree.left, Name) else (tree.right, tree.left)
+            if isinstance(name, Name) and isinstance(other, Text) and self._signals[name.name].form == "state":
+                return self._state(other.value, equal=tree.sign == "==")
             sides = [self._place(side) if isinstance(side, Name) else None for side in (tree.left, tree.right)]
             if any(sides) and all(
                 place is not None or not isinstance(side, Name)
@@ -248,7 +284,8 @@ class _Builder:
         return number
 
     def _place(self, name: Name) -> Place | None:
-        return self._signals[name.name].place(self._station)
+        signal = self._signals[name.name]
+        return None if isinstance(signal, DeviceSignal) else signal.place(self._station)
 
     def _field(self, place: Place | None) -> int:
         assert place is not None

@@ -28,7 +28,8 @@ __all__ = ["make_hub_app"]
 
 def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None = None) -> FastAPI:
     """The API of one hub; tokens as :func:`~pnfarm.api.application.make_api` takes them."""
-    drives, devices, faults, views = HubDrives(hub), HubDevices(hub), HubFaults(hub), HubLive(hub)
+    drives, devices, faults = HubDrives(hub), HubDevices(hub), HubFaults(hub)
+    views = HubLive(hub, devices)
     hosts = Hosts(
         drives=drives,
         add_drive=drives.add_drive,
@@ -38,7 +39,7 @@ def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None =
         scenarios=HubScenarios(hub, faults),
         traces=HubTraces(hub),
         farm=HubItself(hub),
-        streams=HubStreams(hub, views),
+        streams=HubStreams(hub, devices, views),
         described=DESCRIBED,
     )
     description = "The virtual drives of several farms as of one."

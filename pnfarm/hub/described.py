@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field
 from pnfarm.api.paths.farm import Findings, Health, Reactions, Ready
 from pnfarm.api.paths.faults import Fault, Faults, Reset, Targets
 from pnfarm.api.paths.traces import Traces
-from pnfarm.api.schemas.device import DevicesView, StationsView, StationView
+from pnfarm.api.schemas.device import DeviceRow, DevicesView, StationsView, StationView
 from pnfarm.api.schemas.drive import Drive
 from pnfarm.api.schemas.farm import FarmView
 from pnfarm.web.bodies import Schema
@@ -51,8 +51,12 @@ class HubStations(StationsView, _Partial):
     stations: list[HubStation]  # type: ignore[assignment]  # a list of more
 
 
+class HubDevice(DeviceRow):
+    shard: str
+
+
 class HubDevices(DevicesView, _Partial):
-    devices: list[HubStation]  # type: ignore[assignment]
+    devices: list[HubDevice]  # type: ignore[assignment]
 
 
 class NotHit(Schema):

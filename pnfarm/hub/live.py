@@ -1,13 +1,12 @@
 """``GET live`` at the hub: the page's stream (:mod:`pnfarm.api.live`) over the drives of all shards.
 
-While a page is open, the hub follows the stream of each shard once, for all pages.  For the drive that a page looks at
-it follows that drive's own stream, for this page.
+While a page is open, the hub follows the stream of each shard once, for all pages.  What a page looks at in detail has
+streams of its own (:mod:`pnfarm.hub.relay`).
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections import deque
 from contextlib import aclosing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -15,23 +14,25 @@ from typing import TYPE_CHECKING, Any
 import anyio
 
 from pnfarm.api.access.guard import WHO
-from pnfarm.api.live import message, page_stream
+from pnfarm.api.live import page_stream
+from pnfarm.api.messages import message
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.errors import ConfigError
 from pnfarm.hub.overview import HubOverview
+from pnfarm.hub.relay import Relay
 from pnfarm.hub.shards import AwayError
 from pnfarm.web.bodies import PREFIX
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
 
+    from pnfarm.api.paths.streams import Chosen
+    from pnfarm.hub.hosts.devices import HubDevices
     from pnfarm.hub.hub import Hub
     from pnfarm.hub.shards import Shard
 
 __all__ = ["HubLive"]
 
-#: Messages of a chosen drive that wait for a slow page; the oldest are left out.
-MOST_RELAYED = 32
 #: Between two looks whether a page is open, and after a shard's stream broke.
 LOOK_SECONDS = 0.1
 AGAIN_SECONDS = 1.0
@@ -40,8 +41,9 @@ AGAIN_SECONDS = 1.0
 class HubLive:
     """The streams of the hub's pages."""
 
-    def __init__(self, hub: Hub) -> None:
+    def __init__(self, hub: Hub, devices: HubDevices) -> None:
         self._hub = hub
+        self._devices = devices
         self._overview = HubOverview(hub.shards, hub.now)
         #: Pages that are open.
         self.viewers = 0
@@ -89,44 +91,28 @@ class HubLive:
         with anyio.move_on_after(2.0):
             await self._hub.each(shards, lambda shard: self._take(shard, {"follow": "false"}))
 
-    async def stream(self, scope: Mapping[str, Any], drive: str | None, *, follow: bool = True) -> AsyncIterator[bytes]:
-        """See :func:`pnfarm.api.live.page_stream`; ``drive`` is the chosen one."""
-        relayed: deque[bytes] = deque(maxlen=MOST_RELAYED)
-        relay: asyncio.Task[None] | None = None
-        self.viewers += 1
+    async def stream(self, scope: Mapping[str, Any], chosen: Chosen) -> AsyncIterator[bytes]:
+        """See :func:`pnfarm.api.live.page_stream`."""
+        relay = Relay(self._hub, self._devices, chosen)
+        task: asyncio.Task[None] | None = None
+        self.viewers += chosen.overview
         try:
-            await self._look_once()
-            if drive is not None and follow:
+            if chosen.overview:
+                await self._look_once()
+            if not chosen.follow:
+                await relay.once()
+            elif chosen.drive is not None or chosen.devices:
                 # of this page alone; it ends with its stream
-                relay = asyncio.get_running_loop().create_task(self._relay(drive, relayed))
-            elif drive is not None:
-                await self._relay(drive, relayed, follow=False)
-            page = _HubPage(self._hub, self._overview, scope.get(WHO) != "read_token", relayed)
-            async with aclosing(page_stream(self._hub, self._hub.log, page, follow=follow)) as parts:
+                task = asyncio.get_running_loop().create_task(relay.run())
+            page = _HubPage(self._hub, self._overview, scope.get(WHO) != "read_token", relay)
+            log = self._hub.log if chosen.overview else None
+            async with aclosing(page_stream(self._hub, log, page, follow=chosen.follow)) as parts:
                 async for part in parts:
                     yield part
         finally:
-            self.viewers -= 1
-            if relay is not None:
-                relay.cancel()
-
-    async def _relay(self, drive: str, relayed: deque[bytes], *, follow: bool = True) -> None:
-        """The messages of one drive, from the shard that has it, also after it was away."""
-        hub = self._hub
-        while True:
-            try:
-                shard = hub.shards.owner(drive)
-                query = {"drive": drive} | ({} if follow else {"follow": "false"})
-                async for event, data in hub.client(shard).stream(f"{PREFIX}/live", query=query):
-                    if event in {"drive", "signals"}:
-                        relayed.append(message(event, data))
-            except (AwayError, ConfigError) as exc:
-                if not follow:
-                    return
-                relayed.append(b": %b\n\n" % str(exc).encode("ascii", "replace"))
-            if not follow:
-                return
-            await anyio.sleep(AGAIN_SECONDS)
+            self.viewers -= chosen.overview
+            if task is not None:
+                task.cancel()
 
 
 @dataclass(slots=True)
@@ -135,8 +121,7 @@ class _HubPage:
     seen: HubOverview
     #: Whether this client may change something.
     writes: bool
-    #: Messages of the chosen drive.
-    relayed: deque[bytes]
+    relay: Relay
     layout: int = -1
     version: int = 0
 
@@ -150,9 +135,8 @@ class _HubPage:
         self.version = self.seen.version
         yield message("overview", text)
 
-    def drive(self) -> Iterator[bytes]:
-        while self.relayed:
-            yield self.relayed.popleft()
+    def chosen(self, *, whole: bool) -> Iterator[bytes]:  # noqa: ARG002 - the shards do
+        return self.relay.messages()
 
     def _farm(self) -> dict[str, Any]:
         shards = self.hub.shards

@@ -248,17 +248,30 @@ class HubRun(Flow):
     # -- steps that look
 
     def _parts(self, step: Step) -> dict[Shard, list[str]]:
-        """The drives of a step by shard, also by one that is away."""
+        """The drives of a step by shard, also by one that is away; the devices of one about devices alone.
+
+        Raises :class:`ConfigError` for devices of several shards: none could see all of their signals.
+        """
         found: dict[Shard, list[str]] = {}
+        for name in self.binding.condition_of(step)[1]:
+            found.setdefault(self._hub.shards.device_owner(name), []).append(name)
+        if len(found) > 1:
+            several = ", ".join(name for names in found.values() for name in names)
+            raise ConfigError(f"{several} are devices of several shards, and a condition is of one")
+        if found:
+            return found
         for name in self.binding.chosen(step):
             found.setdefault(self._hub.shards.known(name), []).append(name)
         return found
 
     def _looked(self, step: Step, kind: str, keys: Mapping[str, Any]) -> Generator[int, None, list[dict[str, Any]]]:
         """The records of one step on each shard that has drives of it; of a lost one, a record that says so."""
+        of_devices = bool(self.binding.condition_of(step)[1])
+        if of_devices:
+            yield from self._await(self._devices.look())
         parts = self._parts(step)
         length = step.get("within", DEFAULT_WITHIN_NS if kind == "wait" else 0) + step.get("for", 0)
-        texts = {shard: {kind: {**keys, "drive": names}} for shard, names in parts.items()}
+        texts = {shard: {kind: keys if of_devices else {**keys, "drive": names}} for shard, names in parts.items()}
         return (yield from self._await(self._all_parts(texts, length)))
 
     async def _all_parts(self, steps: Mapping[Shard, Mapping[str, Any]], length_ns: int) -> list[dict[str, Any]]:

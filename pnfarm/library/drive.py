@@ -9,7 +9,7 @@ from pnfarm.farm.views.readings import DriveReadings
 from pnfarm.farm.wait import NotInTime
 from pnfarm.library.arguments import duration_ns
 from pnfarm.scenario.watch import Watch, as_text
-from pnfarm.station.conditions import bind
+from pnfarm.signals.conditions import bind
 from pnfarm.vocabulary.conditions import ConditionError
 
 if TYPE_CHECKING:
@@ -42,12 +42,12 @@ class Drive(DriveReadings):
         Raises :class:`ConfigError` for a condition that this drive cannot have, :class:`NotInTime`.
         """
         try:
-            bound = bind(condition, self._station.model)
+            bound = bind(condition, self._station.model, self._passing.core.signals())
         except ConditionError as exc:
             raise ConfigError(f"{condition!r}: {exc}") from exc
         within_ns = duration_ns(within, "within")
         passing = self._passing
-        watch = Watch({self.name: bound}, {self.name: self._station})
+        watch = Watch({self.name: bound}, {self.name: self._station}, passing.core.live_devices)
         # before the clock is read, which may let time pass: what happens from this call on counts
         unsubscribe = passing.log.subscribe(watch.note)
 

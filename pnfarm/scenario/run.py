@@ -258,7 +258,7 @@ class ScenarioRun(Flow):
         raise EndedError(f"{step.title}: {message}")
 
     def _open(self, step: Step) -> Watch:
-        watch = Watch(self.binding.conditions(step), self._stations)
+        watch = Watch(self.binding.conditions(step), self._stations, self._core.live_devices)
         self._watches.append(watch)
         return watch
 

@@ -9,14 +9,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.description.parts import fault_label
+from pnfarm.signals.device_signal import split_name
 from pnfarm.station import events
 from pnfarm.station.signals import EVENT_SIGNALS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.signals.conditions import Condition
+    from pnfarm.signals.device_signal import LiveDevices
     from pnfarm.station.axis import Axis
-    from pnfarm.station.conditions import Condition
     from pnfarm.station.event_log import LogEntry
     from pnfarm.vocabulary.conditions import Value
 
@@ -45,16 +47,17 @@ def signals_of_event(entry: LogEntry) -> dict[str, Value]:
 
 
 class Watch:
-    """``conditions`` by drive.
+    """``conditions`` by drive, or by device where they are about devices alone.
 
     ``held_ns``: when a drive's came true first; ``broken_ns``: when one that must hold did not.
 
     While :attr:`must_hold` is set, what counts is that none is false.
     """
 
-    def __init__(self, conditions: Mapping[str, Condition], stations: Mapping[str, Axis]) -> None:
+    def __init__(self, conditions: Mapping[str, Condition], stations: Mapping[str, Axis], devices: LiveDevices) -> None:
         self._conditions = conditions
         self._stations = stations
+        self._devices = devices
         self.held_ns: dict[str, int] = {}
         self.broken_ns: dict[str, int] = {}
         self.must_hold = False
@@ -95,7 +98,7 @@ class Watch:
             self._take(entry.drive, entry.now_ns, known)
 
     def _take(self, name: str, now: int, known: Mapping[str, Value] | None) -> None:
-        if self._conditions[name].holds(self._stations[name], known):
+        if self._conditions[name].holds(self._stations.get(name), self._devices, known):
             self.held_ns.setdefault(name, now)
         else:
             self.all_now = False
@@ -103,11 +106,13 @@ class Watch:
                 self.broken_ns.setdefault(name, now)
 
     def values(self) -> dict[str, dict[str, Any]]:
-        """The present values of the signals, by drive; faults as the manual writes them."""
+        """The present values of the signals, by drive or device; faults as the manual writes them."""
         return {
             name: {
                 key: fault_label(int(value)) if condition.signals[key].form == "fault" else value
-                for key, value in condition.values(self._stations[name]).items()
+                for key, value in condition.values(self._stations.get(name), self._devices).items()
+                # of a device's own where devices are what it is about
+                if name in self._stations or split_name(key)[0] == name
             }
             for name, condition in self._conditions.items()
         }

@@ -37,6 +37,7 @@ __all__ = [
     "SIGNALS",
     "STATES",
     "STATUS_BITS",
+    "WORDS",
     "DriveSignal",
     "ProfileWord",
     "find_parameter",
@@ -92,6 +93,8 @@ _CIP_WORDS = {
     "status_1": ProfileWord("status word 1", ("ethernetip", "status"), STATUS_1_BITS, bits=8),
     "status_2": ProfileWord("status word 2", ("ethernetip", "status"), STATUS_2_BITS, shift=8, bits=8),
 }
+#: The words of any profile.
+WORDS = frozenset({*_PROFIDRIVE_WORDS, *_CIP_WORDS})
 
 
 def profile_words(model: Model) -> Mapping[str, ProfileWord]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote
@@ -22,6 +22,8 @@ __all__ = ["FarmClient", "FarmError", "token_in"]
 FILE_VARIABLE = "PNFARM_TOKEN_FILE"
 #: A farm answers in milliseconds; a power cycle or a thousand drives take longer.
 TIMEOUT_SECONDS = 10.0
+#: Longest silence of a stream: a farm sends a comment every 15 s.
+SILENCE_SECONDS = 40.0
 
 
 class FarmError(PnfarmError):
@@ -130,15 +132,25 @@ class FarmClient:
         """The farm's event log behind the entry ``after``, of one drive or of all; with ``follow`` also new entries
         until the farm stops.
         """
-        import httpx
-
-        patience = httpx.Timeout(TIMEOUT_SECONDS, read=None)
-        headers = {"Accept": "text/event-stream", "Last-Event-ID": str(after)}
         chosen = {"drive": drive} if drive else {}
         if not follow:
             chosen["follow"] = "false"
+        return self._stream("events", chosen, {"Last-Event-ID": str(after)})
+
+    def values(self, devices: Sequence[str]) -> Iterator[dict[str, Any]]:
+        """The signals of these devices, or of ``["all"]``: at first each, then what changed; until the farm stops.
+
+        A dictionary is a ChangedSignals of the API's description.
+        """
+        return self._stream("live", {"device": list(devices), "overview": "false"}, {})
+
+    def _stream(self, path: str, query: Mapping[str, Any], headers: Mapping[str, str]) -> Iterator[dict[str, Any]]:
+        import httpx
+
+        patience = httpx.Timeout(TIMEOUT_SECONDS, read=SILENCE_SECONDS)
+        sent = {"Accept": "text/event-stream", **headers}
         try:
-            with self._client.stream("GET", "events", headers=headers, timeout=patience, params=chosen) as response:
+            with self._client.stream("GET", path, headers=sent, timeout=patience, params=query) as response:
                 if response.is_error:
                     response.read()
                 self._raise_for(response)

@@ -7,12 +7,13 @@ Grammar, from the loosest to the tightest::
     negation   = "not" negation | comparison
     comparison = operand [ ( "==" | "!=" | "<" | "<=" | ">" | ">=" ) operand ]
     operand    = "(" condition ")" | number [ unit ] | text | name | "param" "(" text ")"
-    name       = word { "." word-or-number }
+    name       = word { "." word-or-number }      a word has letters, digits, "_", and "-" inside of it
 
-A number is decimal or ``0x...``; a text is in single or double quotes; ``true`` and ``false`` are 1 and 0.  What a name
-means, and with which unit, is the caller's: :func:`names_in` lists the names of a tree, :func:`evaluate` asks for their
-values.  Length, number of operands and nesting are bounded; :func:`parse_condition` returns a tree or raises
-:class:`ConditionError`, whatever the text.
+There is no subtraction: ``island-1.part_present`` is one name, ``velocity > -5`` has a negative number.  A name may
+begin with a digit if a word follows one of its dots: ``2nd-island.valve``.  A number is decimal or ``0x...``; a text is
+in single or double quotes; ``true`` and ``false`` are 1 and 0.  What a name means, and in which unit, is the caller's:
+:func:`names_in` lists the names of a tree, :func:`evaluate` asks for their values.  Length, number of operands and
+nesting are bounded; :func:`parse_condition` returns a tree or raises :class:`ConditionError`, whatever the text.
 """
 
 from __future__ import annotations
@@ -74,8 +75,8 @@ _WORDS = frozenset({"and", "or", "not"})
 _INSTEAD = {"&&": "and", "||": "or", "!": "not", "=": "==", "<>": "!=", "&": "and", "|": "or"}
 _TOKEN = re.compile(
     r"""(?P<space>[ \t\r\n]+)
+    |(?P<name>(?:[A-Za-z_]|(?=[0-9][A-Za-z0-9_.-]*\.[A-Za-z_])[0-9])[A-Za-z0-9_]*(?:(?:\.|-+)[A-Za-z0-9_]+)*)
     |(?P<number>0[xX][0-9a-fA-F]{1,16}\b|[0-9]{1,18}(?:\.[0-9]{1,18})?(?:[eE][-+]?[0-9]{1,3})?)
-    |(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z0-9_]+)*)
     |(?P<text>"[^"\n]*"|'[^'\n]*')
     |(?P<sign>==|!=|<=|>=|&&|\|\||<>|[-<>()=!&|%])
     """,

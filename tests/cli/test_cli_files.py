@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from cell_file import CELL
 
 from pnfarm.buses.registry import fault_kinds
 from pnfarm.cli.commands import up
@@ -98,6 +99,21 @@ def test_validate_checks_what_a_kind_takes(pnfarm, write, impairment, told):
     if told is not None:
         assert found.err.startswith(f"{path}:9: drives[0].")
         assert told in found.err
+
+
+@pytest.mark.parametrize(
+    ("when", "told"),
+    [
+        ("part_present and island-1.pressure > 2 bar", ""),
+        ("island-1.valv", "devices[0].impair[0].when: column 1: island-1 has no signal 'valv', did you mean valve?"),
+        ("velocity > 3", "devices[0].impair[0].when: column 1: island-1 has no signal 'velocity'"),
+    ],
+)
+def test_validate_checks_what_a_fault_on_a_device_waits_for(pnfarm, write, when, told):
+    path = write(CELL + f"    impair:\n      - {{kind: silence, when: {when}}}\n")
+    found = pnfarm("validate", path)
+    assert told in found.err
+    assert found.code == (2 if told else 0)
 
 
 def test_validate_refuses_two_impairments_of_one_name(pnfarm, write):

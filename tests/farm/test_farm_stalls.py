@@ -20,7 +20,7 @@ from pnfarm.buses.profibus.config.controller import ProfibusController
 from pnfarm.buses.profibus.config.drive import ProfibusDrives
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.cli.commands import demo
-from pnfarm.farm.file.reading import parse_farm
+from pnfarm.farm.file.reading import load_farm, parse_farm
 
 ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 60.0
@@ -185,8 +185,7 @@ def test_demo_survives_a_machine_that_stalls_for_20_ms(apart):
 
 @pytest.mark.parametrize("file", ["demo", "configs/demo.pnfarm.yml", "configs/compose.pnfarm.yml"])
 def test_watchdogs_of_the_demos_leave_room_for_a_stall_of_20_ms(file):
-    text = (ROOT / file).read_text("utf-8") if "/" in file else demo._text(8, None)
-    config = parse_farm(text)
+    config = load_farm(ROOT / file) if "/" in file else parse_farm(demo._text(8, None))
     section = config.controller
     scanners = [one for one in config.controllers if isinstance(one, EthernetIpController)]
     masters = [one for one in config.controllers if isinstance(one, ProfibusController)]

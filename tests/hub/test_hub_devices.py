@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
+import json
+from types import SimpleNamespace
 
 import httpx
 import pytest
@@ -10,6 +13,8 @@ from api_world import assert_problem
 from device_world import add_island
 from hub_world import HubWorld
 from plain_station import controller_sends
+
+from pnfarm.api.paths.streams import Chosen
 
 SIGNALS = "devices/island-2/signals"
 
@@ -95,3 +100,87 @@ def test_a_scenarios_step_writes_signals_of_any_shard(world):
     found = carried_out(world, "scenario: s\nsteps:\n  - set: {island-2.valve_1: true}\n")
     assert found["verdict"] == "error"
     assert "island-2: valve_1: is an output: the controller alone writes it" in str(found["cases"])
+
+
+def test_an_expectation_is_checked_by_the_shard_that_has_the_device(world):
+    world.islands[1].signals.set({"pressure": 2.5})
+    head = "scenario: s\nsteps:\n"
+    found = carried_out(
+        world, head + "  - expect: {that: island-2.pressure == 2.5}\n  - wait: {until: island-1.pressure == 0}\n"
+    )
+    assert found["verdict"] == "passed"
+    assert found["cases"][0]["shown"]["island-2"]["island-2.pressure"] == "2.5 bar"
+    found = carried_out(world, head + "  - expect: {that: island-2.presure > 2}\n")
+    assert "did you mean pressure" in str(found["cases"])
+    found = carried_out(world, head + "  - expect: {that: island-1.pressure > 2 or island-2.pressure > 2}\n")
+    assert found["verdict"] == "error"
+    assert "island-1, island-2 are devices of several shards" in str(found["cases"])
+
+
+# -- their signals as they change
+
+
+def told(octets) -> list[dict]:
+    """The messages ``values``."""
+    lines = octets.decode().splitlines()
+    return [json.loads(data[6:]) for event, data in itertools.pairwise(lines) if event == "event: values"]
+
+
+def values(message):
+    return {signal["name"]: signal["value"] for signal in message["signals"]}
+
+
+def test_signals_of_devices_come_from_the_shards_that_have_them(world):
+    asked = "live?follow=false&overview=false"
+    world.islands[1].signals.set({"pressure": 6.5})
+    (found,) = told(world.get(f"{asked}&device=island-2").content)
+    assert (found["device"], values(found)["pressure"]) == ("island-2", 6.5)
+    assert world.get("devices/island-2/signals").headers["etag"] == found["tag"]
+    assert [one["device"] for one in told(world.get(f"{asked}&device=all").content)] == ["island-1", "island-2"]
+    assert_problem(world.get(f"{asked}&device=island-3"), 404, "there is no device 'island-3'")
+    world.lose(2)
+    assert_problem(world.get(f"{asked}&device=island-2"), 503, "island-2 is unreachable")
+    assert [one["device"] for one in told(world.get(f"{asked}&device=all").content)] == ["island-1"]
+
+
+def test_a_slow_client_gets_the_newest_values_of_each_signal_once(world, monkeypatch):
+    def message(revision, **signals):
+        states = [{"name": name, "value": value, "shown": str(value), "good": True} for name, value in signals.items()]
+        return "values", {"device": "island-2", "revision": revision, "tag": f'"x-{revision}"', "signals": states}
+
+    async def main():
+        gone = asyncio.Event()
+
+        async def stream(path, *, query):
+            assert query == {"overview": "false", "device": ["island-2"]}
+            for number in range(100):
+                yield message(number, pressure=number)
+            yield message(100, part_present=True)
+            await gone.wait()
+
+        monkeypatch.setattr(world.hub, "client", lambda shard: SimpleNamespace(stream=stream, ask=asked(shard).ask))
+        live = world.app.state.views.stream({}, Chosen(None, ("island-2",), overview=False, follow=True))
+        assert (await anext(live)).startswith(b"retry")
+        (found,) = told(await asyncio.wait_for(anext(live), 10))
+        await live.aclose()
+        return found
+
+    asked = world.hub.client
+    found = asyncio.run(main())
+    assert (found["revision"], found["tag"], values(found)) == (100, '"x-100"', {"pressure": 99, "part_present": True})
+
+
+@pytest.mark.parametrize(
+    "data",
+    [{}, {"device": "island-1"}, {"device": "island-2", "signals": [1]}, {"device": [], "signals": []},
+     {"device": "island-2", "signals": [{"name": []}]}, {"device": "island-2", "signals": [], "revision": "x"},
+     {"device": "island-2", "revision": 1, "tag": "", "signals": [{"name": str(n)} for n in range(50_001)]}],
+)  # fmt: skip
+def test_values_that_no_farm_sends_are_counted_and_left_out(world, monkeypatch, data):
+    async def stream(path, *, query):
+        yield "values", data
+
+    asked = world.hub.client
+    monkeypatch.setattr(world.hub, "client", lambda shard: SimpleNamespace(stream=stream, ask=asked(shard).ask))
+    assert told(world.get("live?follow=false&overview=false&device=island-2").content) == []
+    assert world.known(2).errors["garbage"] == 1

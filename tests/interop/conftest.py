@@ -10,7 +10,7 @@ import pytest
 from interop_rig import CannotRunError, Lab, running
 
 #: A foreign device that this project neither has nor fetches: where there is none, there is nothing to skip either.
-collect_ignore = [] if os.environ.get("PNFARM_PNET") else ["test_interop_pnet.py"]
+collect_ignore = [] if os.environ.get("PNFARM_PNET") else ["test_interop_pnet.py", "test_interop_pnet_beside.py"]
 
 #: Long enough for a busy machine, and whole numbers of what every peer can send.
 DRIVES = [

@@ -276,13 +276,9 @@ class PlcWorker:
         )
 
     def do_outputs(self, name, slot, subslot, data):
-        """Lay octets into the one output frame that is sent, at a submodule's place."""
-        layout = self._machine(name).machine.output_layout
-        place = next(d for d in layout.data if (d.slot, d.subslot) == (slot, subslot))
-        columns, octets = self.plc.core.columns, bytes.fromhex(data)
-        row = next(i for i, ppm in enumerate(columns.ppm) if ppm.active and ppm.frame_id == layout.frame_id)
-        start = int(columns.ppm[row].data_offset) + place.data_offset
-        columns.frames[row][start : start + len(octets)] = list(octets)
+        """The controller sends a submodule these octets."""
+        outputs, _ = self._machine(name).plan.plain
+        self.plc.core.plain[name][0].write({outputs.places[slot, subslot].place: bytes.fromhex(data)})
 
     async def _record(self, name, ask):
         session, core = self._machine(name), self.plc.core

@@ -132,6 +132,14 @@ def test_once_the_rig_is_up_every_drive_is_run_by_the_controller(rig):
     assert 50 <= (second["frames_received"] - first["frames_received"]) / seconds <= 75
 
 
+def test_the_controller_runs_the_island_and_a_signal_can_be_written(rig):
+    (island,) = rig.farm("devices")["devices"]
+    assert (island["name"], island["connected"]) == ("island", True)
+    rig.farm("devices/island/signals", method="PATCH", body={"part_present": True})
+    signals = {one["name"]: one for one in rig.farm("devices/island/signals")["signals"]}
+    assert (signals["part_present"]["value"], signals["clamp"]["good"]) == (True, True)
+
+
 def test_containers_run_as_a_user_with_the_rights_that_are_written_and_no_others(rig):
     for service, rights in (("farm", NET_ADMIN | NET_RAW), ("plc", NET_RAW)):
         status = rig.compose("exec", "-T", service, "cat", "/proc/1/status")

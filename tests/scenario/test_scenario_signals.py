@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import asyncio
 
+import httpx
 import pytest
+from api_world import BASE
 from cell_file import CELL
+from device_world import DeviceWorld
+from plain_station import controller_sends
 
 import pnfarm
 from pnfarm.cli.commands.run import bound
@@ -48,7 +52,7 @@ def test_signals_are_written_by_a_step(farm, carried_out):
     ("step", "sentence"),
     [
         ("set: {island-2.part_present: true}", "there is no device 'island-2', did you mean island-1?"),
-        ("set: {island-1.part_presnt: true}", "island-1 has no such signal, did you mean part_present?"),
+        ("set: {island-1.part_presnt: true}", "island-1 has no signal 'part_presnt', did you mean part_present?"),
         ("set: {island-1.valve: true}", "is an output: the controller alone writes it"),
         ("set: {island-1.pressure: 1000}", "is outside of int16 scaled by 0.01; allowed: -327.68 to 327.67 bar"),
         ("set: {part_present: true}", "'part_present' is not a signal; allowed: STATION.SIGNAL"),
@@ -76,3 +80,95 @@ def test_a_scenario_with_a_farm_of_its_own_is_checked_before_the_farm_starts(tmp
         return
     with pytest.raises(ConfigError, match="is an output"):
         bound(scenario)
+
+
+def test_an_expectation_about_a_device_shows_values_and_units(farm, carried_out):
+    result = carried_out(
+        "set: {island-1.part_present: true, island-1.pressure: 6.5}",
+        "expect: {that: island-1.part_present and island-1.pressure == 6.5 bar and not island-1.valve}",
+        "expect: {that: island-1.pressure > 7.25, within: 20ms, name: pressed}",
+        "expect: {drive: axis-01, that: connected and island-1.pressure < 7 and island-1.part_present != false}",
+    )
+    good, bad, mixed = result.record["cases"]
+    assert [case["verdict"] for case in (good, bad, mixed)] == ["passed", "failed", "passed"]
+    assert bad["message"] == "not true within 20ms on island-1"
+    assert bad["measured"] == "island-1: island-1.pressure = 6.5 bar"
+    assert bad["drives"] == ["island-1"]
+    assert good["values"] == {
+        "island-1": {"island-1.part_present": True, "island-1.pressure": 6.5, "island-1.valve": False}
+    }
+    assert good["name"] == "island-1.part_present and island-1.pressure == 6.5 bar and not island-1.valve"
+    assert mixed["shown"]["axis-01"]["island-1.pressure"] == "6.5 bar"
+
+
+def test_a_wait_is_over_when_a_signal_has_its_value_and_a_fault_begins_then(farm, carried_out):
+    result = carried_out(
+        "set: {island-1.part_present: false, island-1.pressure: 0}",
+        "fault: {kind: silence, on: axis-01, when: island-1.pressure >= 2, as: quiet}",
+        "fault: {kind: signal-stuck, on: island-1, params: {signal: slot1_input_0, value: true}, when: pressure > 2.5}",
+        "expect: {drive: axis-01, that: connected, for: 300ms}",
+        "parallel: [[{wait: 100ms}, {set: {island-1.pressure: 2}}], {wait: {until: island-1.pressure == 2}}]",
+        "wait: 50ms",
+        "expect: {that: not island-1.slot1_input_0}",
+        "expect: {drive: axis-01, that: not connected, within: 5s}",
+        "clear: quiet",
+        "set: {island-1.pressure: 3}",
+        "expect: {that: island-1.slot1_input_0, within: 10ms}",
+        "wait: {until: state == S4, within: 20s}",
+    )
+    assert result.passed, result.record["cases"]
+    began = {fault["kind"]: fault["began_seconds"] for fault in result.record["faults"]}
+    assert 0.4 <= began["silence"] <= 0.402
+    assert began["signal-stuck"] >= 0.45
+
+
+@pytest.mark.parametrize(
+    ("step", "sentence"),
+    [
+        ("expect: {that: island-1.part_presnt}", "has no signal 'part_presnt', did you mean part_present?"),
+        ("expect: {that: iland-1.part_present}", "there is no device 'iland-1', did you mean island-1?"),
+        ("wait: {until: connected and island-1.valv}", "has no signal 'valv', did you mean valve?"),
+        ("expect: {drive: axis-01, that: island-2.valve}", "there is no device 'island-2', did you mean island-1?"),
+        ("expect: {that: velocity > 3}", "drive: is missing"),
+        ("expect: {that: island-1.valve and velocity > 3}", "drive: is missing"),
+        ("expect: {that: island-1.pressure > 3 rpm}", "is not measured in rpm; allowed: a number in bar"),
+        ("expect: {that: island-1.pressure == 3.005}", "is never 3.005, which is between two of its steps"),
+        ("expect: {that: island-1.pressure == 500}", "is outside of int16 scaled by 0.01"),
+        ("expect: {that: island-1.pressure}", "is no yes or no"),
+        ("expect: {that: island-1.valve > false}", "has no order"),
+        ("expect: {that: island-1.valve == 2}", "is never 2; allowed: 0, 1, true or false"),
+        ("expect: {that: island-1.pressure - 3 == 0}", "'-' is too much here"),
+        ("fault: {kind: f702, on: axis-01, when: island-1.valv}", "has no signal 'valv', did you mean valve?"),
+        ("fault: {kind: signal-stuck, on: island-1, when: valv, params: {signal: valve}}", "did you mean valve?"),
+        ("fault: {kind: signal-invert, on: island-1, params: {signal: part_presnt}}", "did you mean part_present?"),
+        ("fault: {kind: signal-invert, on: iland-1, params: {signal: part_present}}", "did you mean island-1?"),
+    ],
+)
+def test_what_is_wrong_about_a_device_is_reported_with_its_line(farm, carried_out, step, sentence):
+    with pytest.raises(ConfigError) as caught:
+        carried_out("wait: 1ms", step)
+    assert sentence in str(caught.value)
+    assert "signals.scenario.yml:4" in str(caught.value)
+
+
+def test_a_running_farm_carries_out_a_scenario_about_its_device():
+    world = DeviceWorld()
+    controller_sends(world.signals, b"\2\0\7")
+    text = "scenario: s\nsteps: [expect: {that: island-1.valve_1 and island-1.speed == 7 and island-1.code == '00'}]\n"
+
+    async def run():
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(world.app), base_url=f"{BASE}/api/v1") as client:
+            refused = await client.post("scenarios", json={"text": text.replace("valve_1", "valve_2")})
+            begun = (await client.post("scenarios", json={"text": text})).json()
+            for _ in range(200):
+                found = (await client.get(f"scenarios/{begun['id']}")).json()
+                if found["state"] == "ended":
+                    break
+                await asyncio.sleep(0.01)
+        world.context.close()
+        return refused, found
+
+    refused, found = asyncio.run(run())
+    assert "did you mean valve_1?" in refused.text
+    assert found["verdict"] == "passed"
+    assert found["cases"][0]["shown"]["island-1"]["island-1.speed"] == "7"

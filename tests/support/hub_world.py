@@ -121,6 +121,8 @@ class HubWorld:
 
     async def sleep(self, seconds: float) -> None:
         self.clock_ns += round(max(0.0, seconds) * 1e9)
+        # tasks of the shards have their turn
+        await asyncio.sleep(0)
 
     def __getitem__(self, number: int) -> MemoryShard:
         """The shard ``s1``, ``s2`` ..."""

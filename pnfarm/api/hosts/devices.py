@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.views.stations import device_snapshot, signals_snapshot, station_snapshot
+from pnfarm.farm.views.overview import injected_kinds
+from pnfarm.farm.views.stations import device_row, device_snapshot, signals_snapshot, station_snapshot
 from pnfarm.web.errors import named_by_path
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pnfarm.api.context import ApiContext
     from pnfarm.station.event import Event
     from pnfarm.station.plain_signals import PlainSignals
@@ -23,16 +26,17 @@ class FarmDevices:
         self._context = context
 
     async def stations(self) -> dict[str, Any]:
-        return {"stations": [self._listed(station) for station in self._context.core.stations]}
+        now = self._context.now()
+        return {"stations": [station_snapshot(station, now) for station in self._context.core.stations]}
 
     async def devices(self) -> dict[str, Any]:
-        return {"devices": [self._listed(station) for station in self._context.core.stations if not station.axes]}
-
-    def _listed(self, station: Station) -> dict[str, Any]:
-        return station_snapshot(station, self._context.now())
+        now, injected = self._context.now(), injected_kinds(self._context.core.injections)
+        devices = [station for station in self._context.core.stations if not station.axes]
+        return {"devices": [{**device_row(one, now), "injected": _faults(one, injected)} for one in devices]}
 
     def device(self, name: str) -> dict[str, Any]:
-        return device_snapshot(self._context.device(name), self._context.now())
+        station, injected = self._context.device(name), injected_kinds(self._context.core.injections)
+        return {**device_snapshot(station, self._context.now()), "injected": _faults(station, injected)}
 
     def signals(self, name: str) -> dict[str, Any]:
         station, signals = self._with_signals(name)
@@ -43,7 +47,7 @@ class FarmDevices:
         }
 
     def tag(self, name: str) -> str:
-        return f'"{self._context.instance}-{self._with_signals(name)[1].revision}"'
+        return self._context.tag(self._with_signals(name)[1].revision)
 
     def write(self, name: str, values: dict[str, Any], event: Event) -> dict[str, Any]:
         station, signals = self._with_signals(name)
@@ -55,3 +59,7 @@ class FarmDevices:
     def _with_signals(self, name: str) -> tuple[Station, PlainSignals]:
         with named_by_path():
             return self._context.core.with_signals(name)
+
+
+def _faults(station: Station, injected: Mapping[str, list[tuple[str, str]]]) -> list[dict[str, str]]:
+    return [{"id": fault, "kind": kind} for fault, kind in injected.get(station.configured_name, ())]

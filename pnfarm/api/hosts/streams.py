@@ -5,12 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.api.events import event_stream, start_of
+from pnfarm.api.paths.streams import ALL
+from pnfarm.web.errors import named_by_path
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Mapping
 
     from pnfarm.api.context import ApiContext
     from pnfarm.api.live import LiveViews
+    from pnfarm.api.paths.streams import Chosen
+    from pnfarm.station.plain_signals import PlainSignals
 
 __all__ = ["FarmStreams"]
 
@@ -27,6 +31,13 @@ class FarmStreams:
             drive = self._context.axis(drive).configured_name
         return event_stream(self._context, start_of(self._context.core.log, begin), drive, follow=follow)
 
-    def live(self, scope: Mapping[str, Any], drive: str | None, *, follow: bool) -> AsyncIterator[bytes]:
-        station = None if drive is None else self._context.axis(drive)
-        return self._views.stream(scope, station, follow=follow)
+    async def live(self, scope: Mapping[str, Any], chosen: Chosen) -> AsyncIterator[bytes]:
+        station = None if chosen.drive is None else self._context.axis(chosen.drive)
+        devices = self._devices(chosen.devices)
+        return self._views.stream(scope, station, devices, overview=chosen.overview, follow=chosen.follow)
+
+    def _devices(self, names: tuple[str, ...]) -> dict[str, PlainSignals]:
+        core = self._context.core
+        with named_by_path():
+            found = [one for one in core.stations if not one.axes] if ALL in names else map(core.device, names)
+            return {one.configured_name: one.signals for one in found if one.signals is not None}

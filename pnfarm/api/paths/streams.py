@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 from fastapi import Header, Query, Request
@@ -14,7 +15,11 @@ if TYPE_CHECKING:
 
     from pnfarm.web.paths import Paths
 
-__all__ = ["LIVE_STREAM", "StreamsHost", "add_streams"]
+__all__ = ["ALL", "LIVE_STREAM", "Chosen", "StreamsHost", "add_streams"]
+
+#: Devices that one client may name, and the word for all of them.
+MOST_DEVICES = 1000
+ALL = "all"
 
 #: OpenAPI has no words for the parts of a stream.
 EVENT_STREAM = {
@@ -24,19 +29,29 @@ EVENT_STREAM = {
 }
 LIVE_STREAM = {
     "type": "string",
-    "description": "Messages of types farm, overview, log, drive and signals, each with one JSON object; see the "
-    "documentation of the web page.",
+    "description": "Messages of types farm, overview, log, drive, signals and values, each with one JSON object; see "
+    "the documentation of the web page. `data` of `values` is a ChangedSignals of the components.",
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """What a client of ``live`` wants: a drive in detail, signals of devices, all drives at a glance and the log."""
+
+    drive: str | None
+    devices: tuple[str, ...]
+    overview: bool
+    follow: bool
+
+
 class StreamsHost(Protocol):
-    """Who has the streams.  Raises :class:`~pnfarm.web.errors.NotFoundError` for an unknown drive."""
+    """Who has the streams.  Raises :class:`~pnfarm.web.errors.NotFoundError` for an unknown drive or device."""
 
     def events(self, begin: str | None, drive: str | None, *, follow: bool) -> AsyncIterator[str]:
         """Entries behind the one with the id ``begin``; None: from now on."""
 
-    def live(self, scope: Mapping[str, Any], drive: str | None, *, follow: bool) -> AsyncIterator[bytes]:
-        """The page's messages; ``scope`` is the request's, ``drive`` the one in detail."""
+    async def live(self, scope: Mapping[str, Any], chosen: Chosen) -> AsyncIterator[bytes]:
+        """The page's messages; ``scope`` is the request's."""
 
 
 def add_streams(path: Paths, streams: StreamsHost) -> None:
@@ -62,7 +77,13 @@ def add_streams(path: Paths, streams: StreamsHost) -> None:
     async def live(
         request: Request,
         drive: Annotated[str | None, Query(description="The drive in detail.")] = None,
+        device: Annotated[
+            list[str] | None,
+            Query(max_length=MOST_DEVICES, description=f"A device to follow the signals of; {ALL}: each."),
+        ] = None,
+        overview: Annotated[bool, Query(description="Also all drives at a glance, and the event log.")] = True,
         follow: Annotated[bool, Query(description="Keep sending; false: end after the first of each.")] = True,
     ) -> Response:
-        """What the farm's page shows, as server-sent events: all drives, and one in detail."""
-        return opened(streams.live(request.scope, drive, follow=follow))
+        """What the farm's page shows, as server-sent events: all drives, one in detail, signals of devices."""
+        chosen = Chosen(drive, tuple(dict.fromkeys(device or ())), overview, follow)
+        return opened(await streams.live(request.scope, chosen))

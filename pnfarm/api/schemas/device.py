@@ -9,7 +9,7 @@ from pydantic import Field
 from pnfarm.api.schemas.drive import Controller  # noqa: TC001 - pydantic reads the annotations of fields
 from pnfarm.web.bodies import Schema
 
-__all__ = ["DeviceView", "DevicesView", "SignalsValues", "StationView", "StationsView"]
+__all__ = ["ChangedSignals", "DeviceRow", "DeviceView", "DevicesView", "SignalsValues", "StationView", "StationsView"]
 
 
 class StationView(Schema):
@@ -31,10 +31,6 @@ class StationView(Schema):
 
 class StationsView(Schema):
     stations: list[StationView]
-
-
-class DevicesView(Schema):
-    devices: list[StationView]
 
 
 class SubmoduleView(Schema):
@@ -61,23 +57,41 @@ class DeviceConnection(Schema):
     connected_seconds: float | None
 
 
-class SignalView(Schema):
+class InjectedFault(Schema):
+    id: str
+    kind: str
+
+
+class DeviceRow(StationView):
+    connection: DeviceConnection
+    inputs: int = Field(description="Signals that go to the controller.")
+    outputs: int = Field(description="Signals that come from the controller.")
+    injected: list[InjectedFault] = Field(description="Faults that wait or are in force.")
+
+
+class DevicesView(Schema):
+    devices: list[DeviceRow]
+
+
+class SignalState(Schema):
     name: str
-    direction: Literal["input", "output"] = Field(description="The controller's: an input goes to it.")
-    type: str = Field(description="bool, int16, float32, octets[4] ...")
-    unit: str
-    scale: float = Field(description="In units, of one step of the raw number.")
-    place: str = Field(description="slot.subslot.octet, and .bit of a bit.")
     value: bool | int | float | str = Field(description="In its unit; octets are hexadecimal.")
     shown: str = Field(description="The same as text, as a write takes it.")
     good: bool = Field(description="Whether the provider status of its data is GOOD.")
 
 
-class DeviceView(StationView):
+class SignalView(SignalState):
+    direction: Literal["input", "output"] = Field(description="The controller's: an input goes to it.")
+    type: str = Field(description="bool, int16, float32, octets[4] ...")
+    unit: str
+    scale: float = Field(description="In units, of one step of the raw number.")
+    place: str = Field(description="slot.subslot.octet, and .bit of a bit.")
+
+
+class DeviceView(DeviceRow):
     identity: dict[str, int | str] = Field(description="What its bus identifies it by, and its order number.")
     access_point: str
     modules: list[ModuleView]
-    connection: DeviceConnection
     signals: list[SignalView] = Field(description="In the order of the file.")
 
 
@@ -85,3 +99,12 @@ class SignalsValues(Schema):
     device: str
     revision: int = Field(description="Counts the changes of values that were seen.")
     signals: list[SignalView] = Field(description="In the order of the file; those of one direction are of one time.")
+
+
+class ChangedSignals(Schema):
+    """A message ``values`` of ``GET live``; a long one comes as several, of one revision."""
+
+    device: str
+    revision: int = Field(description="As of `GET devices/NAME/signals`.")
+    tag: str = Field(description="The ETag of that state, for If-Match.")
+    signals: list[SignalState] = Field(description="Those that changed since the message before; at first all.")

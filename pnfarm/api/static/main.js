@@ -1,8 +1,9 @@
 // The page: views by their address behind #, one live stream.
 import {html, render, useEffect, useState} from "./lib/html.js";
-import {look} from "./lib/live.js";
-import {Toasts, useFarm} from "./lib/ui.js";
+import {linkOf, loadDevices, look} from "./lib/live.js";
+import {Problem, Toasts, useFarm, useLoaded} from "./lib/ui.js";
 import {clock, plural} from "./lib/words.js";
+import {Device} from "./views/device.js";
 import {Drive, TABS} from "./views/drive.js";
 import {Faults} from "./views/faults.js";
 import {Health} from "./views/health.js";
@@ -23,7 +24,8 @@ function View({parts, query}) {
   switch (parts[0]) {
     case "": return html`<${Overview}/>`;
     case "drive": return TABS.some(([id]) => id === (parts[2] || "live")) ? html`<${Drive} name=${parts[1]} tab=${parts[2] || "live"}/>` : html`<${Unknown} parts=${parts}/>`;
-    case "faults": return html`<${Faults} on=${query.get("on") || ""}/>`;
+    case "device": return parts.length === 2 ? html`<${Device} key=${parts[1]} name=${parts[1]}/>` : html`<${Unknown} parts=${parts}/>`;
+    case "faults": return html`<${Faults} on=${query.get("on") || ""} kind=${query.get("kind") || ""}/>`;
     case "reactions": return html`<${Reactions}/>`;
     case "topology": return html`<${Topology}/>`;
     case "scenarios": return html`<${Scenarios} id=${parts[1] || ""}/>`;
@@ -35,9 +37,9 @@ function View({parts, query}) {
 /** An address that leads nowhere: which, and where the reader may want to go. */
 function Unknown({parts = []}) {
   const farm = useFarm();
-  const drive = parts.find(part => farm.byName.has(part));
+  const known = parts.find(part => farm.byName.has(part) || farm.deviceByName.has(part));
   return html`<section aria-label="Unknown address"><h2>There is no page ${location.hash}</h2>
-    <p>${drive ? html`<a href=${"#/drive/" + encodeURIComponent(drive)}>The drive ${drive}</a> · ` : null}<a href="#/">Overview</a></p></section>`;
+    <p>${known ? html`<a href=${linkOf(known)}>The ${farm.byName.has(known) ? "drive" : "device"} ${known}</a> · ` : null}<a href="#/">Overview</a></p></section>`;
 }
 
 function App() {
@@ -55,10 +57,13 @@ function App() {
     addEventListener("keydown", key);
     return () => { removeEventListener("hashchange", moved); removeEventListener("keydown", key); };
   }, []);
-  // a stream of a drive that the farm has not is refused
-  const drive = place.parts[0] === "drive" && farm.byName.has(place.parts[1]) ? place.parts[1] : null;
-  useEffect(() => look(drive), [drive]);
-  const chosen = place.parts[0] === "drive" ? "" : place.parts[0];
+  // a stream of a drive or device that the farm has not is refused
+  const [what, name] = place.parts, known = {drive: farm.byName, device: farm.deviceByName}[what];
+  const wanted = known && known.has(name) ? {[what]: name} : {};
+  useEffect(() => look(wanted), [wanted.drive, wanted.device]);
+  const follow = what === "" || what === "device";
+  const [, problem] = useLoaded(loadDevices, [farm.begun, follow], follow ? 2 : 0);
+  const chosen = known ? "" : what;
   return html`
     <header><a class="skip" href="#main" onClick=${event => { event.preventDefault(); document.getElementById("main").focus(); }}>Skip to the content</a>
       <h1>${farm.name}</h1>
@@ -67,7 +72,7 @@ function App() {
       ${farm.writes ? null : html`<span class="warn">read only</span>`}
       ${farm.engine ? html`<span class=${farm.engine.overruns ? "warn" : "dim"}>${plural(farm.engine.overruns, "overrun")}</span>` : null}
       <span class=${farm.connected ? "good" : "bad"} role="status">${farm.connected ? "live" : farm.error ? farm.error + (farm.told ? `; shown as of ${clock(farm.told)}` : "") : "connecting"}</span></header>
-    <main id="main" tabindex="-1" class=${farm.error ? "stale" : ""} data-place=${place.parts.join("/")}><${View} ...${place}/></main>
+    <main id="main" tabindex="-1" class=${farm.error ? "stale" : ""} data-place=${place.parts.join("/")}><${Problem} text=${problem}/><${View} ...${place}/></main>
     <${Toasts}/>`;
 }
 

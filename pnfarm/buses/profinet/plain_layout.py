@@ -10,7 +10,9 @@ from pnfarm.buses.profinet.frame_layout import PlainPlace
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-__all__ = ["PlainLayout", "plain_layout"]
+    from pnfarm.signals.signal import Direction
+
+__all__ = ["PlainLayout", "plain_layout", "signal_places"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +21,12 @@ class PlainLayout:
 
     places: Mapping[tuple[int, int], PlainPlace]
     octets: int
+
+
+def signal_places(inputs: PlainLayout, outputs: PlainLayout) -> dict[tuple[int, int, Direction], int]:
+    """The first octet of each submodule's data, in the order of their statuses."""
+    ways: tuple[tuple[Direction, PlainLayout], ...] = (("input", inputs), ("output", outputs))
+    return {(*key, way): place.place for way, layout in ways for key, place in layout.places.items()}
 
 
 def plain_layout(lengths: Iterable[tuple[int, int, int]]) -> PlainLayout:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from pnfarm.cli.completion import complete_signal
-from pnfarm.errors import ConfigError
+from pnfarm.errors import ConfigError, EnvironmentError_, RemoteError
 from pnfarm.terminal import client
 from pnfarm.terminal.output import print_json, print_line, print_table
 from pnfarm.terminal.partial import raise_for_missing
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
 
 __all__ = ["io"]
 
-#: Between two looks of --watch.
-WATCH_SECONDS = 0.05
+#: After the stream of --watch broke.
+AGAIN_SECONDS = 1.0
 
 
 class _Wanted(NamedTuple):
@@ -61,10 +62,10 @@ def io(
         wanted = [_parsed(word, known) for word in words or []] or [_Wanted(name) for name in known]
         for station, values in _writes(wanted).items():
             _write(farm, station, values)
-        found = _read(farm, wanted)
         if watch:
-            _watch(farm, wanted, found, output)
-        elif output is Format.JSON:
+            _watch(farm, wanted, output, [*dict.fromkeys(one.station for one in wanted)] if words else ["all"])
+        found = _read(farm, wanted)
+        if output is Format.JSON:
             print_json({"devices": list(found.values())})
         elif any(one.signal for one in wanted):
             for line in _lines(found):
@@ -143,18 +144,28 @@ def _rows(found: Mapping[str, Mapping[str, Any]]) -> Iterable[Sequence[object]]:
             yield station, *what, status, signal["place"]
 
 
-def _watch(farm: FarmClient, wanted: Sequence[_Wanted], found: dict[str, dict[str, Any]], output: Format) -> None:
+def _watch(farm: FarmClient, wanted: Sequence[_Wanted], output: Format, devices: Sequence[str]) -> None:
     """Print every signal once, then each whose value or status is another one."""
     seen: dict[tuple[str, str], tuple[Any, bool]] = {}
+
+    def show(station: str, signal: Mapping[str, Any]) -> None:
+        now = signal["value"], signal["good"]
+        if seen.get((station, signal["name"])) != now:
+            seen[station, signal["name"]] = now
+            print_line(json.dumps({"device": station, **signal}) if output is Format.JSON else _line(station, signal))
+
     while True:
-        for station, view in found.items():
+        # what a stream that broke has left out; raises where the farm has gone
+        known: dict[tuple[str, str], Mapping[str, Any]] = {}
+        for station, view in _read(farm, wanted).items():
             for signal in view["signals"]:
-                now = signal["value"], signal["good"]
-                if seen.get((station, signal["name"])) != now:
-                    seen[station, signal["name"]] = now
-                    text = (
-                        json.dumps({"device": station, **signal}) if output is Format.JSON else _line(station, signal)
-                    )
-                    print_line(text)
-        time.sleep(WATCH_SECONDS)
-        found = _read(farm, wanted)
+                known[station, signal["name"]] = signal
+                show(station, signal)
+        # the farm has no room for one more stream, or it broke
+        with suppress(EnvironmentError_, RemoteError):
+            for message in farm.values(devices):
+                for state in message["signals"]:
+                    signal = known.get((message["device"], state["name"]))
+                    if signal is not None:
+                        show(message["device"], {**signal, **state})
+        time.sleep(AGAIN_SECONDS)

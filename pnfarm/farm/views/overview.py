@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import LogEntry
 
-__all__ = ["VALUES", "Overview"]
+__all__ = ["VALUES", "Overview", "injected_kinds"]
 
 #: A sample this young is good for another viewer.
 SHARED_NS = 50_000_000
@@ -147,7 +147,7 @@ class Overview:
         for _ in range(min(MOST_ROWS, -(-count // ROUNDS))):
             self._wanted.setdefault(self._next)
             self._next = (self._next + 1) % count
-        injected = _injected(self._core.injections)
+        injected = injected_kinds(self._core.injections)
         changed = False
         for place in list(self._wanted)[:MOST_ROWS]:
             del self._wanted[place]
@@ -164,7 +164,7 @@ class Overview:
             self._wanted.setdefault(place)
 
 
-def _injected(manager: InjectionManager) -> dict[str, list[tuple[str, str]]]:
+def injected_kinds(manager: InjectionManager) -> dict[str, list[tuple[str, str]]]:
     """Id and kind of the injections that wait or are in force, by drive."""
     found: dict[str, list[tuple[str, str]]] = {}
     for injection in manager.list():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from pnfarm.station.station import Station
     from pnfarm.wire.value_types import Value
 
-__all__ = ["device_snapshot", "json_value", "signals_snapshot", "station_snapshot"]
+__all__ = ["device_row", "device_snapshot", "json_value", "signal_state", "signals_snapshot", "station_snapshot"]
 
 
 def json_value(value: Value) -> bool | int | float | str:
@@ -48,15 +49,26 @@ def station_snapshot(station: Station, now: int) -> dict[str, Any]:
     }
 
 
+def device_row(station: Station, now: int) -> dict[str, Any]:
+    """A device in a list."""
+    signals = station.signals
+    counts = Counter(() if signals is None else (signals.signal(name).direction for name in signals.names))
+    return {
+        **station_snapshot(station, now),
+        "connection": _connection(station, now),
+        "inputs": counts["input"],
+        "outputs": counts["output"],
+    }
+
+
 def device_snapshot(station: Station, now: int) -> dict[str, Any]:
     """A device in full."""
     described = station.description
     return {
-        **station_snapshot(station, now),
+        **device_row(station, now),
         "identity": {} if described is None else dict(described.identity),
         "access_point": "" if described is None else described.access_point,
         "modules": [] if described is None else [asdict(module) for module in described.modules],
-        "connection": _connection(station, now),
         "signals": [] if station.signals is None else signals_snapshot(station.signals),
     }
 
@@ -77,9 +89,12 @@ def signals_snapshot(signals: PlainSignals) -> list[dict[str, Any]]:
             "unit": signal.unit,
             "scale": signal.scale,
             "place": signal.place,
-            "value": json_value(value),
-            "shown": signal.show(value),
-            "good": good,
+            **signal_state(signal, value, good=good),
         }
         for signal, value, good in signals.readings()
     ]
+
+
+def signal_state(signal: Any, value: Value, *, good: bool) -> dict[str, Any]:
+    """What moves of a signal (:class:`pnfarm.signals.signal.Signal`)."""
+    return {"name": signal.name, "value": json_value(value), "shown": signal.show(value), "good": good}

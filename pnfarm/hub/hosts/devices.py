@@ -49,19 +49,19 @@ class HubDevices(Passing):
         self.add(app, farm)
 
     async def asked(self, request: Request) -> tuple[Shard, Answer]:
-        await self._look()
+        await self.look()
         return await super().asked(request)
 
     async def write(self, name: str, values: dict[str, Any]) -> None:
         """Write signals of a device.  Raises :class:`ConfigError` with the shard's refusal, or :class:`AwayError`."""
-        await self._look()
+        await self.look()
         shard = self._hub.shards.device_owner(name)
         answer = await self._hub.ask(shard, "PATCH", f"devices/{quote(name, safe='')}/signals", body=values)
         if answer.status == HTTPStatus.UNPROCESSABLE_ENTITY:
             raise ConfigError(f"{name}: {refusal(answer)}")
         read(shard, answer, "signals")
 
-    async def _look(self) -> None:
+    async def look(self) -> None:
         """Ask the shards that run anew which devices they have; they are the same for the whole run."""
         hub = self._hub
 

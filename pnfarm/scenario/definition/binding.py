@@ -9,9 +9,11 @@ from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.errors import ConfigError
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.plan import matching
+from pnfarm.faults.signals import SIGNALS
 from pnfarm.scenario.definition.steps import ALL_CONNECTED
-from pnfarm.station.conditions import bind
-from pnfarm.vocabulary.conditions import ConditionError
+from pnfarm.signals.conditions import bind
+from pnfarm.signals.device_signal import device_of, stations_in
+from pnfarm.vocabulary.conditions import ConditionError, names_in, parse_condition
 from pnfarm.vocabulary.globs import read_globs
 from pnfarm.vocabulary.issues import FarmFileError
 from pnfarm.vocabulary.problem import Problem
@@ -24,8 +26,9 @@ if TYPE_CHECKING:
     from pnfarm.faults.catalogue import Catalogue
     from pnfarm.scenario.definition.file import Scenario
     from pnfarm.scenario.definition.steps import Step
+    from pnfarm.signals.conditions import Condition
+    from pnfarm.signals.device_signal import KnownDevices
     from pnfarm.signals.signal import Signal
-    from pnfarm.station.conditions import Condition
     from pnfarm.vocabulary.issues import FileIssue
 
 __all__ = ["Binding", "bind_scenario"]
@@ -43,7 +46,7 @@ class Binding:
 
     scenario: Scenario
     drives: Mapping[str, Model]
-    devices: Mapping[str, Mapping[str, Signal]] | None = None
+    devices: KnownDevices | None = None
 
     def chosen(self, step: Step, key: str = "drive") -> list[str]:
         """Names of the drives that a key of a step means; all without the key."""
@@ -54,6 +57,17 @@ class Binding:
         known = {name: ((name,), (model.name, *model.aliases)) for name, model in self.drives.items()}
         return matching(globs, known)
 
+    def hit(self, globs: Sequence[str]) -> list[str]:
+        """Names of the drives and devices that a fault hits.  Raises :class:`InjectionError`.
+
+        Of what models the devices are is not known.
+        """
+        if not self.devices:
+            return self.matching(globs)
+        known = {name: ((name,), (model.name, *model.aliases)) for name, model in self.drives.items()}
+        known |= {name: ((name,), ()) for name in self.devices}
+        return matching([glob for glob in globs if not glob.startswith("model:")], known)
+
     def matching_or_none(self, globs: Any) -> list[str]:
         """Names of the drives that a fault's `on` means; none if it is not valid."""
         try:
@@ -61,17 +75,30 @@ class Binding:
         except (InjectionError, Problem):
             return []
 
-    def conditions(self, step: Step) -> dict[str, Condition]:
-        """The condition of a step, for each of its drives."""
+    def condition_of(self, step: Step) -> tuple[str, list[str]]:
+        """The condition of a step, and the devices that it is about; no devices where it is about drives."""
         text = step.get("that") or step.get("until")
         if text == ALL_CONNECTED:
             text = "connected"
+        found = [] if step.get("drive") else stations_in(parse_condition(text), self.devices)
+        return text, found
+
+    def knows(self, condition: str) -> bool:
+        """Whether it can be checked: not if it names signals of devices that are not known."""
+        names = names_in(parse_condition(condition))
+        return self.devices is not None or not any(device_of(name, None) for name in names)
+
+    def conditions(self, step: Step) -> dict[str, Condition]:
+        """The condition of a step, for each of its drives, or for each of the devices that it is about."""
+        text, stations = self.condition_of(step)
+        if stations or (step.kind == "expect" and not step.get("drive")):
+            return dict.fromkeys(stations, bind(text, None, self.devices))
         by_model: dict[str, Condition] = {}
         found: dict[str, Condition] = {}
         for name in self.chosen(step):
             model = self.drives[name]
             if model.name not in by_model:
-                by_model[model.name] = bind(text, model)
+                by_model[model.name] = bind(text, model, self.devices)
             found[name] = by_model[model.name]
         return found
 
@@ -81,7 +108,7 @@ def bind_scenario(
     scenario: Scenario,
     drives: Mapping[str, Model],
     kinds: Catalogue,
-    devices: Mapping[str, Mapping[str, Signal]] | None = None,
+    devices: KnownDevices | None = None,
 ) -> Binding:
     """Check every step against the farm; of a matrix, one run at a time.
 
@@ -127,7 +154,8 @@ def _errors(binding: Binding, step: Step, kinds: Catalogue, names: set[str]) -> 
                 yield "", what, ", ".join(("all", *sorted(names)))
         case "wait" | "expect" if not missing and (step.get("that") or step.get("until")):
             try:
-                binding.conditions(step)
+                if binding.knows(binding.condition_of(step)[0]):
+                    binding.conditions(step)
             except ConditionError as error:
                 key = "that" if step.get("that") else "until"
                 yield key, f"column {error.column}: {error.what}", error.allowed
@@ -148,18 +176,26 @@ def _errors(binding: Binding, step: Step, kinds: Catalogue, names: set[str]) -> 
 def _fault_errors(binding: Binding, given: Mapping[str, Any], kinds: Catalogue) -> Iterator[tuple[str, str, str]]:
     try:
         spec = kinds.parse(given)
-        drives = binding.matching(spec.on)
+        names = binding.hit(spec.on)
     except InjectionError as error:
         yield from error.issues
         return
-    if spec.when is not None:
-        for model in {binding.drives[name].name: binding.drives[name] for name in drives}.values():
+    models = {binding.drives[name].name: binding.drives[name] for name in names if name in binding.drives}
+    devices = [name for name in names if name not in binding.drives]
+    if spec.when is not None and binding.knows(spec.when):
+        subjects: list[tuple[Model | None, str]] = [(model, "") for model in models.values()]
+        for model, own in subjects + [(None, name) for name in devices]:
             try:
-                bind(spec.when, model)
+                bind(spec.when, model, binding.devices, own)
             except ConditionError as error:
                 yield "when", f"column {error.column}: {error.what}", error.allowed
+    if SIGNALS in spec.kind.effect.needs:
+        for name in devices:
+            known = (binding.devices or {}).get(name, {})
+            if (wanted := spec.params["signal"]) not in known:
+                yield "params.signal", *_no_signal(name, wanted, known)
     if spec.kind.name in {"drive-fault", "drive-warning"}:
-        for model in {binding.drives[name].name: binding.drives[name] for name in drives}.values():
+        for model in models.values():
             wanted = next((value for key, value in spec.params.items() if key in {"fault", "warning"}), None)
             if wanted is not None:
                 try:
@@ -178,13 +214,13 @@ def _signal_errors(devices: Mapping[str, Mapping[str, Signal]], step: Step) -> I
         for name, value in values.items():
             key, signal = f"{station}.{name}", known.get(name)
             if signal is None:
-                yield (
-                    key,
-                    f"{station} has no such signal{did_you_mean(name, known)}",
-                    f"a name of `pnfarm io {station}`",
-                )
+                yield key, *_no_signal(station, name, known)
             elif (problem := signal.refusal(value)) is not None:
                 yield key, problem.what, problem.allowed
+
+
+def _no_signal(station: str, name: str, known: Mapping[str, Signal]) -> tuple[str, str]:
+    return f"{station} has no signal {shown(name)}{did_you_mean(name, known)}", f"a name of `pnfarm io {station}`"
 
 
 def _parameter_errors(binding: Binding, step: Step) -> Iterator[tuple[str, str, str]]:

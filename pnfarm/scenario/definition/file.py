@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.scenario.definition.steps import QUANTILES, STEPS, WHOLE, Step
 from pnfarm.scenario.find import FIND, number_of, read_range
+from pnfarm.signals.device_signal import stations_in
+from pnfarm.vocabulary.conditions import ConditionError, parse_condition
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_path
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, few_hints, shown
@@ -333,7 +335,7 @@ class _Reader:
         else:
             for key in given:
                 self.report((*at, key), "is for metrics", "drive, that, within, for, name")
-            if "drive" not in content:
+            if "drive" not in content and not _of_devices(content.get("that")):
                 self.report((*at, "drive"), "is missing", STEPS["expect"].keys["drive"].doc)
 
     def _parallel(self, content: Any, at: Location, known: Mapping[str, Any], loop: Mapping[str, Any]) -> list[Step]:
@@ -459,3 +461,11 @@ class _Reader:
             self.report(at, f"${name} has no value{hint}", ", ".join(f"${other}" for other in known) or "`variables:`")
             return ""
         return known[name]
+
+
+def _of_devices(condition: Any) -> bool:
+    """Whether a condition may be about signals of devices alone, or is one that is wrong anyway."""
+    try:
+        return bool(stations_in(parse_condition(str(condition)), None))
+    except ConditionError:
+        return True

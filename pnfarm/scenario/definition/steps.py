@@ -256,7 +256,7 @@ class Step:
                 asked = next(key for key in ("increases", "value", *QUANTILES) if key in values)
                 return f"{values['metric'].name} {asked} {values[asked].text}"
             case "expect":
-                return f"{drives}: {values['that']}"
+                return f"{drives}: {values['that']}" if drives else str(values["that"])
             case "find":
                 return f"find {values['variable']}"
             case "load":
@@ -317,10 +317,11 @@ STEPS: Mapping[str, StepKind] = {
         example="clear: trip",
     ),
     "expect": StepKind(
-        "A check, and a test case in the report: of drives (`drive`, `that`) or of a metric.  `within`: it comes true "
-        "on each drive in this time.  `for`: it then stays true this long; of a metric, the period that is measured.",
+        "A check, and a test case in the report: of drives (`drive`, `that`), of devices (`that: island-1.valve`) or "
+        "of a metric.  `within`: it comes true on each drive in this time.  `for`: it then stays true this long; of a "
+        "metric, the period that is measured.",
         {
-            "drive": _drives_key("Drives"),
+            "drive": _drives_key("Drives; left out where the condition is about signals of devices alone"),
             "that": Key(_condition, "The condition."),
             "within": _duration_key("It comes true in this time; left out, it is true at once."),
             "for": _duration_key("It stays true, or the metric is measured, for this long."),

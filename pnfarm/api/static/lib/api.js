@@ -16,8 +16,9 @@ async function problemOf(answer) {
   }
 }
 
-export async function call(method, where, body) {
-  const options = {method, headers: {}};
+/** The answer; an Error has the status of a refusal. */
+export async function call(method, where, body, headers = {}) {
+  const options = {method, headers: {...headers}};
   if (body !== undefined) {
     options.headers["Content-Type"] = "application/json";
     options.body = JSON.stringify(body);
@@ -28,7 +29,7 @@ export async function call(method, where, body) {
   } catch {
     throw new Error("the farm does not answer: has it stopped?");
   }
-  if (!answer.ok) throw new Error(await problemOf(answer));
+  if (!answer.ok) throw Object.assign(new Error(await problemOf(answer)), {status: answer.status});
   return answer.json();
 }
 

@@ -1,4 +1,5 @@
-// The farm as the live stream tells it: one stream for the page, of all drives and of the one that is looked at.
+// The farm as the live stream tells it: one stream for the page, of all drives, and of the drive or device that is looked at.
+import {get} from "./api.js";
 
 export const HISTORY = 60;
 /** Overviews that are kept, ten seconds: what a drive's plots begin with, before its own samples come. */
@@ -8,12 +9,14 @@ const past = {seconds: new Float64Array(PAST).fill(NaN), head: 0};
 const MOST_LOG = 500;
 const listeners = new Set();
 let source = null;
-let chosen = null;
+let chosen = {};
 let pending = false;
 
 export const farm = {
-  connected: false, error: "", told: 0, name: "pnfarm", link: "", parent: null, writes: true, lines: {}, faults: {}, seconds: 0,
-  drives: [], byName: new Map(), engine: null, log: [], lost: 0, drive: null, signals: null, signalsFull: false,
+  connected: false, begun: 0, error: "", told: 0, name: "pnfarm", link: "", parent: null, writes: true, lines: {}, faults: {}, seconds: 0,
+  drives: [], byName: new Map(), devices: [], devicesKnown: false, deviceByName: new Map(), engine: null, log: [], lost: 0, drive: null, signals: null, signalsFull: false,
+  // of the device that is looked at: its name, the ETag of these states, and the state of each signal by name
+  values: {device: "", tag: "", states: new Map()},
 };
 
 function blank(place) {
@@ -73,6 +76,28 @@ function takeFarm(message) {
     connected: true, error: "", name: message.farm, link: message.link, parent: message.parent, writes: message.writes, lines: message.lines, faults: message.faults,
   });
   document.title = `${message.farm} · pnfarm`;
+  farm.begun += 1;
+}
+
+/** Read the list of devices; one whose shard is away stays, as unreachable. */
+export async function loadDevices() {
+  const found = await get("devices");
+  const away = new Map((found.unreachable || []).map(one => [one.shard, one]));
+  const lost = farm.devices.filter(one => away.has(one.shard)).map(one => ({...one, connected: false, unreachable: away.get(one.shard)}));
+  farm.devices = [...found.devices, ...lost];
+  farm.deviceByName = new Map(farm.devices.map(one => [one.name, one]));
+  farm.devicesKnown = true;
+  tell();
+}
+
+/** Address of a station's view. */
+export const linkOf = name => `#/${farm.deviceByName.has(name) ? "device" : "drive"}/${encodeURIComponent(name)}`;
+
+function takeValues(message) {
+  if (message.device !== chosen.device) return;
+  const states = farm.values.device === message.device ? farm.values.states : new Map();
+  for (const state of message.signals) states.set(state.name, state);
+  farm.values = {device: message.device, tag: message.tag, states};
 }
 
 function takeLog(message) {
@@ -100,7 +125,7 @@ function takeSignals(message) {
 /** What the overviews had of the drive before the first of these samples; of other signals null. */
 function pastOf(message) {
   const begun = {id: message.id, seconds: [], values: Object.fromEntries(Object.keys(message.signals).map(name => [name, []]))};
-  const drive = farm.byName.get(chosen), newest = message.seconds[message.seconds.length - 1];
+  const drive = farm.byName.get(chosen.drive), newest = message.seconds[message.seconds.length - 1];
   if (!drive || newest === undefined) return begun;
   // the newest sample and the newest overview are of one moment
   const newestOverview = past.seconds[(past.head + PAST - 1) % PAST];
@@ -120,8 +145,8 @@ function open() {
   if (source) source.close();
   farm.drive = null;
   farm.signals = null;
-  const query = chosen === null ? "" : `?drive=${encodeURIComponent(chosen)}`;
-  const stream = source = new EventSource(`/api/v1/live${query}`);
+  farm.values = {device: "", tag: "", states: new Map()};
+  const stream = source = new EventSource(`/api/v1/live?${new URLSearchParams(chosen)}`);
   const on = (event, take) => stream.addEventListener(event, message => {
     if (stream !== source) return;
     take(JSON.parse(message.data));
@@ -132,6 +157,7 @@ function open() {
   on("log", takeLog);
   on("drive", drive => { farm.drive = drive; });
   on("signals", takeSignals);
+  on("values", takeValues);
   stream.onerror = () => {
     if (stream !== source) return;
     farm.connected = false;
@@ -142,10 +168,10 @@ function open() {
   };
 }
 
-/** Look at a drive in detail, or at none. */
-export function look(name) {
-  if (source && name === chosen) return;
-  chosen = name;
+/** Look at a drive in detail, at a device's signals, or at none: `{drive}`, `{device}` or `{}`. */
+export function look(wanted) {
+  if (source && wanted.drive === chosen.drive && wanted.device === chosen.device) return;
+  chosen = wanted;
   open();
 }
 

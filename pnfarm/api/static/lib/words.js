@@ -33,6 +33,6 @@ export function time(seconds) {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
-export const hex = value => `0x${(value & 0xFFFF).toString(16).toUpperCase().padStart(4, "0")}`;
+export const hex = value => `0x${(value >>> 0).toString(16).toUpperCase().padStart(4, "0")}`;
 export const clock = seconds => new Date(seconds * 1000).toLocaleTimeString([], {hour12: false});
 export const plural = (count, word) => `${count} ${word}${count === 1 ? "" : "s"}`;

@@ -2,6 +2,7 @@
 import {call, get, path} from "../lib/api.js";
 import {Histogram, LogicRows, Plot} from "../lib/charts.js";
 import {html, useEffect, useMemo, useState} from "../lib/html.js";
+import {linkOf} from "../lib/live.js";
 import {Act, FaultText, Problem, State, Tabs, act, inject, say, useFarm, useLoaded} from "../lib/ui.js";
 import {clock, controllerOf, number, plural, time} from "../lib/words.js";
 import {Trace} from "./trace.js";
@@ -112,7 +113,7 @@ const HIDDEN = new Set(["sequence", "time", "farm_seconds", "drive", "event"]);
 export function Entry({entry, drive = true}) {
   const details = Object.entries(entry).filter(([key, value]) => !HIDDEN.has(key) && value !== null && value !== "");
   return html`<tr><td class="dim">${clock(entry.time)}</td><td class="number dim">${entry.farm_seconds.toFixed(3)}</td>
-    ${drive ? html`<td>${entry.drive ? html`<a href=${"#/drive/" + encodeURIComponent(entry.drive)}>${entry.drive}</a>` : ""}</td>` : null}
+    ${drive ? html`<td>${entry.drive ? html`<a href=${linkOf(entry.drive)}>${entry.drive}</a>` : ""}</td>` : null}
     <td>${entry.event}</td><td class="text small dim">${details.map(([key, value]) => `${key} ${typeof value === "object" ? JSON.stringify(value) : value}`).join(", ")}</td></tr>`;
 }
 
@@ -132,7 +133,7 @@ function Events({name, farm}) {
   </div>`;
 }
 
-function Facts({pairs}) {
+export function Facts({pairs}) {
   return html`<dl class="facts">${pairs.filter(([, value]) => value !== undefined && value !== null && value !== "").map(([key, value]) => html`<div key=${key}><dt>${key}</dt><dd>${value}</dd></div>`)}</dl>`;
 }
 
@@ -213,7 +214,7 @@ export function Drive({name, tab}) {
   const farm = useFarm();
   const row = farm.byName.get(name), drive = farm.drive && farm.drive.name === name ? farm.drive : null;
   if (!row) return farm.drives.some(one => !one.known) || !farm.drives.length ? html`<p class="dim">Loading…</p>`
-    : html`<section aria-label="Unknown drive"><h2>There is no drive ${name} in farm ${farm.name}</h2><p><a href="#/">Overview</a></p></section>`;
+    : html`<section aria-label="Unknown drive"><h2>There is no drive ${name} in farm ${farm.name}</h2><p>${farm.deviceByName.has(name) ? html`<a href=${linkOf(name)}>The device ${name}</a> · ` : null}<a href="#/">Overview</a></p></section>`;
   const on = {on: name};
   const power = action => act(() => call("POST", path("drives", name, action)), `${name}: ${action}`);
   const others = farm.drives.filter(one => one.known);

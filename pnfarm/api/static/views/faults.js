@@ -1,6 +1,7 @@
 // Faults: a form made from the catalogue, whom it would hit, what is in force with its evidence.
 import {call, get, path} from "../lib/api.js";
 import {html, useEffect, useMemo, useState} from "../lib/html.js";
+import {farm as live, linkOf} from "../lib/live.js";
 import {Act, Problem, act, inject, useFarm, useLoaded} from "../lib/ui.js";
 import {plural} from "../lib/words.js";
 
@@ -45,10 +46,10 @@ function specOf(kind, form) {
 /** Text whose words between backticks are shown as code. */
 const coded = text => text.split("`").map((part, i) => i % 2 ? html`<code>${part}</code>` : part);
 
-function Parameter({name, parameter, value, onInput}) {
+function Parameter({name, parameter, value, suggested, onInput}) {
   const id = "param-" + name;
   const hint = [parameter.doc, parameter.allowed && !parameter.words.length && `Allowed: ${parameter.allowed}.`].filter(Boolean).join(" ");
-  const words = parameter.type === "yes or no" ? ["yes", "no"] : parameter.words;
+  const words = parameter.type === "yes or no" ? ["yes", "no"] : suggested.length ? suggested : parameter.words;
   const shown = parameter.default === null || parameter.default === "" ? "" : typeof parameter.default === "boolean" ? (parameter.default ? "yes" : "no") : String(parameter.default);
   const chosen = ["yes or no", "word"].includes(parameter.type);
   return html`<div class="field"><label for=${id}>${name.replaceAll("_", " ")}${parameter.required ? html` <span class="bad" title="required">*</span>` : null}</label>
@@ -94,10 +95,13 @@ function byReason(cannot) {
     ? `${drives[0]} ${reason}` : `${plural(drives.length, "drive")} (${drives.slice(0, 3).join(", ")}${drives.length > 3 ? " …" : ""}): ${reason}`);
 }
 
-const blank = on => ({kind: "", on, params: {}, common: {}, direction: ""});
+const blank = (on, kind = "") => ({kind, on, params: {}, common: {}, direction: ""});
 
-function Form({kinds, on, again, names}) {
-  const [form, setForm] = useState(blank(on || "all"));
+function Form({kinds, on, chosen, again, names}) {
+  const [form, setForm] = useState(blank(on || "all", chosen));
+  const device = live.deviceByName.has(form.on) ? form.on : "";
+  const [view] = useLoaded(() => device ? get(path("devices", device)) : Promise.resolve(null), [device]);
+  const inputs = view ? view.signals.filter(one => one.direction === "input").map(one => one.name) : [];
   const [find, setFind] = useState("");
   const families = useMemo(() => {
     const found = new Map();
@@ -117,12 +121,12 @@ function Form({kinds, on, again, names}) {
   return html`<div class="columns faultform">
     <div class="kinds"><input type="search" placeholder="find a kind" aria-label="Find a kind of fault" value=${find} onInput=${event => setFind(event.target.value)}/>
       <div class="kindlist" tabindex="0" role="region" aria-label="Kinds of faults">${families.map(([family, members]) => html`<div key=${family}><h3 class="family">${family}</h3>
-        ${members.map(one => html`<button key=${one.kind} type="button" class="kind" aria-pressed=${one.kind === form.kind} onClick=${() => setForm({...blank(form.on), kind: one.kind})}>${one.kind}</button>`)}</div>`)}</div></div>
+        ${members.map(one => html`<button key=${one.kind} type="button" class="kind" aria-pressed=${one.kind === form.kind} onClick=${() => setForm(blank(form.on, one.kind))}>${one.kind}</button>`)}</div>`)}</div></div>
     <div>${kind ? html`<form class="panel" onSubmit=${submit}>
       <h3>${kind.kind}</h3><p>${coded(kind.doc)}</p>
       <div class="field"><label for="on">on</label><input id="on" list="drive-names" value=${form.on} size="36" onInput=${event => setForm({...form, on: event.target.value})}/>
-        <datalist id="drive-names">${names.slice(0, 200).map(name => html`<option key=${name} value=${name}/>`)}</datalist><p class="hint dim">drive names with * and ?, model:NAME, or all; several with commas</p></div>
-      ${Object.entries(kind.params).map(([name, parameter]) => html`<${Parameter} key=${kind.kind + name} name=${name} parameter=${parameter} value=${form.params[name]} onInput=${value => setForm({...form, params: {...form.params, [name]: value}})}/>`)}
+        <datalist id="drive-names">${names.slice(0, 200).map(name => html`<option key=${name} value=${name}/>`)}</datalist><p class="hint dim">names of drives and devices with * and ?, model:NAME, or all; several with commas</p></div>
+      ${Object.entries(kind.params).map(([name, parameter]) => html`<${Parameter} key=${kind.kind + name} name=${name} parameter=${parameter} value=${form.params[name]} suggested=${name === "signal" ? inputs : []} onInput=${value => setForm({...form, params: {...form.params, [name]: value}})}/>`)}
       ${kind.directions.length ? html`<div class="field"><label for="direction">direction</label><select id="direction" value=${form.direction} onChange=${event => setForm({...form, direction: event.target.value})}><option value="">${kind.directions[0]} (usual)</option>
         ${kind.directions.slice(1).map(one => html`<option key=${one} value=${one} selected=${one === form.direction}>${one}</option>`)}</select><p class="hint dim">seen from the drive</p></div>` : null}
       <fieldset><legend>When and how long</legend><div class="checks">${Object.entries(COMMON).filter(([key]) => kind.takes.includes(key)).map(([key, [label, hint, size]]) => html`<label key=${key} title=${hint}>${label} <input size=${size} value=${form.common[key] || ""} placeholder=${hint.split(",")[0].length < 14 ? hint.split(",")[0] : ""} onInput=${event => setForm({...form, common: {...form.common, [key]: event.target.value}})}/></label>`)}</div></fieldset>
@@ -142,25 +146,25 @@ function Active({fault, again}) {
   const drives = Object.entries(fault.drives);
   const stopped = async () => { await act(() => call("DELETE", path("faults", fault.id)), done => `${done.id} cleared: ${plural(done.evidence.activations, "activation")}`); again(); };
   return html`<tr><th scope="row">${fault.id}</th><td>${fault.kind}</td>
-    <td class="text">${drives.slice(0, 6).map(([drive]) => html`<a key=${drive} href=${"#/drive/" + encodeURIComponent(drive)}>${drive}</a> `)}${drives.length > 6 ? `and ${drives.length - 6} more` : ""}</td>
+    <td class="text">${drives.slice(0, 6).map(([drive]) => html`<a key=${drive} href=${linkOf(drive)}>${drive}</a> `)}${drives.length > 6 ? `and ${drives.length - 6} more` : ""}</td>
     <td class=${fault.state === "active" ? "bad" : "warn"}>${fault.state}${drives[0] && drives[0][1].waits_for ? html` <span class="dim">for ${drives[0][1].waits_for}</span>` : null}</td>
     <td class="number">${evidence.activations}${evidence.checks > evidence.activations ? html` <span class="dim">of ${evidence.checks}</span>` : null}</td>
     <td title=${evidence.reason} class=${evidence.confirmation === "confirmed" ? "good" : evidence.confirmation === "contradicted" ? "bad" : "dim"}>${evidence.confirmation}</td>
     <td><${Act} title="end this fault" label=${"Clear " + fault.id} onClick=${stopped}>Clear<//></td></tr>`;
 }
 
-export function Faults({on}) {
+export function Faults({on, kind}) {
   const farm = useFarm();
   const [kinds, error] = useLoaded(() => get("fault-kinds"), []);
   const [active, problem, again] = useLoaded(() => get("faults"), [], 1);
   const reset = async () => { await act(() => call("POST", "reset"), done => `${plural(done.cleared.length, "fault")} cleared`); again(); };
-  const names = farm.drives.filter(drive => drive.known).map(drive => drive.name);
+  const names = [...farm.drives.filter(drive => drive.known), ...farm.devices].map(one => one.name);
   return html`<section aria-label="Faults">
     <div class="bar"><h2>In force</h2><span class="gap"></span><${Act} title="end every fault" disabled=${!active || !active.faults.length} onClick=${reset}>Clear all faults<//></div>
     <${Problem} text=${problem || error}/>
     ${active && active.faults.length ? html`<div class="scroll" tabindex="0" role="region" aria-label="Faults in force"><table><thead><tr><th scope="col">Id</th><th scope="col">Kind</th><th scope="col">Drives</th><th scope="col">State</th><th scope="col" class="number">Activations</th><th scope="col">On the wire</th><td></td></tr></thead>
       <tbody>${active.faults.map(fault => html`<${Active} key=${fault.id} fault=${fault} again=${again}/>`)}</tbody></table></div>` : active ? html`<p class="dim">No fault is pending or active.</p>` : null}
     <h2>Inject</h2>
-    ${kinds ? html`<${Form} key=${on} kinds=${kinds.kinds} on=${on} again=${again} names=${names}/>` : null}
+    ${kinds ? html`<${Form} key=${on + " " + kind} kinds=${kinds.kinds} on=${on} chosen=${kind} again=${again} names=${names}/>` : null}
   </section>`;
 }

@@ -1,11 +1,13 @@
-// Every drive at a glance: rows or tiles, a filter, a selection, and what can be done to the selection.
+// Every drive at a glance: rows or tiles, a filter, a selection, and what can be done to the selection; and every device.
 import {call, path} from "../lib/api.js";
 import {html, useEffect, useMemo, useRef, useState} from "../lib/html.js";
 import {faultOf} from "../lib/live.js";
 import {Act, FaultText, Spark, State, act, inject, useFarm} from "../lib/ui.js";
+import {ROW, useWindow} from "../lib/window.js";
 import {controllerOf, number, plural, stateOf, time} from "../lib/words.js";
+import {DeviceList, deviceMatches} from "./devices.js";
 
-const ROW = 34, TILE_WIDTH = 224, TILE_HEIGHT = 112, BEYOND = 6;
+const TILE_WIDTH = 224, TILE_HEIGHT = 112;
 const COLUMNS = [
   ["name", "Drive", drive => drive.name],
   ["state", "State", drive => (drive.fault ? 10 : 0) + drive.state],
@@ -45,24 +47,6 @@ function ordered(drives, [key, sign]) {
     const x = value(a), y = value(b);
     return sign * (x < y ? -1 : x > y ? 1 : a.place - b.place);
   });
-}
-
-/** Which part of a list is in sight; only that is drawn. */
-function useWindow(ref, count, height, columns) {
-  const [place, setPlace] = useState({top: 0, view: 600});
-  useEffect(() => {
-    const box = ref.current;
-    const read = () => setPlace({top: box.scrollTop, view: box.clientHeight});
-    read();
-    box.addEventListener("scroll", read, {passive: true});
-    const observer = new ResizeObserver(read);
-    observer.observe(box);
-    return () => { box.removeEventListener("scroll", read); observer.disconnect(); };
-  }, []);
-  const lines = Math.ceil(count / columns);
-  const first = Math.max(0, Math.min(Math.floor(place.top / height) - BEYOND, lines));
-  const last = Math.min(lines, Math.ceil((place.top + place.view) / height) + BEYOND);
-  return {first: first * columns, last: Math.min(count, last * columns), before: first * height, after: (lines - last) * height};
 }
 
 function Selection({selected, select, shown}) {
@@ -131,7 +115,7 @@ export function Overview() {
   const {selected} = wanted;
   const known = farm.drives.filter(drive => drive.known);
   const models = useMemo(() => [["", "any model"], ...[...new Set(known.map(drive => drive.model))].sort().map(one => [one, one])], [known.length]);
-  const buses = useMemo(() => [["", "any bus"], ...[...new Set(known.map(drive => drive.bus))].sort().map(one => [one, one])], [known.length]);
+  const buses = useMemo(() => [["", "any bus"], ...[...new Set([...known, ...farm.devices].map(one => one.bus))].sort().map(one => [one, one])], [known.length, farm.devices.length]);
   const shown = ordered(known.filter(drive => matches(drive, wanted)), wanted.order);
   const columns = wanted.tiles ? Math.max(1, Math.floor((width - 12) / TILE_WIDTH)) : 1;
   const part = useWindow(box, shown.length, wanted.tiles ? TILE_HEIGHT : ROW, columns);
@@ -147,6 +131,7 @@ export function Overview() {
     change({selected: next});
   };
   const sort = key => change({order: wanted.order[0] === key ? [key, -wanted.order[1]] : [key, 1]});
+  const devices = farm.devices.filter(device => deviceMatches(device, wanted));
   const visible = shown.slice(part.first, part.last);
   const faulty = known.filter(drive => drive.fault).length, connected = known.filter(drive => drive.connected).length;
   const running = known.filter(drive => drive.state === 4).length, away = known.filter(drive => drive.state === -2).length;
@@ -166,7 +151,7 @@ export function Overview() {
       </div>
     </div>
     ${selected.size ? html`<${Selection} selected=${selected} select=${next => change({selected: next})} shown=${shown}/>` : null}
-    <div class="list" ref=${box} tabindex="0" role="region" aria-label="Drives">
+    <div class="list" hidden=${!farm.drives.length && farm.devices.length > 0} ref=${box} tabindex="0" role="region" aria-label="Drives">
       ${wanted.tiles
         ? html`<div style=${{height: `${part.before}px`}}></div>
           <ul class="tiles" style=${{gridTemplateColumns: `repeat(${columns}, 1fr)`}}>
@@ -184,5 +169,6 @@ export function Overview() {
           </tbody></table>`}
       ${shown.length || !farm.drives.length ? null : html`<p class="dim">No drive fits the filter.</p>`}
     </div>
+    ${farm.devices.length ? html`<${DeviceList} devices=${devices} all=${farm.devices.length} alone=${!farm.drives.length}/>` : null}
   </section>`;
 }

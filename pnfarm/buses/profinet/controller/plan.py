@@ -108,7 +108,8 @@ def _plan_own(section: ProfinetController, device: ProfinetDeviceConfig, ip: IPv
     station = device.described.plugged
     with describing(device.name, Path(device.name)):
         planned = plan_station(station, device.described.parameters, safe=True)
-        return _plan_described(section, device, station.gsdml, planned, ip)
+        plan = _plan_described(section, device, station.gsdml, planned, ip)
+        return replace(plan, data_signals=device.described.signals)
 
 
 def _plan_described(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.plain_layout import PlainLayout, plain_layout
+from pnfarm.buses.profinet.plain_layout import PlainLayout, plain_layout, signal_places
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -47,8 +47,7 @@ class DescribedStation:
     @property
     def signal_places(self) -> dict[tuple[int, int, Direction], int]:
         """The first octet of each submodule's data, in the order of their statuses."""
-        ways: tuple[tuple[Direction, PlainLayout], ...] = (("input", self.inputs), ("output", self.outputs))
-        return {(*key, way): place.place for way, layout in ways for key, place in layout.places.items()}
+        return signal_places(self.inputs, self.outputs)
 
     def parameter(self, slot: int, subslot: int, index: int) -> bytes | None:
         """A parameter record before a controller wrote it; None where the submodule has none of this index."""

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import struct
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from assembly_bench import ENABLE, MOVE, REVOLUTION, AssemblyBench, command
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from pnfarm.config.device import SignalPlace
 from pnfarm.drives.catalogue import model, models
-from pnfarm.station.conditions import bind
+from pnfarm.signals.conditions import bind
+from pnfarm.signals.signal import place_signal
 from pnfarm.station.signals import STATUS_BITS
 from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 from pnfarm.vocabulary.conditions import ConditionError, evaluate, parse_condition, text_of
@@ -50,7 +53,7 @@ KNOWN = {
     ],
 )
 def test_a_condition_is_read_as_a_tester_means_it(text: str, expected: bool) -> None:
-    assert bind(text, AKD).holds(None, KNOWN) is expected
+    assert bind(text, AKD).holds(None, {}, KNOWN) is expected
 
 
 EIP = model("akd-ethernetip")
@@ -70,7 +73,7 @@ def test_a_drive_on_ethernet_ip_has_the_conditions_of_any_axis_and_its_own_words
     drive = Drive(bench)
 
     def holds(text: str) -> bool:
-        return bind(text, EIP).holds(drive)
+        return bind(text, EIP).holds(drive, {})
 
     bench.send(command(0), 10)
     assert holds("ready and not enabled and not in_operation and at_rest and homed and state == S1")
@@ -160,8 +163,55 @@ def test_every_model_names_its_bits_and_its_faults(name: str) -> None:
 def test_a_fault_with_a_location_is_written_as_in_its_manual() -> None:
     msd = model("moog-msd")
     bound = bind('fault == "32-1"', msd)
-    assert bound.holds(None, {"fault": msd.fault("32-1").number})
-    assert not bound.holds(None, {"fault": 32})
+    assert bound.holds(None, {}, {"fault": msd.fault("32-1").number})
+    assert not bound.holds(None, {}, {"fault": 32})
+
+
+ISLAND = {"1st.cell-2": {name: place_signal(name, SignalPlace.model_validate(place), 8, 0) for name, place in {
+    "part": {"at": "1.1.0.3"},
+    "pressure": {"at": "1.1.0", "type": "int16", "unit": "bar", "scale": 0.1},
+    "heat": {"at": "1.1.0", "type": "float32", "unit": "A"},
+    "code": {"at": "1.1.0", "type": "octets[2]"},
+    "word": {"at": "1.1.0", "type": "text[4]"},
+}.items()}}  # fmt: skip
+
+
+class Values:
+    """Signals of a device with these values."""
+
+    def __init__(self, **values: Any) -> None:
+        self.get = values.__getitem__
+
+
+@pytest.mark.parametrize(
+    ("text", "values", "expected"),
+    [
+        ("1st.cell-2.part", {"part": True}, True),
+        ("1st.cell-2.part == false", {"part": True}, False),
+        ("not part or part != true", {"part": False}, True),
+        # 11 * 0.1 is not 1.1
+        ("1st.cell-2.pressure == 1.1", {"pressure": 11 * 0.1}, True),
+        ("1st.cell-2.pressure <= 1.1 bar", {"pressure": 11 * 0.1}, True),
+        ("pressure > 1.05", {"pressure": 11 * 0.1}, True),
+        ("-1.1==pressure", {"pressure": -11 * 0.1}, True),
+        ("pressure > 99999", {"pressure": 3.0}, False),
+        ("heat == 100mA", {"heat": struct.unpack("f", struct.pack("f", 0.1))[0]}, True),
+        ("code == '00ff'", {"code": b"\0\xff"}, True),
+        ("code != '00'", {"code": b"\0\0"}, False),
+        ("word == 'ok'", {"word": "ok"}, True),
+    ],
+)
+def test_a_signal_of_a_device_is_compared_as_its_values_are(text: str, values: dict[str, Any], expected: bool) -> None:
+    bound = bind(text, None, ISLAND, "1st.cell-2")
+    assert bound.holds(None, {"1st.cell-2": Values(**values)}) is expected
+    assert text_of(parse_condition(text_of(bound.tree))) == text_of(bound.tree)
+
+
+@pytest.mark.parametrize("names", [["a", "a.b"], ["zsw1"], ["a-1", "a"]])
+def test_a_station_with_dots_or_the_name_of_a_drives_word_is_found(names: list[str]) -> None:
+    devices = dict.fromkeys(names, ISLAND["1st.cell-2"])
+    for name in names:
+        assert list(bind(f"{name}.part", AKD, devices).signals) == [f"{name}.part"]
 
 
 def refusal(call: Callable[[], object]) -> ConditionError | None:
@@ -178,6 +228,8 @@ def refusal(call: Callable[[], object]) -> ConditionError | None:
 @example("\u0661 == velocity")
 @example("a.b.c.d == .5")
 @example("param(param)")
+@example("1.2.a-b.3-")
+@example("9" + ".a-" * 25)
 @settings(max_examples=400, deadline=None)
 def test_any_text_gives_a_tree_or_one_sentence(text: str) -> None:
     error = refusal(lambda: parse_condition(text))
@@ -190,18 +242,19 @@ def test_any_text_gives_a_tree_or_one_sentence(text: str) -> None:
 _PIECES = [
     "connected", "velocity", "zsw1.fault_present", "state", "S4", "fault", "702", "1.5", "rpm", "ms", "(", ")", "and",
     "or", "not", "==", "!=", "<", ">=", "-", "param", '("DRV.OPMODE")', "'x'", "true", "%", ".", "0x1f",
+    "1st.cell-2.part", "1st.cell-2.pressure", "1st.cell-2.code", "1st.cell-2.no", "2nd-.x",
 ]  # fmt: skip
 
 
 @given(st.lists(st.sampled_from(_PIECES), max_size=24).map(" ".join))
 @settings(max_examples=600, deadline=None)
 def test_words_of_the_language_in_any_order_bind_or_give_one_sentence(text: str) -> None:
-    error = refusal(lambda: bind(text, AKD))
+    error = refusal(lambda: bind(text, AKD, ISLAND))
     if error is not None:
         assert "\n" not in str(error)
         return
-    bound = bind(text, AKD)
-    assert bound.holds(None, dict.fromkeys(bound.signals, 0.0)) in {True, False}
+    bound = bind(text, AKD, ISLAND)
+    assert bound.holds(None, {}, dict.fromkeys(bound.signals, 0.0)) in {True, False}
 
 
 def _pairs(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:

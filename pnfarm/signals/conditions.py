@@ -1,8 +1,9 @@
-"""Conditions on drives: the names and units of a parsed condition checked against one model's signals.
+"""Conditions: the names and units of a parsed condition checked against the signals of a drive's model, and of devices.
 
 ``bind("state == S4 and velocity > 1000", model)`` gives a :class:`Condition` whose :meth:`~Condition.holds` reads one
 drive.  The words of a state need no quotes; a fault is compared with its number, name or cause (``fault == 702``,
 ``fault == "32-1"``, ``fault == undervoltage``); a number beside a signal may have a unit (``velocity > 1000 rpm``).
+``island-1.part_present`` is a signal of a device (:mod:`pnfarm.signals.device_signal`).
 """
 
 from __future__ import annotations
@@ -12,7 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
-from pnfarm.station.signals import STATES, DriveSignal, find_parameter, find_signal, signal_names
+from pnfarm.signals.device_signal import DeviceSignal, split_name
+from pnfarm.station.signals import STATES, WORDS, DriveSignal, find_parameter, find_signal, signal_names
 from pnfarm.vocabulary.conditions import (
     Both,
     Comparison,
@@ -27,13 +29,15 @@ from pnfarm.vocabulary.conditions import (
     names_in,
     parse_condition,
 )
+from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quantities import show_quantity
-from pnfarm.vocabulary.quoting import did_you_mean, shown
+from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.drives.description.model import Model
+    from pnfarm.signals.device_signal import KnownDevices, LiveDevices
     from pnfarm.station.axis import Axis
     from pnfarm.vocabulary.conditions import Operand, Tree, Value
 
@@ -54,13 +58,21 @@ _EQUAL = frozenset({"==", "!="})
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A condition on a drive of one model."""
+    """A condition on a drive of one model, on devices, or on both; without a drive, its ``station`` is None."""
 
     text: str
     tree: Tree
-    signals: Mapping[str, DriveSignal]
+    signals: Mapping[str, DriveSignal | DeviceSignal]
 
-    def holds(self, station: Axis, known: Mapping[str, Value] | None = None) -> bool:
+    def read(self, name: str, station: Axis | None, devices: LiveDevices) -> Value:
+        """The present value of one of its signals."""
+        signal = self.signals[name]
+        if isinstance(signal, DeviceSignal):
+            return signal.read(devices)
+        assert station is not None
+        return signal.read(station)
+
+    def holds(self, station: Axis | None, devices: LiveDevices, known: Mapping[str, Value] | None = None) -> bool:
         """Whether it holds; ``known`` are values of signals at the moment of an event."""
 
         def value_of(operand: Operand) -> Value:
@@ -68,13 +80,13 @@ class Condition:
                 return operand.value
             if known is not None and operand.name in known:
                 return known[operand.name]
-            return self.signals[operand.name].read(station)
+            return self.read(operand.name, station, devices)
 
         return evaluate(self.tree, value_of)
 
-    def values(self, station: Axis) -> dict[str, Any]:
+    def values(self, station: Axis | None, devices: LiveDevices) -> dict[str, Any]:
         """The present value of each of its signals, for a report; a state's word, numbers in the signal's unit."""
-        return {name: signal.read(station) for name, signal in self.signals.items()}
+        return {name: self.read(name, station, devices) for name in self.signals}
 
     def shown(self, values: Mapping[str, Any]) -> dict[str, str]:
         """Values as of :meth:`values` for people: with units, and as many digits as its comparisons need."""
@@ -90,15 +102,20 @@ class Condition:
         }
 
 
-def bind(text: str, model: Model) -> Condition:
-    """A condition as drives of ``model`` understand it.  Raises :class:`ConditionError`."""
-    return _Binder(model).bind(text, parse_condition(text))
+def bind(text: str, model: Model | None, devices: KnownDevices | None = None, own: str = "") -> Condition:
+    """A condition as drives of ``model`` understand it, None: no drive.  Raises :class:`ConditionError`.
+
+    ``own``: the device whose signals need no station in their names.
+    """
+    return _Binder(model, devices or {}, own).bind(text, parse_condition(text))
 
 
 class _Binder:
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model | None, devices: KnownDevices, own: str) -> None:
         self._model = model
-        self._signals: dict[str, DriveSignal] = {}
+        self._devices = devices
+        self._own = own
+        self._signals: dict[str, DriveSignal | DeviceSignal] = {}
 
     def bind(self, text: str, tree: Tree) -> Condition:
         bound = self._tree(tree)
@@ -144,35 +161,72 @@ class _Binder:
                 self._known(side)
         raise ConditionError("compares two values", tree.column, "a signal on one side")
 
-    def _find(self, name: Name) -> DriveSignal | None:
+    def _find(self, name: Name) -> DriveSignal | DeviceSignal | None:
+        if not name.parameter:
+            station, signal = split_name(name.name)
+            if (known := self._devices.get(station or self._own)) is not None:
+                found = known.get(signal)
+                return None if found is None else DeviceSignal(station or self._own, found)
+        if self._model is None:
+            return None
         return (find_parameter if name.parameter else find_signal)(self._model, name.name)
 
-    def _known(self, name: Name) -> tuple[Name, DriveSignal]:
+    def _known(self, name: Name) -> tuple[Name, DriveSignal | DeviceSignal]:
         signal = self._find(name)
         if signal is None:
-            if name.parameter:
-                hint = did_you_mean(name.name, self._model.parameter_names)
-                what = f"{self._model.name} has no parameter {shown(name.name)}{hint}"
-                raise ConditionError(what, name.column, f"a name or number of `pnfarm models {self._model.name}`")
-            known = signal_names(self._model)
-            what = f"{self._model.name} has no signal {shown(name.name)}{did_you_mean(name.name, known)}"
-            raise ConditionError(what, name.column, _allowed(name.name, known))
+            what, allowed = self._unknown(name)
+            raise ConditionError(what, name.column, allowed)
         self._signals[signal.name] = signal
         return Name(signal.name, name.column, name.parameter), signal
 
-    def _check_sign(self, sign: str, signal: DriveSignal, column: int) -> None:
+    def _unknown(self, name: Name) -> tuple[str, str]:
+        """What is wrong with a name, and what is allowed."""
+        station, signal = split_name(name.name)
+        known = None if name.parameter else self._devices.get(station or self._own)
+        if known is not None:
+            what = f"{station or self._own} has no signal {shown(signal)}{did_you_mean(signal, known)}"
+            return what, shortened(list(known)) or "none: it has no data"
+        if not name.parameter and station and station not in WORDS and (self._devices or self._model is None):
+            hint = did_you_mean(station, self._devices)
+            return f"there is no device {shown(station)}{hint}", shortened(list(self._devices)) or "none"
+        if self._model is None:
+            return f"{shown(name.name)} is no signal of a device", "STATION.SIGNAL, such as island-1.part_present"
+        if name.parameter:
+            hint = did_you_mean(name.name, self._model.parameter_names)
+            what = f"{self._model.name} has no parameter {shown(name.name)}{hint}"
+            return what, f"a name or number of `pnfarm models {self._model.name}`"
+        names = signal_names(self._model)
+        what = f"{self._model.name} has no signal {shown(name.name)}{did_you_mean(name.name, names)}"
+        return what, _allowed(name.name, names)
+
+    def _check_sign(self, sign: str, signal: DriveSignal | DeviceSignal, column: int) -> None:
         if sign not in _EQUAL and signal.form in {"bit", "state", "fault", "text"}:
             raise ConditionError(f"{signal.name} has no order, and {sign} compares one", column, "== or !=")
 
-    def _value(self, signal: DriveSignal, side: Operand, tree: Comparison) -> Operand:
+    def _value(self, signal: DriveSignal | DeviceSignal, side: Operand, tree: Comparison) -> Operand:
         self._check_sign(tree.sign, signal, tree.column)
-        match signal.form:
-            case "state":
+        match signal:
+            case DeviceSignal():
+                return self._of_device(signal, side, tree.sign)
+            case DriveSignal(form="state"):
                 return self._state(signal, side)
-            case "fault":
+            case DriveSignal(form="fault"):
                 return self._fault(side)
             case _:
                 return self._number(signal, side)
+
+    def _of_device(self, signal: DeviceSignal, side: Operand, sign: str) -> Operand:
+        try:
+            if signal.form != "text":
+                number = self._number(signal, side)
+                return Number(signal.number(number.value, exactly=sign in _EQUAL), "", side.column, number.written)
+            if not isinstance(side, Text):
+                raise ConditionError(
+                    f"{signal.name} is of type {signal.signal.type.name}", side.column, "a text in quotes"
+                )
+            return Text(signal.text(side.value), side.column)
+        except Problem as problem:
+            raise ConditionError(f"{signal.name}: {problem.what}", side.column, problem.allowed) from problem
 
     def _state(self, signal: DriveSignal, side: Operand) -> Operand:
         word = side.name if isinstance(side, Name) else side.value if isinstance(side, Text) else side.written
@@ -185,6 +239,7 @@ class _Binder:
         return Text(found, side.column)
 
     def _fault(self, side: Operand) -> Operand:
+        assert self._model is not None
         word = side.name if isinstance(side, Name) else side.value if isinstance(side, Text) else side.written
         if word in {"0", "none"}:
             return Number(0.0, "", side.column, "0")
@@ -198,7 +253,7 @@ class _Binder:
                 what, side.column, "0, or a fault of `pnfarm models`: number, name or cause"
             ) from error
 
-    def _number(self, signal: DriveSignal, side: Operand) -> Operand:
+    def _number(self, signal: DriveSignal | DeviceSignal, side: Operand) -> Number:
         if not isinstance(side, Number):
             if isinstance(side, Name):
                 self._known(side)
@@ -207,14 +262,15 @@ class _Binder:
             raise ConditionError(f"{signal.name} is never {side.written}", side.column, "0, 1, true or false")
         if not side.unit:
             return side
-        factor = _UNITS.get(signal.unit, {}).get(side.unit)
+        units = _UNITS.get(signal.unit) or ({signal.unit: 1.0} if signal.unit else {})
+        factor = units.get(side.unit)
         if factor is None:
-            allowed = "a number in " + ", ".join(_UNITS[signal.unit]) if signal.unit in _UNITS else "a plain number"
+            allowed = "a number in " + ", ".join(units) if units else "a plain number"
             raise ConditionError(f"{signal.name} is not measured in {side.unit}", side.column, allowed)
         return Number(side.value * factor, "", side.column, side.written)
 
 
-def _example(signal: DriveSignal) -> str:
+def _example(signal: DriveSignal | DeviceSignal) -> str:
     match signal.form:
         case "state":
             return "state == S4"
@@ -222,6 +278,8 @@ def _example(signal: DriveSignal) -> str:
             return f"{signal.name} == 0"
         case "bit":
             return signal.name
+        case "text":
+            return f'{signal.name} == ""'
         case _:
             return f"{signal.name} > 0"
 

@@ -1,0 +1,188 @@
+// One device: its identity, and its modules with their signals live; inputs of the controller can be written.
+import {call, get, path} from "../lib/api.js";
+import {html, useMemo, useRef, useState} from "../lib/html.js";
+import {farm as live} from "../lib/live.js";
+import {Act, Problem, act, inject, useFarm, useLoaded} from "../lib/ui.js";
+import {hex, plural, time} from "../lib/words.js";
+import {DeviceState, deviceController} from "./devices.js";
+import {Entry, Facts} from "./drive.js";
+
+/** Signals that are shown before a module is opened: more of them make a page slow. */
+const SHOWN = 200;
+/** Signals that a browser leaves out together while they are not in sight. */
+const PART = 64;
+const EVENTS = 20;
+const WIDE = 24;
+
+/**
+ * Write an input that the reader saw as `seen`: {tag, shown}.  The tag is of all signals of the device: if it is not
+ * the present one, the input itself may still be as it was seen.
+ */
+async function write(device, name, value, seen) {
+  const where = path("devices", device, "signals");
+  try {
+    await call("PATCH", where, {[name]: value}, {"If-Match": seen.tag});
+  } catch (problem) {
+    if (problem.status !== 412) throw problem;
+    const now = (await get(where)).signals.find(one => one.name === name);
+    if (!now || now.shown !== seen.shown) throw new Error(`${name} is ${now ? now.shown : "no signal"} meanwhile; nothing was written`);
+    await call("PATCH", where, {[name]: value});
+  }
+}
+
+const seenNow = state => ({tag: live.values.tag, shown: state.shown});
+
+/** Why a signal's value is not what was written or sent: `of` is the fault on it. */
+function Marks({state, of}) {
+  return html`${state.good ? null : html` <span class="bad" title="the provider status of its data is BAD">bad</span>`}${of ? html` <span class="warn" title=${`under the fault ${of.id}`}>${of.kind}</span>` : null}`;
+}
+
+/** One bit: a lamp, or a switch if it is an input. */
+function Bit({device, signal, state, of}) {
+  const [error, setError] = useState("");
+  const {writes} = live, on = state.value === true, id = "why-" + signal.name;
+  const flip = async () => {
+    try {
+      await write(device, signal.name, !on, seenNow(state));
+      setError("");
+    } catch (problem) {
+      setError(problem.message);
+    }
+  };
+  const text = html`<i aria-hidden="true"></i><span class="place dim small" aria-hidden="true">${signal.place.split(".").slice(2).join(".")}</span><span class="name" title=${`${signal.name}, ${signal.place}`}>${signal.name}</span><${Marks} state=${state} of=${of}/>`;
+  return html`<li>${signal.direction === "input"
+    ? html`<button type="button" role="switch" class=${"bit" + (on ? " on" : "")} aria-checked=${String(on)} aria-describedby=${error ? id : null} disabled=${!writes} title=${writes ? null : "this token may read only"} onClick=${flip}>${text}<strong aria-hidden="true">${on ? 1 : 0}</strong></button>`
+    : html`<span class=${"bit" + (on ? " on" : "")}>${text}<strong>${on ? 1 : 0}</strong></span>`}
+    ${error ? html`<p id=${id} class="bad small" role="alert">${error}</p>` : null}</li>`;
+}
+
+/** A number, a text or octets: a row with a field if it is an input.  What is typed is written by Enter, or left by Escape. */
+function Value({device, signal, state, of}) {
+  const [edit, setEdit] = useState(null);
+  const [error, setError] = useState("");
+  const {writes} = live, id = "why-" + signal.name, changed = edit && edit.text !== edit.seen.shown;
+  const submit = async event => {
+    event.preventDefault();
+    if (!edit) return;
+    try {
+      await write(device, signal.name, edit.text, edit.seen);
+      setEdit(null);
+      setError("");
+    } catch (problem) {
+      setError(problem.message);
+    }
+  };
+  const type = text => setEdit({text, seen: edit ? edit.seen : seenNow(state)});
+  const leave = () => { setEdit(null); setError(""); };
+  return html`<tr><th scope="row" class="text">${signal.name}</th><td class="dim">${signal.place}</td><td class="dim">${signal.type}</td>
+    <td class="text">${signal.direction === "input"
+      ? html`<form class="edit" onSubmit=${submit}><input class=${state.shown.length > WIDE ? "wide" : ""} aria-label=${signal.name} value=${edit ? edit.text : state.shown} readonly=${!writes} title=${writes ? "" : "this token may read only"} spellcheck="false" autocomplete="off"
+          aria-invalid=${error ? "true" : null} aria-describedby=${error ? id : null} onFocus=${event => writes && !edit && type(event.target.value)} onInput=${event => type(event.target.value)} onBlur=${() => { if (edit && !changed) leave(); }} onKeyDown=${event => { if (event.key === "Escape") leave(); }}/>
+          ${changed ? html`<button type="submit">Write</button>` : null}</form>`
+      : html`<output aria-label=${signal.name}>${state.shown || "–"}</output>`}
+      ${error ? html`<p id=${id} class="bad small" role="alert">${error}</p>` : null}</td>
+    <td>${signal.unit}</td><td>${state.good ? html`<span class="dim">good</span>` : null}<${Marks} state=${state} of=${of}/></td></tr>`;
+}
+
+/** What `make` gave before, if it was of the same `key`: what has not changed is not compared again. */
+function kept(known, id, key, make) {
+  const before = known.get(id);
+  if (before && before.key.length === key.length && before.key.every((one, i) => one === key[i])) return before.node;
+  const node = make();
+  known.set(id, {key, node});
+  return node;
+}
+
+const sliced = list => Array.from({length: Math.ceil(list.length / PART)}, (_, i) => list.slice(i * PART, (i + 1) * PART));
+
+function Submodule({device, submodule, signals, states, faults}) {
+  const known = useRef(new Map()).current;
+  const draw = (Kind, signal) => {
+    const state = states.get(signal.name) || signal, of = faults.get(signal.name);
+    return kept(known, signal.name, [signal, state, of && of.id, live.writes], () => html`<${Kind} key=${signal.name} device=${device} signal=${signal} state=${state} of=${of}/>`);
+  };
+  const parts = (Kind, what, some, make) => sliced(some).map((part, place, {length}) => {
+    const nodes = part.map(one => draw(Kind, one)), label = `${what} of subslot ${submodule.subslot}${length > 1 ? `, part ${place + 1}` : ""}`;
+    return kept(known, `${what} ${place}`, nodes, () => html`<div class="part" key=${label}>${make(nodes, label)}</div>`);
+  });
+  const bits = direction => parts(Bit, direction + "s", signals.filter(one => one.type === "bool" && one.direction === direction), (nodes, label) => html`<ul class="bits" aria-label=${label}>${nodes}</ul>`);
+  const octets = [submodule.input_octets ? plural(submodule.input_octets, "octet") + " in" : "", submodule.output_octets ? plural(submodule.output_octets, "octet") + " out" : ""].filter(Boolean).join(", ");
+  return html`<section aria-label=${`Subslot ${submodule.subslot}, ${submodule.name}`}><h4>Subslot ${submodule.subslot} · ${submodule.name} <span class="dim">ident ${hex(submodule.ident)}${octets ? ` · ${octets}` : ""}</span></h4>
+    ${submodule.safety ? html`<p class="warn">PROFIsafe: the device does not run the safety protocol, so an F-CPU passivates this submodule. Its octets are exchanged like any others.</p>` : null}
+    ${bits("input")}${bits("output")}
+    ${parts(Value, "values", signals.filter(one => one.type !== "bool"), (nodes, label) => html`<table class="values" aria-label=${label}><thead><tr><th scope="col">Signal</th><th scope="col">Place</th><th scope="col">Type</th><th scope="col">Value</th><th scope="col">Unit</th><th scope="col">Status</th></tr></thead>
+      <tbody>${nodes}</tbody></table>`)}</section>`;
+}
+
+const countOf = (signals, direction) => plural(signals.filter(one => one.direction === direction).length, direction);
+
+/** One module; what is in it is drawn while it is open. */
+function Module({module, signals, open, toggle, ...more}) {
+  const of = submodule => signals.filter(one => one.at[1] === submodule.subslot);
+  return html`<details class="panel module" open=${open} onToggle=${event => toggle(module.slot, event.currentTarget.open)}>
+    <summary><strong>Slot ${module.slot} · ${module.name}</strong> <span class="dim">ident ${hex(module.ident)}${signals.length ? ` · ${countOf(signals, "input")}, ${countOf(signals, "output")}` : ""}</span>${module.submodules.some(one => one.safety) ? html` <span class="warn">PROFIsafe</span>` : null}</summary>
+    ${open ? module.submodules.map(submodule => html`<${Submodule} key=${submodule.subslot} submodule=${submodule} signals=${of(submodule)} ...${more}/>`) : null}</details>`;
+}
+
+const IDENTS = new Set(["vendor_id", "device_id"]);
+const title = key => (key[0].toUpperCase() + key.slice(1)).replaceAll("_", " ").replace(/\bid\b/, "ID");
+
+/** The modules whose signals are shown at first: those that have some, up to a number. */
+function openAtFirst(modules) {
+  const found = new Set();
+  let shown = 0;
+  for (const {module, signals} of modules) if (signals.length && (shown += signals.length) <= SHOWN) found.add(module.slot);
+  return found;
+}
+
+export function Device({name}) {
+  const farm = useFarm();
+  const row = farm.deviceByName.get(name);
+  const [view, error] = useLoaded(() => row ? get(path("devices", name)) : Promise.resolve(null), [name, row !== undefined, farm.begun]);
+  const [active, problem, again] = useLoaded(() => get("faults"), [], 1);
+  const [text, setText] = useState("");
+  const [opened, setOpened] = useState({});
+  const signals = useMemo(() => view ? view.signals.map(one => ({...one, at: one.place.split(".").map(Number)})) : [], [view]);
+  const modules = useMemo(() => {
+    const wanted = text.toLowerCase();
+    const found = signals.filter(one => `${one.name} ${one.unit} ${one.place}`.toLowerCase().includes(wanted));
+    return view ? view.modules.map(module => ({module, signals: found.filter(one => one.at[0] === module.slot)})).filter(one => !text || one.signals.length) : [];
+  }, [signals, text]);
+  const first = useMemo(() => openAtFirst(modules), [modules]);
+  if (!row) return farm.devicesKnown ? html`<section aria-label="Unknown device"><h2>There is no device ${name} in farm ${farm.name}</h2><p><a href="#/">Overview</a></p></section>` : html`<p class="dim">Loading…</p>`;
+  const on = {on: name};
+  const mine = active ? active.faults.filter(one => name in one.drives && one.drives[name].state !== "ended") : [];
+  const faults = new Map(mine.filter(one => one.drives[name].state === "active" && (one.spec.params || {}).signal).map(one => [one.spec.params.signal, one]));
+  const states = farm.values.device === name ? farm.values.states : new Map();
+  const toggle = (slot, open) => { if ((opened[slot] ?? first.has(slot)) !== open) setOpened({...opened, [slot]: open}); };
+  const all = open => setOpened(Object.fromEntries(modules.map(one => [one.module.slot, open])));
+  const add = async fields => { await inject({...fields, ...on}); again(); };
+  const entries = farm.log.filter(one => one.drive === name).slice(-EVENTS).reverse();
+  const {controller, ...connection} = row.connection;
+  return html`<section aria-label=${"Device " + name}>
+    <div class="bar"><h2>${name}</h2><${DeviceState} device=${row}/><span class="dim">${row.description}</span>
+      <span class=${row.connected ? "good" : "dim"}>${connection.state}${controller ? ` with ${deviceController(row)}, ${time(connection.cycle_seconds)}` : ""}</span></div>
+    <div class="bar">
+      ${mine.map(one => html`<span key=${one.id} class="warn" title=${one.id}>${one.kind}${(one.spec.params || {}).signal ? ` on ${one.spec.params.signal}` : ""}${one.drives[name].state === "active" ? "" : ` (${one.drives[name].state})`} <${Act} title="end this fault" label=${`Clear ${one.kind}, ${one.id}`} onClick=${async () => { await act(() => call("DELETE", path("faults", one.id)), `${one.id} cleared`); again(); }}>clear<//></span>`)}
+      <span class="gap"></span>
+      <div class="bar" role="group" aria-label="Usual faults">
+      <${Act} kind="hot" title="fall silent until the controller's watchdog has expired" onClick=${() => add({kind: "timeout"})}>timeout<//>
+      <${Act} kind="hot" title="pull the cable for 2 s" onClick=${() => add({kind: "link-down", for: "2s"})}>cable 2 s<//>
+      <a class="button" href=${`#/faults?on=${encodeURIComponent(name)}&kind=signal-stuck`}>signal fault…</a>
+      <a class="button" href=${"#/faults?on=" + encodeURIComponent(name)}>other fault…</a></div>
+    </div>
+    <${Problem} text=${error || problem}/>
+    ${view ? html`<details class="panel"><summary><strong>Identity</strong> <span class="dim">${[view.identity.vendor, view.identity.order_number, view.access_point, row.ip].filter(Boolean).join(" · ")}</span></summary>
+      <${Facts} pairs=${[["Access point", view.access_point], ...Object.entries(view.identity).map(([key, value]) => [title(key), IDENTS.has(key) ? hex(value) : value]), ["Station name", row.station_name], ["Bus", row.bus],
+        ["IP address", row.ip], ["Station address", row.station_address], ["MAC address", row.mac], ["Controller", controller && [controller.name, controller.ip, controller.mac].filter(Boolean).join(", ")],
+        ["Cycle", controller && time(connection.cycle_seconds)], ["Watchdog", controller && time(connection.watchdog_seconds)]]}/></details>
+    <div class="bar"><h2>Modules</h2>
+      <input type="search" placeholder="name, unit or place of a signal" aria-label="Find a signal by name, unit or place" value=${text} onInput=${event => { setText(event.target.value); setOpened({}); }}/>
+      <span class="dim" role="status">${text ? `${modules.reduce((sum, one) => sum + one.signals.length, 0)} of ${plural(signals.length, "signal")}` : `${countOf(signals, "input")}, ${countOf(signals, "output")}`}</span>
+      <span class="gap"></span><button type="button" onClick=${() => all(true)}>Open all</button><button type="button" onClick=${() => all(false)}>Close all</button></div>
+    ${modules.map(one => html`<${Module} key=${one.module.slot} ...${one} open=${opened[one.module.slot] ?? first.has(one.module.slot)} toggle=${toggle} device=${name} states=${states} faults=${faults}/>`)}
+    ${text && !modules.length ? html`<p class="dim">No signal fits.</p>` : null}
+    ${entries.length ? html`<h2>Events of this page's time</h2><div class="scroll" tabindex="0" role="region" aria-label="Events"><table><thead><tr><th scope="col">Time</th><th scope="col" class="number">Farm s</th><th scope="col">Event</th><th scope="col">Details</th></tr></thead>
+      <tbody>${entries.map(entry => html`<${Entry} key=${entry.sequence} entry=${entry} drive=${false}/>`)}</tbody></table></div>` : null}` : null}
+  </section>`;
+}

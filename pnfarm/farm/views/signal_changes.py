@@ -1,0 +1,57 @@
+"""The signals of a device for viewers that follow them: what changed since they looked last.
+
+A look reads the data, nothing runs between looks.  Each change has the revision at which it was seen, so that a viewer
+that knows the revision of its last look costs no memory here, and several share what one of them read.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.farm.views.stations import signal_state
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pnfarm.station.plain_signals import PlainSignals
+
+__all__ = ["SignalChanges"]
+
+#: What was read so short a time ago is good for another viewer.
+SHARED_NS = 50_000_000
+
+
+class SignalChanges:
+    """``now`` is the farm's clock, ns.  ``revision`` is the one of the last look."""
+
+    def __init__(self, signals: PlainSignals, now: Callable[[], int]) -> None:
+        self._signals = signals
+        self._now = now
+        self._looked_ns: int | None = None
+        self.revision = -1
+        self._states: list[dict[str, Any]] = [{}] * len(signals.names)
+        #: The revision at which each of them changed last.
+        self._changed = [-1] * len(signals.names)
+
+    def __len__(self) -> int:
+        return len(self._states)
+
+    def look(self) -> int:
+        """Read the signals if they may have changed; the revision."""
+        now = self._now()
+        if self._looked_ns is None or not 0 <= now - self._looked_ns < SHARED_NS:
+            self._looked_ns = now
+            # before the values: what changes meanwhile has a revision of its own
+            revision = self._signals.revision
+            if revision != self.revision:
+                self.revision = revision
+                for place, (signal, value, good) in enumerate(self._signals.readings()):
+                    state = signal_state(signal, value, good=good)
+                    if state != self._states[place]:
+                        self._states[place] = state
+                        self._changed[place] = revision
+        return self.revision
+
+    def since(self, revision: int) -> list[dict[str, Any]]:
+        """What moved after ``revision``, up to the last look; -1 is the revision of who has seen nothing."""
+        return [state for state, at in zip(self._states, self._changed, strict=True) if at > revision]

@@ -1,0 +1,122 @@
+"""PLC programs of one's own and the devices of the farm: inputs and outputs by the names of their signals."""
+
+from __future__ import annotations
+
+import pytest
+from device_cell import CONFIGS, DRIVES, ONE, Cell
+
+RIGHT = CONFIGS / "programs" / "right.py"
+
+HEAD = "from pnfarm import AxisProgram\n\n\nclass Mine(AxisProgram):\n    def cycle(self, inputs, outputs, now):\n"
+SIGNALS = "      clamp: 2.1.0.0\n      lamp: 2.1.0.1\n"
+
+
+@pytest.fixture
+def cell(tmp_path):
+    def make(*lines: str) -> Cell:
+        path = tmp_path / "mine.py"
+        path.write_text(HEAD + "".join(f"        {line}\n" for line in lines))
+        made = Cell(DRIVES + ONE + SIGNALS, f", program: {{python: '{path}'}}")
+        made.connect()
+        return made
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def line():
+    """What a program's ``self.line`` is, where nothing runs."""
+    made = Cell(DRIVES + ONE + SIGNALS, f", program: {{python: '{RIGHT}'}}")
+    return made.line.programs.line
+
+
+def test_a_program_sees_inputs_of_a_device_and_sets_its_outputs_by_name(cell):
+    made = cell(
+        'island = self.line.device("island")',
+        "island.outputs.clamp = island.inputs.part_present",
+        "island.outputs.lamp = island.inputs.pressure > 6.0",
+    )
+    assert (made.signals().get("clamp"), made.signals().get("lamp")) == (False, False)
+    made.signals().set({"part_present": True, "pressure": 6.5})
+    made.world.run(0.2)
+    assert (made.signals().get("clamp"), made.signals().get("lamp")) == (True, True)
+    made.signals().set({"part_present": False})
+    made.world.run(0.2)
+    assert (made.signals().get("clamp"), made.signals().get("lamp")) == (False, True)
+
+
+def test_outputs_stay_until_they_are_changed_and_can_be_read(cell):
+    made = cell(
+        'outputs = self.line.device("island").outputs',
+        'outputs["lamp"] = outputs.clamp',
+        "outputs.clamp = True",
+    )
+    made.world.run(0.2)
+    assert (made.signals().get("clamp"), made.signals().get("lamp")) == (True, True)
+
+
+def test_the_axes_of_one_cycle_see_the_same_inputs_and_what_they_write_is_sent_together(cell):
+    made = cell(
+        'island = self.line.device("island")',
+        "if self.name == 'axis-1': island.outputs.clamp = island.inputs.part_present",
+        "else: island.outputs.lamp = island.inputs.part_present",
+    )
+    made.signals().set({"part_present": True})
+    seen = []
+    for _ in range(100):
+        made.world.run(0.001)
+        seen.append((made.signals().get("clamp"), made.signals().get("lamp")))
+    assert set(seen) <= {(False, False), (True, True)}
+    assert seen[-1] == (True, True)
+
+
+def test_a_program_knows_whether_a_device_is_connected_and_its_data_are_good(cell):
+    made = cell(
+        'island = self.line.device("island")',
+        'island.outputs.lamp = island.connected and island.inputs.good("pressure")',
+        "self.seen = (island.connected, island.inputs.good('pressure'))",
+    )
+    program = made.line.programs.program("axis-1")
+    made.world.run(0.1)
+    assert program.seen == (True, True)
+    made.farm.injections.inject({"kind": "iops-bad", "on": "island"}, made.world.now)
+    made.world.run(0.2)
+    assert program.seen[1] is False
+    made.farm.injections.inject({"kind": "silence", "on": "island"}, made.world.now)
+    made.world.run(1.0)
+    assert program.seen[0] is False
+
+
+@pytest.mark.parametrize(
+    ("act", "error", "sentence"),
+    [
+        (lambda line: line.device("iland"), KeyError, "the controller has no device 'iland', did you mean island?"),
+        (lambda line: line.device("axis-1"), KeyError, "the controller has no device 'axis-1'"),
+        (lambda line: line.device("island").inputs.presure, AttributeError, "no signal 'presure' in this direction"),
+        (lambda line: line.device("island").inputs.clamp, AttributeError, "island has no signal 'clamp'"),
+        (lambda line: line.device("island").inputs["x"], KeyError, "island has no signal 'x' in this direction"),
+        (lambda line: setattr(line.device("island").outputs, "pressure", 1), AttributeError, "no signal 'pressure'"),
+        (lambda line: setattr(line.device("island").inputs, "pressure", 1), AttributeError, "comes from the device"),
+        (lambda line: setattr(line.device("island").outputs, "clamp", "maybe"), ValueError, "clamp: 'maybe' is not"),
+        (lambda line: setattr(line.device("island").outputs, "clamp", 2), ValueError, "clamp: "),
+    ],
+)  # fmt: skip
+def test_a_wrong_name_or_value_is_one_sentence(line, act, error, sentence):
+    with pytest.raises(error) as raised:
+        act(line)
+    assert sentence in str(raised.value)
+
+
+def test_a_wrong_name_stops_that_axis_with_the_line(cell):
+    made = cell('self.line.device("island").outputs.clmp = True')
+    failure = made.line.programs.snapshot("axis-1")["failure"]
+    assert "mine.py:6: AttributeError: island has no signal 'clmp' in this direction, did you mean clamp?" in failure
+
+
+def test_the_names_of_a_devices_signals_can_be_listed(line):
+    island = line.device("island")
+    assert "part_present" in island.inputs
+    assert "clamp" not in island.inputs
+    assert {"clamp", "lamp"} <= set(island.outputs)
+    assert len(island.outputs) == len(list(island.outputs))
+    assert "clamp=False" in repr(island.outputs)
