@@ -15,7 +15,7 @@ from pnfarm.config.section import Section
 from pnfarm.config.values import NamePattern
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
-from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ValueType, read_type
+from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ByteOrder, ValueType, read_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -77,7 +77,7 @@ class SignalPlace(Section):
         PlainValidator(_read_scale),
         WithJsonSchema({"type": "number", "minimum": -_MOST_SCALE, "maximum": _MOST_SCALE}),
     ] = Field(default=1.0, description="Value of one step of the raw number, in units.")
-    order: Literal["big", "little"] = Field(default="big", description="Order of the octets.")
+    order: ByteOrder | None = Field(default=None, description="Order of the octets; left out, that of the bus.")
     direction: Literal["input", "output"] | None = Field(
         default=None, description="The controller's; input where the submodule has inputs, else output, unless given."
     )
@@ -144,7 +144,7 @@ class DeviceGroup(Section):
     _described: Any = PrivateAttr(default=None)
 
     def adopting(self, described: Any) -> Self:
-        """The group with what its file says."""
+        """The group with what its file says, in the form of its bus."""
         found = self.model_copy()
         found._described = described  # noqa: SLF001 - a copy of its own
         return found
@@ -156,7 +156,7 @@ class DeviceGroup(Section):
 
     @property
     def described(self) -> Any:
-        """What its file says, as its bus has it; None before it is read, and where it is wrong."""
+        """What its file says, once that is read without errors; None before."""
         return self._described
 
 

@@ -189,8 +189,10 @@ def _number(word: str) -> int | float:
     raise Problem(f"{shown(word)} is not a number", "a number such as 12, 0x1F or 1.5")
 
 
-def place_signal(name: str, place: SignalPlace, input_octets: int, output_octets: int) -> Signal:
-    """A signal of the farm file in a submodule with these octets.
+def place_signal(
+    name: str, place: SignalPlace, input_octets: int, output_octets: int, order: ByteOrder = "big"
+) -> Signal:
+    """A signal of the farm file in a submodule with these octets, whose order is the bus's unless it has its own.
 
     Without a direction it is an input where the submodule has inputs, else an output.  Raises :class:`Problem` where
     the place is outside of the data.
@@ -199,7 +201,7 @@ def place_signal(name: str, place: SignalPlace, input_octets: int, output_octets
     direction: Direction = place.direction or ("input" if input_octets else "output")
     octets = input_octets if direction == "input" else output_octets
     kind = place.value_type
-    signal = Signal(name, direction, slot, subslot, octet, kind, bit, place.unit, place.scale, place.order)
+    signal = Signal(name, direction, slot, subslot, octet, kind, bit, place.unit, place.scale, place.order or order)
     if signal.end > octets:
         other = output_octets if direction == "input" else input_octets
         hint = f"; it has {other} octets of {'output' if direction == 'input' else 'input'}s" if other else ""
