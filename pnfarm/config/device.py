@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, WithJsonSchema, model_validator
@@ -204,6 +204,11 @@ class DeviceConfig:
     strict: bool
     impair: tuple[Impairment, ...]
     mac: bytes = b""
+
+    @classmethod
+    def extending(cls, common: DeviceConfig, **own: Any) -> Self:
+        """The device of a bus: the fields of ``common``, and the bus's ``own``."""
+        return cls(**{each.name: getattr(common, each.name) for each in fields(DeviceConfig)} | own)
 
     @property
     def known_signals(self) -> Mapping[str, Any]:

@@ -9,11 +9,14 @@ from pnfarm.buses.ethernetip.described.kind import offer_of
 from pnfarm.buses.ethernetip.described.station import composed, points_of
 from pnfarm.buses.profinet.file_signals import file_signals
 from pnfarm.protocols.enip.eds.reader import parse_sheet
+from pnfarm.protocols.profibus.gsd import values as gsd_values
+from pnfarm.protocols.profibus.gsd.reader import parse_gsd_file
+from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
 
-__all__ = ["describe_everything", "plug_everything"]
+__all__ = ["describe_everything", "plug_every_module", "plug_everything"]
 
 #: Choices for each access point.
 MOST = 4
@@ -60,3 +63,21 @@ def describe_everything(data: bytes) -> None:
         for member in way.members:
             if member.parameter is not None:
                 member.parameter.complaint(member.take(data))
+
+
+def plug_every_module(data: bytes) -> None:
+    """A slave of PROFIBUS; raises as :func:`plug_everything` does."""
+    gsd = parse_gsd_file(data)
+    choices: list[dict[int, str | int | None]] = [{}]
+    choices += [{slot: module.name} for slot in (1, gsd.most_modules) for module in gsd.modules[:MOST]]
+    choices += [dict.fromkeys(range(1, gsd.most_modules + 1), module.number) for module in gsd.modules[:MOST]]
+    for modules in choices:
+        with suppress(gsd_values.PlugError):
+            slave = plug_slave(gsd, modules)
+            assert slave.takes(slave.identifiers)
+            assert len(slave.identifiers) <= 244 >= max(slave.inputs, slave.outputs)
+            slave.complaint(slave.user)
+            for module in slave.modules:
+                for _, value in module.item.parameters.values:
+                    with suppress(gsd_values.PlugError):
+                        module.item.parameters.changed({value.name: value.default})

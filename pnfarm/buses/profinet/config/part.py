@@ -87,14 +87,9 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
     def device(self, common: DeviceConfig, group: ProfinetDevices, step: int, macs: Macs) -> ProfinetDeviceConfig:
         if group.described is None:
             raise InternalError(f"devices {group.name} are made before their file is read")
-        return ProfinetDeviceConfig(
-            index=common.index,
-            group=common.group,
-            name=common.name,
-            bus=common.bus,
+        return ProfinetDeviceConfig.extending(
+            common,
             kinds=group.described.kinds,
-            strict=common.strict,
-            impair=common.impair,
             # another one than a drive of the same name, which is reported as that
             mac=macs.of(group, f"device:{common.name}", step),
             ip=nth_ip(group, step),
