@@ -178,7 +178,7 @@ class ScenarioRun(Flow):
                 for name, values in step.values["signals"].items():
                     self._force(name, values)
             case "release":
-                for name, values in releases(step.values["signals"], self._core.live_devices).items():
+                for name, values in releases(step.values["signals"], self._core.devices).items():
                     self._force(name, values)
             case "param":
                 for name in self.binding.chosen(step):
@@ -275,7 +275,7 @@ class ScenarioRun(Flow):
         raise EndedError(f"{step.title}: {message}")
 
     def _open(self, step: Step) -> Watch:
-        watch = Watch(self.binding.conditions(step), self._stations, self._core.live_devices)
+        watch = Watch(self.binding.conditions(step), self._stations, self._core.devices)
         self._watches.append(watch)
         return watch
 
