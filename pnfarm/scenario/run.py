@@ -21,7 +21,7 @@ from pnfarm.scenario.report.record import Case, Verdict
 from pnfarm.scenario.report.trace_excerpts import TraceExcerpts, named_drives
 from pnfarm.scenario.watch import Watch, as_text
 from pnfarm.signals.device_signal import note_forces, releases
-from pnfarm.station.events import ConnectionLost, StateChanged, WatchdogExpired
+from pnfarm.station.events import ConnectionEstablished, ConnectionLost, StateChanged, WatchdogExpired
 from pnfarm.station.lateness import Lateness
 from pnfarm.vocabulary.durations import format_duration, format_measured
 
@@ -141,6 +141,9 @@ class ScenarioRun(Flow):
             case ConnectionLost(lateness=Lateness(late=True)) | WatchdogExpired(lateness=Lateness(late=True)):
                 self._own_losses[entry.drive] = entry.now_ns
             case StateChanged(after=4):
+                self._own_losses.pop(entry.drive, None)
+            # a device is back with its connection
+            case ConnectionEstablished() if entry.drive not in self._stations:
                 self._own_losses.pop(entry.drive, None)
             case _:
                 pass

@@ -199,6 +199,7 @@ def test_a_wait_is_over_when_a_signal_has_its_value_and_a_fault_begins_then(farm
         ("fault: {kind: f702, on: axis-01, when: island-1.valv}", "has no signal 'valv', did you mean valve?"),
         ("fault: {kind: signal-stuck, on: island-1, when: valv, params: {signal: valve}}", "did you mean valve?"),
         ("fault: {kind: signal-invert, on: island-1, params: {signal: part_presnt}}", "did you mean part_present?"),
+        ("fault: {kind: signal-invert, on: island-1, params: {signal: true}}", "island-1 has no signal 'true'"),
         ("fault: {kind: signal-invert, on: iland-1, params: {signal: part_present}}", "did you mean island-1?"),
     ],
 )

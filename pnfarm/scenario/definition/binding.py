@@ -197,7 +197,7 @@ def _fault_errors(binding: Binding, given: Mapping[str, Any], kinds: Catalogue) 
     if SIGNALS in spec.kind.effect.needs:
         for name in devices:
             known = (binding.devices or {}).get(name, {})
-            if (wanted := spec.params["signal"]) not in known:
+            if (wanted := spec.values()["signal"]) not in known:
                 yield "params.signal", *_no_signal(name, wanted, known)
     if spec.kind.name in {"drive-fault", "drive-warning"}:
         for model in models.values():
