@@ -23,11 +23,12 @@ class SignalFamily:
             ("station", "signal"),
         )
         self._devices = []
-        for station, signals in core.live_devices.items():
-            names = [name for name in signals.names if signals.signal(name).exported]
+        for station, device in core.devices.items():
+            signals = device.signals
+            names = [name for name in signals.names if signals.signal(name).exported] if signals is not None else []
             for name in names:
                 self._family.add(station, name)
-            if names:
+            if names and signals is not None:
                 self._devices.append(signals)
 
     def gather(self) -> list[tuple[Family, Values]]:

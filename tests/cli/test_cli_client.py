@@ -250,6 +250,17 @@ def test_a_wrong_option_of_a_fault_is_refused_before_the_farm_is_asked(ask, farm
     assert (done.code, sentence in done.err, farm.asked) == (2, True, [])
 
 
+def test_values_of_a_fault_come_from_a_file_beside_the_user(ask, farm, tmp_path):
+    farm.answer("POST", "faults", FAULT, 201)
+    (tmp_path / "trace.csv").write_text("time [s],axis-01 velocity [rpm],pressure\n-0.5,10,1.5\n0,11,2\n")
+    values = f"values=@{tmp_path}/trace.csv#pressure"
+    assert ask("fault", "add", "signal-replay", "--on", "island-1", "-p", "signal=pressure", "-p", values).code == 0
+    assert farm.asked[-1][2]["params"] == {"signal": "pressure", "values": "0:1.5 0.5:2"}
+    found = ask("fault", "add", "signal-replay", "--on", "island-1", "-p", "signal=pressure", "-p", f"{values}s")
+    assert found.code == 2
+    assert "trace.csv, line 1: there is no column 'pressures', did you mean pressure?" in found.err
+
+
 def test_a_dry_run_shows_whom_the_fault_would_hit_and_why_others_cannot(ask, farm):
     reach = {
         "dry_run": True,
