@@ -571,6 +571,7 @@ def test_a_cable_is_pulled_and_plugged_in_the_topology(page, farm):
     page.until("all('button', 'Plug the cable of akd-01').length === 1")
     assert [fault["kind"] for fault in call(farm, "GET", "faults")["faults"]] == ["link-down"]
     page.until("all('.net').some(one => one.textContent.startsWith('no controller'))")
+    assert "connected" in page.ask("all('.ports li').find(one => one.textContent.includes('island')).textContent")
     page.ask("press('button', 'Plug the cable of akd-01')")
     page.until("all('button', 'Pull the cable of akd-01').length === 1 && all('.controller.none').length === 0")
 

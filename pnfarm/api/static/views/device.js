@@ -119,7 +119,7 @@ function Submodule({device, submodule, signals, states, faults}) {
   });
   const bits = direction => parts(Bit, direction + "s", signals.filter(one => one.type === "bool" && one.direction === direction), (nodes, label) => html`<ul class="bits" aria-label=${label}>${nodes}</ul>`);
   const octets = [submodule.input_octets ? plural(submodule.input_octets, "octet") + " in" : "", submodule.output_octets ? plural(submodule.output_octets, "octet") + " out" : ""].filter(Boolean).join(", ");
-  return html`<div role="group" aria-label=${`Subslot ${submodule.subslot}, ${submodule.name}`}><h4>Subslot ${submodule.subslot} · ${submodule.name} <span class="dim">ident ${hex(submodule.ident)}${octets ? ` · ${octets}` : ""}</span></h4>
+  return html`<div role="group" aria-label=${`Subslot ${submodule.subslot}, ${submodule.name}`}><h3>Subslot ${submodule.subslot} · ${submodule.name} <span class="dim">ident ${hex(submodule.ident)}${octets ? ` · ${octets}` : ""}</span></h3>
     ${submodule.safety ? html`<p class="warn">PROFIsafe: the device does not run the safety protocol, so an F-CPU passivates this submodule. Its octets are exchanged like any others.</p>` : null}
     ${bits("input")}${bits("output")}
     ${parts(Value, "values", signals.filter(one => one.type !== "bool"), (nodes, label) => html`<table class="values" aria-label=${label}><thead><tr><th scope="col">Signal</th><th scope="col">Place</th><th scope="col">Type</th><th scope="col">Value</th><th scope="col">Unit</th><th scope="col">Status</th></tr></thead>

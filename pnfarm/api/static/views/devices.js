@@ -17,7 +17,7 @@ export function DeviceState({device}) {
 }
 
 /** Who controls a device, as of a drive. */
-export const deviceController = ({connection}) => connection.controller ? controllerOf({controller: connection.controller.name, controller_ip: connection.controller.ip}) : "";
+export const deviceController = ({connection: {controller}}) => controller ? controllerOf({controller: controller.name, controller_ip: controller.ip}) : "";
 
 export function deviceMatches(device, {text, model, bus, state}) {
   // a device has no model, and no state of a drive
