@@ -118,7 +118,9 @@ def check_io(request: ForwardOpen, path: ApplicationPath, settings: ConnectionSe
         raise Refusal(Status.TRANSPORT_CLASS_AND_TRIGGER)
     if request.transport.server:
         raise Refusal(Status.DIRECTION_NOT_SUPPORTED)
-    offer = _find_offer(path, settings)
+    offers = _find_offers(path, settings)
+    # several offers may have the same points: the one that is meant has the size
+    offer = next((one for one in offers if _fits(request, one)), offers[0])
     if request.transport.trigger not in offer.triggers:
         raise Refusal(Status.TRANSPORT_CLASS_AND_TRIGGER)
     if request.o_to_t.kind != ConnectionType.POINT_TO_POINT:
@@ -161,7 +163,12 @@ def check_explicit(request: ForwardOpen, settings: ConnectionSettings) -> None:
     _check_timeout(request)
 
 
-def _find_offer(path: ApplicationPath, settings: ConnectionSettings) -> IoOffer:
+def _fits(request: ForwardOpen, offer: IoOffer) -> bool:
+    return request.o_to_t.size in offer.consumed_sizes and request.t_to_o.size in offer.produced_sizes
+
+
+def _find_offers(path: ApplicationPath, settings: ConnectionSettings) -> list[IoOffer]:
+    """Those with the points of a path, at least one."""
     if path.class_id != ASSEMBLY:
         raise Refusal(Status.APPLICATION_PATH if settings.paths_told_apart else Status.INCONSISTENT_APPLICATION_PATHS)
     configuration: int | None = None
@@ -173,10 +180,13 @@ def _find_offer(path: ApplicationPath, settings: ConnectionSettings) -> IoOffer:
         case _:
             # a point is missing, or is one too many
             raise Refusal(Status.APPLICATION_PATH if settings.paths_told_apart else Status.INVALID_SEGMENT)
-    for offer in settings.offers:
-        fits = configuration is None or configuration == offer.configuration
-        if fits and (offer.consumed, offer.produced) == (consumed, produced):
-            return offer
+    found = [
+        offer
+        for offer in settings.offers
+        if configuration in {None, offer.configuration} and (offer.consumed, offer.produced) == (consumed, produced)
+    ]
+    if found:
+        return found
     if settings.paths_told_apart:
         if configuration is not None and all(configuration != offer.configuration for offer in settings.offers):
             raise Refusal(Status.CONFIGURATION_APPLICATION_PATH)

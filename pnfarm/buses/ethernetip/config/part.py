@@ -12,7 +12,6 @@ from pnfarm.buses.ethernetip.config.device import EthernetIpDeviceConfig, Ethern
 from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig, EthernetIpDrives
 from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.config.ip import nth_ip
-from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -68,23 +67,7 @@ class EthernetIpPart(FarmFilePart[EthernetIpDrives, EthernetIpController]):
         return group if described is None else group.adopting(described)
 
     def device(self, common: DeviceConfig, group: EthernetIpDevices, step: int, macs: Macs) -> EthernetIpDeviceConfig:
-        if group.described is None:
-            raise InternalError(f"devices {group.name} are made before their file is read")
-        return EthernetIpDeviceConfig(
-            index=common.index,
-            group=common.group,
-            name=common.name,
-            bus=common.bus,
-            kinds=group.described.kinds,
-            strict=common.strict,
-            impair=common.impair,
-            # another one than a drive of the same name, which is reported as that
-            mac=macs.of(group, f"device:{common.name}", step),
-            ip=nth_ip(group, step),
-            gateway=group.gateway,
-            described=group.described,
-            rpi_ns=group.rpi_ns,
-        )
+        return EthernetIpDeviceConfig.of(common, group, step, macs, rpi_ns=group.rpi_ns)
 
     def sentences(self, group: EthernetIpDevices) -> list[str]:
         return [] if group.described is None else list(group.described.sentences())
