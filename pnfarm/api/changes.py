@@ -23,6 +23,7 @@ __all__ = [
     "PowerCycleRequested",
     "PowerOffRequested",
     "PowerOnRequested",
+    "SignalsForced",
     "SignalsWritten",
     "changes_nothing",
     "who",
@@ -71,6 +72,13 @@ class ParameterWritten(_Change):
 @event("signals written by a client")
 class SignalsWritten(_Change):
     """A client wrote signals of a device."""
+
+    signals: str
+
+
+@event("signals forced by a client")
+class SignalsForced(_Change):
+    """A client forced signals of a device, or released them."""
 
     signals: str
 

@@ -5,17 +5,19 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any
 
-from pydantic import Field, PlainValidator, ValidationInfo, WithJsonSchema
+from pydantic import Field, PlainValidator, ValidationInfo, WithJsonSchema, field_validator
 
 from pnfarm.config.fault_fields import FaultFields
 from pnfarm.config.values import Globs, Scalar  # noqa: TC001 - pydantic reads the annotations of fields
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
+from pnfarm.vocabulary.samples import with_files
 
-__all__ = ["FAULT_KINDS", "Impairment"]
+__all__ = ["FAULT_KINDS", "FOLDER", "Impairment"]
 
-#: Key of the validation context: the kinds of the fault catalogue, or None where kinds are not checked.
-FAULT_KINDS = "fault_kinds"
+#: Keys of the validation context: the kinds of the fault catalogue, or None where kinds are not checked; the folder of
+#: the farm file.
+FAULT_KINDS, FOLDER = "fault_kinds", "folder"
 
 
 def _read_kind(value: Any, info: ValidationInfo) -> str:
@@ -40,3 +42,9 @@ class Impairment(FaultFields):
     kind: FaultKind = Field(description="Kind of fault, such as loss or f702.")
     on: Globs | None = Field(default=None, description="Drives; left out, all of the group.")
     params: dict[str, Scalar] = Field(default_factory=dict, description="Parameters of this kind.")
+
+    @field_validator("params")
+    @classmethod
+    def _with_files(cls, params: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
+        found: dict[str, Any] = with_files(params, (info.context or {}).get(FOLDER))
+        return found

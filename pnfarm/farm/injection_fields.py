@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.plan import InjectionSpec
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.samples import with_files
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,4 +39,8 @@ def fields_of(kind: str, on: str | Sequence[str], options: Mapping[str, Any]) ->
     params = {key: value for key, value in given.items() if key not in _COMMON}
     # what is no mapping is the catalogue's to refuse
     whole = {**params, **more} if isinstance(more, dict) else more
+    try:
+        whole = with_files(whole, Path())
+    except Problem as problem:
+        raise InjectionError([("params.values", problem.what, problem.allowed)]) from problem
     return {"kind": kind, "on": on if isinstance(on, str) else list(on), "params": whole, **common}

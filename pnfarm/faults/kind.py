@@ -20,6 +20,7 @@ from pnfarm.errors import InternalError
 from pnfarm.vocabulary.durations import read_duration
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
+from pnfarm.vocabulary.samples import SAMPLES, read_samples
 from pnfarm.wire.mac import NIL, is_group, parse_mac
 
 if TYPE_CHECKING:
@@ -44,7 +45,9 @@ __all__ = [
     "words_of",
 ]
 
-ParamType = Literal["whole number", "number", "yes or no", "duration", "word", "fault", "octets", "mac", "text"]
+ParamType = Literal[
+    "whole number", "number", "yes or no", "duration", "word", "fault", "octets", "mac", "text", "samples"
+]
 
 #: Fields that contradict each other, with what is wrong.
 Misfits: TypeAlias = "Iterable[tuple[str, Problem]]"
@@ -98,6 +101,8 @@ class ParamSpec:
                 return f"octets in hexadecimal, such as 0a1bff or hex:0102{most}"
             case "text":
                 return self.other
+            case "samples":
+                return SAMPLES
             case "fault":
                 return "a number, name or cause of the drive's model, such as 702 or undervoltage"
             case _:
@@ -128,6 +133,9 @@ class ParamSpec:
                 return self._mac(value)
             case "text":
                 return self._text(value)
+            case "samples":
+                read_samples(value)
+                return value
             case "fault":
                 if isinstance(value, bool) or not isinstance(value, (int, str)) or value == "":
                     raise Problem(f"is {shown(value)}", self.allowed)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pnfarm.faults.effects.confirmed import StandingEffect
 from pnfarm.faults.effects.parts import DrivePart, Part
@@ -13,22 +13,34 @@ from pnfarm.signals.refusal import SignalError
 from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pnfarm.signals.signal import Signal
     from pnfarm.station.plain_signals import PlainSignals
     from pnfarm.wire.value_types import Value
 
-__all__ = ["SIGNAL", "SIGNALS", "TO_CONTROLLER", "SignalEffect", "Signals"]
+__all__ = ["SIGNAL", "SIGNALS", "TO_CONTROLLER", "Report", "SignalEffect", "Signals"]
 
 SIGNAL = ParamSpec("text", "An input of the controller.", required=True, other="a name of the device's signals")
 #: Part of what such a kind has on the wire.
 TO_CONTROLLER = "The signal's octets in the device's cyclic data, with status GOOD."
 
 
-class Signals(DrivePart):
-    """Shapes of inputs, the latest last."""
+#: Lets a report appear and disappear; the time is given to each.
+Report: TypeAlias = "tuple[Callable[[int], None], Callable[[int], None]]"
 
-    def __init__(self, station: PlainSignals) -> None:
+
+class Signals(DrivePart):
+    """Shapes of inputs, the latest last.
+
+    ``wire_break``: how the bus reports a broken wire of an input on a channel; None where the device does not.
+    """
+
+    def __init__(
+        self, station: PlainSignals, wire_break: Callable[[Signal, int], Report | None] = lambda *_: None
+    ) -> None:
         self._station = station
+        self.wire_break = wire_break
         #: Put a shape over an input, undo one, let one change its mind.
         self.put, self.take, self.apply = station.put_shape, station.take_shape, station.apply
 

@@ -29,6 +29,7 @@ from pnfarm.scenario.definition.steps import ALL_CONNECTED, DEFAULT_WITHIN_NS, Q
 from pnfarm.scenario.flow import EndedError, Flow, Life
 from pnfarm.scenario.measures import measured, reading_of, show_comparison
 from pnfarm.scenario.report.record import Case, Verdict
+from pnfarm.signals.device_signal import note_forces, releases
 from pnfarm.station import events
 from pnfarm.vocabulary.durations import format_duration
 
@@ -109,6 +110,7 @@ class HubRun(Flow):
         self._devices = HubDevices(hub)
         self._own: dict[str, _Injected] = {}
         self._off: dict[str, None] = {}
+        self._forced: dict[str, set[str]] = {}
         self._ending: asyncio.Task[None] | None = None
         self._unsubscribe = hub.log.subscribe(self._note)
 
@@ -188,8 +190,16 @@ class HubRun(Flow):
                 if word in {"on", "cycle"}:
                     yield from self._await(self._power(names, on=True))
             case "set":
-                written = [self._devices.write(name, values) for name, values in step.values["signals"].items()]
+                written = [self._write(name, values, "value") for name, values in step.values["signals"].items()]
                 yield from self._await(self._each(written))
+            case "force":
+                forced = [self._write(name, values, "force") for name, values in step.values["signals"].items()]
+                yield from self._await(self._each(forced))
+            case "release":
+                yield from self._await(self._devices.look())
+                known = {name for shard in self._hub.shards.reachable for name in shard.devices}
+                found = releases(step.values["signals"], known)
+                yield from self._await(self._each([self._write(name, one, "force") for name, one in found.items()]))
             case "param":
                 writes = [
                     self._drive("PUT", name, f"params/{quote(str(parameter), safe='')}", {"value": value})
@@ -197,6 +207,12 @@ class HubRun(Flow):
                     for parameter, value in step.values["set"].items()
                 ]
                 yield from self._await(self._each(writes))
+
+    async def _write(self, name: str, values: Mapping[str, Any], how: str) -> None:
+        for signal, owner in (await self._devices.write(name, values, how=how)).items():
+            self.record.note_told(self._now, name, f"{signal} waits: a {owner} has it", None)
+        if how == "force":
+            note_forces(self._forced, name, values)
 
     async def _power(self, names: Sequence[str], *, on: bool) -> None:
         for name in names:
@@ -430,6 +446,11 @@ class HubRun(Flow):
                 await self._clear(injected)
             except PnfarmError as exc:
                 left.append(f"{injected.id} could not be cleared: {exc}")
+        for name, signals in self._forced.items():
+            try:
+                await self._devices.write(name, dict.fromkeys(signals), how="force")
+            except PnfarmError as exc:
+                left.append(f"{name} could not be released: {exc}")
         if self._off:
             try:
                 await self._power(list(self._off), on=True)

@@ -29,9 +29,17 @@ class Device(DeviceReadings):
         """Does nothing: readings of a farm in this process are the present ones; as :meth:`RemoteDevice.refresh`."""
         return self
 
-    async def write(self, values: Mapping[str, Value]) -> None:
-        """Write inputs of the controller, all in force at once, or none."""
-        self.signals.set(values)
+    async def write(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """Write inputs of the controller, all in force at once, or none; returns those that a fault or force has."""
+        return self.signals.set(values)
+
+    async def force(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """Values over what is written, until :meth:`release`; returns those that a fault has."""
+        return self.signals.force(values)
+
+    async def release(self, *names: str) -> None:
+        """End the force of these inputs, or of all: what was written meanwhile is in force."""
+        self.signals.release(*names)
 
     async def wait_for(self, name: str, value: Value | Callable[[Value], object], within: float | str) -> float:
         """Until a signal has a value, or one that a function accepts; how long it took, s.  Looks each millisecond.

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
 from pnfarm.farm.views.stations import device_snapshot
+from pnfarm.signals.layers import EVERY
 from pnfarm.signals.refusal import SignalError
 from pnfarm.vocabulary.problem import Problem
 
@@ -55,10 +56,34 @@ class Signals(Mapping[str, "Value"]):
     def __contains__(self, name: object) -> bool:
         return name in self._names
 
-    def set(self, values: Mapping[str, Value]) -> None:
-        """Write several, all in force at once, or none."""
-        self._any.set(values)
+    def set(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """Write several, all in force at once, or none.
+
+        Returns those that somebody stronger has, ``fault`` or ``force``: what was written waits behind it.
+        """
+        overruled = dict(self._any.set(values))
         self._changed()
+        return overruled
+
+    def force(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """Values over what is written, until :meth:`release`; returns those that a fault has."""
+        overruled = dict(self._any.force(values))
+        self._changed()
+        return overruled
+
+    def release(self, *names: str) -> None:
+        """End the force of these inputs, or of all: what was written meanwhile is in force."""
+        self._any.force(dict.fromkeys(names or (EVERY,)))
+        self._changed()
+
+    def owner(self, name: str) -> str:
+        """Whose value it has: ``controller``, ``fault``, ``force``, ``value``, ``default``."""
+        return self._any.owner(name)
+
+    @property
+    def forced(self) -> dict[str, Value]:
+        """The forced inputs with their values."""
+        return {} if self._known is None else dict(self._known.forced)
 
     def good(self, name: str) -> bool:
         """Whether the provider status of its data is GOOD."""

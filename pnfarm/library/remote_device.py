@@ -12,6 +12,7 @@ from pnfarm.farm.views.stations import json_value
 from pnfarm.farm.wait import NotInTime
 from pnfarm.library.arguments import duration_ns
 from pnfarm.library.device_readings import read_back
+from pnfarm.signals.layers import EVERY
 from pnfarm.signals.refusal import SignalError
 from pnfarm.signals.signal import Signal
 from pnfarm.vocabulary.quoting import did_you_mean, shortened
@@ -71,11 +72,28 @@ class RemoteDevice:
         self._signal(name)
         return any(one["good"] for one in self.view["signals"] if one["name"] == name)
 
-    async def write(self, values: Mapping[str, Value]) -> None:
-        """Write inputs of the controller, all in force at once, or none."""
-        body = {name: json_value(value) for name, value in values.items()}
-        await self._farm.ask(self._farm.client.patch, "devices", self.name, "signals", body=body)
+    def owner(self, name: str) -> str:
+        """Whose value it has: ``controller``, ``fault``, ``force``, ``value``, ``default``."""
+        self._signal(name)
+        return next(str(one["owner"]) for one in self.view["signals"] if one["name"] == name)
+
+    async def write(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """Write inputs of the controller, all in force at once, or none; returns those that a fault or force has."""
+        return await self._patch({name: json_value(value) for name, value in values.items()}, "value")
+
+    async def force(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """Values over what is written, until :meth:`release`; returns those that a fault has."""
+        return await self._patch({name: json_value(value) for name, value in values.items()}, "force")
+
+    async def release(self, *names: str) -> None:
+        """End the force of these inputs, or of all: what was written meanwhile is in force."""
+        await self._patch(dict.fromkeys(names or (EVERY,)), "force")
+
+    async def _patch(self, body: Mapping[str, Any], how: str) -> dict[str, str]:
+        client = self._farm.client
+        answer = await self._farm.ask(client.patch, "devices", self.name, "signals", body=body, query={"as": how})
         await self.refresh()
+        return dict(answer["overruled"])
 
     async def wait_for(self, name: str, value: Value | Callable[[Value], object], within: float | str) -> float:
         """As :meth:`pnfarm.library.Device.wait_for`; the farm is asked every 20 ms."""

@@ -20,6 +20,7 @@ from pnfarm.scenario.measures import check_metric, measured, read_metric, show_c
 from pnfarm.scenario.report.record import Case, Verdict
 from pnfarm.scenario.report.trace_excerpts import TraceExcerpts, named_drives
 from pnfarm.scenario.watch import Watch, as_text
+from pnfarm.signals.device_signal import note_forces, releases
 from pnfarm.station.events import ConnectionLost, StateChanged, WatchdogExpired
 from pnfarm.station.lateness import Lateness
 from pnfarm.vocabulary.durations import format_duration, format_measured
@@ -72,6 +73,8 @@ class ScenarioRun(Flow):
         #: Injections of this scenario that it has not cleared, by the name to clear them by.
         self._own: dict[str, Injection] = {}
         self._off: dict[str, None] = {}
+        #: Signals that it forced, by station.
+        self._forced: dict[str, set[str]] = {}
         #: Drives that lost their connection by the farm's own lateness and are not back in operation -> when.
         self._own_losses: dict[str, int] = {}
         self._stations = {station.configured_name: station for station in core.axes}
@@ -113,6 +116,8 @@ class ScenarioRun(Flow):
             undo.callback(self._unsubscribe)
             for name in list(self._off):
                 undo.callback(self._power, name, on=True)
+            for name, signals in self._forced.items():
+                undo.callback(self._set, name, dict.fromkeys(signals), force=True)
             for name in list(self._own):
                 undo.callback(self._clear, name)
 
@@ -169,6 +174,12 @@ class ScenarioRun(Flow):
             case "set":
                 for name, values in step.values["signals"].items():
                     self._set(name, values)
+            case "force":
+                for name, values in step.values["signals"].items():
+                    self._force(name, values)
+            case "release":
+                for name, values in releases(step.values["signals"], self._core.live_devices).items():
+                    self._force(name, values)
             case "param":
                 for name in self.binding.chosen(step):
                     for parameter, value in step.values["set"].items():
@@ -178,13 +189,19 @@ class ScenarioRun(Flow):
                             raise ConfigError(f"{name}, {parameter}: {error}") from error
                     self._core.settle(self._stations[name].station, self._now)
 
-    def _set(self, name: str, values: Mapping[str, Any]) -> None:
+    def _set(self, name: str, values: Mapping[str, Any], *, force: bool = False) -> None:
         station, signals = self._core.with_signals(name)
         try:
-            signals.set(values)
+            overruled = (signals.force if force else signals.set)(values)
         except PnfarmError as error:
             raise ConfigError(f"{name}: {error}") from error
+        for signal, owner in overruled.items():
+            self.record.note_told(self._now, name, f"{signal} waits: a {owner} has it", None)
         self._core.settle(station, self._now)
+
+    def _force(self, name: str, values: Mapping[str, Any]) -> None:
+        self._set(name, values, force=True)
+        note_forces(self._forced, name, values)
 
     def _end_fault(self, name: str) -> Life:
         yield from ()

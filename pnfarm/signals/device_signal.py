@@ -9,19 +9,29 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
+from pnfarm.signals.layers import EVERY
 from pnfarm.station.signals import WORDS
 from pnfarm.vocabulary.conditions import names_in
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Mapping
+    from collections.abc import Container, Mapping, Sequence
 
     from pnfarm.signals.signal import Signal
     from pnfarm.station.plain_signals import PlainSignals
     from pnfarm.vocabulary.conditions import Name, Tree, Value
 
-__all__ = ["DeviceSignal", "KnownDevices", "LiveDevices", "device_of", "split_name", "stations_in"]
+__all__ = [
+    "DeviceSignal",
+    "KnownDevices",
+    "LiveDevices",
+    "device_of",
+    "note_forces",
+    "releases",
+    "split_name",
+    "stations_in",
+]
 
 #: Devices by name: the signals that each has, and their values.
 KnownDevices: TypeAlias = "Mapping[str, Mapping[str, Signal]]"
@@ -32,6 +42,24 @@ def split_name(name: str) -> tuple[str, str]:
     """Station and signal of ``STATION.SIGNAL``; the station is empty where there is no dot."""
     station, _, signal = name.rpartition(".")
     return station, signal
+
+
+def releases(names: Sequence[str], devices: Container[str]) -> dict[str, dict[str, None]]:
+    """``STATION.SIGNAL`` and ``STATION``, by station, as :meth:`.StationSignals.force` releases them."""
+    found: dict[str, dict[str, None]] = {}
+    for name in names:
+        station, signal = (name, EVERY) if name in devices or "." not in name else split_name(name)
+        found.setdefault(station, {})[signal] = None
+    return found
+
+
+def note_forces(forced: dict[str, set[str]], station: str, values: Mapping[str, object]) -> None:
+    """Note what a request forces, and what it releases; ``forced``: signals by station."""
+    noted = forced.setdefault(station, set())
+    if EVERY in values:
+        noted.clear()
+    noted |= {name for name, value in values.items() if value is not None}
+    noted -= {name for name, value in values.items() if value is None}
 
 
 def device_of(name: Name, devices: Container[str] | None) -> str:

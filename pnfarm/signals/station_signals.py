@@ -1,29 +1,28 @@
-"""The signals of a station with plain data: read, written all or nothing, and whether they changed.
+"""The signals of a station with plain data: read, written all or nothing, whose they are, and whether they changed.
 
-*Input* and *output* are the controller's: an input is written here and goes to it, an output is what it sent.  A
-*shape* is what a fault makes of an input on its way: while it is there, what users write waits behind it.
+*Input* and *output* are the controller's: an input is written here and goes to it, an output is what it sent.  What is
+written waits while a fault or a user's force has the input (:mod:`pnfarm.signals.layers`).
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
+from pnfarm.signals.layers import EVERY, InputLayers
 from pnfarm.signals.refusal import SignalError
 from pnfarm.table.channel import IOXS_GOOD
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, few_hints, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
+    from pnfarm.signals.layers import Owner, Shape
     from pnfarm.signals.signal import Direction, Signal
     from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
     from pnfarm.wire.value_types import Value
 
-__all__ = ["Shape", "StationSignals"]
-
-#: The value that is written -> the one that the controller gets; of the signal's type.
-Shape: TypeAlias = "Callable[[Value], Value]"
+__all__ = ["StationSignals"]
 
 
 class StationSignals:
@@ -50,11 +49,9 @@ class StationSignals:
         for place in places:
             self._statuses[place] = numbers.setdefault(place[2], 0)
             numbers[place[2]] += 1
-        self._shapes: list[tuple[Signal, Shape]] = []
-        #: The inputs as users wrote them, while there are shapes.
-        self._written = b""
+        self._layers = InputLayers(b"" if inputs is None else inputs.read(), self._place)
         self._revision = 0
-        self._seen = self._copies()
+        self._seen = self._state()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -89,80 +86,95 @@ class StationSignals:
             for signal in self._signals.values()
         ]
 
-    def set(self, values: Mapping[str, Value]) -> None:
+    def set(self, values: Mapping[str, Value]) -> dict[str, Owner]:
         """Write signals, all in force at once; a text is parsed by the signal's type.
 
-        Raises :class:`SignalError` with the reason of every value that is refused; then nothing is changed.
+        Returns those that a fault or a force has now: what was written waits behind it.  Raises :class:`SignalError`
+        with the reason of every value that is refused; then nothing is changed.
         """
-        octets = bytearray(self._unshaped())
-        refused = []
-        with few_hints():
-            for name, value in values.items():
-                try:
-                    self._put(octets, name, value)
-                except Problem as problem:
-                    refused.append((name, problem.what, problem.allowed))
-                except SignalError as error:
-                    refused += error.issues
-        if refused:
-            raise SignalError(refused)
-        self._written = bytes(octets)
+        written = self._checked(values)
+        self._layers.write(written)
         self.apply()
+        owners = {signal.name: self.owner(signal.name) for signal in written}
+        return {name: owner for name, owner in owners.items() if owner != "value"}
 
-    # -- shapes ------------------------------------------------------------------------------------------------------
+    def force(self, values: Mapping[str, Value | None]) -> dict[str, Owner]:
+        """As :meth:`set`, over what is written, until it is released by None; :data:`EVERY`: None releases all.
+
+        Returns those that a fault has now.
+        """
+        released = [name for name, value in values.items() if value is None]
+        names = [name for name in released if name != EVERY] + (list(self._layers.forced) if EVERY in released else [])
+        forced = self._checked({name: value for name, value in values.items() if value is not None})
+        self._layers.force({**{self.signal(name): None for name in names}, **forced})
+        self.apply()
+        return {signal.name: "fault" for signal in forced if self._layers.owner(signal) == "fault"}
+
+    def owner(self, name: str) -> Owner:
+        """Whose value it has; raises :class:`SignalError` for an unknown name."""
+        signal = self.signal(name)
+        return "controller" if signal.direction == "output" else self._layers.owner(signal)
+
+    @property
+    def forced(self) -> dict[str, Value]:
+        """The inputs that are forced, and their values, which a fault may overrule."""
+        return {name: value for name, (_, value) in self._layers.forced.items()}
+
+    # -- shapes of faults
 
     @property
     def shaped(self) -> tuple[str, ...]:
         """The inputs that have a shape, once for each."""
-        return tuple(signal.name for signal, _ in self._shapes)
+        return tuple(signal.name for signal, _ in self._layers.shapes)
 
     def put_shape(self, signal: Signal, shape: Shape) -> None:
         """Put a shape over an input; the latest of one input sees what those before it give."""
-        self._written = self._unshaped()
-        self._shapes.append((signal, shape))
+        self._layers.put(signal, shape)
         self.apply()
 
     def take_shape(self, signal: Signal, shape: Shape) -> None:
         """Remove one: what was written meanwhile goes to the controller."""
-        written = self._unshaped()
-        self._shapes.remove((signal, shape))
-        self._written = written
+        self._layers.take(signal, shape)
         self.apply()
 
     def apply(self) -> None:
-        """Send what the shapes make of what was written; to be called as well when a shape changes its mind."""
-        if self._inputs is None:
-            return
-        octets = bytearray(self._written)
-        for signal, shape in self._shapes:
-            data = memoryview(octets)[self._place(signal) :]
-            signal.write(data, shape(signal.read(data)))
-        if octets != self._inputs.read():
-            self._inputs.write({0: bytes(octets)})
-
-    def _unshaped(self) -> bytes:
-        if self._shapes:
-            return self._written
-        return b"" if self._inputs is None else self._inputs.read()
-
-    def _place(self, signal: Signal) -> int:
-        return self._places[signal.slot, signal.subslot, "input"]
+        """Send what the layers make of the inputs; to be called as well when a shape changes its mind."""
+        if self._inputs is not None and (octets := self._layers.octets()) != self._inputs.read():
+            self._inputs.write({0: octets})
 
     # ----------------------------------------------------------------------------------------------------------------
 
     @property
     def revision(self) -> int:
         """Counts the changes of values and statuses of either direction, as far as somebody has looked."""
-        seen = self._copies()
+        seen = self._state()
         if seen != self._seen:
             self._seen = seen
             self._revision += 1
         return self._revision
 
-    def _put(self, octets: bytearray, name: str, value: Value) -> None:
-        signal = self.signal(name)
-        found = signal.check(value)
-        signal.write(memoryview(octets)[self._place(signal) :], found)
+    def _checked(self, values: Mapping[str, Value]) -> dict[Signal, Value]:
+        """As they can be written; raises :class:`SignalError` with all that is wrong."""
+        found: dict[Signal, Value] = {}
+        refused = []
+        with few_hints():
+            for name, value in values.items():
+                try:
+                    signal = self.signal(name)
+                    found[signal] = signal.check(value)
+                except Problem as problem:
+                    refused.append((name, problem.what, problem.allowed))
+                except SignalError as error:
+                    refused += error.issues
+        if refused:
+            raise SignalError(refused)
+        return found
+
+    def _place(self, signal: Signal) -> int:
+        return self._places[signal.slot, signal.subslot, "input"]
+
+    def _state(self) -> tuple[object, int]:
+        return self._copies(), self._layers.revision
 
     def _unknown(self, name: str) -> tuple[str, str, str]:
         hint = did_you_mean(name, self._signals)

@@ -34,8 +34,18 @@ class PlainSignals(Protocol):
     def readings(self) -> Sequence[tuple[Any, Value, bool]]:
         """Every signal (:class:`pnfarm.signals.signal.Signal`) with its value and whether its data are good."""
 
-    def set(self, values: Mapping[str, Value]) -> None:
-        """Write inputs of the controller, all or none."""
+    def set(self, values: Mapping[str, Value]) -> Mapping[str, str]:
+        """Write inputs of the controller, all or none; those that somebody stronger has, and who."""
+
+    def force(self, values: Mapping[str, Value | None]) -> Mapping[str, str]:
+        """The same over what is written, until a None releases it; ``*`` releases all."""
+
+    def owner(self, name: str) -> str:
+        """Whose value it has: controller, fault, force, value, default."""
+
+    @property
+    def forced(self) -> Mapping[str, Value]:
+        """Forced inputs, and their values."""
 
     @property
     def shaped(self) -> Sequence[str]:

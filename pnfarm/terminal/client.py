@@ -90,8 +90,8 @@ class FarmClient:
     def post(self, *path: str, body: Mapping[str, Any] | None = None, query: Mapping[str, Any] | None = None) -> Any:
         return self._ask("POST", path, body, query)
 
-    def patch(self, *path: str, body: Mapping[str, Any]) -> Any:
-        return self._ask("PATCH", path, body)
+    def patch(self, *path: str, body: Mapping[str, Any], query: Mapping[str, Any] | None = None) -> Any:
+        return self._ask("PATCH", path, body, query=query)
 
     def delete(self, *path: str, query: Mapping[str, Any] | None = None) -> Any:
         return self._ask("DELETE", path, query=query)

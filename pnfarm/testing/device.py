@@ -8,7 +8,7 @@ from pnfarm.farm.wait import NotInTime
 from pnfarm.library.device_readings import DeviceReadings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.station.station import Station
@@ -35,6 +35,14 @@ class Device(DeviceReadings):
     def __init__(self, host: Host, station: Station) -> None:
         super().__init__(host.core, station, lambda: host.now_ns, lambda: host.core.settle(station, host.now_ns))
         self._host = host
+
+    def force(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """Values over what is written, until :meth:`release`; returns those that a fault has."""
+        return self.signals.force(values)
+
+    def release(self, *names: str) -> None:
+        """End the force of these inputs, or of all: what was written meanwhile is in force."""
+        self.signals.release(*names)
 
     def wait_for(self, name: str, value: Value | Callable[[Value], object], within: float) -> float:
         """Until a signal has a value, or one that a function accepts; how long it took, s.

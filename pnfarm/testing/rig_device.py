@@ -44,9 +44,9 @@ class RigSignals(Mapping[str, "Value"]):
     def __len__(self) -> int:
         return len(self._read())
 
-    def set(self, values: Mapping[str, Value]) -> None:
-        """Write several, all in force at once, or none."""
-        self._call(self._device.write(values))
+    def set(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """Write several, all in force at once, or none; returns those that a fault or a force has."""
+        return dict(self._call(self._device.write(values)))
 
 
 class RigDevice:
@@ -75,6 +75,14 @@ class RigDevice:
 
         found: Mapping[str, Any] = self._call(read())
         return found
+
+    def force(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """Values over what is written, until :meth:`release`; returns those that a fault has."""
+        return dict(self._call(self._device.force(values)))
+
+    def release(self, *names: str) -> None:
+        """End the force of these inputs, or of all: what was written meanwhile is in force."""
+        self._call(self._device.release(*names))
 
     def wait_for(self, name: str, value: Value | Callable[[Value], object], within: float | str) -> float:
         """Until a signal has a value, or one that a function accepts; how long it took, s."""

@@ -10,7 +10,7 @@ from device_world import DeviceWorld
 from plain_station import controller_sends
 from slave_cell import ONE, SlaveCell
 
-from pnfarm.api.schemas.device import DevicesView, DeviceView, SignalsValues, StationsView
+from pnfarm.api.schemas.device import DevicesView, DeviceView, SignalsAnswer, SignalsValues, StationsView
 
 SIGNALS = "/api/v1/devices/island-1/signals"
 
@@ -28,7 +28,8 @@ def still() -> DeviceWorld:
 
 def values(response) -> dict[str, object]:
     assert response.status_code == 200, response.text
-    return {one.name: one.value for one in SignalsValues.model_validate(response.json()).signals}
+    form = SignalsAnswer if "overruled" in response.json() else SignalsValues
+    return {one.name: one.value for one in form.model_validate(response.json()).signals}
 
 
 def test_stations_are_drives_with_their_axes_and_devices(world):
@@ -106,6 +107,44 @@ def test_a_body_that_is_no_object_is_refused(world):
     assert_problem(world.request("PATCH", SIGNALS, json=[True]), 422, "not a JSON object")
     headers = {"Content-Type": "application/json"}
     assert_problem(world.request("PATCH", SIGNALS, content=b"{", headers=headers), 400, "not JSON")
+
+
+def owners(response) -> dict[str, tuple[str, object]]:
+    return {one["name"]: (one["owner"], one["forced"]) for one in response.json()["signals"]}
+
+
+def test_a_forced_input_stays_whatever_is_written_until_it_is_released(world):
+    assert {owner for owner, _ in owners(world.get(SIGNALS)).values()} == {"default", "controller"}
+    tag = world.get(SIGNALS).headers["etag"]
+    forced = world.request("PATCH", f"{SIGNALS}?as=force", json={"pressure": 6.5, "part_present": "on"})
+    assert (values(forced)["pressure"], forced.json()["overruled"]) == (6.5, {})
+    assert owners(forced)["pressure"] == ("force", 6.5)
+    assert forced.headers["etag"] != tag
+    written = world.request("PATCH", SIGNALS, json={"pressure": 1, "code": "01"})
+    assert written.json()["overruled"] == {"pressure": "force"}
+    assert values(written)["pressure"] == 6.5
+    assert owners(written)["code"] == ("value", None)
+    released = world.request("PATCH", f"{SIGNALS}?as=force", json={"pressure": None})
+    assert values(released)["pressure"] == 1
+    assert owners(released) == {
+        "pressure": ("value", None), "part_present": ("force", True), "code": ("value", None),
+        "valve_1": ("controller", None), "speed": ("controller", None),
+    }  # fmt: skip
+    every = world.request("PATCH", f"{SIGNALS}?as=force", json={"*": None, "pressure": 3})
+    assert owners(every)["part_present"] == ("default", None)
+    assert owners(every)["pressure"] == ("force", 3)
+    entries = [e for e in world.line.farm.log.entries() if e.event == "signals forced by a client"]
+    assert [entry.as_dict()["signals"] for entry in entries] == ["pressure part_present", "pressure", "* pressure"]
+
+
+def test_nothing_is_forced_when_one_value_is_refused(world):
+    wanted = {"part_present": True, "valve_1": True, "presure": 1, "pressure": 1e9, "*": True}
+    found = assert_problem(world.request("PATCH", f"{SIGNALS}?as=force", json=wanted), 422, "the controller alone")
+    assert [error["field"] for error in found["errors"]] == ["valve_1", "presure", "pressure", "*"]
+    assert world.request("PATCH", f"{SIGNALS}?as=force", json={"valve_1": None}).status_code == 200
+    assert_problem(world.request("PATCH", f"{SIGNALS}?as=force", json={"valv_1": None}), 422, "did you mean valve_1?")
+    assert_problem(world.request("PATCH", f"{SIGNALS}?as=stone", json={"pressure": 1}), 422, "as")
+    assert not world.signals.forced
 
 
 def test_a_write_on_what_has_changed_since_is_refused(world):

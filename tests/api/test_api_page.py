@@ -20,6 +20,7 @@ from browser import PROGRAM, Browser
 from pnfarm.api.page import page_files, policy
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="chromium is not installed (apt-get install chromium)")
+GSDML = Path(__file__).parents[2] / "configs" / "gsdml"
 TOKEN, READ = "a-long-secret", "another-long-secret"  # a test's, nobody's
 FARM = """
 farm: line-1
@@ -31,6 +32,16 @@ drives:
   - {name: msd-01, model: moog-msd, ip: 10.0.0.51/24}
   - {name: dp-01, model: moog-msd-dp, address: 11}
   - {name: eip-01, model: akd-ethernetip, ip: 10.0.0.71/24}
+devices:
+  - name: island
+    gsdml: ISLAND
+    access_point: DAP 1
+    ip: 10.0.0.81/24
+    slots: {1: 16DI, 2: {module: 8DO, parameters: {Substitute: hold}}, 3: EX-AI-4, 4: FDI4}
+    signals:
+      part_present: 1.1.0.3
+      pressure: {at: 3.1.0, type: int16, unit: bar, scale: 0.01}
+  - {name: scanner, gsdml: SCANNER, ip: 10.0.0.91/24, signals: {MANY}}
 controller:
   name: plc
   ip: 10.0.0.100/24
@@ -39,6 +50,15 @@ controller:
   program: {kind: sine, speed_rpm: 500, period: 4s, acknowledge_after: 300ms}
   reconnect: {after: 300ms}
 """
+# the scanner has a thousand signals, most of them bits of the code that it reads
+BITS = [f"bit_{octet}_{bit}: 2.1.{octet}.{bit}" for octet in range(64) for bit in range(8)]
+OCTETS = [f"octet_{octet}_{n}: {{at: 2.1.{octet}, type: uint8}}" for octet in range(64) for n in range(8)]
+for word, place in (
+    ("ISLAND", GSDML / "GSDML-V2.35-Example-Island-20261127.xml"),
+    ("SCANNER", GSDML / "GSDML-V2.43-Example-Scanner-20261127.xml"),
+    ("MANY", ", ".join(BITS + OCTETS)),
+):
+    FARM = FARM.replace(word, str(place))
 #: What a person finds by its text.
 TOOLS = """
 globalThis.all = (selector, text) => [...document.querySelectorAll(selector)]
@@ -80,6 +100,7 @@ VIEWS = {
     "#/drive/akd-01/connection": "Deviation from the cycle",
     "#/drive/dp-01/connection": "Station address",
     "#/drive/akd-01/modules": "Subslot",
+    "#/device/island": "slot1_input_0",
     "#/faults": "sign-of-life-freeze",
     "#/reactions": "Fault until it was acknowledged",
     "#/topology": "LLDP",
@@ -147,8 +168,8 @@ def show(page, view):
     page.ask(f"location.hash = '{view}'")
     # a drive's page has its buttons once the drive is known
     page.until(f"document.querySelector('main').dataset.place === '{view[2:]}' && all('main section').length === 1")
-    if "/drive/" in view:
-        page.until(f"text('main h2') === '{view.split('/')[2]}'")
+    if "/drive/" in view or "/device/" in view:
+        page.until(f"all('main h2', '{view.split('/')[2]}').length === 1")
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -390,6 +411,160 @@ def test_keys_lead_to_the_views_and_to_the_filter(page):
     page.ask("document.activeElement.blur()")
 
 
+# -- devices
+
+
+def values(farm, device="island"):
+    return {one["name"]: one["value"] for one in call(farm, "GET", f"devices/{device}/signals")["signals"]}
+
+
+def submit(page, label):
+    page.ask(f"labelled('{label}').form.requestSubmit()")
+
+
+@pytest.fixture
+def device(page, farm):
+    """The page with the island, whose inputs are zero; what it refuses is not an error of the page."""
+    call(farm, "PATCH", "devices/island/signals", {"slot1_input_0": False, "part_present": False, "pressure": 0})
+    show(page, "#/device/island")
+    page.until("all('button[role=switch]').length === 21")
+    page.until("text('.bar').includes('DATA with plc')")
+    page.until("labelled('pressure').value === '0' && all('.bit.on').length === 0")
+    yield page
+    page.problems[:] = [one for one in page.problems if "412" not in one and "422" not in one]
+
+
+def test_devices_are_listed_beside_the_drives_and_found_by_the_filter(page):
+    show(page, "#/")
+    page.until("all('table.devices tbody th').length === 2 && all('table.devices .state', 'connected').length === 2")
+    (row,) = page.ask("all('table.devices tbody tr').filter(one => one.textContent.startsWith('island')).map("
+                      "one => [...one.cells].map(cell => cell.textContent))")  # fmt: skip
+    assert row == ["island", "Island head", "connected", "plc", "16 ms", "DATA", "10.0.0.81", "27", "9", ""]
+    page.until("type('Filter by name, address or controller', 'code reader')")
+    page.until("all('table.devices tbody th').length === 1 && text('main').includes('1 of 2 devices')")
+    page.ask("type('Filter by name, address or controller', '')")
+    page.until("press('table.devices a', 'island') && location.hash === '#/device/island'")
+
+
+def test_a_device_shows_who_it_is_and_what_is_plugged_where(device):
+    facts = device.ask("text('main dl')")
+    for word in ("Example Works", "EX-ISL-100", "0xFEED", "DAP 1", "10.0.0.81/24"):
+        assert word in facts
+    assert device.ask("all('details.module summary strong').map(one => one.textContent)") == [
+        "Slot 0 · Island head", "Slot 1 · 16DI", "Slot 2 · 8DO", "Slot 3 · 4AI", "Slot 4 · 4FDI",
+    ]  # fmt: skip
+    assert "ident 0x0060 · 5 inputs, 1 output PROFIsafe" in device.ask("all('details.module summary')[4].textContent")
+    assert "does not run the safety protocol" in device.ask("all('details.module')[4].textContent")
+    assert "ident 0x0021 · 1 octet out" in device.ask("all('details.module')[2].textContent")
+    assert device.ask("all('details.module')[2].querySelectorAll('.bit:not(button)').length") == 8
+
+
+def test_a_switch_writes_its_bit_and_follows_what_others_write(device, farm):
+    bit = "all('button[role=switch]').find(one => one.textContent.includes('%s'))"
+    on = f"{bit}.getAttribute('aria-checked') === 'true'"
+    device.ask(f"{bit % 'part_present'}.click()")
+    # the same bit has a name of the maker's file as well
+    device.until(f"{on % 'part_present'} && {on % 'slot1_input_3'}")
+    assert values(farm)["part_present"] is True
+    call(farm, "PATCH", "devices/island/signals", {"slot1_input_0": True, "part_present": False})
+    device.until(f"{on % 'slot1_input_0'} && !({on % 'part_present'})")
+
+
+def test_a_value_is_typed_in_its_unit_and_a_refused_one_says_why_beside_it(device, farm):
+    device.until("type('pressure', 'much')")
+    device.until("all('table.values button', 'Write').length === 1")
+    submit(device, "pressure")
+    device.until("labelled('pressure').getAttribute('aria-invalid') === 'true'")
+    why = device.ask("document.getElementById(labelled('pressure').getAttribute('aria-describedby')).textContent")
+    assert "pressure: 'much' is not a number" in why
+    assert values(farm)["pressure"] == 0
+    device.ask("type('pressure', '6.5')")
+    submit(device, "pressure")
+    device.until("all('[role=alert]').length === 0 && labelled('pressure').value === '6.5'")
+    assert values(farm)["pressure"] == 6.5
+    assert "bar" in device.ask("labelled('pressure').closest('tr').textContent")
+    device.ask("type('pressure', '7')")
+    device.ask("labelled('pressure').focus()")
+    device.key("Escape")
+    device.until("labelled('pressure').value === '6.5' && all('table.values button').length === 0")
+    device.until("type('slot4_safety_trailer_in', '01 ff')")
+    submit(device, "slot4_safety_trailer_in")
+    device.until("labelled('slot4_safety_trailer_in').value === '01 ff 00 00'")
+
+
+def test_what_another_wrote_meanwhile_is_not_overwritten(device, farm):
+    device.ask("import('/page/lib/live.js').then(live => { globalThis.farmNow = () => live.farm; })")
+    # the first letter of what is typed has seen 0
+    device.until("type('pressure', '2')")
+    call(farm, "PATCH", "devices/island/signals", {"slot1_input_0": True})
+    device.until("all('.bit.on').some(one => one.textContent.includes('slot1_input_0'))")
+    submit(device, "pressure")
+    device.until("labelled('pressure').value === '2' && all('table.values button').length === 0")
+    assert values(farm)["pressure"] == 2
+    device.until("type('pressure', '3')")
+    call(farm, "PATCH", "devices/island/signals", {"pressure": 9})
+    submit(device, "pressure")
+    device.until("text('[role=alert]') === 'pressure is 9 meanwhile; nothing was written'")
+    assert values(farm)["pressure"] == 9
+    # who has read that may write over it
+    device.until("farmNow().values.states.get('pressure').shown === '9'")
+    submit(device, "pressure")
+    device.until("labelled('pressure').value === '3' && all('table.values button').length === 0")
+    assert values(farm)["pressure"] == 3
+
+
+def test_outputs_are_bad_while_the_controller_is_away(device):
+    bad = "all('details.module')[2].querySelectorAll('.bit .bad').length"
+    device.until(f"{bad} === 0")
+    device.ask("press('button', 'timeout')")
+    device.until(f"{bad} === 8")
+    device.until(f"{bad} === 0 && text('.bar').includes('DATA with plc')")
+    # its own events are there
+    assert "ar established" in device.ask("text('[aria-label=Events]')")
+
+
+def test_a_fault_on_a_signal_is_made_marked_and_cleared(device, farm):
+    device.ask("press('a', 'signal fault…')")
+    device.until("text('form.panel h3') === 'signal-stuck' && labelled('on').value === 'island'")
+    device.until("[...document.getElementById('words-signal').options].some(one => one.value === 'part_present')")
+    device.ask("type('signal', 'part_present')")
+    device.ask("type('value', 'true')")
+    device.until("text('form.panel').includes('Would hit 1 drive: island')")
+    device.until("press('button', 'Inject signal-stuck')")
+    device.until("press('main table a', 'island')")
+    device.until("all('.bit.on').some(one => /part_present.*signal-stuck/.test(one.textContent))")
+    assert "signal-stuck on part_present" in device.ask("text('.bar')")
+    device.ask("all('button[role=switch]').find(one => one.textContent.includes('part_present')).click()")
+    device.until("text('li [role=alert]') === 'waits: a fault has the signal'")
+    call(farm, "PATCH", "devices/island/signals?as=force", {"pressure": 4})
+    device.until("labelled('pressure').closest('tr').textContent.includes('forced')")
+    call(farm, "PATCH", "devices/island/signals?as=force", {"pressure": None})
+    (fault,) = call(farm, "GET", "faults")["faults"]
+    show(device, "#/")
+    device.until("text('table.devices').includes('signal-stuck')")
+    show(device, "#/device/island")
+    device.until(f"press('button', 'Clear signal-stuck, {fault['id']}')")
+    device.until("!text('main').includes('signal-stuck on') && all('.bit.on').length === 0")
+    assert call(farm, "GET", "faults")["faults"] == []
+
+
+def test_a_thousand_signals_are_there_when_they_are_asked_for(page, farm):
+    show(page, "#/device/scanner")
+    drawn = "all('.bit, table.values tbody tr').length"
+    # the large module is closed at first
+    page.until("text('main').includes('1032 inputs, 2 outputs')")
+    assert page.ask(drawn) == 7
+    page.until("type('Find a signal by name, unit or place', 'bit_63_')")
+    page.until(f"{drawn} === 8 && text('main').includes('8 of 1034 signals')")
+    page.until("type('Find a signal by name, unit or place', '')")
+    page.until("press('button', 'Open all')")
+    page.until(f"{drawn} === 1034")
+    call(farm, "PATCH", "devices/scanner/signals", {"octet_63_0": 255})
+    page.until("all('.bit.on').length === 8 && labelled('octet_63_7').value === '255'")
+    page.until("press('button', 'Close all')")
+    page.until(f"{drawn} === 0")
+
+
 def test_a_cable_is_pulled_and_plugged_in_the_topology(page, farm):
     show(page, "#/topology")
     page.until("press('button', 'Pull the cable of akd-01')")
@@ -469,6 +644,8 @@ def test_health_of_a_farm_in_memory_says_that_no_lateness_is_measured(page):
         ("#/drives/akd-01", "There is no page #/drives/akd-01"),
         ("#/drive/nobody", "There is no drive nobody"),
         ("#/drive/akd-01/nothing", "There is no page"),
+        ("#/device/nobody", "There is no device nobody"),
+        ("#/device/island/nothing", "There is no page"),
         ("#/nowhere?x=1", "There is no page #/nowhere"),
     ],
 )
@@ -483,6 +660,10 @@ def test_an_address_with_the_word_of_the_api_leads_to_the_drive(page):
     page.ask("location.hash = '#/drives/akd-02'")
     page.until("press('main a', 'The drive akd-02')")
     page.until("text('main h2') === 'akd-02'")
+    for address in ("#/devices/island", "#/drive/island"):
+        page.ask(f"location.hash = '{address}'")
+        page.until("press('main a', 'The device island')")
+        page.until("text('main h2').startsWith('island ')")
 
 
 def test_a_reason_why_drives_cannot_have_a_fault_is_shown_once(page):
@@ -536,6 +717,10 @@ def test_a_guarded_farm_asks_a_person_for_its_token_and_a_reader_changes_nothing
         browser.ask("location.hash = '#/drive/akd-01/live'")
         browser.until("all('button', 'f702').length === 1")
         assert browser.ask("all('button', 'f702')[0].disabled")
+        browser.ask("location.hash = '#/device/island'")
+        browser.until("all('button[role=switch]').length > 0 && all('table.values input').length > 0")
+        assert browser.ask("all('button[role=switch]').every(one => one.disabled)")
+        assert browser.ask("all('table.values input').every(one => one.readOnly)")
 
 
 def test_the_page_loads_its_own_files_only():

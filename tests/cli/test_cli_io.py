@@ -11,36 +11,12 @@ from typing import Any
 import httpx
 import pytest
 import typer
-from api_world import Served
+from api_client import Farm
 from device_world import DeviceWorld
 from plain_station import controller_sends
-from slave_cell import ONE, SlaveCell
 
 from pnfarm.cli.completion import complete_signal
 from pnfarm.cli.main import make_app
-
-
-class Farm:
-    """Stands for ``httpx.Client``."""
-
-    def __init__(self, world: Served) -> None:
-        self.world = world
-
-    def client(self, **_: Any) -> Farm:
-        return self
-
-    def close(self) -> None:
-        """As a client's."""
-
-    def request(self, method: str, path: str, **options: Any) -> httpx.Response:
-        async def ask() -> httpx.Response:
-            transport = httpx.ASGITransport(self.world.app)
-            async with self.async_client(transport=transport, base_url="http://127.0.0.1/api/v1") as client:
-                return await client.request(method, path, **options)
-
-        return asyncio.run(ask())
-
-    async_client = httpx.AsyncClient
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +36,9 @@ def test_all_signals_are_listed_with_direction_type_unit_status_and_place(pnfarm
     done = pnfarm("io")
     assert (done.code, done.err) == (0, "")
     head, *rows = [line.split() for line in done.out.splitlines()]
-    assert head == ["STATION", "SIGNAL", "DIRECTION", "TYPE", "VALUE", "UNIT", "STATUS", "PLACE"]
-    assert rows[1] == ["island-1", "pressure", "input", "int16", "6.5", "bar", "good", "3.1.0"]
-    assert rows[3] == ["island-1", "valve_1", "output", "bool", "false", "bad", "2.1.0.1"]
+    assert head == ["STATION", "SIGNAL", "DIRECTION", "TYPE", "VALUE", "UNIT", "STATUS", "OWNER", "PLACE"]
+    assert rows[1] == ["island-1", "pressure", "input", "int16", "6.5", "bar", "good", "value", "3.1.0"]
+    assert rows[3] == ["island-1", "valve_1", "output", "bool", "false", "bad", "controller", "2.1.0.1"]
     assert pnfarm("io", "island-1").out == done.out
 
 
@@ -81,6 +57,25 @@ def test_values_are_written_together_and_shown(pnfarm, world):
         "island-1.part_present = true", "island-1.pressure = -1.25 bar", "island-1.code = 01 ff 00 00",
     ]  # fmt: skip
     assert world.signals.get("pressure") == -1.25
+
+
+def test_a_forced_signal_says_so_until_it_is_released(pnfarm, world):
+    done = pnfarm("io", "--force", "island-1.part_present=on", "island-1.pressure=6.5")
+    assert (done.code, done.err) == (0, "")
+    assert done.out == "island-1.part_present = true (force)\nisland-1.pressure = 6.5 bar (force)\n"
+    done = pnfarm("io", "island-1.pressure=1")
+    assert done.out == "island-1.pressure = 6.5 bar (force)\n"
+    assert done.err == "island-1.pressure: a force has it now; 1 waits behind it\n"
+    assert pnfarm("io", "--release", "island-1.pressure").out == "island-1.pressure = 1 bar\n"
+    assert list(world.signals.forced) == ["part_present"]
+    assert pnfarm("io", "--release", "island-1").code == 0
+    assert not world.signals.forced
+    for words, why in (
+        (("--release", "island-1.pressure=1"), "a force ends without a value"),
+        (("--release", "--force"), "exclude each other"),
+    ):
+        done = pnfarm("io", *words)
+        assert (done.code, why in done.err) == (2, True)
 
 
 def test_nothing_is_written_when_one_value_is_refused(pnfarm, world):
@@ -221,17 +216,3 @@ def test_a_farm_without_devices_says_so(pnfarm, world, monkeypatch):
 def test_names_are_completed(typed, words):
     context = typer.Context(typer.main.get_command(make_app()))
     assert [word for word, _ in complete_signal(context, typed)] == words
-
-
-def test_a_device_on_a_serial_line_is_written_and_inspected(pnfarm, monkeypatch):
-    cell = SlaveCell(ONE)
-    cell.connect()
-    monkeypatch.setattr(httpx, "Client", Farm(Served(cell)).client)
-    done = pnfarm("io", "island.part_present=on", "island.count=258")
-    assert (done.code, done.out.splitlines()) == (0, ["island.part_present = true", "island.count = 258"])
-    cell.sent(b"\x01\0\0")
-    assert cell.inputs() == (bytes.fromhex("0800000001020000"), True)
-    assert pnfarm("io", "island.clamp").out == "island.clamp = true\n"
-    lines = [" ".join(line.split()) for line in pnfarm("inspect", "island").out.splitlines()]
-    assert "ident number 7425" in lines
-    assert any("16DI" in line for line in lines)

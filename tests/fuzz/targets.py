@@ -30,7 +30,7 @@ from pnfarm.protocols.profinet.wire.block import Block, RawBlock
 from pnfarm.wire.layout import Structure
 from pnfarm.wire.octets import Reader
 from tests.fuzz.mutate import variation, varied_lines, varied_xml
-from tests.fuzz.plugging import plug_every_module, plug_everything
+from tests.fuzz.plugging import describe_everything, plug_every_module, plug_everything
 
 __all__ = ["Parser", "parsers"]
 
@@ -111,6 +111,7 @@ LAYERS = {
     "parse_unconnected_send": ("enip-body",),
     "parse_class1": ("enip-class1",),
     "parse_eds": ("eds",),
+    "parse_sheet": ("eds",),
 }
 #: Parsers of text with a syntax of its own: octets changed at random would mostly break that alone.
 DOCUMENTS = {
@@ -266,5 +267,6 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
             add(title, kind.parse, pool)
             add(f"{title}-little", lambda data, kind=kind: kind.parse(data, little_endian=True), pool)
     found["station.plug_station"] = Parser("station.plug_station", plug_everything, layers.get("gsdml", ()), varied_xml)
+    found["eds.describe"] = Parser("eds.describe", describe_everything, layers.get("eds", ()))
     found["station.plug_slave"] = Parser("station.plug_slave", plug_every_module, layers.get("gsd", ()), varied_lines)
     return sorted(found.values(), key=lambda parser: parser.name)

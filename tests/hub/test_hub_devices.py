@@ -117,6 +117,24 @@ def test_an_expectation_is_checked_by_the_shard_that_has_the_device(world):
     assert "island-1, island-2 are devices of several shards" in str(found["cases"])
 
 
+def test_a_force_of_a_scenario_reaches_the_shard_and_ends_with_it(world):
+    text = """scenario: s
+steps:
+  - force: {island-1.pressure: 4, island-2.pressure: 5}
+  - release: [island-1, island-2.code]
+  - set: {island-2.pressure: 1}
+  - expect: {that: island-2.pressure == 5}
+  - expect: {that: island-1.pressure == 0}
+"""
+    found = carried_out(world, text)
+    assert found["verdict"] == "passed", found["cases"]
+    assert [entry["text"] for entry in found["timeline"] if entry["what"] == "event"] == [
+        "pressure waits: a force has it"
+    ]
+    assert [island.signals.get("pressure") for island in world.islands] == [0, 1]
+    assert not any(island.signals.forced for island in world.islands)
+
+
 # -- their signals as they change
 
 

@@ -6,9 +6,11 @@ import asyncio
 
 import pytest
 from cell_file import CELL
+from device_world import DeviceWorld
 
 import pnfarm
 from pnfarm.errors import ConfigError
+from pnfarm.library.remote_device import RemoteDevice
 from pnfarm.testing import Line, NotInTime
 
 
@@ -68,6 +70,24 @@ def test_several_are_written_all_or_none(running):
     running(work)
 
 
+def test_a_force_is_over_what_is_written(running):
+    async def work(farm):
+        device = farm.device("island-1")
+        await device.write({"pressure": 1})
+        assert await device.force({"pressure": "6.5"}) == {}
+        assert (device.signals["pressure"], device.signals.owner("pressure")) == (6.5, "force")
+        assert await device.write({"pressure": 2}) == {"pressure": "force"}
+        async with farm.fault("signal-stuck", "island-1", signal="pressure", value=3):
+            assert device.signals.owner("pressure") == "fault"
+            assert await device.force({"pressure": 7}) == {"pressure": "fault"}
+            assert device.signals["pressure"] == 3
+        assert device.signals.forced == {"pressure": 7}
+        await device.release("pressure")
+        assert (device.signals["pressure"], device.signals.owner("pressure")) == (2, "value")
+
+    running(work)
+
+
 def test_a_wait_lets_time_pass_until_the_value_is_there(running):
     async def work(farm):
         device = farm.device("island-1")
@@ -101,3 +121,37 @@ def test_a_line_in_memory_has_them_too():
         assert [one.name for one in line.devices] == ["island-1"]
         with pytest.raises(NotInTime, match=r"valve did not become True within 0\.1 s: island-1\.valve = false"):
             device.wait_for("valve", True, within=0.1)
+
+
+class Remote:
+    """Asks the API of a farm in memory."""
+
+    def __init__(self, world):
+        self.client = self
+        self.world = world
+
+    async def ask(self, method, *path, **options):
+        return await asyncio.to_thread(method, *path, **options)
+
+    def get(self, *path):
+        return self.world.get("/api/v1/" + "/".join(path)).json()
+
+    def patch(self, *path, body, query):
+        return self.world.request("PATCH", "/api/v1/" + "/".join(path), json=body, params=query).json()
+
+
+def test_a_device_of_another_process_is_forced_and_released_by_the_api():
+    farm = Remote(DeviceWorld())
+
+    async def work():
+        device = await RemoteDevice(farm, {"name": "island-1"}).refresh()
+        assert await device.write({"pressure": 1}) == {}
+        assert await device.force({"pressure": 2, "code": b"\1"}) == {}
+        assert await device.write({"pressure": 3}) == {"pressure": "force"}
+        assert (device.signals["pressure"], device.owner("pressure")) == (2, "force")
+        await device.release("pressure")
+        assert (device.signals["pressure"], device.owner("pressure"), device.owner("code")) == (3, "value", "force")
+        await device.release()
+        assert device.owner("code") == "default"
+
+    asyncio.run(work())

@@ -48,6 +48,26 @@ def test_signals_are_written_by_a_step(farm, carried_out):
     assert signals["pressure"] == 2.5
 
 
+def test_a_force_ends_with_its_release_or_with_the_scenario(farm, carried_out):
+    result = carried_out(
+        "set: {island-1.pressure: 1, island-1.part_present: false}",
+        "force: {island-1.pressure: 6.5, island-1.part_present: true}",
+        "set: {island-1.pressure: 2}",
+        "expect: {that: island-1.pressure == 6.5}",
+        "release: [island-1.pressure]",
+        "expect: {that: island-1.pressure == 2 and island-1.part_present}",
+        "release: island-1",
+        "expect: {that: not island-1.part_present}",
+        "force: {island-1.pressure: 9}",
+    )
+    assert result.passed, result.record["cases"]
+    signals = farm.device("island-1").signals
+    assert (signals["pressure"], signals.forced) == (2, {})
+    told = [entry for entry in result.record["timeline"] if entry["what"] == "event"]
+    assert [(entry["drive"], entry["text"]) for entry in told] == [("island-1", "pressure waits: a force has it")]
+    assert "force island-1.pressure = 9" in {entry["text"] for entry in result.record["timeline"]}
+
+
 @pytest.mark.parametrize(
     ("step", "sentence"),
     [
@@ -58,6 +78,11 @@ def test_signals_are_written_by_a_step(farm, carried_out):
         ("set: {part_present: true}", "'part_present' is not a signal; allowed: STATION.SIGNAL"),
         ("set: {island-1.part_present: [1]}", "island-1.part_present is a list"),
         ("set: 1", "is 1; allowed: a mapping of signals to values"),
+        ("force: {island-1.valve: true}", "is an output: the controller alone writes it"),
+        ("force: {island-1.presure: 1}", "island-1 has no signal 'presure', did you mean pressure?"),
+        ("release: [island-1.presure]", "island-1 has no signal 'presure', did you mean pressure?"),
+        ("release: island-2", "there is no device 'island-2', did you mean island-1?"),
+        ("release: {island-1: true}", "is a mapping; allowed: a list of STATION.SIGNAL"),
     ],
 )
 def test_a_step_that_cannot_be_is_reported_before_the_scenario_begins(farm, carried_out, step, sentence):
@@ -149,6 +174,20 @@ def test_what_is_wrong_about_a_device_is_reported_with_its_line(farm, carried_ou
         carried_out("wait: 1ms", step)
     assert sentence in str(caught.value)
     assert "signals.scenario.yml:4" in str(caught.value)
+
+
+def test_a_step_replays_the_values_of_a_file_beside_the_scenario(farm, carried_out, tmp_path):
+    (tmp_path / "pressure.csv").write_text("time,pressure\n0,1\n0.1,2.5\n")
+    step = "fault: {{kind: signal-replay, on: island-1, params: {{signal: pressure, values: '@{}'}}}}"
+    result = carried_out(
+        step.format("pressure.csv"),
+        "expect: {that: island-1.pressure == 1}",
+        "expect: {that: island-1.pressure == 2.5, within: 101ms}",
+    )
+    assert result.passed, result.record["cases"]
+    assert result.record["cases"][1]["held_after_seconds"]["island-1"] == pytest.approx(0.1)
+    with pytest.raises(ConfigError, match=r"params\.values: .*presure\.csv cannot be read: no such file"):
+        carried_out(step.format("presure.csv"))
 
 
 def test_a_running_farm_carries_out_a_scenario_about_its_device():

@@ -86,3 +86,36 @@ def test_a_station_without_inputs_refuses_every_write():
     signals = island(inputs=False)
     with pytest.raises(SignalError, match="is an output"):
         signals.set({"valve_1": True})
+
+
+def test_the_strongest_of_fault_force_and_value_has_an_input_and_the_others_wait():
+    signals = island(more={"first": {"at": "3.1.0", "type": "uint8"}})
+    seen = {signals.revision}
+    assert [signals.owner(name) for name in ("part_present", "pressure", "speed")] == [
+        "default",
+        "default",
+        "controller",
+    ]
+    assert signals.set({"pressure": 1}) == {}
+    # of the octets of another signal
+    assert (signals.owner("first"), signals.owner("code")) == ("value", "default")
+    assert signals.force({"pressure": 2}) == {}
+    assert signals.set({"pressure": 3, "first": 0, "code": ""}) == {"pressure": "force", "first": "force"}
+
+    def shape(value):
+        return value + 10
+
+    signals.put_shape(signals.signal("pressure"), shape)
+    assert (signals.get("pressure"), signals.owner("pressure")) == (12, "fault")
+    assert signals.force({"pressure": 4, "part_present": True}) == {"pressure": "fault"}
+    assert signals.set({"pressure": 5, "part_present": False}) == {"pressure": "fault", "part_present": "force"}
+    assert (signals.get("pressure"), signals.forced) == (14, {"pressure": 4, "part_present": True})
+    signals.force({"pressure": None})
+    assert (signals.get("pressure"), signals.owner("pressure")) == (15, "fault")
+    signals.take_shape(signals.signal("pressure"), shape)
+    assert (signals.get("pressure"), signals.owner("pressure")) == (5, "value")
+    signals.force({"*": None})
+    assert (signals.get("part_present"), signals.owner("part_present")) == (False, "value")
+    seen.add(signals.revision)
+    signals.force({"part_present": False})
+    assert signals.revision not in seen, "another owner is news"

@@ -102,9 +102,10 @@ class Browser:
         self._call("Emulation.setEmulatedMedia", features=features)
 
     def key(self, text: str) -> None:
-        """A key is pressed and released."""
+        """A key is pressed and released: a letter, or one by its name such as Escape."""
+        typed = {"text": text} if len(text) == 1 else {}
         for kind in ("keyDown", "keyUp"):
-            self._call("Input.dispatchKeyEvent", type=kind, key=text, **({"text": text} if kind == "keyDown" else {}))
+            self._call("Input.dispatchKeyEvent", type=kind, key=text, **(typed if kind == "keyDown" else {}))
 
     def drag(self, begin: tuple[float, float], end: tuple[float, float]) -> None:
         """The mouse is pressed at one place of the window, moved, and released at another."""

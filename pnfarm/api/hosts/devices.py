@@ -49,12 +49,12 @@ class FarmDevices:
     def tag(self, name: str) -> str:
         return self._context.tag(self._with_signals(name)[1].revision)
 
-    def write(self, name: str, values: dict[str, Any], event: Event) -> dict[str, Any]:
+    def write(self, name: str, values: dict[str, Any], event: Event, *, force: bool) -> dict[str, Any]:
         station, signals = self._with_signals(name)
-        signals.set(values)
+        overruled = (signals.force if force else signals.set)(values)
         self._context.record(event, station.configured_name)
         self._context.changed(station)
-        return self.signals(name)
+        return {**self.signals(name), "overruled": dict(overruled)}
 
     def _with_signals(self, name: str) -> tuple[Station, PlainSignals]:
         with named_by_path():

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol
 
-from fastapi import Request  # noqa: TC002 - FastAPI reads the annotations of handlers
+from fastapi import Query, Request
 from starlette.responses import Response
 
-from pnfarm.api.changes import SignalsWritten, who
-from pnfarm.api.schemas.device import DevicesView, DeviceView, SignalsValues, StationsView
+from pnfarm.api.changes import SignalsForced, SignalsWritten, who
+from pnfarm.api.schemas.device import DevicesView, DeviceView, SignalsAnswer, SignalsValues, StationsView
 from pnfarm.vocabulary.quoting import shortened
 from pnfarm.web.bodies import Json, body_of, read_object
 from pnfarm.web.tags import check_match, is_known
@@ -22,12 +22,15 @@ __all__ = ["DeviceHost", "StationsHost", "add_device", "add_stations"]
 
 #: Names of signals in one entry of the log.
 MOST_NAMES = 16
-_TAGGED = {200: {"model": SignalsValues, "headers": {"ETag": {"schema": {"type": "string"}}}}}
+_TAG = {"ETag": {"schema": {"type": "string"}}}
+_TAGGED = {200: {"model": SignalsValues, "headers": _TAG}}
+_WRITTEN = {200: {"model": SignalsAnswer, "headers": _TAG}}
 _UNCHANGED = {304: {"description": "As it was at the ETag of If-None-Match"}}
 _WRITE = {
     "type": "object",
-    "description": "Name of a signal: its new value; a text is parsed by the signal's type.",
-    "additionalProperties": {"type": ["boolean", "number", "string"]},
+    "description": "Name of a signal: its new value; a text is parsed by the signal's type. With `as=force`, null "
+    "releases the signal, and `*: null` every signal of the device.",
+    "additionalProperties": {"type": ["boolean", "number", "string", "null"]},
 }
 
 
@@ -52,8 +55,11 @@ class DeviceHost(Protocol):
     def tag(self, name: str) -> str:
         """An ETag of the signals as they are now."""
 
-    def write(self, name: str, values: dict[str, Any], event: Event) -> dict[str, Any]:
-        """Write signals, all or none, and log ``event``; raises :class:`~pnfarm.signals.refusal.SignalError`."""
+    def write(self, name: str, values: dict[str, Any], event: Event, *, force: bool) -> dict[str, Any]:
+        """Write or force signals, all or none, and log ``event``.
+
+        Raises :class:`~pnfarm.signals.refusal.SignalError`.
+        """
 
 
 def add_stations(path: Paths, stations: StationsHost) -> None:
@@ -86,10 +92,19 @@ def add_device(path: Paths, devices: DeviceHost) -> None:
             return Response(status_code=HTTPStatus.NOT_MODIFIED, headers={"ETag": tag})
         return Json(devices.signals(name), headers={"ETag": tag})
 
-    @path("PATCH devices/{name}/signals", _TAGGED, body=body_of(_WRITE, input={"part_present": True, "pressure": 6.5}))
-    async def patch_device_signals(name: str, request: Request) -> Json:
-        """Write inputs of the controller, all or none; If-Match with an ETag refuses it after a change (412)."""
+    @path("PATCH devices/{name}/signals", _WRITTEN, body=body_of(_WRITE, input={"part_present": True, "pressure": 6.5}))
+    async def patch_device_signals(
+        name: str,
+        request: Request,
+        how: Annotated[
+            Literal["value", "force"],
+            Query(alias="as", description="force: over what is written, until it is released."),
+        ] = "value",
+    ) -> Json:
+        """Write or force inputs, all or none; If-Match with an ETag refuses it after a change (412)."""
         values = await read_object(request)
         check_match(request, devices.tag(name))
-        written = devices.write(name, values, SignalsWritten(*who(request), shortened(list(values), MOST_NAMES)))
+        told = SignalsWritten if how == "value" else SignalsForced
+        event = told(*who(request), shortened(list(values), MOST_NAMES))
+        written = devices.write(name, values, event, force=how == "force")
         return Json(written, headers={"ETag": devices.tag(name)})

@@ -9,7 +9,16 @@ from pydantic import Field
 from pnfarm.api.schemas.drive import Controller  # noqa: TC001 - pydantic reads the annotations of fields
 from pnfarm.web.bodies import Schema
 
-__all__ = ["ChangedSignals", "DeviceRow", "DeviceView", "DevicesView", "SignalsValues", "StationView", "StationsView"]
+__all__ = [
+    "ChangedSignals",
+    "DeviceRow",
+    "DeviceView",
+    "DevicesView",
+    "SignalsAnswer",
+    "SignalsValues",
+    "StationView",
+    "StationsView",
+]
 
 
 class StationView(Schema):
@@ -78,6 +87,13 @@ class SignalState(Schema):
     value: bool | int | float | str = Field(description="In its unit; octets are hexadecimal.")
     shown: str = Field(description="The same as text, as a write takes it.")
     good: bool = Field(description="Whether the provider status of its data is GOOD.")
+    owner: Literal["controller", "fault", "force", "value", "default"] = Field(
+        description="Whose value it is: an output is the controller's; of an input the strongest of a fault, a user's "
+        "force, and a value of a program or of this API; default: nobody has written it."
+    )
+    forced: bool | int | float | str | None = Field(
+        description="The value of a user's force, which a fault may overrule; null without one."
+    )
 
 
 class SignalView(SignalState):
@@ -99,6 +115,12 @@ class SignalsValues(Schema):
     device: str
     revision: int = Field(description="Counts the changes of values that were seen.")
     signals: list[SignalView] = Field(description="In the order of the file; those of one direction are of one time.")
+
+
+class SignalsAnswer(SignalsValues):
+    overruled: dict[str, Literal["fault", "force"]] = Field(
+        description="Signals of the request that somebody stronger has now: what was written waits behind it."
+    )
 
 
 class ChangedSignals(Schema):

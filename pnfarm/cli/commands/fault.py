@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -12,7 +13,9 @@ from pnfarm.terminal import client
 from pnfarm.terminal.output import print_found, print_json, print_line, print_next, print_section, print_table
 from pnfarm.terminal.partial import raise_for_missing
 from pnfarm.terminal.settings import DEFAULT_URL, ApiOption, Format, FormatOption, TokenOption, help_without_command
+from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shortened
+from pnfarm.vocabulary.samples import with_files
 
 __all__ = ["app"]
 
@@ -149,7 +152,8 @@ def add(
     token: TokenOption = None,
 ) -> None:
     """Inject a fault."""
-    body: dict[str, Any] = {"kind": kind, "on": on, "params": dict(map(_parameter, param or []))}
+    params = _with_files(dict(map(_parameter, param or [])))
+    body: dict[str, Any] = {"kind": kind, "on": on, "params": params}
     wanted = {
         "for": duration,
         "count": count,
@@ -319,6 +323,13 @@ def _parameter(text: str) -> tuple[str, Any]:
     if not equals or not key:
         raise ConfigError(f"--param {text!r} is not a parameter; give NAME=VALUE such as hold=true")
     return key.strip(), _scalar(value.strip())
+
+
+def _with_files(params: dict[str, Any]) -> Any:
+    try:
+        return with_files(params, Path())
+    except Problem as problem:
+        raise ConfigError(f"params.values: {problem.what}; allowed: {problem.allowed}") from problem
 
 
 def _scalar(text: str) -> int | float | bool | str:

@@ -11,6 +11,7 @@ import typer
 
 from pnfarm.cli.completion import complete_signal
 from pnfarm.errors import ConfigError, EnvironmentError_, RemoteError
+from pnfarm.signals.layers import EVERY
 from pnfarm.terminal import client
 from pnfarm.terminal.output import print_json, print_line, print_table
 from pnfarm.terminal.partial import raise_for_missing
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 __all__ = ["io"]
 
+#: Owners that overrule what is written.
+_STRONG = frozenset({"fault", "force"})
 #: After the stream of --watch broke.
 AGAIN_SECONDS = 1.0
 
@@ -46,22 +49,30 @@ def io(
             autocompletion=complete_signal,
         ),
     ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="The values stay, whatever is written, until they are released.")
+    ] = False,
+    release: Annotated[
+        bool, typer.Option("--release", help="End the force of these signals, or of all signals of these devices.")
+    ] = False,
     watch: Annotated[bool, typer.Option("--watch", help="Follow what changes until Ctrl-C.")] = False,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """List, read, write or follow the signals of devices of the running farm.
+    """List, read, write, force or follow the signals of devices of the running farm.
 
     Several values for one device are written together, all or none. Inputs of the controller can be written; its
     outputs can only be read.
     """
+    if force and release:
+        raise ConfigError("--force and --release exclude each other")
     with client.FarmClient(api, token) as farm:
         listed = farm.get("devices")
         known = [str(one["name"]) for one in listed["devices"]]
         wanted = [_parsed(word, known) for word in words or []] or [_Wanted(name) for name in known]
-        for station, values in _writes(wanted).items():
-            _write(farm, station, values)
+        for station, values in (_releases(wanted) if release else _writes(wanted)).items():
+            _write(farm, station, values, "force" if force or release else "value")
         if watch:
             _watch(farm, wanted, output, [*dict.fromkeys(one.station for one in wanted)] if words else ["all"])
         found = _read(farm, wanted)
@@ -71,7 +82,9 @@ def io(
             for line in _lines(found):
                 print_line(line)
         elif known:
-            print_table(("STATION", "SIGNAL", "DIRECTION", "TYPE", ">VALUE", "UNIT", "STATUS", "PLACE"), _rows(found))
+            print_table(
+                ("STATION", "SIGNAL", "DIRECTION", "TYPE", ">VALUE", "UNIT", "STATUS", "OWNER", "PLACE"), _rows(found)
+            )
         else:
             print_line("the farm has no devices")
     raise_for_missing(listed if not words else {})
@@ -105,11 +118,23 @@ def _writes(wanted: Iterable[_Wanted]) -> dict[str, dict[str, str]]:
     return found
 
 
-def _write(farm: FarmClient, station: str, values: Mapping[str, str]) -> None:
+def _releases(wanted: Iterable[_Wanted]) -> dict[str, dict[str, None]]:
+    """By station, the signals that are forced no longer; raises for one with a value."""
+    found: dict[str, dict[str, None]] = {}
+    for station, signal, value in wanted:
+        if value is not None:
+            raise ConfigError(f"{station}.{signal}={value}: a force ends without a value")
+        found.setdefault(station, {})[signal or EVERY] = None
+    return found
+
+
+def _write(farm: FarmClient, station: str, values: Mapping[str, str | None], how: str) -> None:
     try:
-        farm.patch("devices", station, "signals", body=values)
+        answer = farm.patch("devices", station, "signals", body=values, query={"as": how})
     except ConfigError as exc:
         raise ConfigError(f"{station}: {exc}") from exc
+    for signal, owner in answer["overruled"].items():
+        typer.echo(f"{station}.{signal}: a {owner} has it now; {values[signal]} waits behind it", err=True)
 
 
 def _read(farm: FarmClient, wanted: Sequence[_Wanted]) -> dict[str, dict[str, Any]]:
@@ -129,7 +154,8 @@ def _read(farm: FarmClient, wanted: Sequence[_Wanted]) -> dict[str, dict[str, An
 
 def _line(station: str, signal: Mapping[str, Any]) -> str:
     unit = f" {signal['unit']}" if signal["unit"] else ""
-    return f"{station}.{signal['name']} = {signal['shown']}{unit}{'' if signal['good'] else ' (bad)'}"
+    notes = [word for word in (signal["owner"],) if word in _STRONG] + ([] if signal["good"] else ["bad"])
+    return f"{station}.{signal['name']} = {signal['shown']}{unit}" + (f" ({', '.join(notes)})" if notes else "")
 
 
 def _lines(found: Mapping[str, Mapping[str, Any]]) -> Iterable[str]:
@@ -141,15 +167,15 @@ def _rows(found: Mapping[str, Mapping[str, Any]]) -> Iterable[Sequence[object]]:
         for signal in view["signals"]:
             status = "good" if signal["good"] else "bad"
             what = (signal[key] for key in ("name", "direction", "type", "shown", "unit"))
-            yield station, *what, status, signal["place"]
+            yield station, *what, status, signal["owner"], signal["place"]
 
 
 def _watch(farm: FarmClient, wanted: Sequence[_Wanted], output: Format, devices: Sequence[str]) -> None:
-    """Print every signal once, then each whose value or status is another one."""
-    seen: dict[tuple[str, str], tuple[Any, bool]] = {}
+    """Print every signal once, then each whose value, status or owner is another one."""
+    seen: dict[tuple[str, str], tuple[Any, ...]] = {}
 
     def show(station: str, signal: Mapping[str, Any]) -> None:
-        now = signal["value"], signal["good"]
+        now = signal["value"], signal["good"], signal["owner"]
         if seen.get((station, signal["name"])) != now:
             seen[station, signal["name"]] = now
             print_line(json.dumps({"device": station, **signal}) if output is Format.JSON else _line(station, signal))
@@ -165,7 +191,7 @@ def _watch(farm: FarmClient, wanted: Sequence[_Wanted], output: Format, devices:
         with suppress(EnvironmentError_, RemoteError):
             for message in farm.values(devices):
                 for state in message["signals"]:
-                    signal = known.get((message["device"], state["name"]))
-                    if signal is not None:
-                        show(message["device"], {**signal, **state})
+                    found = known.get((message["device"], state["name"]))
+                    if found is not None:
+                        show(message["device"], {**found, **state})
         time.sleep(AGAIN_SECONDS)

@@ -23,7 +23,7 @@ from pnfarm.buses.registry import BUSES
 from pnfarm.config.database import is_database
 from pnfarm.config.device import DeviceConfig
 from pnfarm.config.drive import DriveConfig
-from pnfarm.config.impairment import FAULT_KINDS
+from pnfarm.config.impairment import FAULT_KINDS, FOLDER
 from pnfarm.config.known import Known, catalogue
 from pnfarm.farm.file.checks import check
 from pnfarm.farm.file.choice import Choice
@@ -240,8 +240,8 @@ def _build(
         report(("drives",), "is missing", "a list of groups, each with name and model")
     config = None
     choice = Choice(values, known)
-    context = {FAULT_KINDS: known.fault_kinds, CHOICE: choice}
     folder = path.parent if path is not None else Path()
+    context = {FAULT_KINDS: known.fault_kinds, CHOICE: choice, FOLDER: folder}
     in_lists: list[FileIssue] = []
     notes: list[str] = []
     try:

@@ -20,7 +20,7 @@ from pnfarm.errors import InternalError
 from pnfarm.farm.file.sections import DEFAULT_LISTEN, FarmSections
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from pnfarm.buses.bus import Bus
     from pnfarm.config.known import ModelFacts
@@ -91,15 +91,14 @@ def _keys_of_buses(
         texts.append(own["description"])
         required.append(own.get("required", []))
     whole = {**sections[base.__name__], "properties": properties, "description": text or " / ".join(texts)}
-    return whole | _required(required)
-
-
-def _required(of_buses: Sequence[Sequence[str]]) -> dict[str, Any]:
-    """The keys that every bus needs, and beside them those of one bus: a device's file."""
-    common = [key for key in of_buses[0] if all(key in own for own in of_buses)]
-    others = [[key for key in own if key not in common] for own in of_buses]
-    found: dict[str, Any] = {"required": common} if common else {}
-    return found | {"anyOf": [{"required": own} for own in others]} if all(others) else found
+    common = [key for key in required[0] if all(key in keys for keys in required)]
+    further = [[key for key in keys if key not in common] for keys in required]
+    return (
+        whole
+        | ({"required": common} if common else {})
+        # each bus has a key of its own, such as that for a maker's file
+        | ({"anyOf": [{"required": keys} for keys in further]} if all(further) else {})
+    )
 
 
 def _maps_of_buses(properties: dict[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.farm.views.stations import signal_state
+from pnfarm.farm.views.stations import signal_states
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -45,8 +45,7 @@ class SignalChanges:
             revision = self._signals.revision
             if revision != self.revision:
                 self.revision = revision
-                for place, (signal, value, good) in enumerate(self._signals.readings()):
-                    state = signal_state(signal, value, good=good)
+                for place, (_, state) in enumerate(signal_states(self._signals)):
                     if state != self._states[place]:
                         self._states[place] = state
                         self._changed[place] = revision

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from pnfarm.station.station import Station
     from pnfarm.wire.value_types import Value
 
-__all__ = ["device_row", "device_snapshot", "json_value", "signal_state", "signals_snapshot", "station_snapshot"]
+__all__ = ["device_row", "device_snapshot", "json_value", "signal_states", "signals_snapshot", "station_snapshot"]
 
 
 def json_value(value: Value) -> bool | int | float | str:
@@ -89,12 +89,26 @@ def signals_snapshot(signals: PlainSignals) -> list[dict[str, Any]]:
             "unit": signal.unit,
             "scale": signal.scale,
             "place": signal.place,
-            **signal_state(signal, value, good=good),
+            **state,
         }
-        for signal, value, good in signals.readings()
+        for signal, state in signal_states(signals)
     ]
 
 
-def signal_state(signal: Any, value: Value, *, good: bool) -> dict[str, Any]:
-    """What moves of a signal (:class:`pnfarm.signals.signal.Signal`)."""
-    return {"name": signal.name, "value": json_value(value), "shown": signal.show(value), "good": good}
+def signal_states(signals: PlainSignals) -> list[tuple[Any, dict[str, Any]]]:
+    """Every signal (:class:`pnfarm.signals.signal.Signal`) with what moves of it."""
+    forced = signals.forced
+    return [
+        (
+            signal,
+            {
+                "name": signal.name,
+                "value": json_value(value),
+                "shown": signal.show(value),
+                "good": good,
+                "owner": signals.owner(signal.name),
+                "forced": json_value(forced[signal.name]) if signal.name in forced else None,
+            },
+        )
+        for signal, value, good in signals.readings()
+    ]

@@ -16,6 +16,8 @@ from pnfarm.hub.shards import AwayError
 from pnfarm.web.paths import Paths
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pnfarm.hub.client import Answer
     from pnfarm.hub.hub import Hub
     from pnfarm.hub.shards import Shard
@@ -52,14 +54,18 @@ class HubDevices(Passing):
         await self.look()
         return await super().asked(request)
 
-    async def write(self, name: str, values: dict[str, Any]) -> None:
-        """Write signals of a device.  Raises :class:`ConfigError` with the shard's refusal, or :class:`AwayError`."""
+    async def write(self, name: str, values: Mapping[str, Any], *, how: str = "value") -> dict[str, str]:
+        """Write or force (``how``) signals of a device; those that somebody stronger has, and who.
+
+        Raises :class:`ConfigError` with the shard's refusal, or :class:`AwayError`.
+        """
         await self.look()
         shard = self._hub.shards.device_owner(name)
-        answer = await self._hub.ask(shard, "PATCH", f"devices/{quote(name, safe='')}/signals", body=values)
+        path = f"devices/{quote(name, safe='')}/signals"
+        answer = await self._hub.ask(shard, "PATCH", path, body=values, query={"as": how})
         if answer.status == HTTPStatus.UNPROCESSABLE_ENTITY:
             raise ConfigError(f"{name}: {refusal(answer)}")
-        read(shard, answer, "signals")
+        return dict(read(shard, answer, "overruled")["overruled"])
 
     async def look(self) -> None:
         """Ask the shards that run anew which devices they have; they are the same for the whole run."""

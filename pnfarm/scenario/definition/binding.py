@@ -12,7 +12,8 @@ from pnfarm.faults.plan import matching
 from pnfarm.faults.signals import SIGNALS
 from pnfarm.scenario.definition.steps import ALL_CONNECTED
 from pnfarm.signals.conditions import bind
-from pnfarm.signals.device_signal import device_of, stations_in
+from pnfarm.signals.device_signal import device_of, releases, stations_in
+from pnfarm.signals.layers import EVERY
 from pnfarm.vocabulary.conditions import ConditionError, names_in, parse_condition
 from pnfarm.vocabulary.globs import read_globs
 from pnfarm.vocabulary.issues import FarmFileError
@@ -161,8 +162,10 @@ def _errors(binding: Binding, step: Step, kinds: Catalogue, names: set[str]) -> 
                 yield key, f"column {error.column}: {error.what}", error.allowed
         case "param" if not missing:
             yield from _parameter_errors(binding, step)
-        case "set" if binding.devices is not None:
-            yield from _signal_errors(binding.devices, step)
+        case "set" | "force" if binding.devices is not None:
+            yield from _signal_errors(binding.devices, step.values["signals"])
+        case "release" if binding.devices is not None:
+            yield from _signal_errors(binding.devices, releases(step.values["signals"], binding.devices))
         case "load":
             wanted = step.values["total"] if "total" in step.values else step.values["drives"]
             key = "total" if "total" in step.values else "drives"
@@ -204,8 +207,9 @@ def _fault_errors(binding: Binding, given: Mapping[str, Any], kinds: Catalogue) 
                     yield "params", str(error), f"a fault of `pnfarm models {model.name}`"
 
 
-def _signal_errors(devices: Mapping[str, Mapping[str, Signal]], step: Step) -> Iterator[tuple[str, str, str]]:
-    for station, values in step.values["signals"].items():
+def _signal_errors(devices: KnownDevices, signals: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, str, str]]:
+    """What is wrong with values of signals; None: a force that is released."""
+    for station, values in signals.items():
         known = devices.get(station)
         if known is None:
             hint = did_you_mean(station, devices)
@@ -213,9 +217,11 @@ def _signal_errors(devices: Mapping[str, Mapping[str, Signal]], step: Step) -> I
             continue
         for name, value in values.items():
             key, signal = f"{station}.{name}", known.get(name)
+            if name == EVERY:
+                continue
             if signal is None:
                 yield key, *_no_signal(station, name, known)
-            elif (problem := signal.refusal(value)) is not None:
+            elif value is not None and (problem := signal.refusal(value)) is not None:
                 yield key, problem.what, problem.allowed
 
 

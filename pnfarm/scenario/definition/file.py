@@ -21,6 +21,7 @@ from pnfarm.vocabulary.issues import FarmFileError, FileIssue, Location, field_p
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, few_hints, shown
 from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.vocabulary.samples import with_files
 from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, Document, YamlError, parse_yaml
 
 if TYPE_CHECKING:
@@ -313,6 +314,10 @@ class _Reader:
         for key, value in content.items():
             if key in known.keys and (found := self._value((*at, key), known.keys[key].read, value)) is not None:
                 read[key] = found
+        if kind == "fault" and "spec" in read and self._path is not None:
+            folder, spec = self._path.parent, read["spec"]
+            params = self._value((*at, "params", "values"), lambda given: with_files(given, folder), spec.get("params"))
+            read["spec"] = {**spec, "params": params} if params is not None else spec
         self._check_required(content, at, known)
         if known.one_of and (given := sum(key in content for key in known.one_of)) != 1:
             what = "has none of these" if not given else "has more than one of these"

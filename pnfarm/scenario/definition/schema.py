@@ -38,7 +38,8 @@ def scenario_schema() -> dict[str, Any]:
     for name, key in fault.get("properties", {}).items():
         fault["properties"][name] = {"anyOf": [key, _VARIABLE]}
     kinds = {name: {"description": kind.doc, **_step(kind)} for name, kind in STEPS.items() if name not in WHOLE}
-    kinds["set"] = {"description": STEPS["set"].doc, **STEPS["set"].keys["signals"].schema}
+    for name in ("set", "force", "release"):
+        kinds[name] = {"description": STEPS[name].doc, **STEPS[name].keys["signals"].schema}
     kinds["fault"] = {"description": STEPS["fault"].doc, "$ref": "#/$defs/Fault"}
     steps = {"type": "array", "items": {"$ref": "#/$defs/Step"}, "minItems": 1}
     kinds["parallel"] = {

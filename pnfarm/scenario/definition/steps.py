@@ -167,6 +167,13 @@ def _signals(value: Any) -> dict[str, dict[str, bool | int | float | str]]:
     return found
 
 
+def _released(value: Any) -> list[str]:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not 0 < len(names) <= 64 or not all(isinstance(n, str) and n for n in names):
+        raise Problem(f"is {shown(value)}", "a list of STATION.SIGNAL, or of STATION for all of its signals")
+    return names
+
+
 def _mapping(value: Any) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise Problem(f"is {shown(value)}", "a mapping such as {kind: f702, on: axis-01, as: trip}")
@@ -264,9 +271,11 @@ class Step:
             case "power":
                 word = next(word for word in ("on", "off", "cycle") if word in values)
                 return f"power {word} {' '.join(values[word])}"
-            case "set":
+            case "release":
+                return f"release {', '.join(values['signals'])}"
+            case "set" | "force":
                 every = [(f"{s}.{n}", v) for s, values in values["signals"].items() for n, v in values.items()]
-                return "set " + ", ".join(f"{name} = {shown(value)}" for name, value in every)
+                return f"{self.kind} " + ", ".join(f"{name} = {shown(value)}" for name, value in every)
             case "param":
                 return f"param {drives}: " + ", ".join(f"{name} = {value}" for name, value in values["set"].items())
             case _:
@@ -284,7 +293,9 @@ def _drives_key(doc: str) -> Key:
 _TITLE = Key(read_title, "Title in reports.")
 
 #: Steps whose content is the value of one key.
-WHOLE: Mapping[str, str] = {"fault": "spec", "set": "signals"}
+WHOLE: Mapping[str, str] = {"fault": "spec", "set": "signals", "force": "signals", "release": "signals"}
+
+_SIGNALS_JSON: dict[str, Any] = {"type": "object", "additionalProperties": {"type": ["boolean", "number", "string"]}}
 
 #: Steps that only act or check; `parallel` and `repeat` hold others and are read by
 #: :mod:`pnfarm.scenario.definition.file`.
@@ -357,15 +368,22 @@ STEPS: Mapping[str, StepKind] = {
     ),
     "set": StepKind(
         "Write signals of devices, as `pnfarm io` does: of each device all at once, or none.",
-        {
-            "signals": Key(
-                _signals,
-                "STATION.SIGNAL: its new value.",
-                {"type": "object", "additionalProperties": {"type": ["boolean", "number", "string"]}},
-            )
-        },
+        {"signals": Key(_signals, "STATION.SIGNAL: its new value.", _SIGNALS_JSON)},
         required=("signals",),
         example="set: {island-1.part_present: true, island-1.pressure: 6.5}",
+    ),
+    "force": StepKind(
+        "Force inputs of devices: the controller gets these values, whatever is written, until they are released, at "
+        "the latest when the scenario ends.  A fault is stronger.",
+        {"signals": Key(_signals, "STATION.SIGNAL: its value.", _SIGNALS_JSON)},
+        required=("signals",),
+        example="force: {island-1.part_present: true}",
+    ),
+    "release": StepKind(
+        "End forces: what was written meanwhile is in force.",
+        {"signals": Key(_released, "STATION.SIGNAL, or STATION for all of its signals.", GLOBS_SCHEMA)},
+        required=("signals",),
+        example="release: [island-1.part_present]",
     ),
     "param": StepKind(
         "Write parameters, by number or the maker's name, as `pnfarm param set` does.",

@@ -141,6 +141,12 @@ function pastOf(message) {
   return begun;
 }
 
+/** What was written is shown before the stream has it. */
+export function takeWritten(device, state) {
+  if (farm.values.device === device) farm.values.states.set(state.name, state);
+  tell();
+}
+
 function open() {
   if (source) source.close();
   farm.drive = null;

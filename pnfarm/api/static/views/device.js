@@ -1,7 +1,7 @@
 // One device: its identity, and its modules with their signals live; inputs of the controller can be written.
 import {call, get, path} from "../lib/api.js";
 import {html, useMemo, useRef, useState} from "../lib/html.js";
-import {farm as live} from "../lib/live.js";
+import {farm as live, takeWritten} from "../lib/live.js";
 import {Act, Problem, act, inject, useFarm, useLoaded} from "../lib/ui.js";
 import {hex, plural, time} from "../lib/words.js";
 import {DeviceState, deviceController} from "./devices.js";
@@ -15,72 +15,84 @@ const EVENTS = 20;
 const WIDE = 24;
 
 /**
- * Write an input that the reader saw as `seen`: {tag, shown}.  The tag is of all signals of the device: if it is not
- * the present one, the input itself may still be as it was seen.
+ * Write an input that the reader saw as `seen`: {tag, shown}; who overrules it, if somebody does.  The tag is of all
+ * signals of the device: if it is not the present one, the input itself may still be as it was seen.
  */
 async function write(device, name, value, seen) {
-  const where = path("devices", device, "signals");
+  const where = path("devices", device, "signals"), of = found => found.signals.find(one => one.name === name);
+  let done;
   try {
-    await call("PATCH", where, {[name]: value}, {"If-Match": seen.tag});
+    done = await call("PATCH", where, {[name]: value}, {"If-Match": seen.tag});
   } catch (problem) {
     if (problem.status !== 412) throw problem;
-    const now = (await get(where)).signals.find(one => one.name === name);
+    const now = of(await get(where));
     if (!now || now.shown !== seen.shown) throw new Error(`${name} is ${now ? now.shown : "no signal"} meanwhile; nothing was written`);
-    await call("PATCH", where, {[name]: value});
+    done = await call("PATCH", where, {[name]: value});
   }
+  takeWritten(device, of(done));
+  return (done.overruled || {})[name];
 }
+
+/** What became of the last write of a signal: [a sentence about it, how to write]; the sentence is empty if all is well. */
+function useWrite(device, name) {
+  const [told, setTold] = useState({text: "", kind: ""});
+  const send = async (value, seen) => {
+    try {
+      const overruled = await write(device, name, value, seen);
+      setTold({text: overruled ? `waits: a ${overruled} has the signal` : "", kind: "warn"});
+      return true;
+    } catch (problem) {
+      setTold({text: problem.message, kind: "bad"});
+      return false;
+    }
+  };
+  return [told, send, () => setTold({text: "", kind: ""})];
+}
+
+const Told = ({id, told}) => told.text ? html`<p id=${id} class=${`${told.kind} small`} role="alert">${told.text}</p>` : null;
 
 const seenNow = state => ({tag: live.values.tag, shown: state.shown});
 
-/** Why a signal's value is not what was written or sent: `of` is the fault on it. */
+/** Owners that overrule what is written. */
+const OWNERS = {fault: "fault", force: "forced"};
+
+/** Why a signal's value is not what was written or sent: `of` is the fault on it, if the page knows which. */
 function Marks({state, of}) {
-  return html`${state.good ? null : html` <span class="bad" title="the provider status of its data is BAD">bad</span>`}${of ? html` <span class="warn" title=${`under the fault ${of.id}`}>${of.kind}</span>` : null}`;
+  return html`${state.good ? null : html` <span class="bad" title="the provider status of its data is BAD">bad</span>`}${OWNERS[state.owner] ? html` <span class="warn" title=${of ? `under the fault ${of.id}` : null}>${of ? of.kind : OWNERS[state.owner]}</span>` : null}`;
 }
 
 /** One bit: a lamp, or a switch if it is an input. */
 function Bit({device, signal, state, of}) {
-  const [error, setError] = useState("");
+  const [told, send] = useWrite(device, signal.name);
   const {writes} = live, on = state.value === true, id = "why-" + signal.name;
-  const flip = async () => {
-    try {
-      await write(device, signal.name, !on, seenNow(state));
-      setError("");
-    } catch (problem) {
-      setError(problem.message);
-    }
-  };
   const text = html`<i aria-hidden="true"></i><span class="place dim small" aria-hidden="true">${signal.place.split(".").slice(2).join(".")}</span><span class="name" title=${`${signal.name}, ${signal.place}`}>${signal.name}</span><${Marks} state=${state} of=${of}/>`;
   return html`<li>${signal.direction === "input"
-    ? html`<button type="button" role="switch" class=${"bit" + (on ? " on" : "")} aria-checked=${String(on)} aria-describedby=${error ? id : null} disabled=${!writes} title=${writes ? null : "this token may read only"} onClick=${flip}>${text}<strong aria-hidden="true">${on ? 1 : 0}</strong></button>`
+    ? html`<button type="button" role="switch" class=${"bit" + (on ? " on" : "")} aria-checked=${String(on)} aria-describedby=${told.text ? id : null} disabled=${!writes} title=${writes ? null : "this token may read only"} onClick=${() => send(!on, seenNow(state))}>${text}<strong aria-hidden="true">${on ? 1 : 0}</strong></button>`
     : html`<span class=${"bit" + (on ? " on" : "")}>${text}<strong>${on ? 1 : 0}</strong></span>`}
-    ${error ? html`<p id=${id} class="bad small" role="alert">${error}</p>` : null}</li>`;
+    <${Told} id=${id} told=${told}/></li>`;
 }
 
 /** A number, a text or octets: a row with a field if it is an input.  What is typed is written by Enter, or left by Escape. */
 function Value({device, signal, state, of}) {
   const [edit, setEdit] = useState(null);
-  const [error, setError] = useState("");
+  const [told, send, forget] = useWrite(device, signal.name);
   const {writes} = live, id = "why-" + signal.name, changed = edit && edit.text !== edit.seen.shown;
   const submit = async event => {
     event.preventDefault();
     if (!edit) return;
-    try {
-      await write(device, signal.name, edit.text, edit.seen);
-      setEdit(null);
-      setError("");
-    } catch (problem) {
-      setError(problem.message);
-    }
+    const written = await send(edit.text, edit.seen);
+    // who has read what another wrote meanwhile may write over it
+    setEdit(written ? null : {...edit, seen: seenNow(live.values.states.get(signal.name) || state)});
   };
   const type = text => setEdit({text, seen: edit ? edit.seen : seenNow(state)});
-  const leave = () => { setEdit(null); setError(""); };
+  const leave = () => { setEdit(null); forget(); };
   return html`<tr><th scope="row" class="text">${signal.name}</th><td class="dim">${signal.place}</td><td class="dim">${signal.type}</td>
     <td class="text">${signal.direction === "input"
       ? html`<form class="edit" onSubmit=${submit}><input class=${state.shown.length > WIDE ? "wide" : ""} aria-label=${signal.name} value=${edit ? edit.text : state.shown} readonly=${!writes} title=${writes ? "" : "this token may read only"} spellcheck="false" autocomplete="off"
-          aria-invalid=${error ? "true" : null} aria-describedby=${error ? id : null} onFocus=${event => writes && !edit && type(event.target.value)} onInput=${event => type(event.target.value)} onBlur=${() => { if (edit && !changed) leave(); }} onKeyDown=${event => { if (event.key === "Escape") leave(); }}/>
+          aria-invalid=${told.kind === "bad" ? "true" : null} aria-describedby=${told.text ? id : null} onFocus=${event => writes && !edit && type(event.target.value)} onInput=${event => type(event.target.value)} onBlur=${() => { if (edit && !changed) leave(); }} onKeyDown=${event => { if (event.key === "Escape") leave(); }}/>
           ${changed ? html`<button type="submit">Write</button>` : null}</form>`
       : html`<output aria-label=${signal.name}>${state.shown || "–"}</output>`}
-      ${error ? html`<p id=${id} class="bad small" role="alert">${error}</p>` : null}</td>
+      <${Told} id=${id} told=${told}/></td>
     <td>${signal.unit}</td><td>${state.good ? html`<span class="dim">good</span>` : null}<${Marks} state=${state} of=${of}/></td></tr>`;
 }
 
@@ -107,11 +119,11 @@ function Submodule({device, submodule, signals, states, faults}) {
   });
   const bits = direction => parts(Bit, direction + "s", signals.filter(one => one.type === "bool" && one.direction === direction), (nodes, label) => html`<ul class="bits" aria-label=${label}>${nodes}</ul>`);
   const octets = [submodule.input_octets ? plural(submodule.input_octets, "octet") + " in" : "", submodule.output_octets ? plural(submodule.output_octets, "octet") + " out" : ""].filter(Boolean).join(", ");
-  return html`<section aria-label=${`Subslot ${submodule.subslot}, ${submodule.name}`}><h4>Subslot ${submodule.subslot} · ${submodule.name} <span class="dim">ident ${hex(submodule.ident)}${octets ? ` · ${octets}` : ""}</span></h4>
+  return html`<div role="group" aria-label=${`Subslot ${submodule.subslot}, ${submodule.name}`}><h4>Subslot ${submodule.subslot} · ${submodule.name} <span class="dim">ident ${hex(submodule.ident)}${octets ? ` · ${octets}` : ""}</span></h4>
     ${submodule.safety ? html`<p class="warn">PROFIsafe: the device does not run the safety protocol, so an F-CPU passivates this submodule. Its octets are exchanged like any others.</p>` : null}
     ${bits("input")}${bits("output")}
     ${parts(Value, "values", signals.filter(one => one.type !== "bool"), (nodes, label) => html`<table class="values" aria-label=${label}><thead><tr><th scope="col">Signal</th><th scope="col">Place</th><th scope="col">Type</th><th scope="col">Value</th><th scope="col">Unit</th><th scope="col">Status</th></tr></thead>
-      <tbody>${nodes}</tbody></table>`)}</section>`;
+      <tbody>${nodes}</tbody></table>`)}</div>`;
 }
 
 const countOf = (signals, direction) => plural(signals.filter(one => one.direction === direction).length, direction);

@@ -57,7 +57,9 @@ class ProfibusDevices(DeviceGroup):
 
     first_keys: ClassVar[tuple[str, ...]] = ("name", "count", "start", "gsd", "address", "slots")
 
-    gsd: str = Field(min_length=1, max_length=4096, description="Its maker's GSD file, relative to this file.")
+    gsd: str = Field(
+        min_length=1, max_length=4096, description="Its maker's GSD file, relative to this file: a device on PROFIBUS."
+    )
     address: Address | None = Field(
         default=None,
         description="Station address of the first device; counts up. Left out, a master sets it, where the file "

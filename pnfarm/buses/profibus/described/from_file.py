@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.device_signals import device_signals
 from pnfarm.buses.profibus.described.file_signals import file_signals
 from pnfarm.buses.profibus.described.station import DescribedSlave
 from pnfarm.buses.profibus.gsd_file import load_gsd
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profibus.gsd.values import PlugError
-from pnfarm.signals.placing import placed_signals
 
 if TYPE_CHECKING:
     from pnfarm.buses.profibus.config.device import ProfibusDevices
@@ -42,7 +42,9 @@ def describe_group(at: Location, group: ProfibusDevices, folder: Path, report: R
         report((*at, "address"), f"is missing, and {path.name} says that no master can set it", "address: 7")
         wrong = True
     here = DescribedSlave(plugged, {}, path.name)
-    signals = placed_signals(at, file_signals(plugged), group.signals, here.lengths, report)
+    signals = device_signals(
+        at, group.signals, file_signals(plugged), here.lengths, report, absent="is not plugged", order="big"
+    )
     return None if wrong or signals is None else DescribedSlave(plugged, signals, path.name)
 
 

@@ -68,7 +68,11 @@ class ProfinetDevices(IpDevices):
         "slots",
     )
 
-    gsdml: str = Field(min_length=1, max_length=4096, description="Its maker's GSDML file, relative to this file.")
+    gsdml: str = Field(
+        min_length=1,
+        max_length=4096,
+        description="Its maker's GSDML file, relative to this file: a device on PROFINET.",
+    )
     access_point: Wanted | None = Field(
         default=None, description=f"{_WANTED} of the access point; left out where the GSDML file has one only."
     )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.controller import DeviceData
 from pnfarm.buses.controllers.core import SessionCore
 from pnfarm.buses.controllers.snapshot import session_row
+from pnfarm.buses.plain_layout import signal_places
 from pnfarm.buses.profinet.controller import events
 from pnfarm.buses.profinet.controller.channels import SessionChannels
 from pnfarm.buses.profinet.controller.device_plan import CALL_PORT
@@ -19,7 +20,6 @@ from pnfarm.buses.profinet.controller.records import READ_LENGTH, RecordJob, Rec
 from pnfarm.buses.profinet.controller.search import Duplicate, Outcome, Search
 from pnfarm.buses.profinet.controller.session import DeviceSession, SessionState, Sign
 from pnfarm.buses.profinet.controller.session_life import SessionLife
-from pnfarm.buses.profinet.plain_layout import signal_places
 from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.deadlines import earliest

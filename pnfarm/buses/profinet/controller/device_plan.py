@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Address, IPv4Interface
 
-    from pnfarm.buses.profinet.plain_layout import PlainLayout
+    from pnfarm.buses.plain_layout import PlainLayout
     from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
     from pnfarm.signals.signal import Signal

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pnfarm.buses.controllers.plan import describing, own_address, profidrive_keys, reconnect_after_ns, telegram_of
 from pnfarm.buses.controllers.signal_steps import KnownSteps
+from pnfarm.buses.plain_layout import plain_layout
 from pnfarm.buses.profinet.binding import axis_stride
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, PlannedAxis, ProfinetPlan
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.profinet.model_gsdml import describe_diagnosis
-from pnfarm.buses.profinet.plain_layout import plain_layout
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml, plan_station

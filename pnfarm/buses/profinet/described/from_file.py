@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.device_signals import device_signals
 from pnfarm.buses.profinet.described.station import DescribedStation
 from pnfarm.buses.profinet.file_signals import file_signals
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.parameters import parameter_records
 from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
-from pnfarm.signals.placing import placed_signals
 from pnfarm.table.plain_data import PLAIN_OCTETS
 
 if TYPE_CHECKING:
@@ -61,8 +61,10 @@ def describe_group(at: Location, group: ProfinetDevices, folder: Path, report: R
     if group.hello and not plugged.dcp_hello:
         report((*at, "hello"), f"{path.name} says of {plugged.dap.id} that it does not support DCP Hello", "false")
         found = True
-    places = {(one.slot, one.subslot): (one.input_octets, one.output_octets) for one in plugged.submodules}
-    signals = placed_signals(at, file_signals(plugged), group.signals, places, report)
+    octets = {(one.slot, one.subslot): (one.input_octets, one.output_octets) for one in plugged.submodules}
+    signals = device_signals(
+        at, group.signals, file_signals(plugged), octets, report, absent="is not plugged", order="big"
+    )
     if found or signals is None:
         return None
     return DescribedStation(plugged, signals, parameters)

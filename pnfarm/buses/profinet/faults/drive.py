@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profinet.faults.alarms import ALARMS, Alarms
@@ -13,12 +14,14 @@ from pnfarm.buses.profinet.faults.modules import MODULES, Modules
 from pnfarm.buses.profinet.faults.records import RECORDS, Records
 from pnfarm.buses.profinet.faults.second_station import NEIGHBOUR, Neighbour
 from pnfarm.buses.profinet.faults.set_up import SET_UP, SetUp
+from pnfarm.buses.profinet.faults.wire_breaks import wire_break_of
 from pnfarm.faults.effects.adapter import ADAPTER, Adapter
 from pnfarm.faults.effects.connection import CONNECTION
 from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
 from pnfarm.faults.effects.sign_of_life import LIFE, SignOfLife
 from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
+from pnfarm.faults.signals import SIGNALS, Signals
 from pnfarm.faults.stations import injected_station
 
 if TYPE_CHECKING:
@@ -52,6 +55,7 @@ def injected_drives(station: ProfinetDevice, host: InjectionHost) -> list[Inject
     )
     supply = Supply(station.station, settle=host.settle, goes_off=wire.forget)
     diagnoses = Diagnoses(station, host.settle)
+    modules = Modules(station, keys, host.settle, diagnoses.put)
     set_up = SetUp(station, host.settle)
     records = Records(station, host.settle)
     parts: dict[Part[Any], DrivePart] = {
@@ -64,12 +68,14 @@ def injected_drives(station: ProfinetDevice, host: InjectionHost) -> list[Inject
         AGREED_LENGTH: wire,
         SET_UP: set_up,
         CONNECT_REQUESTS: set_up,
-        MODULES: Modules(station, keys, host.settle, diagnoses.put),
+        MODULES: modules,
         DIAGNOSES: diagnoses,
         ALARMS: Alarms(station, host.impairments, keys, host.settle),
         RECORDS: records,
         PARAMETER_ACCESS: records,
     }
+    if station.station.signals is not None:
+        parts[SIGNALS] = Signals(station.station.signals, partial(wire_break_of, diagnoses, modules))
 
     def of_axis(axis: Axis) -> dict[Part[Any], DrivePart]:
         return {

@@ -62,5 +62,12 @@ ON_PROFINET: Mapping[str, KindOnBus] = {
         _TITLE, wire="Parameter responses are late; to a repeated call the drive answers meanwhile that it is working."
     ),
     "session-drop": KindOnBus(_TITLE, refused="it has no sessions; ar-abort ends a connection"),
+    "wire-break": KindOnBus(
+        _TITLE,
+        wire="The signal's octets in the device's cyclic data, with status GOOD.  If the device's file has the "
+        'ChannelErrorType 6, "wire break": its channel diagnosis, as an alarm and in the diagnosis records, and '
+        "ProblemIndicator in the data status.",
+        reports="S7-1500: OB82 and an entry in the diagnosis buffer. CODESYS: the diagnosis of the device (assumed).",
+    ),
     "tcp-refuse": KindOnBus(_TITLE, refused="it listens to no stream; connect-refuse refuses connections"),
 }

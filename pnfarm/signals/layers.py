@@ -1,0 +1,90 @@
+"""Who makes the inputs of a station, strongest first: a fault, a user's force, a value of a program or of the API.
+
+A force is a value over what is written, a fault's *shape* makes another value of what is below it: what is overruled
+waits, and is in force when the stronger one ends.  Signals may share octets and bits: one that lies in another's place
+has the same owner.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from pnfarm.signals.signal import Signal
+    from pnfarm.wire.value_types import Value
+
+__all__ = ["EVERY", "InputLayers", "Owner", "Shape"]
+
+#: Instead of a signal's name, where forces are released: all of the station.
+EVERY = "*"
+#: The value below -> the one that the controller gets; of the signal's type.
+Shape: TypeAlias = "Callable[[Value], Value]"
+#: ``default``: nobody has written it; ``controller``: an output.
+Owner: TypeAlias = Literal["controller", "fault", "force", "value", "default"]
+
+
+class InputLayers:
+    """``octets``: the inputs at the start; ``place``: the first octet of a signal's submodule in them."""
+
+    def __init__(self, octets: bytes, place: Callable[[Signal], int]) -> None:
+        self.written = octets
+        self._place = place
+        #: Bits that somebody wrote.
+        self._set = 0
+        self.forced: dict[str, tuple[Signal, Value]] = {}
+        self.shapes: list[tuple[Signal, Shape]] = []
+        #: Counts changes of owners.
+        self.revision = 0
+
+    def write(self, values: Mapping[Signal, Value]) -> None:
+        """Values of a program or of the API, which are right."""
+        octets = bytearray(self.written)
+        for signal, value in values.items():
+            signal.write(memoryview(octets)[self._place(signal) :], value)
+            before, self._set = self._set, self._set | self._bits(signal)
+            self.revision += before != self._set
+        self.written = bytes(octets)
+
+    def force(self, values: Mapping[Signal, Value | None]) -> None:
+        """Values of a user, which are right; None releases one."""
+        for signal, value in values.items():
+            self.forced.pop(signal.name, None)
+            if value is not None:
+                self.forced[signal.name] = signal, value
+        self.revision += 1
+
+    def put(self, signal: Signal, shape: Shape) -> None:
+        """The latest shape of an input sees what those before it give."""
+        self.shapes.append((signal, shape))
+        self.revision += 1
+
+    def take(self, signal: Signal, shape: Shape) -> None:
+        """Undo it."""
+        self.shapes.remove((signal, shape))
+        self.revision += 1
+
+    def octets(self) -> bytes:
+        """What the controller gets."""
+        octets = bytearray(self.written)
+        for signal, value in self.forced.values():
+            signal.write(memoryview(octets)[self._place(signal) :], value)
+        for signal, shape in self.shapes:
+            data = memoryview(octets)[self._place(signal) :]
+            signal.write(data, shape(signal.read(data)))
+        return bytes(octets)
+
+    def owner(self, signal: Signal) -> Owner:
+        """Who has an input now."""
+        bits = self._bits(signal)
+        if any(bits & self._bits(other) for other, _ in self.shapes):
+            return "fault"
+        if any(bits & self._bits(other) for other, _ in self.forced.values()):
+            return "force"
+        return "value" if bits & self._set else "default"
+
+    def _bits(self, signal: Signal) -> int:
+        """One for each bit that it has in the station's inputs."""
+        first = 8 * (self._place(signal) + signal.octet)
+        return 1 << first + signal.bit if signal.bit is not None else (1 << 8 * signal.type.octets) - 1 << first
