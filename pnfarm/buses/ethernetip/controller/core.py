@@ -53,8 +53,7 @@ class EthernetIpCore(SessionCore[DeviceSession]):
         plain = [session for session in sessions if session.plan.plain]
         # one that is opened again leaves the pieces of before to the engine until its next tick
         super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=4 * len(plain))
-        #: What is sent to the devices that no model describes, and what comes from them, by name.
-        self.plain: dict[str, tuple[ProvidedData, ConsumedData]] = {
+        self.plain |= {
             session.plan.name: (
                 ProvidedData(self.columns.provided, session.index, session.plan.connection.output_octets, 1),
                 ConsumedData(self.columns.consumed, session.index, session.plan.connection.input_octets, 1),

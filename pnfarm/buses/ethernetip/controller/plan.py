@@ -149,8 +149,15 @@ def _plan_own(section: EthernetIpController, device: EthernetIpDeviceConfig) -> 
             allowed = f"{format_duration(one.least * 1000)} to {format_duration(one.most * 1000)}"
             what = f"its file does not allow a packet interval of {format_duration(rpi_ns)}, but {allowed}"
             raise ConfigError(f"device {device.name}: {what}: give `rpi`, or `limits: lax`")
+    octets = described.connected
     return DevicePlan(
         name=device.name,
+        data_signals={
+            name: one
+            for name, one in described.signals.items()
+            if one.end <= octets.get((one.slot, one.subslot, one.direction), 0)
+        },
+        data_places=dict.fromkeys(octets, 0),
         model=described.title,
         ip=device.ip,
         connection=connection,

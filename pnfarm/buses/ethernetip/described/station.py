@@ -90,6 +90,12 @@ class DescribedStation:
     def _layout(self, direction: Direction) -> PlainLayout:
         return plain_layout((one.instance, SUBSLOT, one.octets) for one in self.points if one.direction == direction)
 
+    @property
+    def connected(self) -> dict[tuple[int, int, Direction], int]:
+        """Octets of the assemblies of the built-in controller's connection, by instance, subslot and direction."""
+        outputs, inputs = self.connection.points[-2:]
+        return {(inputs, SUBSLOT, "input"): self.sizes[1], (outputs, SUBSLOT, "output"): self.sizes[0]}
+
     def parameter(self, parameter: Parameter) -> bytes:
         """A value before anybody wrote it."""
         own = self.parameters.get(parameter.number)

@@ -16,7 +16,6 @@ from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
 from pnfarm.faults.effects.sockets import SOCKETS, Sockets
 from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import AGREED_LENGTH, MESSAGES, WIRE, Wire
-from pnfarm.faults.signals import SIGNALS, Signals
 from pnfarm.faults.stations import injected_station
 
 if TYPE_CHECKING:
@@ -65,6 +64,4 @@ def injected_drives(device: EthernetIpDevice, host: InjectionHost) -> list[Injec
         PARAMETER_ACCESS: ExplicitAccess(device, wire, host.settle),
         IDENTITY: Identity(device),
     }
-    if station.signals is not None:
-        parts[SIGNALS] = Signals(station.signals)
     return injected_station(station, parts, supply, lambda: device.adapter)

@@ -46,8 +46,6 @@ class ProfibusCore(DriveCore):
         baud = host.port.baud or plan.settings.baud
         self.master = Master(replace(plan.settings, baud=baud), [device.slave for device in plan.devices])
         self._images: list[CyclicImage] = []
-        #: What is sent to the devices without axes, and what comes from them, by name.
-        self.plain: dict[str, tuple[ProvidedData, ConsumedData]] = {}
         for index, device in enumerate(plan.devices):
             image = CyclicImage(self.columns.image[index])
             image.layout(device.input_words, device.output_words)

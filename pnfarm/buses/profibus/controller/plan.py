@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -119,7 +119,8 @@ def _plan_own(section: ProfibusController, device: ProfibusDeviceConfig) -> Devi
     if slave.gsd.v1 and len(user) >= _V1_OCTETS:
         # as engineering tools do for a slave of DP-V1: its file leaves these octets to them
         user[0] |= V1Status1.DPV1_ENABLE
-    return _plan_described(section, device.name, device.address, slave, bytes(user))
+    plan = _plan_described(section, device.name, device.address, slave, bytes(user))
+    return replace(plan, data_signals=device.described.signals, data_places=device.described.signal_places)
 
 
 def _plan_described(

@@ -13,7 +13,6 @@ from pnfarm.faults.effects.connection import CONNECTION
 from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
 from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import WIRE
-from pnfarm.faults.signals import SIGNALS, Signals
 from pnfarm.faults.stations import injected_station
 from pnfarm.protocols.profibus.wire.telegram import Telegram, parse_telegram
 
@@ -58,6 +57,4 @@ def injected_drives(device: ProfibusDevice, host: InjectionHost) -> list[Injecte
         PARAMETER_ACCESS: Records(device, host.settle),
         SLAVE: SlavePart(device, host.settle),
     }
-    if station.signals is not None:
-        parts[SIGNALS] = Signals(station.signals)
     return injected_station(station, parts, supply, lambda: device.slave)

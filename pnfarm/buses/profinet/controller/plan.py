@@ -109,7 +109,7 @@ def _plan_own(section: ProfinetController, device: ProfinetDeviceConfig, ip: IPv
     with describing(device.name, Path(device.name)):
         planned = plan_station(station, device.described.parameters, safe=True)
         plan = _plan_described(section, device, station.gsdml, planned, ip)
-        return replace(plan, data_signals=device.described.signals)
+        return replace(plan, data_signals=device.described.signals, data_places=device.described.signal_places)
 
 
 def _plan_described(
