@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface, IPv4Network
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -107,16 +107,16 @@ class IpDeviceConfig(DeviceConfig):
         """A described group's device number ``step``, whose name is counted already, with what only its bus has."""
         if group.described is None:
             raise InternalError(f"devices {group.name} are made before their file is read")
-        shared: dict[str, Any] = {one.name: getattr(common, one.name) for one in fields(DeviceConfig)}
-        shared |= {
-            "kinds": group.described.kinds,
+        return cls.extending(
+            common,
+            kinds=group.described.kinds,
             # another one than a drive of the same name, which is reported as that
-            "mac": macs.of(group, f"device:{common.name}", step),
-            "ip": nth_ip(group, step),
-            "gateway": group.gateway,
-            "described": group.described,
-        }
-        return cls(**shared | own)
+            mac=macs.of(group, f"device:{common.name}", step),
+            ip=nth_ip(group, step),
+            gateway=group.gateway,
+            described=group.described,
+            **own,
+        )
 
     def claims(self) -> Sequence[Claim]:
         return _claims(self.mac, self.ip)
