@@ -132,10 +132,13 @@ def test_a_file_that_cannot_be_read_is_one_sentence(tmp_path) -> None:
 
 
 def _values() -> st.SearchStrategy[object]:
-    words = st.sampled_from(["$x", "1s", "all", "axis-01", "f702", "connected", "", "S4", "0", "trip"])
+    words = st.sampled_from(
+        ["$x", "1s", "all", "axis-01", "f702", "connected", "", "S4", "0", "trip", "island-1.a", "@x.csv"]
+    )
     keys = st.sampled_from(
         ["wait", "fault", "clear", "expect", "load", "parallel", "repeat", "power", "param", "for", "until", "drive",
-         "that", "metric", "increases", "steps", "times", "kind", "on", "set", "within", "name"]
+         "that", "metric", "increases", "steps", "times", "kind", "on", "set", "within", "name", "force", "release",
+         "params", "values", "island-1.a"]
     )  # fmt: skip
     plain = st.one_of(words, st.integers(-3, 3), st.booleans(), st.none(), st.floats(allow_nan=False))
     return st.recursive(
@@ -155,7 +158,19 @@ def test_any_steps_give_a_scenario_or_errors(value: object) -> None:
 def test_the_schema_knows_every_step_and_key() -> None:
     schema = scenario_schema()
     kinds = schema["$defs"]["Step"]["properties"]
-    assert {"wait", "fault", "clear", "expect", "load", "parallel", "repeat", "power", "param", "set", "find"} == set(
-        kinds
-    )
+    assert {
+        "wait",
+        "fault",
+        "clear",
+        "expect",
+        "load",
+        "parallel",
+        "repeat",
+        "power",
+        "param",
+        "set",
+        "find",
+        "force",
+        "release",
+    } == set(kinds)
     assert "f702" in str(schema["$defs"]["Fault"])
