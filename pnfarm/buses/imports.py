@@ -13,7 +13,10 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.caex import CaexElement
 
-__all__ = ["FoundDrive", "FoundStation", "ImportingBus", "ProjectBus", "drives_first"]
+__all__ = [
+    "DescriptionFile", "Found", "FoundDevice", "FoundDrive", "FoundStation", "ImportingBus", "ProjectBus",
+    "drives_first",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,23 +37,47 @@ class FoundDrive:
 
 
 @dataclass(frozen=True, slots=True)
+class DescriptionFile:
+    """``key``: that of a group which names such a file; ``{name}`` in ``name`` is the station's in the farm."""
+
+    key: str
+    name: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class FoundDevice:
+    """A station that a description file made of what was seen stands for; ``keys`` are the others of its group."""
+
+    name: str
+    file: DescriptionFile
+    keys: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
+    line: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class FoundStation:
-    """A station that no model stands for: its name or address, and what was seen of it."""
+    """A station that nothing stands for: its name or address, and what was seen of it."""
 
     name: str
     facts: tuple[str, ...]
     line: str = ""
 
 
-def drives_first(found: Iterable[FoundDrive | FoundStation]) -> Iterator[FoundDrive | FoundStation]:
-    """In the same order otherwise."""
-    return iter(sorted(found, key=lambda one: isinstance(one, FoundStation)))
+Found = FoundDrive | FoundDevice | FoundStation
+_ORDER = (FoundDrive, FoundDevice, FoundStation)
+
+
+def drives_first(found: Iterable[Found]) -> Iterator[Found]:
+    """Drives, devices, other stations; in the same order otherwise."""
+    return iter(sorted(found, key=lambda one: _ORDER.index(type(one))))
 
 
 class ProjectBus(Bus):
     """A bus that finds its stations in engineering projects."""
 
-    def of_project(self, root: CaexElement, folders: Sequence[Path], base: Path) -> Iterable[FoundDrive | FoundStation]:
+    def of_project(self, root: CaexElement, folders: Sequence[Path], base: Path) -> Iterable[Found]:
         """The project's stations, drives first.
 
         Description files are looked for in ``folders``; ``base`` is the folder of the farm file to be.  Raises
@@ -66,6 +93,6 @@ class ImportingBus(Bus):
         """Note the plant in the frames that this decoder of the bus's gets from now on."""
         decoder.shared.observed = self._own("decode.observed", "Observed")()
 
-    def found(self, decoder: Any) -> Iterable[FoundDrive | FoundStation]:
-        """What was noted, devices first."""
-        return self._own("found", "found")(decoder)
+    def found(self, decoder: Any, *, models: bool = True) -> Iterable[Found]:
+        """What was noted, drives first; without ``models`` no drive model stands for a station."""
+        return self._own("found", "found")(decoder, models=models)

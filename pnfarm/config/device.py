@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, WithJsonSchema, model_validator
 
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.impairment import Impairment
@@ -15,7 +15,7 @@ from pnfarm.config.section import Section
 from pnfarm.config.values import NamePattern
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
-from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ValueType, read_type
+from pnfarm.wire.value_types import BOOL, TYPE_PATTERN, UINT8, ByteOrder, ValueType, read_type
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,6 +26,8 @@ __all__ = ["DeviceConfig", "DeviceGroup", "SignalPlace", "SignalSetting", "read_
 
 _PLACE = re.compile(r"([0-9]{1,5})\.([0-9]{1,5})\.([0-9]{1,4})(?:\.([0-7]))?")
 _MOST_SCALE = 1e12
+#: Kinds of types that a metric can have.
+_EXPORTED = frozenset({"bool", "int", "uint", "float"})
 _ALLOWED = "slot.subslot.octet or slot.subslot.octet.bit, such as 3.1.0 or 1.1.0.3"
 #: Slot, subslot, octet, bit.
 Place = tuple[int, int, int, int | None]
@@ -77,9 +79,14 @@ class SignalPlace(Section):
         PlainValidator(_read_scale),
         WithJsonSchema({"type": "number", "minimum": -_MOST_SCALE, "maximum": _MOST_SCALE}),
     ] = Field(default=1.0, description="Value of one step of the raw number, in units.")
-    order: Literal["big", "little"] = Field(default="big", description="Order of the octets.")
+    order: ByteOrder | None = Field(default=None, description="Order of the octets; left out, that of the bus.")
     direction: Literal["input", "output"] | None = Field(
         default=None, description="The controller's; input where the submodule has inputs, else output, unless given."
+    )
+
+    metrics: bool | None = Field(
+        default=None,
+        description="Export it as pnfarm_signal_value{station, signal}; left out, as the group's `metrics` says.",
     )
 
     @property
@@ -101,7 +108,16 @@ class SignalPlace(Section):
             )
         if self.scale != 1 and not self.value_type.is_number:
             raise Problem(f"`scale` is for numbers, not for {self.value_type.name}", "no scale, or such as type: int16")
+        if self.metrics:
+            self.check_metric()
         return self
+
+    def check_metric(self) -> None:
+        """Raises :class:`Problem` for a type that no metric has."""
+        if self.value_type.kind not in _EXPORTED:
+            raise Problem(
+                f"is of type {self.value_type.name}, and a metric is a number", "metrics: false, or another type"
+            )
 
 
 def _open_place(value: Any) -> Any:
@@ -134,6 +150,7 @@ class DeviceGroup(Section):
         "with `at`, type, unit and scale.",
         examples=[{"part_present": "1.1.0.3"}],
     )
+    metrics: bool = Field(default=False, description="Export every signal that `signals` names as a metric.")
     limits: Literal["strict", "lax"] = Field(
         default="strict",
         description="strict: refuse what the file does not permit; lax: permit every cycle, and keep parameter records "
@@ -141,10 +158,34 @@ class DeviceGroup(Section):
     )
     impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
 
+    _described: Any = PrivateAttr(default=None)
+
+    def adopting(self, described: Any) -> Self:
+        """The group with what its file says, in the form of its bus."""
+        found = self.model_copy()
+        found._described = described  # noqa: SLF001 - a copy of its own
+        return found
+
+    @model_validator(mode="after")
+    def _exports(self) -> Self:
+        for name, place in self.signals.items() if self.metrics else ():
+            if place.metrics is None:
+                try:
+                    place.check_metric()
+                except Problem as problem:
+                    raise Problem(f"`metrics` exports {name}, which {problem.what}", problem.allowed) from problem
+                self.signals[name] = place.model_copy(update={"metrics": True})
+        return self
+
     @property
     def is_described(self) -> bool:
         """Whether its file was read, without errors."""
-        return False
+        return self._described is not None
+
+    @property
+    def described(self) -> Any:
+        """What its file says, once that is read without errors; None before."""
+        return self._described
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +204,11 @@ class DeviceConfig:
     strict: bool
     impair: tuple[Impairment, ...]
     mac: bytes = b""
+
+    @classmethod
+    def extending(cls, common: DeviceConfig, **own: Any) -> Self:
+        """The device of a bus: the fields of ``common``, and the bus's ``own``."""
+        return cls(**{each.name: getattr(common, each.name) for each in fields(DeviceConfig)} | own)
 
     @property
     def known_signals(self) -> Mapping[str, Any]:

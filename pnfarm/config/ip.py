@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface, IPv4Network
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from pydantic import Field
 
@@ -13,6 +13,7 @@ from pnfarm.config.controller import ControllerSection
 from pnfarm.config.device import DeviceConfig, DeviceGroup
 from pnfarm.config.drive import DriveConfig, DriveGroup
 from pnfarm.config.values import AUTO, Cidr, Gateway, MacSetting, expand_name
+from pnfarm.errors import InternalError
 from pnfarm.vocabulary.quoting import shown
 from pnfarm.wire.mac import format_mac, is_group, mac_from_int, mac_to_int
 
@@ -100,6 +101,22 @@ class IpDeviceConfig(DeviceConfig):
 
     ip: IPv4Interface | None = None
     gateway: IPv4Address | None = None
+
+    @classmethod
+    def of(cls, common: DeviceConfig, group: IpDevices, step: int, macs: Macs, **own: Any) -> Self:
+        """A described group's device number ``step``, whose name is counted already, with what only its bus has."""
+        if group.described is None:
+            raise InternalError(f"devices {group.name} are made before their file is read")
+        return cls.extending(
+            common,
+            kinds=group.described.kinds,
+            # another one than a drive of the same name, which is reported as that
+            mac=macs.of(group, f"device:{common.name}", step),
+            ip=nth_ip(group, step),
+            gateway=group.gateway,
+            described=group.described,
+            **own,
+        )
 
     def claims(self) -> Sequence[Claim]:
         return _claims(self.mac, self.ip)

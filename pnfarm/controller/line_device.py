@@ -92,7 +92,9 @@ class DeviceInputs(_Values):
     def good(self, name: str) -> bool:
         """Whether the provider status of a signal's data is GOOD; raises :class:`KeyError`."""
         signal, _ = self._find(name, KeyError)
-        return bool(self._statuses[self._numbers[signal.slot, signal.subslot]] & IOXS_GOOD)
+        # a bus whose submodules have no status of their own has one for all
+        number = min(self._numbers[signal.slot, signal.subslot], len(self._statuses) - 1)
+        return bool(self._statuses[number] & IOXS_GOOD)
 
     def _take(self, octets: bytes, statuses: bytes) -> None:
         self._octets[:] = octets

@@ -369,13 +369,13 @@ class FarmCore:
         return station, station.signals
 
     @property
-    def live_devices(self) -> dict[str, PlainSignals]:
-        """The signals of each device that has some."""
-        return {s.configured_name: s.signals for s in self.stations if not s.axes and s.signals is not None}
+    def devices(self) -> dict[str, Station]:
+        """The stations without axes."""
+        return {station.configured_name: station for station in self.stations if not station.axes}
 
     def signals(self) -> dict[str, dict[str, Any]]:
         """By device, the signals (:class:`pnfarm.signals.signal.Signal`) by name."""
-        devices = {s.configured_name: s.signals for s in self.stations if not s.axes}
+        devices = {name: station.signals for name, station in self.devices.items()}
         return {
             name: {} if found is None else {one: found.signal(one) for one in found.names}
             for name, found in devices.items()

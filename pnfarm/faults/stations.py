@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.faults.effects.parts import DrivePart, InjectedDrive, Part
 from pnfarm.faults.effects.servo import SERVO, Servo
 from pnfarm.faults.effects.supply import SUPPLY, Supply
+from pnfarm.faults.signals import SIGNALS, Signals
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -43,6 +44,8 @@ def injected_station(
 
     own = [(axis, {SERVO: Servo(axis, supply), **of_axis(axis)}) for axis in station.axes]
     alone: Parts = own[0][1] if len(own) == 1 else {}
+    if station.signals is not None:
+        alone[SIGNALS] = Signals(station.signals)
     node = InjectedDrive(name, names, station.kinds, {**alone, SUPPLY: supply, **parts}, machines, station.bus)
     drives = [node]
     if len(own) > 1:

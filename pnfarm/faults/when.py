@@ -15,24 +15,13 @@ from pnfarm.errors import ConfigError
 from pnfarm.faults.errors import InjectionError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.signals.conditions import bind
-from pnfarm.signals.device_signal import DeviceSignal
+from pnfarm.station.signals import DriveSignal
 from pnfarm.table import condition as codes
 from pnfarm.table.access.places import Place, place_of
 from pnfarm.table.access.plain import plain
 from pnfarm.table.segments import Segments
 from pnfarm.table.trace import SOURCE_AXIS_REAL
-from pnfarm.vocabulary.conditions import (
-    Both,
-    Comparison,
-    ConditionError,
-    Either,
-    Name,
-    Not,
-    Text,
-    evaluate,
-    names_in,
-    parse_condition,
-)
+from pnfarm.vocabulary.conditions import Both, Comparison, ConditionError, Either, Name, Not, Text, evaluate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -40,7 +29,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.engine.columns import Columns
     from pnfarm.signals.conditions import Condition
-    from pnfarm.signals.device_signal import LiveDevices
+    from pnfarm.signals.device_signal import KnownDevices, LiveDevices
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
     from pnfarm.vocabulary.conditions import Operand, Tree, Value
@@ -71,9 +60,14 @@ LOOK_NS = 1_000_000
 class Conditions:
     """The conditions for which injections wait on a farm's axes, and on those ``stations`` that are devices."""
 
-    def __init__(self, axes: Sequence[Axis], columns: Columns, stations: Sequence[Station] = ()) -> None:
+    def __init__(self, axes: Sequence[Axis], columns: Columns, stations: Sequence[Station]) -> None:
         self._axes = {axis.configured_name: axis for axis in axes}
-        self._devices = {station.configured_name: station.signals for station in stations if not station.axes}
+        self._live: LiveDevices = {station.configured_name: station for station in stations if not station.axes}
+        self._known: KnownDevices = {
+            name: {} if station.signals is None else {one: station.signals.signal(one) for one in station.signals.names}
+            for name, station in self._live.items()
+        }
+        self._bound = lru_cache(maxsize=64)(self._bind)
         self._engine = columns.engine
         self._conditions, self._ops = plain(columns.condition), plain(columns.condition_op)
         self._watches: dict[int, ConditionWatch] = {}
@@ -87,23 +81,16 @@ class Conditions:
         """The condition as this drive's model, or this device, understands it.  Raises :class:`InjectionError`."""
         axis = self._axes.get(drive)
         try:
-            if axis is not None and not any("." in name.name for name in names_in(parse_condition(text))):
-                return _bound(text, axis.model)
-            known = {
-                name: {} if signals is None else {one: signals.signal(one) for one in signals.names}
-                for name, signals in self._devices.items()
-            }
-            return bind(text, None if axis is None else axis.model, known, "" if axis is not None else drive)
+            return self._bound(text, None if axis is None else axis.model, "" if axis is not None else drive)
         except ConditionError as exc:
             raise InjectionError([("when", f"column {exc.column}: {exc.what}", exc.allowed)]) from exc
+
+    def _bind(self, text: str, model: Model | None, own: str) -> Condition:
+        return bind(text, model, self._known, own)
 
     def watch(self, drive: str, text: str) -> ConditionWatch:
         """Watch from the first :meth:`ConditionWatch.look` on.  Raises :class:`InjectionError`."""
         return ConditionWatch(self, drive, self._axes.get(drive), self.bind(drive, text), self._live)
-
-    @property
-    def _live(self) -> LiveDevices:
-        return {name: signals for name, signals in self._devices.items() if signals is not None}
 
     def reported(self, row: int, serial: int, now: int) -> str | None:
         """The engine saw the condition in this row hold at ``now``: the name of its drive, None if it is over."""
@@ -160,11 +147,6 @@ class Conditions:
             self._engine[0].condition_rows = 0
 
 
-@lru_cache(maxsize=64)
-def _bound(text: str, model: Model) -> Condition:
-    return bind(text, model)
-
-
 class ConditionWatch:
     """A condition on one drive or device, until it held or :meth:`close` is called."""
 
@@ -173,7 +155,7 @@ class ConditionWatch:
     ) -> None:
         self.drive = drive
         #: How often to look, if what happens to the drive is not enough.
-        self.every_ns = LOOK_NS if any(isinstance(one, DeviceSignal) for one in condition.signals.values()) else None
+        self.every_ns = LOOK_NS if any(not isinstance(one, DriveSignal) for one in condition.signals.values()) else None
         self.serial = 0
         #: When the engine saw it hold.
         self.held_ns: int | None = None
@@ -285,7 +267,7 @@ class _Builder:
 
     def _place(self, name: Name) -> Place | None:
         signal = self._signals[name.name]
-        return None if isinstance(signal, DeviceSignal) else signal.place(self._station)
+        return signal.place(self._station) if isinstance(signal, DriveSignal) else None
 
     def _field(self, place: Place | None) -> int:
         assert place is not None

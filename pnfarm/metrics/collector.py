@@ -17,6 +17,7 @@ from pnfarm.buses.registry import bus
 from pnfarm.drives.description.parts import fault_label
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
+from pnfarm.metrics.device_signals import SignalFamily
 from pnfarm.metrics.families import OTHER, Family, Histogram, Room, Values
 from pnfarm.metrics.lines import LineFamilies
 from pnfarm.metrics.recovery import REACTION_EDGES_NS, RECONNECT_EDGES_NS, Recovery
@@ -110,6 +111,7 @@ class FarmCollector(Collector):
                 self._node_of[row] = place
         self._families()
         self._lines = LineFamilies(core)
+        self._signals = SignalFamily(core)
         #: The process's own metrics (CPU, memory, open files), in addition to the farm's.
         self.process = CollectorRegistry()
         ProcessCollector(registry=self.process)
@@ -354,7 +356,7 @@ class FarmCollector(Collector):
         parts.append((self._drive_faults_active, core.columns.image["injected"][:count].tolist()))
         parts.append((self._activations, self._labelled(self._activations, activations)))
         parts += self._standing()
-        parts += self._lines.gather()
+        parts += self._lines.gather() + self._signals.gather()
         return Scrape(parts, self._lock)
 
     def collect(self) -> Iterator[Metric]:

@@ -21,7 +21,7 @@ from pnfarm.scenario.report.record import Case, Verdict
 from pnfarm.scenario.report.trace_excerpts import TraceExcerpts, named_drives
 from pnfarm.scenario.watch import Watch, as_text
 from pnfarm.signals.device_signal import note_forces, releases
-from pnfarm.station.events import ConnectionLost, StateChanged, WatchdogExpired
+from pnfarm.station.events import ConnectionEstablished, ConnectionLost, StateChanged, WatchdogExpired
 from pnfarm.station.lateness import Lateness
 from pnfarm.vocabulary.durations import format_duration, format_measured
 
@@ -142,6 +142,9 @@ class ScenarioRun(Flow):
                 self._own_losses[entry.drive] = entry.now_ns
             case StateChanged(after=4):
                 self._own_losses.pop(entry.drive, None)
+            # a device is back with its connection
+            case ConnectionEstablished() if entry.drive not in self._stations:
+                self._own_losses.pop(entry.drive, None)
             case _:
                 pass
 
@@ -178,7 +181,7 @@ class ScenarioRun(Flow):
                 for name, values in step.values["signals"].items():
                     self._force(name, values)
             case "release":
-                for name, values in releases(step.values["signals"], self._core.live_devices).items():
+                for name, values in releases(step.values["signals"], self._core.devices).items():
                     self._force(name, values)
             case "param":
                 for name in self.binding.chosen(step):
@@ -275,7 +278,7 @@ class ScenarioRun(Flow):
         raise EndedError(f"{step.title}: {message}")
 
     def _open(self, step: Step) -> Watch:
-        watch = Watch(self.binding.conditions(step), self._stations, self._core.live_devices)
+        watch = Watch(self.binding.conditions(step), self._stations, self._core.devices)
         self._watches.append(watch)
         return watch
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pnfarm.errors import ConfigError
-from pnfarm.signals.device_signal import DeviceSignal, split_name
+from pnfarm.signals.device_signal import FACTS, DeviceFact, DeviceSignal, find_in, split_name
 from pnfarm.station.signals import STATES, WORDS, DriveSignal, find_parameter, find_signal, signal_names
 from pnfarm.vocabulary.conditions import (
     Both,
@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Condition", "bind"]
 
+AnySignal: TypeAlias = DriveSignal | DeviceSignal | DeviceFact
+
 #: Units of numbers: unit of the signal -> unit as written -> factor.
 _UNITS: Mapping[str, Mapping[str, float]] = {
     "rpm": {"rpm": 1.0},
@@ -62,12 +64,12 @@ class Condition:
 
     text: str
     tree: Tree
-    signals: Mapping[str, DriveSignal | DeviceSignal]
+    signals: Mapping[str, AnySignal]
 
     def read(self, name: str, station: Axis | None, devices: LiveDevices) -> Value:
         """The present value of one of its signals."""
         signal = self.signals[name]
-        if isinstance(signal, DeviceSignal):
+        if not isinstance(signal, DriveSignal):
             return signal.read(devices)
         assert station is not None
         return signal.read(station)
@@ -115,7 +117,7 @@ class _Binder:
         self._model = model
         self._devices = devices
         self._own = own
-        self._signals: dict[str, DriveSignal | DeviceSignal] = {}
+        self._signals: dict[str, AnySignal] = {}
 
     def bind(self, text: str, tree: Tree) -> Condition:
         bound = self._tree(tree)
@@ -161,17 +163,16 @@ class _Binder:
                 self._known(side)
         raise ConditionError("compares two values", tree.column, "a signal on one side")
 
-    def _find(self, name: Name) -> DriveSignal | DeviceSignal | None:
+    def _find(self, name: Name) -> AnySignal | None:
         if not name.parameter:
             station, signal = split_name(name.name)
-            if (known := self._devices.get(station or self._own)) is not None:
-                found = known.get(signal)
-                return None if found is None else DeviceSignal(station or self._own, found)
+            if (station or self._own) in self._devices:
+                return find_in(self._devices, station or self._own, signal)
         if self._model is None:
             return None
         return (find_parameter if name.parameter else find_signal)(self._model, name.name)
 
-    def _known(self, name: Name) -> tuple[Name, DriveSignal | DeviceSignal]:
+    def _known(self, name: Name) -> tuple[Name, AnySignal]:
         signal = self._find(name)
         if signal is None:
             what, allowed = self._unknown(name)
@@ -184,8 +185,8 @@ class _Binder:
         station, signal = split_name(name.name)
         known = None if name.parameter else self._devices.get(station or self._own)
         if known is not None:
-            what = f"{station or self._own} has no signal {shown(signal)}{did_you_mean(signal, known)}"
-            return what, shortened(list(known)) or "none: it has no data"
+            what = f"{station or self._own} has no signal {shown(signal)}{did_you_mean(signal, (*known, *FACTS))}"
+            return what, shortened([*known, *FACTS])
         if not name.parameter and station and station not in WORDS and (self._devices or self._model is None):
             hint = did_you_mean(station, self._devices)
             return f"there is no device {shown(station)}{hint}", shortened(list(self._devices)) or "none"
@@ -199,11 +200,11 @@ class _Binder:
         what = f"{self._model.name} has no signal {shown(name.name)}{did_you_mean(name.name, names)}"
         return what, _allowed(name.name, names)
 
-    def _check_sign(self, sign: str, signal: DriveSignal | DeviceSignal, column: int) -> None:
+    def _check_sign(self, sign: str, signal: AnySignal, column: int) -> None:
         if sign not in _EQUAL and signal.form in {"bit", "state", "fault", "text"}:
             raise ConditionError(f"{signal.name} has no order, and {sign} compares one", column, "== or !=")
 
-    def _value(self, signal: DriveSignal | DeviceSignal, side: Operand, tree: Comparison) -> Operand:
+    def _value(self, signal: AnySignal, side: Operand, tree: Comparison) -> Operand:
         self._check_sign(tree.sign, signal, tree.column)
         match signal:
             case DeviceSignal():
@@ -253,7 +254,7 @@ class _Binder:
                 what, side.column, "0, or a fault of `pnfarm models`: number, name or cause"
             ) from error
 
-    def _number(self, signal: DriveSignal | DeviceSignal, side: Operand) -> Number:
+    def _number(self, signal: AnySignal, side: Operand) -> Number:
         if not isinstance(side, Number):
             if isinstance(side, Name):
                 self._known(side)
@@ -270,7 +271,7 @@ class _Binder:
         return Number(side.value * factor, "", side.column, side.written)
 
 
-def _example(signal: DriveSignal | DeviceSignal) -> str:
+def _example(signal: AnySignal) -> str:
     match signal.form:
         case "state":
             return "state == S4"

@@ -1,13 +1,14 @@
 """Signals of devices in conditions: ``island-1.part_present``, and of the device at hand ``part_present`` as well.
 
-The name of a signal has no dot, so that all before the last dot is the station's.
+The name of a signal has no dot, so that all before the last dot is the station's.  Beside its signals a device has
+``connected`` and ``powered``, unless it has signals of these names.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 from pnfarm.signals.layers import EVERY
 from pnfarm.station.signals import WORDS
@@ -16,17 +17,20 @@ from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Container, Mapping, Sequence
+    from collections.abc import Callable, Container, Mapping, Sequence
 
     from pnfarm.signals.signal import Signal
-    from pnfarm.station.plain_signals import PlainSignals
+    from pnfarm.station.station import Station
     from pnfarm.vocabulary.conditions import Name, Tree, Value
 
 __all__ = [
+    "FACTS",
+    "DeviceFact",
     "DeviceSignal",
     "KnownDevices",
     "LiveDevices",
     "device_of",
+    "find_in",
     "note_forces",
     "releases",
     "split_name",
@@ -35,7 +39,12 @@ __all__ = [
 
 #: Devices by name: the signals that each has, and their values.
 KnownDevices: TypeAlias = "Mapping[str, Mapping[str, Signal]]"
-LiveDevices: TypeAlias = "Mapping[str, PlainSignals]"
+LiveDevices: TypeAlias = "Mapping[str, Station]"
+#: What any device has.
+FACTS: Mapping[str, Callable[[Station], bool]] = {
+    "connected": lambda station: station.powered and station.device.connected,
+    "powered": lambda station: station.powered,
+}
 
 
 def split_name(name: str) -> tuple[str, str]:
@@ -83,6 +92,32 @@ def stations_in(tree: Tree, devices: Container[str] | None) -> list[str]:
     return list(dict.fromkeys(found)) if all(found) else []
 
 
+def find_in(devices: KnownDevices, station: str, name: str) -> DeviceSignal | DeviceFact | None:
+    """A signal or a fact of a device that is known; None if it has none of this name."""
+    signal = devices[station].get(name)
+    if signal is not None:
+        return DeviceSignal(station, signal)
+    return DeviceFact(station, name) if name in FACTS else None
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceFact:
+    """Whether a device is connected, or powered."""
+
+    station: str
+    fact: str
+    form: ClassVar = "bit"
+    unit: ClassVar = ""
+
+    @property
+    def name(self) -> str:
+        return f"{self.station}.{self.fact}"
+
+    def read(self, devices: LiveDevices) -> bool:
+        """Whether it is so now."""
+        return FACTS[self.fact](devices[self.station])
+
+
 @dataclass(frozen=True, slots=True)
 class DeviceSignal:
     """A signal of a device as conditions compare it: octets as the text that shows them."""
@@ -106,7 +141,9 @@ class DeviceSignal:
 
     def read(self, devices: LiveDevices) -> Value:
         """The present value."""
-        value = devices[self.station].get(self.signal.name)
+        signals = devices[self.station].signals
+        assert signals is not None
+        value = signals.get(self.signal.name)
         return self.signal.show(value) if isinstance(value, bytes) else value
 
     def text(self, text: str) -> str:

@@ -7,6 +7,8 @@ has the same owner.
 
 from __future__ import annotations
 
+from functools import reduce
+from operator import or_
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 if TYPE_CHECKING:
@@ -31,8 +33,8 @@ class InputLayers:
     def __init__(self, octets: bytes, place: Callable[[Signal], int]) -> None:
         self.written = octets
         self._place = place
-        #: Bits that somebody wrote.
-        self._set = 0
+        #: Bits that somebody wrote, those that are forced, and those under a shape.
+        self._set = self._forced = self._shaped = 0
         self.forced: dict[str, tuple[Signal, Value]] = {}
         self.shapes: list[tuple[Signal, Shape]] = []
         #: Counts changes of owners.
@@ -53,16 +55,21 @@ class InputLayers:
             self.forced.pop(signal.name, None)
             if value is not None:
                 self.forced[signal.name] = signal, value
+        self._forced = reduce(or_, (self._bits(signal) for signal, _ in self.forced.values()), 0)
         self.revision += 1
 
     def put(self, signal: Signal, shape: Shape) -> None:
         """The latest shape of an input sees what those before it give."""
         self.shapes.append((signal, shape))
-        self.revision += 1
+        self._shape()
 
     def take(self, signal: Signal, shape: Shape) -> None:
         """Undo it."""
         self.shapes.remove((signal, shape))
+        self._shape()
+
+    def _shape(self) -> None:
+        self._shaped = reduce(or_, (self._bits(signal) for signal, _ in self.shapes), 0)
         self.revision += 1
 
     def octets(self) -> bytes:
@@ -78,9 +85,9 @@ class InputLayers:
     def owner(self, signal: Signal) -> Owner:
         """Who has an input now."""
         bits = self._bits(signal)
-        if any(bits & self._bits(other) for other, _ in self.shapes):
+        if bits & self._shaped:
             return "fault"
-        if any(bits & self._bits(other) for other, _ in self.forced.values()):
+        if bits & self._forced:
             return "force"
         return "value" if bits & self._set else "default"
 

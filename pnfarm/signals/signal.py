@@ -28,7 +28,7 @@ class Signal:
     """One signal.
 
     ``octet`` counts from the first of the submodule's inputs or outputs, ``bit`` (0 to 7, of a ``bool``) from the least
-    significant one; None where the value has octets of its own.
+    significant one; None where the value has octets of its own.  ``exported``: as a metric.
     """
 
     name: str
@@ -41,6 +41,7 @@ class Signal:
     unit: str = ""
     scale: float = 1.0
     order: ByteOrder = "big"
+    exported: bool = False
 
     @property
     def end(self) -> int:
@@ -189,8 +190,10 @@ def _number(word: str) -> int | float:
     raise Problem(f"{shown(word)} is not a number", "a number such as 12, 0x1F or 1.5")
 
 
-def place_signal(name: str, place: SignalPlace, input_octets: int, output_octets: int) -> Signal:
-    """A signal of the farm file in a submodule with these octets.
+def place_signal(
+    name: str, place: SignalPlace, input_octets: int, output_octets: int, order: ByteOrder = "big"
+) -> Signal:
+    """A signal of the farm file in a submodule with these octets, whose order is the bus's unless it has its own.
 
     Without a direction it is an input where the submodule has inputs, else an output.  Raises :class:`Problem` where
     the place is outside of the data.
@@ -199,7 +202,19 @@ def place_signal(name: str, place: SignalPlace, input_octets: int, output_octets
     direction: Direction = place.direction or ("input" if input_octets else "output")
     octets = input_octets if direction == "input" else output_octets
     kind = place.value_type
-    signal = Signal(name, direction, slot, subslot, octet, kind, bit, place.unit, place.scale, place.order)
+    signal = Signal(
+        name,
+        direction,
+        slot,
+        subslot,
+        octet,
+        kind,
+        bit,
+        place.unit,
+        place.scale,
+        place.order or order,
+        bool(place.metrics),
+    )
     if signal.end > octets:
         other = output_octets if direction == "input" else input_octets
         hint = f"; it has {other} octets of {'output' if direction == 'input' else 'input'}s" if other else ""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 
 import pytest
-from api_world import ApiWorld, assert_problem
+from api_world import ApiWorld, Served, assert_problem
 from device_world import DeviceWorld
 from plain_station import controller_sends
+from slave_cell import ONE, SlaveCell
 
 from pnfarm.api.schemas.device import DevicesView, DeviceView, SignalsAnswer, SignalsValues, StationsView
 
@@ -185,3 +186,19 @@ def test_the_description_names_the_conditions(world):
     patch = paths["/api/v1/devices/{name}/signals"]["patch"]
     assert {"200", "401", "403", "404", "412", "422"} <= patch["responses"].keys()
     assert "ETag" in patch["responses"]["200"]["headers"]
+
+
+def test_a_device_on_a_serial_line_is_shown_and_its_signals_reach_the_master():
+    cell = SlaveCell(ONE)
+    cell.connect()
+    world = Served(cell)
+    device = DeviceView.model_validate(world.get("/api/v1/devices/island").json())
+    assert (device.description, device.identity["ident_number"], device.identity["vendor"]) == (
+        "Island DP", 0x1D01, "Example Maker",
+    )  # fmt: skip
+    assert [(module.slot, module.name) for module in device.modules] == [(1, "16DI"), (2, "8DO"), (4, "Counter")]
+    assert (device.connection.state, device.ip, device.mac) == ("DATA_EXCH", None, "")
+    answer = world.request("PATCH", "/api/v1/devices/island/signals", json={"part_present": True})
+    assert answer.status_code == 200, answer.text
+    cell.world.run(0.1)
+    assert cell.inputs() == (bytes.fromhex("0800000000000000"), True)

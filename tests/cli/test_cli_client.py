@@ -213,6 +213,54 @@ def test_reach_repetition_and_time_to_live_are_sent_as_given(ask, farm):
     assert farm.asked[-1][2] == {"kind": "loss", "on": ["all"], "params": {}} | wanted
 
 
+def test_parameters_of_a_kind_may_be_options(ask, farm):
+    farm.answer("POST", "faults", FAULT, 201)
+    ask(
+        "fault",
+        "add",
+        "diagnosis",
+        "--on",
+        "all",
+        "--error",
+        "wire break",
+        "--slot=3",
+        "-p",
+        "channel=2",
+        "--for",
+        "1s",
+    )
+    params = {"error": "wire break", "slot": 3, "channel": 2}
+    assert farm.asked[-1][2] == {"kind": "diagnosis", "on": ["all"], "params": params, "for": "1s"}
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (
+            ["--erro", "wire break"],
+            "no such option: --erro, did you mean error?; the parameters of diagnosis are error, ",
+        ),
+        (["--probabilty", "0.5"], "no such option: --probabilty, did you mean probability?"),
+        (["--slot"], "--slot needs a value"),
+        (["3"], "'3' is not an option; see `pnfarm fault add --help`"),
+    ],
+)
+def test_a_wrong_option_of_a_fault_is_refused_before_the_farm_is_asked(ask, farm, words, sentence):
+    done = ask("fault", "add", "diagnosis", "--on", "all", *words)
+    assert (done.code, sentence in done.err, farm.asked) == (2, True, [])
+
+
+def test_values_of_a_fault_come_from_a_file_beside_the_user(ask, farm, tmp_path):
+    farm.answer("POST", "faults", FAULT, 201)
+    (tmp_path / "trace.csv").write_text("time [s],axis-01 velocity [rpm],pressure\n-0.5,10,1.5\n0,11,2\n")
+    values = f"values=@{tmp_path}/trace.csv#pressure"
+    assert ask("fault", "add", "signal-replay", "--on", "island-1", "-p", "signal=pressure", "-p", values).code == 0
+    assert farm.asked[-1][2]["params"] == {"signal": "pressure", "values": "0:1.5 0.5:2"}
+    found = ask("fault", "add", "signal-replay", "--on", "island-1", "-p", "signal=pressure", "-p", f"{values}s")
+    assert found.code == 2
+    assert "trace.csv, line 1: there is no column 'pressures', did you mean pressure?" in found.err
+
+
 def test_a_dry_run_shows_whom_the_fault_would_hit_and_why_others_cannot(ask, farm):
     reach = {
         "dry_run": True,

@@ -12,13 +12,14 @@ from pathlib import Path
 import pytest
 import yaml
 from cip_tape import MACS, MANAGER, Tape, connect, everything, forward_open
+from gsdml_examples import ISLAND
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from imported import check_found
 
 from pnfarm.buses import registry
 from pnfarm.buses.ethernetip.bus import ETHERNETIP
-from pnfarm.buses.imports import FoundDrive, FoundStation, ImportingBus
+from pnfarm.buses.imports import DescriptionFile, FoundDevice, FoundDrive, FoundStation, ImportingBus
 from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.farm import model_of
@@ -280,7 +281,8 @@ def test_whatever_is_in_a_plants_capture_the_farm_file_can_be_read(capture, data
         if chosen.random() < 0.3:
             octets = octets[:14] + mutated(chosen, octets[14:], pool)
         decoder.feed(replace(frame, data=octets))
-    check_found([one for bus in buses for one in bus.found(decoder.buses[bus.name])])
+    models = data.draw(st.booleans())
+    check_found([one for bus in buses for one in bus.found(decoder.buses[bus.name], models=models)])
 
 
 _TEXTS = st.text(max_size=80) | st.sampled_from(
@@ -307,6 +309,22 @@ _KEYS = st.fixed_dictionaries(
     },
 )
 _STATION = st.builds(FoundStation, name=_TEXTS, facts=st.lists(_TEXTS, max_size=2).map(tuple))
+_FILES = st.builds(
+    DescriptionFile,
+    st.just("gsdml"),
+    st.just("GSDML-V2.35-pnfarm-{name}-20260101.xml"),
+    st.sampled_from([ISLAND.read_text(), "", "<a/>"]),
+)
+_DEVICE = st.builds(
+    FoundDevice,
+    name=_TEXTS,
+    file=_FILES,
+    keys=st.fixed_dictionaries({"access_point": st.just("DAP 1") | _TEXTS}, optional={
+        "slots": st.dictionaries(_NUMBERS, st.none() | _NUMBERS | st.just("16DI"), max_size=3),
+        "ip": _TEXTS, "cycle": _TEXTS, "limits": _TEXTS,
+    }),
+    notes=st.lists(_TEXTS, max_size=2).map(tuple),
+)  # fmt: skip
 _FOUND = st.builds(
     FoundDrive,
     name=_TEXTS,
@@ -317,7 +335,7 @@ _FOUND = st.builds(
 
 
 @settings(max_examples=150, deadline=None)
-@given(st.lists(_FOUND | _STATION, max_size=5))
+@given(st.lists(_FOUND | _DEVICE | _STATION, max_size=5))
 def test_whatever_was_found_the_farm_file_can_be_read(found):
     check_found([replace(one, line="profibus") if getattr(one, "model", "") == "moog-msd-dp" else one for one in found])
 

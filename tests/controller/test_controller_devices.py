@@ -8,6 +8,18 @@ from device_cell import CONFIGS, DRIVES, ONE, Cell
 RIGHT = CONFIGS / "programs" / "right.py"
 
 HEAD = "from pnfarm import AxisProgram\n\n\nclass Mine(AxisProgram):\n    def cycle(self, inputs, outputs, now):\n"
+OTHERS = """  - name: weigher
+    eds: eds/Example-Weigher-20261128.eds
+    ip: 10.77.0.61/24
+    signals:
+      target: {at: 101.1.4, type: int32, unit: kg, scale: 0.001}
+      status: {at: 102.1.0, type: uint16}
+  - name: slave
+    gsd: gsd/EXMP1D01.gsd
+    address: 5
+    slots: {1: 16DI, 2: 8DO}
+    signals: {part_present: 1.1.0.3, clamp: 2.1.0.0}
+"""
 SIGNALS = "      clamp: 2.1.0.0\n      lamp: 2.1.0.1\n"
 
 
@@ -120,3 +132,27 @@ def test_the_names_of_a_devices_signals_can_be_listed(line):
     assert {"clamp", "lamp"} <= set(island.outputs)
     assert len(island.outputs) == len(list(island.outputs))
     assert "clamp=False" in repr(island.outputs)
+
+
+def test_a_program_runs_devices_on_all_buses(tmp_path):
+    path = tmp_path / "mine.py"
+    lines = (
+        'island, weigher, slave = (self.line.device(name) for name in ("island", "weigher", "slave"))',
+        "island.outputs.clamp = slave.inputs.part_present",
+        "slave.outputs.clamp = weigher.inputs.status > 0",
+        "weigher.outputs.target = 2.5 if island.inputs.part_present else 0.0",
+        "self.seen = [one.connected and all(one.inputs.good(name) for name in one.inputs) for one in (island, slave)]",
+    )
+    path.write_text(HEAD + "".join(f"        {line}\n" for line in lines))
+    scanner = "ethernetip: {ip: 10.77.0.2/24, program: {kind: idle}}"
+    made = Cell(DRIVES + ONE + SIGNALS + OTHERS, f", program: {{python: '{path}'}}, {scanner}")
+    assert made.world.run(20, until=lambda: made.line.controllers.all_connected)
+    made.signals().set({"part_present": True})
+    made.signals("slave").set({"part_present": True})
+    made.signals("weigher").set({"status": 1})
+    made.world.run(0.5)
+    assert made.line.programs.snapshot("axis-1")["failure"] == ""
+    assert made.signals().get("clamp") is True
+    assert made.signals("slave").get("clamp") is True
+    assert made.signals("weigher").get("target") == 2.5
+    assert made.line.programs.program("axis-1").seen == [True, True]

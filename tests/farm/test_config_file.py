@@ -14,7 +14,7 @@ from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.cli.farm_file import check_impairments, known_names
 from pnfarm.config.known import catalogue
 from pnfarm.errors import ConfigError
-from pnfarm.farm.file.reading import FarmFileError, expand, load_farm, parse_farm
+from pnfarm.farm.file.reading import FarmFileError, expand, expand_all, load_farm, parse_farm
 from pnfarm.table.program import TARGETS
 
 # --- what is read -----------------------------------------------------------------------------------------------
@@ -102,7 +102,7 @@ def test_impairments_keep_their_durations_and_targets():
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.pnfarm.yml")), ids=lambda path: path.name)
 def test_the_configurations_that_come_with_it_are_valid(path):
-    drives = expand(load_farm(path))
+    drives = expand_all(load_farm(path))
     assert drives
     assert len({drive.name for drive in drives}) == len(drives)
     macs = [drive.mac for drive in drives if drive.mac]

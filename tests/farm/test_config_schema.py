@@ -52,6 +52,13 @@ def test_every_key_of_a_drive_is_there_as_the_file_writes_it():
     assert drive["additionalProperties"] is False
 
 
+def test_a_group_of_devices_names_the_file_of_its_bus():
+    validator = jsonschema.Draft202012Validator(farm_schema())
+    whole = {"farm": "cell", "link": {"kind": "memory"}}
+    for keys, valid in (({"gsdml": "a.xml"}, True), ({"eds": "a.eds", "connection": 2}, True), ({}, False)):
+        assert validator.is_valid(whole | {"devices": [{"name": "one", **keys}]}) == valid, keys
+
+
 def test_the_values_of_a_drive_carry_descriptions_bounds_and_examples():
     properties = farm_schema()["$defs"]["DriveGroup"]["properties"]
     assert properties["count"]["maximum"] == 4094

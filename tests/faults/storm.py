@@ -186,7 +186,7 @@ def left_behind(line: FaultLine | CipLine) -> dict[str, Any]:
             look(f"{name} refuses", device.connections.refuse is not nobody)
             look(f"{name} is listened to", device.connections.listeners)
             look(f"{name} refuses requests", device.adapter.router.refuse is not None)
-            look(f"{name} has another identity", device.identity.product_code != device.product.product_code)
+            look(f"{name} has another identity", device.identity.product_code != device.kind.identity(0).product_code)
             continue
         look(f"{name} refuses", station.device.cm.refuse_connect is not None)
         look(f"{name} delays ready", station.device.connections.ready_delay_ns != 0)

@@ -389,6 +389,8 @@ def _descriptions() -> Iterator[tuple[str, bytes]]:
     yield "gsdml", (Path(__file__).parents[1] / "protocols" / "profinet" / "gsdml_miniature.xml").read_bytes()
     for path in sorted((Path(__file__).parents[2] / "configs" / "gsdml").glob("*.xml")):
         yield "gsdml", path.read_bytes()
+    for path in sorted((Path(__file__).parents[2] / "configs" / "gsd").glob("*.gsd")):
+        yield "gsd", path.read_bytes()
 
 
 def _managers() -> Iterator[tuple[str, bytes]]:

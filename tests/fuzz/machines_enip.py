@@ -7,12 +7,13 @@ with the right lengths, so that what is wrong reaches the layer that it is meant
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from random import Random
 
 from enip_bench import MANAGER, PEER, SECOND, Bench, explicit_request, io_request
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.enip.eds import Eds, EdsEntry, EdsSection, EdsString, emit_eds
+from pnfarm.protocols.enip.eds.text import Eds, EdsEntry, EdsSection, EdsString, emit_eds
 from pnfarm.protocols.enip.encapsulation import SendStream
 from pnfarm.protocols.enip.originator import Originator
 from pnfarm.protocols.enip.originator_events import SendTcp
@@ -29,6 +30,8 @@ from pnfarm.protocols.enip.wire.epath import ElectronicKey, logical_path
 from tests.fuzz.mutate import mutated, random_octets
 
 __all__ = ["ENIP", "enip_layers"]
+
+EXAMPLES = Path(__file__).parents[2] / "configs" / "eds"
 
 #: Entries that one end may hold, whatever it is fed.
 MOST_HELD = 64
@@ -94,7 +97,7 @@ def enip_layers() -> dict[str, list[bytes]]:
         "enip-body": [body for body in bodies if body],
         "enip-path": [message.parse_request(request).path for request in requests],
         "enip-class1": [emit_class1(Class1Pdu(1, 2, 3, bytes(64), header)) for header in (None, 0, 1)],
-        "eds": [emit_eds(sheet, ["a sheet"])],
+        "eds": [emit_eds(sheet, ["a sheet"]), *(path.read_bytes() for path in sorted(EXAMPLES.glob("*.eds")))],
     }
 
 

@@ -12,7 +12,9 @@ from uuid import UUID
 
 from cip_tape import everything
 
+from pnfarm.buses.imports import ImportingBus
 from pnfarm.buses.profinet.device.modules import modules_view, plug_module, pull_module
+from pnfarm.buses.registry import BUSES
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.errors import ConfigError
@@ -47,6 +49,9 @@ class DecoderMachine(Machine):
 
     def start(self, rng):
         self.decoder = make_decoder(every_frame=rng.random() < 0.5)
+        self.observing = [bus for bus in BUSES.values() if isinstance(bus, ImportingBus)]
+        for bus in self.observing:
+            bus.observe(self.decoder.buses[bus.name])
         self.number = self.lines = 0
         self.time = 10**18
 
@@ -54,6 +59,9 @@ class DecoderMachine(Machine):
         self.time += rng.choice((1, 10**6, 10**9, -(10**9)))
         entries, _ = holdings(self.decoder)
         assert entries < DECODER_ENTRIES, f"the decoder holds {entries} entries"
+        for bus in self.observing:
+            for found in bus.found(self.decoder.buses[bus.name], models=rng.random() < 0.5):
+                assert found.name
 
     def next_input(self, rng):
         frame = rng.choice(self.layers["frame"])

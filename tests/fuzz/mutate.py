@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Sequence
 from random import Random
 
-__all__ = ["LIMIT", "mutated", "random_octets", "variation", "varied_xml"]
+__all__ = ["LIMIT", "mutated", "random_octets", "variation", "varied_lines", "varied_xml"]
 
 #: No input is longer: two full datagrams.
 LIMIT = 4096
@@ -164,3 +164,23 @@ def varied_xml(rng: Random, pool: Sequence[bytes]) -> bytes:
             part = rng.choice((b"", chosen[0] * 2, other[0], chosen[0] + other[0]))
             data[chosen.start() : chosen.end()] = part
     return bytes(data)
+
+
+_WORD = re.compile(rb"[0-9A-Za-z_.]+")
+
+
+def varied_lines(rng: Random, pool: Sequence[bytes]) -> bytes:
+    """A text of statements with other words, with lines doubled, left out or moved."""
+    data = rng.choice(pool)
+    for _ in range(rng.choice((1, 1, 2, 4, 8))):
+        lines = data.splitlines(keepends=True) or [b""]
+        place, other = rng.randrange(len(lines)), rng.choice(lines)
+        found = list(_WORD.finditer(lines[place]))
+        if found and rng.random() < 0.6:
+            word, words = rng.choice(found), _WORD.findall(other)
+            value = rng.choice((*_VALUES, *words))
+            lines[place] = lines[place][: word.start()] + value + lines[place][word.end() :]
+        else:
+            lines[place : place + 1] = rng.choice(([], [lines[place]] * 2, [other], [lines[place], other]))
+        data = b"".join(lines)
+    return data

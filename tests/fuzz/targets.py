@@ -29,8 +29,8 @@ from pnfarm.protocols.profinet.wire.alarms.rta import RtaType, parse_rta
 from pnfarm.protocols.profinet.wire.block import Block, RawBlock
 from pnfarm.wire.layout import Structure
 from pnfarm.wire.octets import Reader
-from tests.fuzz.mutate import variation, varied_xml
-from tests.fuzz.plugging import plug_everything
+from tests.fuzz.mutate import variation, varied_lines, varied_xml
+from tests.fuzz.plugging import describe_everything, plug_every_module, plug_everything
 
 __all__ = ["Parser", "parsers"]
 
@@ -94,6 +94,8 @@ LAYERS = {
     "parse_snmp": ("snmp",),
     "parse_oid": ("oid",),
     "parse_integer": ("oid",),
+    "parse_gsd": ("gsd",),
+    "parse_gsd_file": ("gsd",),
     "parse_gsdml": ("gsdml",),
     "parse_xml": ("gsdml",),
     "parse_encapsulation": ("enip",),
@@ -109,9 +111,15 @@ LAYERS = {
     "parse_unconnected_send": ("enip-body",),
     "parse_class1": ("enip-class1",),
     "parse_eds": ("eds",),
+    "parse_sheet": ("eds",),
 }
 #: Parsers of text with a syntax of its own: octets changed at random would mostly break that alone.
-DOCUMENTS = {"parse_gsdml", "parse_xml"}
+DOCUMENTS = {
+    "parse_gsdml": varied_xml,
+    "parse_xml": varied_xml,
+    "parse_gsd": varied_lines,
+    "parse_gsd_file": varied_lines,
+}
 
 
 @dataclass(frozen=True)
@@ -246,7 +254,7 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
     for module, name, function in _functions():
         for suffix, call in _calls(function):
             title = f"{module.__name__.rsplit('.', 1)[-1]}.{name}{suffix}"
-            add(title, call, suiting(module, name), varied_xml if name in DOCUMENTS else variation)
+            add(title, call, suiting(module, name), DOCUMENTS.get(name, variation))
     for module, kind in _structures():
         title = f"{module.__name__.rsplit('.', 1)[-1]}.{kind.__name__}"
         types = kind.TYPES if issubclass(kind, Block) else ()
@@ -259,4 +267,6 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
             add(title, kind.parse, pool)
             add(f"{title}-little", lambda data, kind=kind: kind.parse(data, little_endian=True), pool)
     found["station.plug_station"] = Parser("station.plug_station", plug_everything, layers.get("gsdml", ()), varied_xml)
+    found["eds.describe"] = Parser("eds.describe", describe_everything, layers.get("eds", ()))
+    found["station.plug_slave"] = Parser("station.plug_slave", plug_every_module, layers.get("gsd", ()), varied_lines)
     return sorted(found.values(), key=lambda parser: parser.name)

@@ -7,7 +7,7 @@ import asyncio
 import httpx
 import pytest
 from api_world import BASE
-from cell_file import CELL
+from cell_file import CELL, DEVICES
 from device_world import DeviceWorld
 from plain_station import controller_sends
 
@@ -15,6 +15,7 @@ import pnfarm
 from pnfarm.cli.commands.run import bound
 from pnfarm.errors import ConfigError
 from pnfarm.scenario.definition.file import load_scenario
+from pnfarm.scenario.virtual import run_virtual
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,37 @@ def test_signals_are_written_by_a_step(farm, carried_out):
     assert (signals["part_present"], signals["pressure"]) == (True, 6.5)
     carried_out("repeat: {for: {bar: [1, 2.5]}, steps: [{set: {island-1.pressure: $bar}}]}")
     assert signals["pressure"] == 2.5
+
+
+def test_a_device_that_loses_its_cable_is_not_connected_until_it_is_back(farm, carried_out):
+    result = carried_out(
+        "wait: {until: all-connected, within: 10s}",
+        "fault: {kind: link-down, on: island-1, as: cable}",
+        "expect: {that: not island-1.connected and island-1.powered, within: 1s}",
+        "expect: {drive: axis-01, that: connected and not island-1.connected}",
+        "clear: cable",
+        "wait: {until: all-connected, within: 10s}",
+        "expect: {that: island-1.connected}",
+    )
+    assert result.passed, result.record["cases"]
+
+
+def test_a_farm_of_devices_alone_has_scenarios(tmp_path):
+    (tmp_path / "cell.pnfarm.yml").write_text(
+        "farm: cell\nlink: {kind: memory}\ncontroller: {ip: 10.77.0.1/23}\n" + DEVICES
+    )
+    path = tmp_path / "devices.scenario.yml"
+    path.write_text(
+        """scenario: devices
+farm: cell.pnfarm.yml
+steps:
+  - wait: {until: all-connected, within: 10s}
+  - set: {island-1.pressure: 2}
+  - expect: {that: island-1.pressure == 2 and island-1.connected, for: 100ms}
+"""
+    )
+    record, _ = asyncio.run(run_virtual(*bound(load_scenario(path)), traced=True))
+    assert record["verdict"] == "passed", record["cases"]
 
 
 def test_a_force_ends_with_its_release_or_with_the_scenario(farm, carried_out):
@@ -129,7 +161,8 @@ def test_an_expectation_about_a_device_shows_values_and_units(farm, carried_out)
 def test_a_wait_is_over_when_a_signal_has_its_value_and_a_fault_begins_then(farm, carried_out):
     result = carried_out(
         "set: {island-1.part_present: false, island-1.pressure: 0}",
-        "fault: {kind: silence, on: axis-01, when: island-1.pressure >= 2, as: quiet}",
+        # the engine watches the state, the event loop the device
+        "fault: {kind: silence, on: axis-01, when: state == S4 and island-1.pressure >= 2 and velocity > 0, as: quiet}",
         "fault: {kind: signal-stuck, on: island-1, params: {signal: slot1_input_0, value: true}, when: pressure > 2.5}",
         "expect: {drive: axis-01, that: connected, for: 300ms}",
         "parallel: [[{wait: 100ms}, {set: {island-1.pressure: 2}}], {wait: {until: island-1.pressure == 2}}]",
@@ -166,6 +199,7 @@ def test_a_wait_is_over_when_a_signal_has_its_value_and_a_fault_begins_then(farm
         ("fault: {kind: f702, on: axis-01, when: island-1.valv}", "has no signal 'valv', did you mean valve?"),
         ("fault: {kind: signal-stuck, on: island-1, when: valv, params: {signal: valve}}", "did you mean valve?"),
         ("fault: {kind: signal-invert, on: island-1, params: {signal: part_presnt}}", "did you mean part_present?"),
+        ("fault: {kind: signal-invert, on: island-1, params: {signal: true}}", "island-1 has no signal 'true'"),
         ("fault: {kind: signal-invert, on: iland-1, params: {signal: part_present}}", "did you mean island-1?"),
     ],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -203,8 +204,17 @@ class Values:
 )
 def test_a_signal_of_a_device_is_compared_as_its_values_are(text: str, values: dict[str, Any], expected: bool) -> None:
     bound = bind(text, None, ISLAND, "1st.cell-2")
-    assert bound.holds(None, {"1st.cell-2": Values(**values)}) is expected
+    assert bound.holds(None, {"1st.cell-2": SimpleNamespace(signals=Values(**values))}) is expected
     assert text_of(parse_condition(text_of(bound.tree))) == text_of(bound.tree)
+
+
+@pytest.mark.parametrize("own", ["1st.cell-2", ""])
+def test_any_device_is_powered_and_connected_or_not(own: str) -> None:
+    text = "powered and not connected" if own else "1st.cell-2.powered and not 1st.cell-2.connected"
+    bound = bind(text, None, ISLAND, own)
+    for powered, connected in ((True, False), (False, False), (False, True), (True, True)):
+        station = SimpleNamespace(powered=powered, device=SimpleNamespace(connected=connected))
+        assert bound.holds(None, {"1st.cell-2": station}) is (powered and not connected)
 
 
 @pytest.mark.parametrize("names", [["a", "a.b"], ["zsw1"], ["a-1", "a"]])

@@ -13,13 +13,11 @@ from pnfarm.api import make_app
 BASE = "http://127.0.0.1:8702"
 
 
-class ApiWorld:
-    """``line`` is the farm with its controller; ``get``, ``post`` ... go to ``app``."""
+class Served:
+    """``line`` is a farm with its ``world``; ``get``, ``post`` ... go to ``app``."""
 
-    def __init__(
-        self, drives: int = 2, *, token: str | None = None, read_token: str | None = None, **line: Any
-    ) -> None:
-        self.line = VirtualLine(drives, **line)
+    def __init__(self, line: Any, *, token: str | None = None, read_token: str | None = None) -> None:
+        self.line = line
         self.faults = self.line.farm.injections
         self.app = make_app(
             self.line.farm,
@@ -50,6 +48,15 @@ class ApiWorld:
 
     def delete(self, path: str) -> httpx.Response:
         return self.request("DELETE", path)
+
+
+class ApiWorld(Served):
+    """``line`` is the farm of so many drives with its controller."""
+
+    def __init__(
+        self, drives: int = 2, *, token: str | None = None, read_token: str | None = None, **line: Any
+    ) -> None:
+        super().__init__(VirtualLine(drives, **line), token=token, read_token=read_token)
 
 
 def assert_problem(response: httpx.Response, status: int, *words: str) -> dict[str, Any]:

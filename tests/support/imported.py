@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from pnfarm.buses.imports import FoundDrive, FoundStation
 from pnfarm.farm.file.found import write_farm
-from pnfarm.farm.file.reading import expand, parse_farm
-
-
-def farm_text(drives, others, name="any", parent="eth1", source="any.pcapng", folder=Path("/nowhere")):
-    return write_farm(drives, others, name, parent, source, folder).text
+from pnfarm.farm.file.reading import expand_all, parse_farm
 
 
 def check_found(found, folder=Path("/nowhere")):
-    """The farm file can be read, has every drive that it promises, and says what it has not."""
+    """The farm file can be read, has every drive and device that it promises, and says what it has not."""
     found = list(found)
-    drives = [one for one in found if isinstance(one, FoundDrive)]
-    others = [one for one in found if isinstance(one, FoundStation)]
-    made = write_farm(drives, others, "any", "eth1", "any.pcapng", folder)
-    assert len(made.drives) + len(made.others) == len(found)
-    if made.drives:
-        assert len(expand(parse_farm(made.text, folder / "any.pnfarm.yml"))) == len(made.drives)
+    made = write_farm(found, "any", "eth1", "any.pcapng", folder)
+    played = [*made.drives, *made.devices]
+    assert len(played) + len(made.others) == len(found)
+    if played:
+        with TemporaryDirectory() as own:
+            # its description files, and those of the folder that it was made for
+            for file in folder.iterdir() if folder.exists() else ():
+                if file.is_file():
+                    (Path(own) / file.name).write_bytes(file.read_bytes())
+            for name, text in made.files.items():
+                (Path(own) / name).write_text(text, encoding="utf-8")
+            assert len(expand_all(parse_farm(made.text, Path(own) / "any.pnfarm.yml"))) == len(played)
     comments = " ".join(made.text.replace("#", " ").split())
     for line in made.left_out:
         assert " ".join(line.partition(": ")[2].replace("#", " ").split())[:50] in comments, line

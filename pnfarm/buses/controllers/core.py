@@ -11,7 +11,7 @@ from dataclasses import asdict
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Generic
 
-from pnfarm.buses.controller import Controller
+from pnfarm.buses.controller import Controller, DeviceData
 from pnfarm.buses.controllers.axis_program import configure
 from pnfarm.buses.controllers.events import PhaseChanged
 from pnfarm.buses.controllers.parameter_words import parameter_answer, put_parameter_task
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.controllers.device_plan import PlannedDevice
     from pnfarm.buses.controllers.session_life import Life
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
+    from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
 __all__ = ["DriveCore", "SessionCore"]
 
@@ -57,6 +58,8 @@ class DriveCore(Controller):
         self.columns: Columns = allocate(images=count, programs=count, channels=channels, plain=plain, pieces=pieces)
         self.columns.engine[0].tick_ns = tick_ns
         self.columns.image.lost[:] = LOST_NEVER
+        #: What is sent to the devices without axes, and what comes from them, by name.
+        self.plain: dict[str, tuple[ProvidedData, ConsumedData]] = {}
         #: The first row of each device.
         self.first_rows = list(accumulate((len(one.axes) for one in self.devices[:-1]), initial=0))[: len(self.devices)]
         #: Devices, and the rows of axes, by name; a device's is that of its first axis.
@@ -76,6 +79,15 @@ class DriveCore(Controller):
         if place is None:
             raise ConfigError(f"controller {self.name} has no drive {name!r}")
         return place
+
+    @property
+    def device_data(self) -> dict[str, DeviceData]:
+        """See :class:`pnfarm.buses.controller.DeviceController`."""
+        return {
+            one.name: DeviceData(one.data_signals, one.data_places, *self.plain[one.name])
+            for one in self.devices
+            if one.data_signals and one.name in self.plain
+        }
 
     @property
     def all_running(self) -> bool:

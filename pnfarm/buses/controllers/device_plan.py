@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.controllers.axis_program import IDLE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from ipaddress import IPv4Interface
 
     from pnfarm.buses.controllers.axis_program import AxisProgram
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.telegrams.signal_view import AxisSignals
+    from pnfarm.signals.signal import Direction, Signal
 
 __all__ = ["IpPlan", "PlannedDevice"]
 
@@ -31,6 +32,9 @@ class PlannedDevice:
     life: bool = False
     #: The signals of the drive's telegram, for a program of the user's.
     signals: AxisSignals | None = None
+    #: The signals of a device of the farm without axes, and the first octet of each submodule's data in its rows.
+    data_signals: Mapping[str, Signal] = field(default_factory=dict)
+    data_places: Mapping[tuple[int, int, Direction], int] = field(default_factory=dict)
     #: The codes of its telegram's words (:mod:`pnfarm.table.signals`).
     output_words: tuple[int, ...] = ()
     input_words: tuple[int, ...] = ()

@@ -12,7 +12,7 @@ from pnfarm.buses.decoding.identity import models_by
 from pnfarm.buses.ethernetip.decode.channels import octets_behind
 from pnfarm.buses.ethernetip.decode.identity import numbers_of
 from pnfarm.buses.ethernetip.device.product import Product
-from pnfarm.buses.imports import FoundDrive, FoundStation, drives_first
+from pnfarm.buses.imports import Found, FoundDrive, FoundStation, drives_first
 from pnfarm.drives.catalogue import models_on
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.wire.mac import format_mac
@@ -30,7 +30,7 @@ __all__ = ["found"]
 PREFIX = 24
 
 
-def found(decoder: EthernetIpDecoder) -> Iterator[FoundDrive | FoundStation]:
+def found(decoder: EthernetIpDecoder, *, models: bool = True) -> Iterator[Found]:
     """Drives first, then other adapters; originators are named by their adapters."""
     observed = decoder.shared.observed
     if observed is None:
@@ -41,16 +41,16 @@ def found(decoder: EthernetIpDecoder) -> Iterator[FoundDrive | FoundStation]:
         known = openings.get(device)
         if known is None or _weight(opening) >= _weight(known):
             openings[device] = opening
-    return drives_first(_station(seen, openings.get(seen.ip)) for seen in observed.adapters.values())
+    return drives_first(_station(seen, openings.get(seen.ip), models=models) for seen in observed.adapters.values())
 
 
 def _weight(opening: SeenOpening) -> tuple[bool, int]:
     return opening.refused == "", opening.request.o_to_t.size
 
 
-def _station(seen: SeenAdapter, opening: SeenOpening | None) -> FoundDrive | FoundStation:
+def _station(seen: SeenAdapter, opening: SeenOpening | None, *, models: bool) -> FoundDrive | FoundStation:
     facts = tuple(_facts(seen, opening))
-    chosen = _model(seen, opening)
+    chosen = _model(seen, opening) if models else None
     if chosen is None:
         return FoundStation(seen.product_name or str(seen.ip), facts)
     drive_model, notes = chosen

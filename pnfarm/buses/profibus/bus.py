@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from pnfarm.buses.imports import ImportingBus
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pnfarm.buses.bus import LineSplitter
+    from pnfarm.buses.bus import DeviceServices, LineSplitter
+    from pnfarm.buses.devices import DeviceRows
     from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.controller.line_question import LineParameter
+    from pnfarm.buses.profibus.described.kind import DescribedSettings
+    from pnfarm.buses.profibus.device.device import ProfibusDevice
     from pnfarm.drives.description.model import Model
     from pnfarm.links.base import Link, Port
+    from pnfarm.station.station import Station
     from pnfarm.terminal.command import Command
 
 __all__ = ["PROFIBUS", "Profibus"]
@@ -27,6 +31,7 @@ class Profibus(ImportingBus):
     link_kinds = frozenset({"serial", "memory"})
     frame_families = ("cyclic", "dp", "dpv1", "fdl")
     uses_line = True
+    description_key = "gsd"
     link_type = 257  # LINKTYPE_PROFIBUS_DL
 
     def channel_rows(self, model: Model) -> int:
@@ -49,6 +54,30 @@ class Profibus(ImportingBus):
         from pnfarm.buses.profibus.device.line import TelegramSplitter
 
         return TelegramSplitter(baud)
+
+    def device(self, station: Station, services: DeviceServices) -> ProfibusDevice:
+        from pnfarm.buses.profibus.device.device import ProfibusDevice
+        from pnfarm.buses.profibus.device.drive import DriveKind
+
+        return ProfibusDevice(station, services, DriveKind(station))
+
+    def device_rows(self, config: Any) -> DeviceRows:
+        """A polled bus has no scheduled rows, and copies no pieces."""
+        from pnfarm.buses.devices import DeviceRows
+
+        del config
+        return DeviceRows(0, 0)
+
+    def described_device(self, station: Station, services: DeviceServices) -> ProfibusDevice:
+        from pnfarm.buses.profibus.described.kind import DescribedKind
+        from pnfarm.buses.profibus.described.summary import station_description
+        from pnfarm.buses.profibus.device.device import ProfibusDevice
+
+        settings = cast("DescribedSettings", station.config)
+        kind = DescribedKind(station, settings, services.channels.columns, services.plain_row)
+        station.signals = kind.signals
+        station.description = station_description(kind.described)
+        return ProfibusDevice(station, services, kind)
 
     def commands(self) -> Iterable[Command]:
         from pnfarm.buses.profibus.commands import gsd

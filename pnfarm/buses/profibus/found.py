@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.imports import FoundDrive, FoundStation, drives_first
+from pnfarm.buses.imports import Found, FoundDrive, FoundStation, drives_first
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
 from pnfarm.buses.profibus.decode.names import (
     configuration_text,
@@ -32,15 +32,15 @@ LINE = "profibus"
 _US = 1_000
 
 
-def found(decoder: ProfibusDecoder) -> Iterator[FoundDrive | FoundStation]:
+def found(decoder: ProfibusDecoder, *, models: bool = True) -> Iterator[Found]:
     """Drives first, then other slaves."""
     observed = decoder.shared.observed
     slaves = [] if observed is None else observed.slaves
-    return drives_first(_station(seen, decoder.polled_ns(seen.address)) for seen in slaves)
+    return drives_first(_station(seen, decoder.polled_ns(seen.address), models=models) for seen in slaves)
 
 
-def _station(seen: SeenSlave, cycle_ns: int) -> FoundDrive | FoundStation:
-    known = None if seen.ident is None else model_by_ident(seen.ident)
+def _station(seen: SeenSlave, cycle_ns: int, *, models: bool) -> FoundDrive | FoundStation:
+    known = model_by_ident(seen.ident) if models and seen.ident is not None else None
     facts = tuple(_facts(seen, known, cycle_ns))
     if known is None:
         return FoundStation(f"station {seen.address}", (*facts, *_like(seen)), LINE)

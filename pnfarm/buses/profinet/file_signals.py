@@ -6,17 +6,17 @@ gives a signal of its type.  Names follow `signals.naming`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.signals.naming import Datum, signal_names
-from pnfarm.signals.signal import Direction, Signal
+from pnfarm.signals.file_signals import FileDatum, named_signals
+from pnfarm.signals.naming import Datum
 from pnfarm.wire.value_types import BOOL, UINT8, ValueType
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pnfarm.protocols.profinet.gsdml.station import PluggedItem, PluggedStation, PluggedSubmodule
+    from pnfarm.signals.signal import Direction, Signal
 
 __all__ = ["file_signals"]
 
@@ -45,29 +45,21 @@ _TEXTS = ("VisibleString", "UnicodeString8")
 _SCALES = {"N2": (100 / 0x4000, "%"), "N4": (100 / 0x4000_0000, "%")}
 
 
-@dataclass(frozen=True, slots=True)
-class _Found:
-    datum: Datum
-    type: ValueType
-    scale: float = 1.0
-    unit: str = ""
-
-
-def _item_signals(submodule: PluggedSubmodule, direction: Direction, item: PluggedItem) -> Iterator[_Found]:
+def _item_signals(submodule: PluggedSubmodule, direction: Direction, item: PluggedItem) -> Iterator[FileDatum]:
     def datum(text: str, octet: int, bit: int | None = None) -> Datum:
         return Datum(text, direction, submodule.slot, submodule.subslot, octet, bit)
 
     if item.use_as_bits or item.bits:
         for octet, bit, name in item.bits or item.all_bits:
-            yield _Found(datum(name, octet, bit), BOOL)
+            yield FileDatum(datum(name, octet, bit), BOOL)
     elif item.data_type in _WITH_STATUS:
         kind = _WITH_STATUS[item.data_type]
-        yield _Found(datum(item.name, item.octet), kind)
-        yield _Found(datum(f"{item.name} status", item.octet + kind.octets), UINT8)
+        yield FileDatum(datum(item.name, item.octet), kind)
+        yield FileDatum(datum(f"{item.name} status", item.octet + kind.octets), UINT8)
     elif item.octets:
         usual = ValueType("text" if item.data_type in _TEXTS else "octets", item.octets)
         scale, unit = _SCALES.get(item.data_type, (1.0, ""))
-        yield _Found(datum(item.name, item.octet), _TYPES.get(item.data_type, usual), scale, unit)
+        yield FileDatum(datum(item.name, item.octet), _TYPES.get(item.data_type, usual), scale, unit)
 
 
 def file_signals(station: PluggedStation) -> tuple[Signal, ...]:
@@ -80,17 +72,4 @@ def file_signals(station: PluggedStation) -> tuple[Signal, ...]:
         for item in (submodule.inputs if direction == "input" else submodule.outputs)
         for one in _item_signals(submodule, direction, item)
     ]
-    return tuple(
-        Signal(
-            name=name,
-            direction=one.datum.direction,
-            slot=one.datum.slot,
-            subslot=one.datum.subslot,
-            octet=one.datum.octet,
-            type=one.type,
-            bit=one.datum.bit,
-            unit=one.unit,
-            scale=one.scale,
-        )
-        for name, one in zip(signal_names([one.datum for one in found]), found, strict=True)
-    )
+    return named_signals(found, "big")

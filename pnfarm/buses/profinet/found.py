@@ -1,15 +1,16 @@
 """Stations of a capture as drives of a farm file: which model stands for each, and under which identity.
 
 A model is chosen by vendor and device number, else by its vendor and the lengths of a telegram; what is not sure has a
-note.  Everything that is no drive of a known kind is listed with what was seen of it.
+note.  A station that is no drive of a known kind is a device (`found_device`) if it was connected; else it is listed.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.imports import FoundDrive, FoundStation, drives_first
+from pnfarm.buses.imports import Found, FoundDevice, FoundDrive, FoundStation, drives_first
 from pnfarm.buses.profinet.decode.identity import numbers_of
+from pnfarm.buses.profinet.found_device import MOST_OCTETS, found_device
 from pnfarm.drives.catalogue import models_on
 from pnfarm.wire.mac import format_mac
 
@@ -28,40 +29,53 @@ _INPUT, _OUTPUT = 1, 2
 _MS = 1e6
 
 
-def found(decoder: ProfinetDecoder) -> Iterator[FoundDrive | FoundStation]:
-    """Devices that were connected, then other stations; controllers are named by their devices."""
+def found(decoder: ProfinetDecoder, *, models: bool = True) -> Iterator[Found]:
+    """Stations that were connected, then others; controllers are named by their devices."""
     observed = decoder.shared.observed
     if observed is None:
         return iter(())
-    connected: dict[bytes, SeenConnection] = {}
+    connected: dict[bytes, list[SeenConnection]] = {}
     for connection in observed.connections.values():
-        # one that a device accepted says more than one that it refused
-        if connection.device not in connected or connection.accepted:
-            connected[connection.device] = connection
-    controllers = {connection.controller for connection in connected.values()}
+        connected.setdefault(connection.device, []).append(connection)
+    controllers = {connection.controller for connection in observed.connections.values()}
     others = [
         seen
         for mac, seen in observed.stations.items()
         if mac not in connected and mac not in controllers and (seen.vendor is not None or seen.ip is not None)
     ]
-    return drives_first(
-        [
-            *(_drive(observed.station(mac), connection) for mac, connection in connected.items()),
-            *(_drive(seen, None) for seen in others),
-        ]
-    )
+    octets = MOST_OCTETS
+    stations: list[Found] = []
+    for seen, connections in (
+        *((observed.station(mac), connections) for mac, connections in connected.items()),
+        *((seen, []) for seen in others),
+    ):
+        # one that a device accepted says more than one that it refused
+        last = max(reversed(connections), key=lambda one: bool(one.accepted), default=None)
+        chosen = _model(seen, last) if models else None
+        one: Found
+        if chosen is not None:
+            one = _drive(seen, last, *chosen)
+        elif last is not None:
+            one = found_device(seen, connections, _address(seen), _facts(seen, last), octets)
+            octets -= len(one.file.text) if isinstance(one, FoundDevice) else 0
+        else:
+            one = FoundStation(seen.name or format_mac(seen.mac), tuple(_facts(seen, last)))
+        stations.append(one)
+    return drives_first(stations)
 
 
-def _drive(seen: SeenStation, connection: SeenConnection | None) -> FoundDrive | FoundStation:
-    chosen = _model(seen, connection)
-    if chosen is None:
-        return FoundStation(seen.name or format_mac(seen.mac), tuple(_facts(seen, connection)))
-    drive_model, notes = chosen
+def _address(seen: SeenStation) -> dict[str, Any]:
+    """The keys of a group for its addresses."""
     keys: dict[str, Any] = {"mac": format_mac(seen.mac)}
     if seen.ip is not None and int(seen.ip) and seen.mask is not None:
         keys["ip"] = f"{seen.ip}/{int(seen.mask).bit_count()}"
         if seen.gateway is not None and int(seen.gateway) and seen.gateway != seen.ip:
             keys["gateway"] = str(seen.gateway)
+    return keys
+
+
+def _drive(seen: SeenStation, connection: SeenConnection | None, drive_model: Model, notes: list[str]) -> FoundDrive:
+    keys = _address(seen)
     identity = _identity(drive_model, seen, connection, notes)
     if identity:
         keys["identity"] = identity
@@ -79,7 +93,7 @@ def _drive(seen: SeenStation, connection: SeenConnection | None) -> FoundDrive |
             notes.append(f"its cycle of {connection.cycle_ns / _MS:g} ms is not the manual's {allowed}: limits are lax")
         if connection.accepted is False:
             notes.append("its connection was refused in the capture")
-        elif connection.differs:
+        elif connection.difference is not None:
             notes.append("it answered that modules differ from the project's")
     notes += _facts(seen, connection)
     return FoundDrive(seen.name or f"drive-{seen.mac.hex()[-6:]}", drive_model.name, keys, tuple(notes), controller)
@@ -190,10 +204,10 @@ def _facts(seen: SeenStation, connection: SeenConnection | None) -> list[str]:
             f"{connection.cycle_ns / _MS:g} ms, watchdog {connection.watchdog_factor} cycles, {start} start-up"
         )
         facts += _modules(connection.apis)
-        if connection.records:
-            indexes = sorted({index for _, _, index, _ in connection.records})
+        if connection.parameters:
+            indexes = sorted({place[3] for place in connection.parameters})
             told = ", ".join(f"0x{index:04X}" for index in indexes[:8]) + (" ..." if len(indexes) > 8 else "")
-            facts.append(f"{len(connection.records)} start-up records: {told}")
+            facts.append(f"{len(connection.parameters)} start-up records: {told}")
     return facts
 
 

@@ -11,9 +11,10 @@ from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
 if TYPE_CHECKING:
     from collections.abc import Container, Mapping, Sequence
 
+    from pnfarm.buses.plain_layout import PlainPlace
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
 
-__all__ = ["Carrier", "FrameLayout", "PlainPlace", "frame_layout"]
+__all__ = ["Carrier", "FrameLayout", "frame_layout"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,15 +25,6 @@ class Carrier:
     slots: Container[int] | None = None
     image: int = 0
     feeds: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class PlainPlace:
-    """Where the plain data of a submodule are in the station's row, and the place of their status."""
-
-    place: int
-    length: int
-    status: int
 
 
 @dataclass(frozen=True, slots=True)

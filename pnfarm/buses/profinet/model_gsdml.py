@@ -47,7 +47,10 @@ if TYPE_CHECKING:
     from pnfarm.drives.telegrams.telegram import Signal, Telegram
     from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription, SubmoduleDescription
 
-__all__ = ["SCHEMA_VERSION", "STATION", "Abilities", "describe_diagnosis", "describe_model", "file_name"]
+__all__ = [
+    "MAU_100_FULL", "PNIO_VERSION", "SCHEMA_VERSION", "STATION", "Abilities", "describe_diagnosis",
+    "describe_model", "file_name",
+]  # fmt: skip
 
 SCHEMA_VERSION = "V2.35"
 PNIO_VERSION = "V2.3"
@@ -56,7 +59,7 @@ PNIO_VERSION = "V2.3"
 #: manual names classes).
 _CERTIFICATION = Certification("B", (), "I")
 #: 100BASE-TX full duplex (MAU type of IETF RFC 4836).
-_MAU_100_FULL = 16
+MAU_100_FULL = 16
 _INTERFACE_SUBSLOT = 0x8000
 
 
@@ -212,7 +215,7 @@ def _system(
             continue
         item_id = f"DAP_{_hex(s.subslot)}"
         if s.subslot & 0xFF:
-            ports.append(PortSubmodule(item_id, s.submodule_ident, s.subslot, data.name, Numbers.of([_MAU_100_FULL])))
+            ports.append(PortSubmodule(item_id, s.submodule_ident, s.subslot, data.name, Numbers.of([MAU_100_FULL])))
             continue
         interfaces.append(
             InterfaceSubmodule(

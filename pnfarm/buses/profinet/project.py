@@ -10,7 +10,7 @@ import re
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.imports import FoundDrive, FoundStation, drives_first
+from pnfarm.buses.imports import Found, FoundDrive, FoundStation, drives_first
 from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.profinet.maker_identity import identity_of, numbers_in
@@ -30,7 +30,7 @@ _TYPE = re.compile(r"GSD:(?P<file>[^/]+\.xml)/(?P<part>[A-Z]+)(?:/(?P<id>.+))?",
 _NONE = IPv4Address(0)
 
 
-def of_project(root: CaexElement, folders: Sequence[Path], base: Path) -> Iterator[FoundDrive | FoundStation]:
+def of_project(root: CaexElement, folders: Sequence[Path], base: Path) -> Iterator[Found]:
     """Drives first, then stations that no model stands for.
 
     GSDML files are looked for in ``folders``; a farm file that names one is in ``base``.

@@ -91,8 +91,9 @@ def _print_kind(kind: dict[str, Any]) -> None:
     print_line(f"next: pnfarm fault add {kind['kind']} --on DRIVE{given} --dry-run")
 
 
-@app.command("add")
+@app.command("add", context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
 def add(
+    context: typer.Context,
     kind: Annotated[
         str,
         typer.Argument(
@@ -109,7 +110,13 @@ def add(
         ),
     ],
     param: Annotated[
-        list[str] | None, typer.Option("--param", "-p", metavar="K=V", help="A parameter of the kind.  Repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--param",
+            "-p",
+            metavar="K=V",
+            help="A parameter of the kind.  Repeatable.  `--K V` is the same, where no option has its name.",
+        ),
     ] = None,
     duration: Annotated[
         str | None, typer.Option("--for", metavar="TIME", help="End after this time, such as 500ms or 5s.")
@@ -152,7 +159,9 @@ def add(
     token: TokenOption = None,
 ) -> None:
     """Inject a fault."""
-    params = _with_files(dict(map(_parameter, param or [])))
+    options = [word.removeprefix("--") for one in context.command.params for word in one.opts]
+    own = _own_options(kind, context.args, options)
+    params = _with_files({**own, **dict(map(_parameter, param or []))})
     body: dict[str, Any] = {"kind": kind, "on": on, "params": params}
     wanted = {
         "for": duration,
@@ -323,6 +332,32 @@ def _parameter(text: str) -> tuple[str, Any]:
     if not equals or not key:
         raise ConfigError(f"--param {text!r} is not a parameter; give NAME=VALUE such as hold=true")
     return key.strip(), _scalar(value.strip())
+
+
+def _own_options(kind: str, words: list[str], options: list[str]) -> dict[str, Any]:
+    """Parameters of a kind that are written as options: ``--slot 3``, ``--slot=3``.
+
+    ``options`` are those of the command.  Raises :class:`ConfigError`.
+    """
+    from pnfarm.buses.registry import fault_kinds
+
+    found: dict[str, Any] = {}
+    rest = iter(words)
+    for word in rest:
+        head, equals, value = word.partition("=")
+        name = head.removeprefix("--")
+        if not head.startswith("--") or not name:
+            raise ConfigError(f"{word!r} is not an option; see `pnfarm fault add --help`")
+        known = fault_kinds()
+        if kind in known and name not in known[kind].params:
+            names = ", ".join(known[kind].params) or "none"
+            hint = did_you_mean(name, [*known[kind].params, *options])
+            raise ConfigError(f"no such option: {head}{hint}; the parameters of {kind} are {names}")
+        given = value if equals else next(rest, None)
+        if given is None:
+            raise ConfigError(f"{head} needs a value")
+        found[name] = _scalar(given)
+    return found
 
 
 def _with_files(params: dict[str, Any]) -> Any:

@@ -15,7 +15,7 @@ from pnfarm.terminal.working import working
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pnfarm.buses.imports import FoundDrive, FoundStation
+    from pnfarm.buses.imports import Found
 
 __all__ = ["importing"]
 
@@ -50,39 +50,71 @@ def importing(
             show_default=False,
         ),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace FARM if it is there.")] = False,
+    devices: Annotated[
+        bool,
+        typer.Option(
+            "--devices", help="Take no drive model: a capture's drives become devices, too, if their bus has such."
+        ),
+    ] = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace FARM, and description files beside it, if they are there.")
+    ] = False,
 ) -> None:
-    """Make a farm file from a capture or a TIA project's CAx data; devices without a model are listed in comments."""
+    """Make a farm file from a capture, with GSDML files for its PROFINET devices, or from a TIA project's CAx data."""
     from pnfarm.farm.file.found import farm_name, write_farm
 
     folder = Path.cwd() if output is None else output.resolve().parent
     if _is_project(file):
+        if devices:
+            raise ConfigError("--devices is for captures: a project says too little of a station's data")
         # names of files in a farm file are relative to its folder
-        drives, others = _of_project(file, [*(gsdml or []), file.parent], folder)
+        found = _of_project(file, [*(gsdml or []), file.parent], folder)
     else:
-        drives, others = _of_capture(file)
-    if not drives and not others:
+        found = _of_capture(file, models=not devices)
+    if not found:
         needed = "a capture needs the start of a connection (Connect, Forward_Open, Set_Prm), or an answer to a search"
         raise ConfigError(f"{file} shows no device" + ("" if _is_project(file) else f": {needed}"))
-    made = write_farm(drives, others, name or farm_name(file.stem), parent, file.name, folder)
+    if output is None:
+        found = _listed(found)
+    made = write_farm(found, name or farm_name(file.stem), parent, file.name, folder)
     for line in made.left_out:
         typer.echo(f"{file}: {line}", err=True)
-    text, drives, others = made.text, made.drives, made.others
     if output is None:
-        typer.echo(text, nl=False)
+        typer.echo(made.text, nl=False)
         return
-    try:
-        with output.open("w" if force else "x", encoding="utf-8") as out:
-            out.write(text)
-    except FileExistsError:
-        raise ConfigError(f"{output} is there already: give --force to replace it, or another name") from None
-    except OSError as exc:
-        raise ConfigError(f"{output} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
-    print_line(f"{output}: {counted(len(drives), 'drive')}, {counted(len(others), 'other station')} in comments")
-    if drives:
+    files = {**{folder / own: text for own, text in made.files.items()}, output: made.text}
+    there = [path for path in files if path.exists() and not force]
+    if there:
+        raise ConfigError(f"{there[0]} is there already: give --force to replace it, or another name")
+    for path, text in files.items():
+        _write(path, text)
+    if made.files:
+        beside = counted(len(made.files), "description file")
+        print_line(f"{folder}: {beside} made of the capture; the maker's own in its place gives the data names")
+    counts = (len(made.drives), "drive"), (len(made.devices), "device"), (len(made.others), "other station")
+    parts = [counted(*one) for one in counts if one[0] or one[1] != "device"]
+    print_line(f"{output}: {', '.join(parts)} in comments")
+    if made.drives or made.devices:
         print_line(f"next: pnfarm validate {output}")
     else:
         print_line("next: read its comments, choose a model (`pnfarm models`), and add `drives:`")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as exc:
+        raise ConfigError(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
+
+
+def _listed(found: Sequence[Found]) -> list[Found]:
+    """Without a folder for their files, devices are in comments."""
+    from pnfarm.buses.imports import FoundDevice, FoundStation
+
+    how = "with `-o FARM` it is a device of the farm, by a description file beside FARM"
+    return [
+        FoundStation(one.name, (how, *one.notes), one.line) if isinstance(one, FoundDevice) else one for one in found
+    ]
 
 
 def _is_project(file: Path) -> bool:
@@ -95,7 +127,7 @@ def _is_project(file: Path) -> bool:
         raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
 
 
-def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
+def _of_project(file: Path, folders: Sequence[Path], base: Path) -> list[Found]:
     from pnfarm.buses import registry
     from pnfarm.buses.caex import MAX_OCTETS, NotCaexError, parse_caex
     from pnfarm.buses.imports import ProjectBus
@@ -107,24 +139,15 @@ def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[F
         raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
     except NotCaexError as exc:
         raise ConfigError(f"{file} is not CAx data: {exc}") from exc
-    found = [
+    return [
         one
         for bus in registry.BUSES.values()
         if isinstance(bus, ProjectBus)
         for one in bus.of_project(root, folders, base)
     ]
-    return _parted(found)
 
 
-def _parted(found: Sequence[FoundDrive | FoundStation]) -> tuple[list[FoundDrive], list[FoundStation]]:
-    from pnfarm.buses.imports import FoundDrive, FoundStation
-
-    return [one for one in found if isinstance(one, FoundDrive)], [
-        one for one in found if isinstance(one, FoundStation)
-    ]
-
-
-def _of_capture(file: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
+def _of_capture(file: Path, *, models: bool) -> list[Found]:
     from pnfarm.buses import registry
     from pnfarm.buses.imports import ImportingBus
     from pnfarm.captures.reading import FrameReader
@@ -141,4 +164,4 @@ def _of_capture(file: Path) -> tuple[list[FoundDrive], list[FoundStation]]:
                 show(0, f"{frame.number:,} frames")
     if reader.complaint is not None:
         typer.echo(f"{file}: the file cannot be read to its end: {reader.complaint}", err=True)
-    return _parted([one for key, bus in importing_buses.items() for one in bus.found(decoder.buses[key])])
+    return [one for key, bus in importing_buses.items() for one in bus.found(decoder.buses[key], models=models)]

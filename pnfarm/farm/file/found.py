@@ -1,7 +1,8 @@
 """A farm file of what was found in a capture or a project: one that can be read, whatever was found.
 
 The file is made, read as any other, and made again without what its reader refuses, until it is taken.  What was left
-out is in the comments of its drive, and a drive that cannot be played at all is listed beside the other stations.
+out is in the comments of its drive or device, and one that cannot be played at all is listed beside the other stations.
+Description files of devices are beside the farm file; while it is checked, they are in a folder of their own.
 """
 
 from __future__ import annotations
@@ -10,9 +11,11 @@ import re
 import textwrap
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.imports import FoundDrive, FoundStation
+from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.vocabulary.issues import FarmFileError, parse_path
@@ -20,9 +23,9 @@ from pnfarm.vocabulary.quoting import shown
 from pnfarm.vocabulary.yaml_lines import resolve
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
+    from collections.abc import Mapping, Sequence
 
+    from pnfarm.buses.imports import Found
     from pnfarm.vocabulary.issues import FileIssue, Location
 
 __all__ = ["WrittenFarm", "farm_name", "write_farm"]
@@ -31,22 +34,30 @@ __all__ = ["WrittenFarm", "farm_name", "write_farm"]
 _WIDTH, _MOST_OF_ONE, _MOST_OF_ALL = 116, 4000, 300_000
 #: Other stations that are listed; a capture of hostile frames may have any number.
 _MOST_STATIONS = 500
-#: How often the file is made: each time something of a drive is left out, or the drive itself.
+#: How often the file is made: each time something of a drive or device is left out, or itself.
 _MOST_TIMES = 100
-#: What replaces a name that a drive cannot have begins so.
-_ANY_NAME = "imported-drive-"
+#: What replaces a name that a station cannot have begins so.
+_ANY_NAME = "imported-"
+#: Characters of a station's name in that of its description file.
+_IN_FILE_NAME = 100
 #: A name that a farm file may have.
 _NAME = re.compile(r"[a-z0-9](?:[a-z0-9-]*[a-z0-9])?(?:\.[a-z0-9](?:[a-z0-9-]*[a-z0-9])?)*")
 
 
+_Played = FoundDrive | FoundDevice
+
+
 @dataclass(frozen=True, slots=True)
 class WrittenFarm:
-    """The file's text, the drives and the other stations in it, and a line for each value or drive left out."""
+    """The file's text, what is in it, a line for each value or station left out, and description files by their names
+    in the farm file's folder."""
 
     text: str
     drives: list[FoundDrive]
+    devices: list[FoundDevice]
     others: list[FoundStation]
     left_out: list[str]
+    files: Mapping[str, str]
 
 
 def farm_name(stem: str) -> str:
@@ -55,78 +66,106 @@ def farm_name(stem: str) -> str:
     return found[:40].strip("-") or "imported"
 
 
-def write_farm(
-    drives: Sequence[FoundDrive],
-    others: Sequence[FoundStation],
-    name: str,
-    parent: str,
-    source: str,
-    folder: Path,
-) -> WrittenFarm:
+def write_farm(found: Sequence[Found], name: str, parent: str, source: str, folder: Path) -> WrittenFarm:
     """The farm file, to be written into ``folder``, with comments about what was seen.
 
     Raises :class:`ConfigError` where ``name`` or ``parent`` cannot be in a farm file.
     """
-    kept, listed = _named(drives), list(others)
+    kept = _with_files(_named([one for one in found if not isinstance(one, FoundStation)]))
+    others = [one for one in found if isinstance(one, FoundStation)]
     left_out: list[str] = []
-    for _ in range(_MOST_TIMES):
-        text = _text(kept, listed, name, parent, source)
-        if not kept:
-            break
-        try:
-            parse_farm(text, folder / f"{name}.pnfarm.yml")
-        except FarmFileError as error:
-            kept = _without(kept, listed, error.issues, left_out)
+    with TemporaryDirectory(prefix="pnfarm-import-") as scratch:
+        for own, text in _files(kept).items():
+            (Path(scratch) / own).write_text(text, encoding="utf-8")
+        for _ in range(_MOST_TIMES if kept else 0):
+            text = _text(kept, others, name, parent, source, f"{scratch}/")
+            try:
+                parse_farm(text, folder / f"{name}.pnfarm.yml")
+            except FarmFileError as error:
+                kept = _without(kept, others, error.issues, left_out)
+            else:
+                break
+            if not kept:
+                break
         else:
-            break
-    else:
-        raise InternalError(f"no farm file could be made of {source}: {left_out[-1:]}")
-    return WrittenFarm(text, kept, listed, left_out)
+            if kept:
+                raise InternalError(f"no farm file could be made of {source}: {left_out[-1:]}")
+    drives, devices = _parts(kept).values()
+    text = _text(kept, others, name, parent, source)
+    return WrittenFarm(text, drives, devices, others, left_out, _files(kept))
+
+
+def _parts(stations: Sequence[_Played]) -> dict[str, list[Any]]:
+    """The drives and the devices, by the keys of their lists in a farm file."""
+    return {
+        "drives": [one for one in stations if isinstance(one, FoundDrive)],
+        "devices": [one for one in stations if isinstance(one, FoundDevice)],
+    }
+
+
+def _with_files(stations: Sequence[_Played]) -> list[_Played]:
+    """The devices with the names of their files: those alike have one."""
+    named: dict[str, str] = {}
+    found: list[_Played] = []
+    for number, one in enumerate(stations):
+        if isinstance(one, FoundDevice):
+            short = one.name if len(one.name) <= _IN_FILE_NAME else f"{one.name[:_IN_FILE_NAME]}-{number}"
+            own = named.setdefault(one.file.text, one.file.name.replace("{name}", short))
+            one = replace(one, file=replace(one.file, name=own))
+        found.append(one)
+    return found
+
+
+def _files(stations: Sequence[_Played]) -> dict[str, str]:
+    return {one.file.name: one.file.text for one in stations if isinstance(one, FoundDevice)}
 
 
 # -- what cannot be in the file ----------------------------------------------------------------------------------------
 
 
 def _without(
-    drives: list[FoundDrive], others: list[FoundStation], issues: Sequence[FileIssue], left_out: list[str]
-) -> list[FoundDrive]:
-    """The drives without what is refused; those that are refused as a whole become other stations."""
-    refused: dict[int, tuple[Location, str]] = {}
+    stations: list[_Played], others: list[FoundStation], issues: Sequence[FileIssue], left_out: list[str]
+) -> list[_Played]:
+    """The drives and devices without what is refused; those that are refused as a whole become other stations."""
+    parts = _parts(stations)
+    refused: dict[tuple[str, int], tuple[Location, str]] = {}
     for issue in issues:
         why = f"{issue.what}; allowed: {issue.allowed}" if issue.allowed else issue.what
         match parse_path(issue.field):
-            case ("drives", int(number), *inside):
-                # one of each drive: the next one may be a consequence
-                refused.setdefault(number, (tuple(inside), why))
-            case () | ("drives",) if len(drives) > 1:
+            case (str(part), int(number), *inside) if part in parts:
+                # one of each station: the next one may be a consequence
+                refused.setdefault((part, number), (tuple(inside), why))
+            case () | ("drives",) | ("devices",) as path if len(stations) > 1:
                 # too many
-                refused |= dict.fromkeys(range(len(drives) // 2, len(drives)), ((), why))
+                part = str(path[0]) if path else max(parts, key=lambda one: len(parts[one]))
+                for number in range(len(parts[part]) // 2, len(parts[part])):
+                    refused[part, number] = ((), why)
             case _:
                 raise ConfigError(f"{issue.field or 'the farm file'}: {why}")
-    kept = []
-    for number, drive in enumerate(drives):
-        if number not in refused:
-            kept.append(drive)
+    kept: list[_Played] = []
+    for part, number, one in ((part, *numbered) for part, listed in parts.items() for numbered in enumerate(listed)):
+        if (part, number) not in refused:
+            kept.append(one)
             continue
-        path, why = refused[number]
-        if path[:1] == ("name",) and not drive.name.startswith(_ANY_NAME):
-            notes = (f"its name was {drive.name!r}", *drive.notes)
-            kept.append(replace(drive, name=f"{_ANY_NAME}{number + 1}", notes=notes))
-        elif (smaller := _smaller(drive, path)) is not None:
+        path, why = refused[part, number]
+        if path[:1] == ("name",) and not one.name.startswith(_ANY_NAME):
+            notes = (f"its name was {one.name!r}", *one.notes)
+            kept.append(replace(one, name=f"{_ANY_NAME}{part[:-1]}-{number + 1}", notes=notes))
+        elif (smaller := _smaller(one, path)) is not None:
             found, what = smaller
             told = _printable(f"left out: {what}: {why}")
-            left_out.append(f"{drive.name}: {told}")
-            kept.append(replace(found, notes=(told, *drive.notes)))
+            left_out.append(f"{one.name}: {told}")
+            kept.append(replace(found, notes=(told, *one.notes)))
         else:
-            told = _printable(f"cannot be a drive of a farm: {why}")
-            left_out.append(f"{drive.name}: {told}")
-            others.append(FoundStation(drive.name, (told, *drive.notes), drive.line))
+            told = _printable(f"cannot be in a farm: {why}")
+            left_out.append(f"{one.name}: {told}")
+            others.append(FoundStation(one.name, (told, *one.notes), one.line))
     return kept
 
 
-def _smaller(drive: FoundDrive, inside: Location) -> tuple[FoundDrive, str] | None:
-    """The drive without the innermost of its keys on this path, and which that was; None: it has no such key."""
-    keys: Any = deepcopy(dict(drive.keys))
+def _smaller(station: _Played, inside: Location) -> tuple[_Played, str] | None:
+    """The station without the innermost of its keys on this path, and which that was; None: it has no such key."""
+    keys: Any = deepcopy(dict(station.keys))
     holder, last, path = None, None, []
     level = keys
     for step in inside:
@@ -140,7 +179,7 @@ def _smaller(drive: FoundDrive, inside: Location) -> tuple[FoundDrive, str] | No
     if holder is None:
         return None
     value = holder.pop(last)
-    return replace(drive, keys=_without_empty(keys)), f"{'.'.join(path)} {shown(value)}"
+    return replace(station, keys=_without_empty(keys)), f"{'.'.join(path)} {shown(value)}"
 
 
 def _without_empty(keys: dict[Any, Any]) -> dict[Any, Any]:
@@ -148,55 +187,58 @@ def _without_empty(keys: dict[Any, Any]) -> dict[Any, Any]:
     return {key: value for key, value in smaller.items() if value != {}}
 
 
-def _named(drives: Sequence[FoundDrive]) -> list[FoundDrive]:
-    """The drives under names that a farm file may have, each once."""
-    named, taken = [], set[str]()
-    for drive in drives:
-        own, notes = drive.name.lower(), drive.notes
+def _named(stations: Sequence[_Played]) -> list[_Played]:
+    """Under names that a farm file may have, each once."""
+    named: list[_Played] = []
+    taken = set[str]()
+    for one in stations:
+        own, notes = one.name.lower(), one.notes
         if _NAME.fullmatch(own) is None or own in taken:
-            notes = (f"its name was {drive.name!r}", *notes)
-            own = re.sub(r"[^a-z0-9]+", "-", own).strip("-") or "drive"
+            notes = (f"its name was {one.name!r}", *notes)
+            own = re.sub(r"[^a-z0-9]+", "-", own).strip("-") or "station"
             first, number = own, 2
             while own in taken:
                 own, number = f"{first}-{number}", number + 1
         taken.add(own)
-        named.append(replace(drive, name=own, notes=notes))
+        named.append(replace(one, name=own, notes=notes))
     return named
 
 
 # -- text --------------------------------------------------------------------------------------------------------------
 
 
-def _text(drives: Sequence[FoundDrive], others: Sequence[FoundStation], name: str, parent: str, source: str) -> str:
+def _text(
+    stations: Sequence[_Played], others: Sequence[FoundStation], name: str, parent: str, source: str, files: str = ""
+) -> str:
+    """``files`` is what the names of description files begin with."""
     lines = [
-        *_comment(
-            f"Made by `pnfarm import {source}`. What was seen of each drive is in its comments: check them.", "# "
-        ),
+        *_comment(f"Made by `pnfarm import {source}`. What was seen is in the comments: check them.", "# "),
         f"farm: {name}",
-        *_link(drives or others, parent),
+        *_link(stations or others, parent),
         "api: 127.0.0.1:8702",
     ]
     listed = others[:_MOST_STATIONS]
-    room = min(_MOST_OF_ONE, _MOST_OF_ALL // (len(drives) + len(listed) or 1))
-    if drives:
-        lines.append("drives:")
-        for drive in drives:
-            lines += _group(drive, room)
-    else:
+    room = min(_MOST_OF_ONE, _MOST_OF_ALL // (len(stations) + len(listed) or 1))
+    for part, found in _parts(stations).items():
+        if found:
+            lines.append(f"{part}:")
+        for one in found:
+            lines += _group(one, room, files)
+    if not stations:
         lines += [
-            "# No drive of a known kind was seen (`pnfarm models` lists them), and a farm needs one:",
+            "# No drive of a known kind was seen (`pnfarm models` lists them), and a farm needs a drive or a device:",
             "# drives:",
         ]
     if others:
         lines += ["", "# Other stations, without a model:"]
-        for one in listed:
-            lines += _comment(f"{one.name}: {'; '.join(one.facts)}"[:room], "#   ")
+        for other in listed:
+            lines += _comment(f"{other.name}: {'; '.join(other.facts)}"[:room], "#   ")
         if len(others) > _MOST_STATIONS:
             lines.append(f"#   and {len(others) - _MOST_STATIONS} more")
     return "\n".join(lines) + "\n"
 
 
-def _link(stations: Sequence[FoundDrive | FoundStation], parent: str) -> list[str]:
+def _link(stations: Sequence[Found], parent: str) -> list[str]:
     """The network's link, a line, or both; a capture does not say how a line is reached, nor its rate."""
     lines = sorted({one.line for one in stations if one.line})
     if lines and all(one.line for one in stations):
@@ -207,28 +249,38 @@ def _link(stations: Sequence[FoundDrive | FoundStation], parent: str) -> list[st
     return [f"link: {{{network}}}   # the interface that leads to the PLC"]
 
 
-def _group(drive: FoundDrive, room: int) -> list[str]:
+def _group(station: _Played, room: int, files: str) -> list[str]:
     lines = []
-    for note in drive.notes:
+    for note in station.notes:
         lines += _comment(note[:room], "  # ")
-        room = max(0, room - len(note))
-    lines += [f"  - name: {_value(drive.name)}", f"    model: {drive.model}"]
+        room -= len(note)
+        if room <= 0:
+            break
+    first = ("model", station.model) if isinstance(station, FoundDrive) else _file_key(station, files)
+    lines += [f"  - name: {_value(station.name)}", f"    {first[0]}: {_value(first[1])}"]
     # a number that is no ident, such as a telegram's, is decimal
-    lines += [f"    {key}: {value if isinstance(value, int) else _value(value)}" for key, value in drive.keys.items()]
-    return lines
+    return lines + [
+        f"    {key}: {value if isinstance(value, int) else _value(value)}" for key, value in station.keys.items()
+    ]
+
+
+def _file_key(device: FoundDevice, files: str) -> tuple[str, str]:
+    return device.file.key, files + device.file.name
 
 
 def _value(value: Any) -> str:
     """In YAML's flow style; idents as hexadecimal numbers."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{_key(key)}: {_value(one)}" for key, one in value.items()) + "}"
+    if value is None:
+        return "null"
     if isinstance(value, int):
         return f"0x{value:X}"
     text = str(value)
     if not text.isprintable():
         return '"' + _printable(text.replace("\\", "\\\\").replace('"', '\\"')) + '"'
     # 2.1 would be a number
-    if re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9./-]*", text) and resolve(text) == text:
+    if re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_./-]*", text) and resolve(text) == text:
         return text
     return "'" + text.replace("'", "''") + "'"
 

@@ -75,7 +75,7 @@ def _keys_of_buses(
     ``text`` describes it; left out, the descriptions of the buses' sections.
     """
     properties: dict[str, Any] = {}
-    required: list[str] = []
+    required: list[list[str]] = []
     texts: list[str] = []
     for bus in BUSES.values():
         section = of(bus)
@@ -89,9 +89,16 @@ def _keys_of_buses(
             found = own["properties"][key]
             properties[key] = _either(properties[key], found) if key in properties else found
         texts.append(own["description"])
-        required += [key for key in own.get("required", ()) if key not in required]
+        required.append(own.get("required", []))
     whole = {**sections[base.__name__], "properties": properties, "description": text or " / ".join(texts)}
-    return whole | ({"required": required} if required else {})
+    common = [key for key in required[0] if all(key in keys for keys in required)]
+    further = [[key for key in keys if key not in common] for keys in required]
+    return (
+        whole
+        | ({"required": common} if common else {})
+        # each bus has a key of its own, such as that for a maker's file
+        | ({"anyOf": [{"required": keys} for keys in further]} if all(further) else {})
+    )
 
 
 def _maps_of_buses(properties: dict[str, Any]) -> dict[str, Any]:

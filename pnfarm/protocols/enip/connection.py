@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from pnfarm.protocols.enip.connection_states import ConnectionState
 from pnfarm.protocols.enip.status import ConnectionStatus
 from pnfarm.protocols.enip.wire.encapsulation import IO_PORT
-from pnfarm.protocols.enip.wire.forward_open import CYCLIC, Priority, Triad
+from pnfarm.protocols.enip.wire.forward_open import CYCLIC, ConnectionType, Priority, Triad
 
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
@@ -29,6 +29,10 @@ __all__ = [
     "ProductionMoved",
     "RpiBelowMinimum",
 ]
+
+
+_EITHER: Final = frozenset({False, True})
+_TYPES: Final[frozenset[int]] = frozenset({ConnectionType.MULTICAST, ConnectionType.POINT_TO_POINT})
 
 
 class ConnectionKind(StrEnum):
@@ -63,6 +67,10 @@ class IoOffer:
 
     ``configuration``, ``consumed`` and ``produced`` are instances of the Assembly object; sizes in octets of data
     alone.  An offer of the kinds without an owner consumes a heartbeat: 0 octets.
+
+    ``*_least``: an originator may choose so few octets, None: none but the size.  ``*_variable``: which of fixed
+    (False) and variable (True) size it may ask for; ``produced_types``: to an address, to a group.  ``*_rpi_us``: least
+    and greatest packet interval, None: any that the target accepts.
     """
 
     kind: ConnectionKind
@@ -74,15 +82,41 @@ class IoOffer:
     configuration_octets: int = 0
     consumed_header: bool = True
     produced_header: bool = False
+    consumed_least: int | None = None
+    produced_least: int | None = None
+    consumed_variable: frozenset[bool] = _EITHER
+    produced_variable: frozenset[bool] = _EITHER
+    produced_types: frozenset[int] = _TYPES
+    triggers: frozenset[int] = frozenset({CYCLIC})
+    consumed_rpi_us: tuple[int, int] | None = None
+    produced_rpi_us: tuple[int, int] | None = None
+
+    @property
+    def consumes_header(self) -> bool:
+        """Whether what it consumes has the run/idle header; a heartbeat has none."""
+        return self.consumed_header and self.consumed_octets > 0
 
     @property
     def consumed_size(self) -> int:
-        """Size as the network connection parameters have it; a heartbeat has no run/idle header."""
-        return 2 + self.consumed_octets + 4 * (self.consumed_header and self.consumed_octets > 0)
+        """Size as the network connection parameters have it."""
+        return 2 + self.consumed_octets + 4 * self.consumes_header
 
     @property
     def produced_size(self) -> int:
         return 2 + self.produced_octets + 4 * self.produced_header
+
+    @property
+    def consumed_sizes(self) -> range:
+        """All sizes that an originator may ask for."""
+        return _sizes(self.consumed_size, self.consumed_octets, self.consumed_least)
+
+    @property
+    def produced_sizes(self) -> range:
+        return _sizes(self.produced_size, self.produced_octets, self.produced_least)
+
+
+def _sizes(size: int, octets: int, least: int | None) -> range:
+    return range(size if least is None else size - octets + least, size + 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +141,6 @@ class ConnectionSettings:
     interval_step_us: int = 1
     below_minimum: RpiBelowMinimum = RpiBelowMinimum.ROUND_UP
     null_open_status: int = ConnectionStatus.NULL_FORWARD_OPEN_NOT_SUPPORTED
-    triggers: frozenset[int] = frozenset({CYCLIC})
     paths_told_apart: bool = False
     io_port: int = IO_PORT
     #: Data must have come within so long after Forward_Open at the latest, or its own timeout if that is longer
@@ -152,6 +185,15 @@ class Connection:
     def timeout_ns(self) -> int:
         """Silence of the originator that ends the connection: the interval times 4, 8, ... 512."""
         return (self.o_to_t_api_us * 1000) << (2 + self.timeout_multiplier)
+
+    @property
+    def consumed_octets(self) -> int:
+        """Data that it consumes, of a cyclic connection."""
+        return 0 if self.offer is None else self.offer.consumed_octets + self.o_to_t_size - self.offer.consumed_size
+
+    @property
+    def produced_octets(self) -> int:
+        return 0 if self.offer is None else self.offer.produced_octets + self.t_to_o_size - self.offer.produced_size
 
     @property
     def explicit(self) -> bool:

@@ -113,26 +113,36 @@ def check_io(request: ForwardOpen, path: ApplicationPath, settings: ConnectionSe
     """The offer that a class 1 connection asks for; raises :class:`Refusal`."""
     if request.o_to_t.kind == request.t_to_o.kind == ConnectionType.NULL:
         raise Refusal(settings.null_open_status)
-    if request.transport.transport != 1 or request.transport.trigger not in settings.triggers:
+    triggers = {trigger for offer in settings.offers for trigger in offer.triggers}
+    if request.transport.transport != 1 or request.transport.trigger not in triggers:
         raise Refusal(Status.TRANSPORT_CLASS_AND_TRIGGER)
     if request.transport.server:
         raise Refusal(Status.DIRECTION_NOT_SUPPORTED)
-    offer = _find_offer(path, settings)
+    offers = _find_offers(path, settings)
+    # several offers may have the same points: the one that is meant has the size
+    offer = next((one for one in offers if _fits(request, one)), offers[0])
+    if request.transport.trigger not in offer.triggers:
+        raise Refusal(Status.TRANSPORT_CLASS_AND_TRIGGER)
     if request.o_to_t.kind != ConnectionType.POINT_TO_POINT:
         raise Refusal(Status.O_TO_T_CONNECTION_TYPE)
-    if request.t_to_o.kind not in {ConnectionType.POINT_TO_POINT, ConnectionType.MULTICAST}:
+    if request.t_to_o.kind not in offer.produced_types:
         raise Refusal(Status.T_TO_O_CONNECTION_TYPE)
     if offer.kind is ConnectionKind.LISTEN_ONLY and request.t_to_o.kind != ConnectionType.MULTICAST:
         raise Refusal(Status.T_TO_O_CONNECTION_TYPE)
     if request.o_to_t.redundant_owner:
         raise Refusal(Status.O_TO_T_REDUNDANT_OWNER)
-    if request.o_to_t.size != offer.consumed_size:
+    if request.o_to_t.variable not in offer.consumed_variable:
+        raise Refusal(Status.O_TO_T_FIXED_OR_VARIABLE)
+    if request.t_to_o.variable not in offer.produced_variable:
+        raise Refusal(Status.T_TO_O_FIXED_OR_VARIABLE)
+    if request.o_to_t.size not in offer.consumed_sizes:
         raise Refusal(Status.O_TO_T_SIZE, offer.consumed_size)
-    if request.t_to_o.size != offer.produced_size:
+    if request.t_to_o.size not in offer.produced_sizes:
         raise Refusal(Status.T_TO_O_SIZE, offer.produced_size)
-    if len(path.configuration) != offer.configuration_octets:
+    # a data segment has whole words
+    if len(path.configuration) != offer.configuration_octets + offer.configuration_octets % 2:
         raise Refusal(Status.CONFIGURATION_SIZE, offer.configuration_octets)
-    _check_intervals(request, settings)
+    _check_intervals(request, offer, settings)
     if path.inhibit_us > request.t_to_o_rpi_us:
         raise Refusal(Status.RPI_BELOW_INHIBIT_TIME)
     return offer
@@ -153,7 +163,12 @@ def check_explicit(request: ForwardOpen, settings: ConnectionSettings) -> None:
     _check_timeout(request)
 
 
-def _find_offer(path: ApplicationPath, settings: ConnectionSettings) -> IoOffer:
+def _fits(request: ForwardOpen, offer: IoOffer) -> bool:
+    return request.o_to_t.size in offer.consumed_sizes and request.t_to_o.size in offer.produced_sizes
+
+
+def _find_offers(path: ApplicationPath, settings: ConnectionSettings) -> list[IoOffer]:
+    """Those with the points of a path, at least one."""
     if path.class_id != ASSEMBLY:
         raise Refusal(Status.APPLICATION_PATH if settings.paths_told_apart else Status.INCONSISTENT_APPLICATION_PATHS)
     configuration: int | None = None
@@ -165,10 +180,13 @@ def _find_offer(path: ApplicationPath, settings: ConnectionSettings) -> IoOffer:
         case _:
             # a point is missing, or is one too many
             raise Refusal(Status.APPLICATION_PATH if settings.paths_told_apart else Status.INVALID_SEGMENT)
-    for offer in settings.offers:
-        fits = configuration is None or configuration == offer.configuration
-        if fits and (offer.consumed, offer.produced) == (consumed, produced):
-            return offer
+    found = [
+        offer
+        for offer in settings.offers
+        if configuration in {None, offer.configuration} and (offer.consumed, offer.produced) == (consumed, produced)
+    ]
+    if found:
+        return found
     if settings.paths_told_apart:
         if configuration is not None and all(configuration != offer.configuration for offer in settings.offers):
             raise Refusal(Status.CONFIGURATION_APPLICATION_PATH)
@@ -186,8 +204,14 @@ def _check_timeout(request: ForwardOpen) -> None:
         raise Refusal(Status.RPI_NOT_SUPPORTED)
 
 
-def _check_intervals(request: ForwardOpen, settings: ConnectionSettings) -> None:
+def _check_intervals(request: ForwardOpen, offer: IoOffer, settings: ConnectionSettings) -> None:
     _check_timeout(request)
+    for rpi, limits in (
+        (request.o_to_t_rpi_us, offer.consumed_rpi_us),
+        (request.t_to_o_rpi_us, offer.produced_rpi_us),
+    ):
+        if limits is not None and not limits[0] <= rpi <= limits[1]:
+            raise Refusal(Status.RPI_NOT_SUPPORTED)
     for rpi in (request.o_to_t_rpi_us, request.t_to_o_rpi_us):
         if rpi == 0 or rpi > settings.maximum_rpi_us:
             raise Refusal(Status.RPI_NOT_SUPPORTED)

@@ -81,6 +81,8 @@ class ConnectionManager:
         self.counts: Counter[str] = Counter()
         #: Asked before each Forward_Open that fits; what refuses it, or None.
         self.admit: Callable[[ForwardOpen], Refusal | None] = lambda _: None
+        #: Takes the configuration of each cyclic connection that is about to be opened; what refuses it, or None.
+        self.configure: Callable[[IoOffer, bytes], Refusal | None] = lambda *_: None
         self._router = router
         self._events: list[ManagerEvent] = []
         self._watchdogs = Deadlines()
@@ -142,6 +144,8 @@ class ConnectionManager:
         if (refusal := self.admit(request)) is not None:
             raise refusal
         self._check_others(asked)
+        if asked.offer is not None and (refusal := self.configure(asked.offer, path.configuration)) is not None:
+            raise refusal
         return asked
 
     def _check_others(self, asked: _Asked) -> None:
@@ -159,6 +163,10 @@ class ConnectionManager:
             raise Refusal(ConnectionStatus.OWNERSHIP_CONFLICT)
         if asked.kind is ConnectionKind.LISTEN_ONLY and not self._owners(asked.offer.produced):
             raise Refusal(ConnectionStatus.NO_OWNER_CONNECTION)
+        if asked.request.t_to_o.kind == ConnectionType.MULTICAST and any(
+            one.t_to_o_size != asked.request.t_to_o.size for one in self._multicasts(asked.offer.produced)
+        ):
+            raise Refusal(ConnectionStatus.MISMATCHED_T_TO_O_SIZE)
         if len(others) >= self.settings.io_connections:
             owner = asked.kind is ConnectionKind.EXCLUSIVE_OWNER
             # a point that takes many connections has its own count of them

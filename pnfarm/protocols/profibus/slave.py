@@ -437,7 +437,8 @@ class Slave:
             not data
             and self.options.supports_fail_safe
             and parameters is not None
-            and bool(parameters.v1[0] & V1Status1.FAIL_SAFE)
+            # without DP-V1 its GSD file alone says that it takes such outputs
+            and (not self.options.v1 or bool(parameters.v1[0] & V1Status1.FAIL_SAFE))
         )
         if len(data) != wanted and not fail_safe:
             self._leave(BAD_LENGTH, now)
@@ -623,7 +624,8 @@ class Slave:
     # -- the state ---------------------------------------------------------------------------------------------------
 
     def _class_one_open(self, source: int) -> bool:
-        return self.state is DpState.DATA_EXCH and source == self._cyclic.master and self.v1_enabled
+        mine = self.state is DpState.DATA_EXCH and source == self._cyclic.master
+        return mine and self.v1_enabled and self.options.class_one
 
     def _go(self, sign: _Sign) -> None:
         """The only place that changes the state."""

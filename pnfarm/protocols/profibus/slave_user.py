@@ -1,4 +1,4 @@
-"""What a slave needs of the drive behind it, and what happens to it."""
+"""What a slave needs of the station behind it, and what happens to it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ class SlaveOptions:
     """What a slave is; injections replace some of it.
 
     ``silence_ns``: without a good telegram for so long, the slave seeks the baud rate again.  ``address_changes``:
-    whether Set_Slave_Add is taken.  ``connections``: of masters of class 2.  ``class_two_exchanged``: their requests
+    whether Set_Slave_Add is taken.  ``class_one``: whether it has records within its cyclic connection;
+    ``connections``: of masters of class 2.  ``class_two_exchanged``: their requests
     are taken with DSAP and SSAP exchanged, too.
     """
 
@@ -41,6 +42,7 @@ class SlaveOptions:
     supports_fail_safe: bool = False
     address_changes: bool = True
     v1: bool = True
+    class_one: bool = True
     connections: int = 4
     longest_record: int = 240
     send_timeout_ns: int = 1_000_000_000
@@ -49,7 +51,7 @@ class SlaveOptions:
 
 
 class SlaveUser(Protocol):
-    """The drive behind a slave.  ``client``: 0 within the cyclic connection, else a connection of class 2."""
+    """The station behind a slave.  ``client``: 0 within the cyclic connection, else a connection of class 2."""
 
     def check_parameters(self, parameters: Parameters) -> str | None:
         """Why the user's part of Set_Prm does not fit, None if it does."""

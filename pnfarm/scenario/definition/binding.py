@@ -96,7 +96,9 @@ class Binding:
             return dict.fromkeys(stations, bind(text, None, self.devices))
         by_model: dict[str, Condition] = {}
         found: dict[str, Condition] = {}
-        for name in self.chosen(step):
+        if step.get("until") == ALL_CONNECTED and not step.get("drive"):
+            found = {name: bind(text, None, self.devices, name) for name in self.devices or ()}
+        for name in self.chosen(step) if self.drives or not found else ():
             model = self.drives[name]
             if model.name not in by_model:
                 by_model[model.name] = bind(text, model, self.devices)
@@ -195,7 +197,7 @@ def _fault_errors(binding: Binding, given: Mapping[str, Any], kinds: Catalogue) 
     if SIGNALS in spec.kind.effect.needs:
         for name in devices:
             known = (binding.devices or {}).get(name, {})
-            if (wanted := spec.params["signal"]) not in known:
+            if (wanted := spec.values()["signal"]) not in known:
                 yield "params.signal", *_no_signal(name, wanted, known)
     if spec.kind.name in {"drive-fault", "drive-warning"}:
         for model in models.values():

@@ -62,9 +62,24 @@ class _PlainData:
         """Counts the changes, modulo 2 ** 32."""
         return int(self._row["sequence"])
 
+    def _put(self, octets: bytearray) -> None:
+        following = (int(self._row["sequence"]) + 1) & 0xFFFFFFFF
+        self._halves[following & 1, : len(octets)] = octets
+        self._row["sequence"] = following
+
 
 class ConsumedData(_PlainData):
-    """What the engine receives."""
+    """What the engine receives; on a polled bus, what :meth:`take` is given."""
+
+    def __init__(self, rows: Any, number: int, octets: int, statuses: int) -> None:
+        super().__init__(rows, number, octets, statuses)
+        self._good, self._bad = bytes((IOXS_GOOD,)) * statuses, bytes((IOXS_BAD,)) * statuses
+
+    def take(self, octets: bytes, *, good: bool) -> None:
+        """All data at once, and the provider status of all submodules."""
+        if len(octets) != self.octets:
+            raise InternalError(f"{len(octets)} of {self.octets} octets of plain data")
+        self._put(bytearray(octets + (self._good if good else self._bad)))
 
 
 class ProvidedData(_PlainData):
@@ -88,8 +103,3 @@ class ProvidedData(_PlainData):
         octets = bytearray(copy_plain(self._row))
         octets[self.status_place(submodule)] = IOXS_GOOD if good else IOXS_BAD
         self._put(octets)
-
-    def _put(self, octets: bytearray) -> None:
-        following = (int(self._row["sequence"]) + 1) & 0xFFFFFFFF
-        self._halves[following & 1, : len(octets)] = octets
-        self._row["sequence"] = following

@@ -100,6 +100,8 @@ class Peer:
         self.closed: list[int] = []
         self.target = IPv4Address("10.77.0.11")
         self.rows: dict[int, tuple[int, int]] = {}
+        #: Whether its data have no run/idle header.
+        self.modeless = False
         self.expired: list[int] = []
         self.frames: list[bytes] = []
         self.link.set_receiver(self.receive)
@@ -198,11 +200,11 @@ class Peer:
 
     def _exchange(self, made: ConnectionMade) -> None:
         asked, reply = made.request, made.reply
-        station = next(s for s in self.rig.farm.axes if s.station.config.ip.ip == self.target)
+        station = next(s for s in self.rig.farm.stations if s.config.ip.ip == self.target)
         groups = [item.address for item in made.items if not item.o_to_t]
         group = groups[0] if groups and asked.t_to_o.kind == ConnectionType.MULTICAST else None
         data = asked.o_to_t.size - 2
-        header = data >= 4
+        header = data >= 4 and not self.modeless
         if group is not None:
             self.rig.world.switch.join(self.port.index, multicast_mac(group))
         consumer = self.channels.open_consumer(
@@ -211,14 +213,16 @@ class Peer:
                 destination=self.port.mac if group is None else multicast_mac(group),
                 destination_address=self.address.ip if group is None else group, source_address=self.target,
                 connection_id=reply.t_to_o_id, data_length=asked.t_to_o.size - 2, rpi_ns=reply.t_to_o_api_us * 1000,
-                multiplier=4, words=WORDS, first_hold_ns=10_000_000_000,
+                multiplier=4, words=[word for word in WORDS if word[1] + 1 < asked.t_to_o.size - 2],
+                first_hold_ns=10_000_000_000,
             )
         )  # fmt: skip
         provider = self.channels.open_provider(
             Class1ProviderPlan(
                 image=0, port=self.port.index, destination=station.port.mac, source=self.port.mac,
                 destination_address=self.target, source_address=self.address.ip, connection_id=reply.o_to_t_id,
-                data_length=data - 4 * header, rpi_ns=reply.o_to_t_api_us * 1000, words=WORDS if header else (),
+                data_length=data - 4 * header, rpi_ns=reply.o_to_t_api_us * 1000,
+                words=[word for word in WORDS if word[1] + 1 < data - 4 * header],
                 run_idle=header,
             )
         )  # fmt: skip

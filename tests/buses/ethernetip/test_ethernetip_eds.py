@@ -13,7 +13,6 @@ import pytest
 from peer import Rig
 
 from pnfarm.buses.ethernetip.config.controller import EdsDevice
-from pnfarm.buses.ethernetip.controller.eds_connection import connection_of, device_of
 from pnfarm.buses.ethernetip.controller.plan import plan_devices
 from pnfarm.buses.ethernetip.description.sheet import RPI_PARAMETER, describe_model, file_name
 from pnfarm.buses.ethernetip.device.product import Product
@@ -22,7 +21,8 @@ from pnfarm.drives.catalogue import model, models
 from pnfarm.drives.parameters.parameter import Backing
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, parse_farm
-from pnfarm.protocols.enip.eds import emit_eds, parse_eds
+from pnfarm.protocols.enip.eds.reader import parse_sheet
+from pnfarm.protocols.enip.eds.text import emit_eds, parse_eds
 from pnfarm.protocols.enip.objects.identity import identity_key
 from pnfarm.protocols.enip.originator_events import ConnectionMade
 from pnfarm.protocols.enip.status import GeneralStatus, Service
@@ -128,7 +128,8 @@ def test_eds_pie_does_complain_about_what_is_wrong():
 
 
 def test_identity_is_the_devices(rig, sheet):
-    key, name = device_of(sheet)
+    read = parse_sheet(emit_eds(sheet))
+    key, name = read.key, read.product
     device = rig.station().device
     assert key == identity_key(device.identity)
     assert rig.peer.get(1, 1, 7).data == bytes([len(name)]) + name.encode()
@@ -208,10 +209,11 @@ def test_the_connections_of_the_file_can_be_opened_and_no_shorter_ones(sheet, pl
     rig.peer.connect()
     if kind == "listen-only":
         assert isinstance(rig.peer.open(multicast=True), ConnectionMade)
-    found = connection_of(sheet, f"Connection{place}")
-    assert found.kind == kind
-    outputs = 2 + found.output_octets + 4 * (found.output_header and found.output_octets > 0)
-    inputs = 2 + found.input_octets + 4 * found.input_header
+    found = parse_sheet(emit_eds(sheet)).connection(place)
+    assert found.kind == kind.replace("-", " ")
+    octets = found.outputs.size.default
+    outputs = 2 + octets + 4 * (found.output_header and octets > 0)
+    inputs = 2 + found.inputs.size.default + 4 * found.input_header
     for multicast in (False, True):
         asked = {
             "path": found.path,

@@ -8,11 +8,12 @@ from hypothesis import strategies as st
 from scanner_line import ScannerLine
 
 from pnfarm.buses.ethernetip.config.controller import EthernetIpController
-from pnfarm.buses.ethernetip.controller.eds_connection import connection_of, device_of
 from pnfarm.buses.ethernetip.controller.plan import plan_controller
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
-from pnfarm.protocols.enip.eds import parse_eds
+from pnfarm.protocols.enip.connection import ConnectionKind
+from pnfarm.protocols.enip.eds.document import Limits
+from pnfarm.protocols.enip.eds.reader import parse_sheet
 from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, parse_epath
 
 DEVICE = """
@@ -65,17 +66,18 @@ def line_of(folder, more=""):
 
 
 def test_a_connection_has_what_its_fields_say():
-    eds = parse_eds(EDS.encode())
-    owner = connection_of(eds)
-    assert (owner.keyword, owner.name, owner.kind) == ("Connection2", "Owner", "exclusive-owner")
-    assert (owner.output_octets, owner.input_octets) == (64, 64)
+    sheet = parse_sheet(EDS.encode())
+    owner = sheet.connection()
+    assert (owner.keyword, owner.name, owner.kind) == ("Connection2", "Owner", ConnectionKind.EXCLUSIVE_OWNER)
+    assert (owner.outputs.size.default, owner.inputs.size.default) == (64, 64)
     assert (owner.output_header, owner.input_header) == (True, False)
-    assert (owner.multicast, owner.point_to_point, owner.configuration_octets) == (True, True, 0)
+    assert (owner.multicast, owner.point_to_point, owner.configuration.size.default) == (True, True, 0)
     assert owner.path == bytes.fromhex("200424642C652C66")
-    inputs = connection_of(eds, "inputs")
-    assert (inputs.kind, inputs.output_octets, inputs.input_octets) == ("input-only", 0, 64)
-    assert connection_of(eds, "CONNECTION3").configuration_octets == 4
-    assert device_of(eds) == (ElectronicKey(452, 16, 1, 1, 13), "AKD by its file")
+    inputs = sheet.connection("inputs")
+    assert (inputs.kind, inputs.outputs.size.default) == (ConnectionKind.INPUT_ONLY, 0)
+    assert inputs.inputs.size == Limits(64, 0, 500)
+    assert sheet.connection("CONNECTION3").configuration.size.default == 4
+    assert (sheet.key, sheet.product) == (ElectronicKey(452, 16, 1, 1, 13), "AKD by its file")
 
 
 @pytest.mark.parametrize(
@@ -124,11 +126,11 @@ def test_a_missing_file_is_told(tmp_path):
 def test_any_entry_gives_a_connection_or_an_error_of_the_user(fields):
     text = EDS.split("[Connection Manager]")[0] + f"[Connection Manager] Connection1 = {', '.join(fields)};"
     try:
-        found = connection_of(parse_eds(text.encode()))
+        found = parse_sheet(text.encode()).connection()
     except (ConfigError, DecodeError):
         return
     assert len(found.path) % 2 == 0
-    assert 0 <= found.output_octets <= 1400
+    assert 0 <= found.outputs.size.default <= 1400
 
 
 # -- plans -------------------------------------------------------------------------------------------------------------

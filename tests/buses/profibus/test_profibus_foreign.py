@@ -5,17 +5,16 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from pnfarm.buses.profibus.controller.plan import plan_controller
 from pnfarm.buses.profibus.description.sheet import describe_model
 from pnfarm.controller.line import VirtualLine, join_controllers
 from pnfarm.drives.catalogue import model
-from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
-from pnfarm.protocols.profibus.gsd import emit_gsd
-from pnfarm.protocols.profibus.gsd_slave import parse_gsd_slave
+from pnfarm.protocols.profibus.gsd.reader import parse_gsd_file
+from pnfarm.protocols.profibus.gsd.station import plug_slave
+from pnfarm.protocols.profibus.gsd.writer import emit_gsd
 from pnfarm.station.event_log import EventLog
 
 OWN = emit_gsd(describe_model(model("moog-msd-dp")))
@@ -85,61 +84,25 @@ def planned(folder, **options):
 # -- GSD files ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_gsd_file_says_what_set_prm_and_chk_cfg_are_to_be():
-    slave = parse_gsd_slave(GSD)
-    assert (slave.name, slave.vendor, slave.ident, slave.most_modules) == ("IO µ", "Maker", 0x1234, 3)
-    assert (slave.modular, slave.freeze, slave.sync, slave.v1) == (True, True, False, False)
-    assert [module.name for module in slave.modules] == ["8 DI", "8 DO; fast"]
-    # the constant octets, in which the default of `Filter` sets bit 3
-    assert slave.user == bytes.fromhex("01 0a 03")
-    assert slave.chosen(["8 do; FAST", "8 DI"]) == (b"\x20\x10", bytes.fromhex("01 0a 03 aa 01 f4 50"))
+def test_set_prm_and_chk_cfg_have_what_the_file_says_with_the_defaults_of_its_modules():
+    slave = plug_slave(parse_gsd_file(GSD), {1: "8 do; FAST", 2: "8 DI"})
+    # in the constant octets the default of `Filter` sets bit 3
+    assert (slave.identifiers, slave.user) == (b"\x20\x10", bytes.fromhex("01 0a 03 aa 01 f4 50"))
 
 
 def test_the_file_of_a_virtual_drive_is_read_as_it_was_written():
-    slave = parse_gsd_slave(OWN)
+    slave = parse_gsd_file(OWN)
     described = model("moog-msd-dp").profidrive
     assert slave.ident == described.identity.device_id
     assert {module.identifiers for module in slave.modules} == {
         telegram.identifiers for telegram in described.telegrams.values()
     }
-    assert (slave.user, slave.v1, slave.freeze, slave.sync) == (bytes.fromhex("80 00 00"), True, True, True)
-
-
-@pytest.mark.parametrize(
-    ("modules", "reason"),
-    [([], "has 2 modules, and one is to be named"), (["16 DI"], "no module '16 DI'; it has '8 DI'"),
-     (["8 DI"] * 4, "4 modules, the station has room for 3")],
-)  # fmt: skip
-def test_modules_that_do_not_fit_are_told_with_those_that_there_are(modules, reason):
-    with pytest.raises(DecodeError, match=reason):
-        parse_gsd_slave(GSD).chosen(modules)
-
-
-@pytest.mark.parametrize(
-    ("data", "reason"),
-    [(b"", "no line is #Profibus_DP"), (b"#Profibus_DP\n", "no Ident_Number"),
-     (b"#Profibus_DP\nIdent_Number=0\n", "no Ident_Number"),
-     (b"#Profibus_DP\nIdent_Number=1\nStation_Type=1\n", "not that of a slave")],
-)  # fmt: skip
-def test_what_is_no_file_of_a_slave_is_refused(data, reason):
-    with pytest.raises(DecodeError, match=reason):
-        parse_gsd_slave(data)
-
-
-PIECES = st.sampled_from(
-    [*GSD.splitlines(keepends=True), b"Module = ", b'"', b"\\\n", b"EndModule\n", b"Bit(9) 1\n", b"BitArea(7-0) 1\n",
-     b"Ext_User_Prm_Data_Ref(9999) = 1\n", b"Ext_User_Prm_Data_Const(300) = 1\n", b"Unsigned32 -1 0\n", b"\xff\n"]
-)  # fmt: skip
-
-
-@given(st.lists(PIECES, max_size=40), st.binary(max_size=60))
-def test_any_file_is_read_or_refused(pieces, tail):
-    try:
-        slave = parse_gsd_slave(b"#Profibus_DP\nIdent_Number = 7\n" + b"".join(pieces) + tail)
-        slave.chosen([slave.modules[0].name] if slave.modules else [])
-    except DecodeError:
-        return
-    assert len(slave.user) <= 237
+    assert (slave.parameters.defaults(), slave.v1, slave.freeze, slave.sync) == (
+        bytes.fromhex("80 00 00"),
+        True,
+        True,
+        True,
+    )
 
 
 # -- farm files --------------------------------------------------------------------------------------------------------
@@ -172,7 +135,7 @@ def test_a_slave_that_cannot_be_planned_is_told_with_its_file(tmp_path, options,
 def test_a_missing_file_is_told(tmp_path):
     config = master(tmp_path)
     (tmp_path / "msd.gsd").unlink()
-    with pytest.raises(ConfigError, match=r"msd\.gsd: cannot be read: no such file"):
+    with pytest.raises(ConfigError, match=r"msd\.gsd cannot be read: no such file"):
         plan_controller(config.controller, [], [], tmp_path)
 
 

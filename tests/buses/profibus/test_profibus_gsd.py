@@ -12,7 +12,7 @@ from pnfarm.cli.main import main
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.description.identity import with_identity
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profibus.gsd import emit_gsd
+from pnfarm.protocols.profibus.gsd.writer import emit_gsd
 
 DP = model("moog-msd-dp")
 MODULE = re.compile(r'Module = "([^"]+)" ((?:0x[0-9A-F]{2},?)+)\r\n(\d+)\r\nEndModule')

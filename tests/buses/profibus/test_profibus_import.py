@@ -9,7 +9,7 @@ import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from imported import check_found, farm_text
+from imported import check_found
 
 from pnfarm.buses import registry
 from pnfarm.buses.imports import FoundDrive
@@ -154,7 +154,7 @@ def test_a_line_without_an_answer_shows_no_device(capsys, tmp_path):
 def test_drives_of_a_network_and_of_a_line_have_both_in_their_link():
     dp = FoundDrive("drive-7", "moog-msd-dp", {"address": 7}, line="profibus")
     net = FoundDrive("infeed", "akd-profinet", {"ip": "10.77.0.11/24"})
-    text = farm_text([net, dp], [], "both", "eth1", "both.pcapng")
+    text = check_found([net, dp]).text
     assert len(expand(parse_farm(text))) == 2
     assert yaml.safe_load(text)["link"]["lines"] == {"profibus": {"pty": "auto"}}
 

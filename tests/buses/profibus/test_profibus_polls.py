@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -23,6 +25,12 @@ link: {{kind: memory}}
 drives:
   - {{name: 'msd-{{n:02}}', count: 2, model: moog-msd-dp, address: 11, behaviour: {{eight-octet-answers: {answers}}}}}
 """
+DEVICES = """
+farm: dp
+link: {{kind: memory}}
+devices:
+  - {{name: 'valve-{{n}}', count: 2, gsd: {file}, address: 11}}
+"""
 #: Readings of the open point, and how answers with eight octets of data begin.
 BEGINS = {"variable-length": 0x68, "fixed-length": 0xA2}
 MASTER, FIRST, MS = 2, 11, 1_000_000
@@ -39,15 +47,19 @@ class Bench:
     """
 
     def __init__(self, way: str, telegram: int = 1, answers: str = "variable-length") -> None:
-        self.line = Line.from_text(FARM.format(answers=answers))
-        self.line.run(0.1)
-        self.core = self.line.core
-        self.way, self.taken, self.repeated = way, 0, 0
-        self.sent: list[tuple[int, bytes]] = []
-        self.core.link.inner.send = lambda port, octets: self.sent.append((port, bytes(octets)))
+        self.begin(way, FARM.format(answers=answers))
         self.ident = self.core.axes[0].model.profidrive.identity.device_id
         known = self.core.axes[0].model.profidrive.telegrams[telegram]
         self.identifiers, self.octets = known.identifiers, 2 * len(known.output)
+
+    def begin(self, way: str, farm: str) -> None:
+        self.line = Line.from_text(farm)
+        self.line.run(0.1)
+        self.core = self.line.core
+        self.user = b"\x80\x00\x00"
+        self.way, self.taken, self.repeated = way, 0, 0
+        self.sent: list[tuple[int, bytes]] = []
+        self.core.link.inner.send = lambda port, octets: self.sent.append((port, bytes(octets)))
 
     def hear(self, octets: bytes) -> None:
         now = self.line.now_ns
@@ -63,7 +75,7 @@ class Bench:
             self.core.link.send(*found)
             return
         wanted = self.core._line_audience(octets)
-        ports = [station.port.index for station in self.core.axes] if wanted is None else wanted
+        ports = [station.port.index for station in self.core.stations] if wanted is None else wanted
         for port in tuple(ports):
             self.core.receive(port, octets, now)
 
@@ -87,7 +99,7 @@ class Bench:
                 octets[value % len(octets)] ^= 1 + value % 255
                 self.hear(bytes(octets))
             case "set-up":
-                user = Parameters(LOCK, (5, 1), 11, self.ident, 1, b"\x80\x00\x00").emit()
+                user = Parameters(LOCK, (5, 1), 11, self.ident, 1, self.user).emit()
                 self.ask(address, Sap.SET_PARAMETERS, user, FCB)
                 self.ask(address, Sap.CHECK_CONFIGURATION, self.identifiers, FCV)
             case "diagnosis":
@@ -131,6 +143,36 @@ class Bench:
         return found
 
 
+class DeviceBench(Bench):
+    """Two devices by the example of a compact slave, which supports neither Sync nor Freeze."""
+
+    def __init__(self, way: str) -> None:
+        file = Path(__file__).parents[3] / "configs" / "gsd" / "EXMP1D02.gsd"
+        self.begin(way, DEVICES.format(file=file))
+        self.ident, self.identifiers, self.octets, self.user = 0x1D02, b"\x11\x20", 1, b"\1\2"
+
+    def ask(self, address: int, sap: int, data: bytes, toggle: int) -> None:
+        if sap == Sap.SET_PARAMETERS:
+            data = Parameters(PrmStatus.LOCK_REQ | PrmStatus.WD_ON, (5, 1), 11, self.ident, 1, self.user).emit()
+        super().ask(address, sap, data, toggle)
+
+    def outputs(self, value: int) -> bytes:
+        self.core.station("valve-1").signals.set({"slot1_in_0_3": bool(value & 1), "slot1_in_1_7": bool(value & 2)})
+        return bytes((value & 0xFF,))
+
+    def state(self) -> list:
+        return [
+            (
+                station.signals.get_all(),
+                station.signals.good("slot1_out_0_0"),
+                station.device.slave.state,
+                station.device.slave.next_deadline(),
+                (station.device.image.counts.received, station.device.image.counts.sent),
+            )
+            for station in self.core.stations
+        ]
+
+
 #: With eight octets in each direction.
 OF_EIGHT_OCTETS = 106
 TELEGRAMS = [number for number, one in model("moog-msd-dp").profidrive.telegrams.items() if one.identifiers]
@@ -166,6 +208,41 @@ def test_whatever_a_line_brings_polls_by_a_short_way_answer_and_change_what_the_
     finally:
         one.line.close()
         other.line.close()
+
+
+DEVICE_STEPS = st.tuples(
+    st.sampled_from(
+        ["poll"] * 12 + ["set-up", "first", "length", "stranger", "broken", "diagnosis", "control", "wait"]
+    ),
+    st.integers(0, 1),
+    st.booleans(),
+    st.integers(0, 0xFFFF),
+)
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.sampled_from(["short", "shortest"]), st.lists(DEVICE_STEPS, min_size=1, max_size=40))
+def test_polls_of_a_device_by_a_short_way_answer_and_change_what_the_slow_path_does(way, steps):
+    one, other = DeviceBench(way), DeviceBench("long")
+    try:
+        for step in [("set-up", 0, False, 0), ("first", 0, False, 0), *steps]:
+            one.play(step)
+            other.play(step)
+            assert one.sent == other.sent, step
+        assert one.state() == other.state()
+    finally:
+        one.line.close()
+        other.line.close()
+
+
+def test_polls_of_a_device_that_exchanges_data_take_the_fast_path():
+    bench = DeviceBench("shortest")
+    bench.play(("set-up", 0, False, 0))
+    bench.play(("poll", 0, True, 0))
+    polled(bench)
+    assert (bench.taken, bench.repeated) == (9, 0), "what is compiled knows words only"
+    assert bench.core.station("valve-1").signals.get("slot1_out_0_0") is True
+    bench.line.close()
 
 
 def polled(bench, count=10):

@@ -17,7 +17,7 @@ from pnfarm.protocols.enip.connection import (
     ProductionMoved,
     RpiBelowMinimum,
 )
-from pnfarm.protocols.enip.connection_check import Refusal
+from pnfarm.protocols.enip.connection_check import Refusal, check_io, read_path
 from pnfarm.protocols.enip.connection_states import CONNECTION, ConnectionState
 from pnfarm.protocols.enip.wire import cpf, encapsulation, message
 from pnfarm.protocols.enip.wire import forward_open as fo
@@ -451,3 +451,25 @@ def test_connections_cannot_be_opened_over_a_connection(bench, session):
 def test_every_row_of_the_state_table_ends_in_a_state_that_has_a_way_out():
     ends = {state for state, _ in CONNECTION.values()}
     assert ends <= {state for state, _ in CONNECTION}
+
+
+def test_of_offers_with_the_same_points_the_one_with_the_size_is_meant():
+    bench = Bench()
+    wide, narrow = bench.settings.offers[0], replace(bench.settings.offers[0], consumed_octets=8, consumed_header=False)
+    ranged = replace(wide, produced_octets=32, produced_least=4, produced_variable=frozenset({True}))
+    settings = replace(bench.settings, offers=(wide, narrow, ranged))
+
+    def meant(**changes):
+        request = io_request(**changes)
+        return check_io(request, read_path(request.path), settings)
+
+    assert [meant(), meant(o_to_t=10)] == [wide, narrow]
+    variable = io_request(t_to_o=6)
+    variable = replace(variable, t_to_o=replace(variable.t_to_o, variable=True))
+    assert check_io(variable, read_path(variable.path), settings) == ranged
+    with pytest.raises(Refusal) as refused:
+        meant(t_to_o=6)
+    assert refused.value.extended == (0x0120,)
+    with pytest.raises(Refusal) as refused:
+        meant(t_to_o=5)
+    assert refused.value.extended == (0x0128, 66)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.enip.eds import Eds, EdsEntry, EdsGroup, EdsSection, EdsString, emit_eds, parse_eds
+from pnfarm.protocols.enip.eds.text import Eds, EdsEntry, EdsGroup, EdsSection, EdsString, emit_eds, parse_eds
 
 SHEET = b"""$ a sheet ; with = marks in its comment
 [File]

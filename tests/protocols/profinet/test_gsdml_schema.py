@@ -10,6 +10,7 @@ import pytest
 from gsdml_examples import ISLAND, SCANNER
 from gsdml_versions import VERSIONS, gsdml_of
 from lxml import etree
+from seen_plant import SeenPlant
 
 from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.drives.catalogue import model, models
@@ -75,3 +76,11 @@ def test_the_classes_of_the_device_are_in_the_file(name):
     (dap,) = parse_gsdml(emit_gsdml(describe_model(model(name))).encode()).daps
     classes = dap.certification
     assert (classes.conformance_class, classes.application_classes, classes.netload_class) == ("B", (), "I")
+
+
+def test_a_file_made_of_a_capture_follows_the_schema(schema):
+    plant = SeenPlant()
+    plant.connect()
+    plant.write(1, 100, b"\1\2")
+    (device,) = plant.found()
+    assert complaints(schema, device.file.text) == []

@@ -12,6 +12,6 @@ __all__ = ["eds"]
 def eds(model: ModelArgument, directory: FolderOption = Path()) -> None:
     """Write a model's EDS file, which describes the virtual drive, and print its path."""
     from pnfarm.buses.ethernetip.description.sheet import comments, describe_model, file_name
-    from pnfarm.protocols.enip.eds import emit_eds
+    from pnfarm.protocols.enip.eds.text import emit_eds
 
     write_description(model, directory, ".eds", file_name, lambda one: emit_eds(describe_model(one), comments(one)))

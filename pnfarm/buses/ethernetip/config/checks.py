@@ -10,6 +10,7 @@ from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
+    from pnfarm.buses.ethernetip.config.device import EthernetIpDevices
     from pnfarm.buses.ethernetip.config.drive import EthernetIpDrives
     from pnfarm.config.known import ModelFacts
     from pnfarm.vocabulary.issues import Location, Report
@@ -28,11 +29,12 @@ def check_name(at: Location, name: str, report: Report) -> bool:
     return fits
 
 
-def check_group(at: Location, group: EthernetIpDrives, report: Report) -> None:
-    """Every drive has an address."""
+def check_group(at: Location, group: EthernetIpDrives | EthernetIpDevices, report: Report) -> None:
+    """Every station has an address."""
     check_addresses(at, group, report)
     if group.ip is None:
-        report((*at, "ip"), "is missing: a drive on EtherNet/IP needs an address", "ip: ADDRESS/PREFIX")
+        what = f"is missing: a {group.members[:-1]} on EtherNet/IP needs an address"
+        report((*at, "ip"), what, "ip: ADDRESS/PREFIX")
 
 
 def check_model(at: Location, group: EthernetIpDrives, model: ModelFacts, report: Report) -> None:

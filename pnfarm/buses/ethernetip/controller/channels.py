@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from pnfarm.buses.controllers.channels import ChannelRows
 from pnfarm.engine.channels.class1_plan import Class1ConsumerPlan, Class1ProviderPlan
+from pnfarm.engine.channels.parts import Piece
 from pnfarm.protocols.enip.wire.encapsulation import IO_PORT
 from pnfarm.table.channel import STATUS_GOOD, STATUS_RUN
 from pnfarm.table.signals import ASSEMBLY, ASSEMBLY_WORDS, PART_HIGH, PART_LOW, word_code
@@ -16,6 +15,7 @@ from pnfarm.wire.mac import multicast_mac
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
+    from pnfarm.buses.ethernetip.controller.device_plan import DevicePlan
     from pnfarm.buses.ethernetip.controller.session import DeviceSession
     from pnfarm.engine.columns import Columns
     from pnfarm.links.base import Port
@@ -33,12 +33,12 @@ _SPREAD_NS = 1_000_000
 _TOS = 47 << 2
 
 
-def _words(octets: int) -> list[tuple[int, int]]:
-    """An assembly's words as far as the image holds them: (code, offset)."""
-    return [
-        (word_code(ASSEMBLY + place // 4, PART_HIGH if place % 4 else PART_LOW), place)
-        for place in range(0, min(octets, _HELD) - 1, 2)
-    ]
+def _carried(plan: DevicePlan, octets: int) -> dict[str, Any]:
+    """How these octets of data are in the table: words of a drive's assembly (code, offset), or plain data."""
+    if plan.plain:
+        return {"words": (), "pieces": [Piece(0, 0, octets, None, octets)] if octets else ()}
+    places = range(0, min(octets, _HELD) - 1, 2)
+    return {"words": [(word_code(ASSEMBLY + at // 4, PART_HIGH if at % 4 else PART_LOW), at) for at in places]}
 
 
 class SessionChannels(ChannelRows):
@@ -61,9 +61,8 @@ class SessionChannels(ChannelRows):
         session.group = groups[0] if groups and wanted.multicast else None
         if session.group is not None:
             self._sockets.join(self._port.index, session.group)
-        self.write(session, plan.outputs)
-        rest = plan.outputs[_HELD:]
-        common: dict[str, Any] = {"image": session.index, "port": self._port.index}
+        self._columns.image[session.index].sent[ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS] = 0
+        common: dict[str, Any] = {"image": session.index, "port": self._port.index, "plain": session.index}
         output_rpi_ns = made.reply.o_to_t_api_us * _NS_PER_US
         session.provider = self._table.open_provider(
             Class1ProviderPlan(
@@ -75,9 +74,8 @@ class SessionChannels(ChannelRows):
                 connection_id=made.reply.o_to_t_id,
                 data_length=wanted.output_octets,
                 rpi_ns=output_rpi_ns,
-                words=_words(wanted.output_octets),
+                **_carried(plan, wanted.output_octets),
                 run_idle=wanted.runs,
-                constants=[(_HELD + place, octet) for place, octet in enumerate(rest)],
                 phase_ns=session.index * _SPREAD_NS % output_rpi_ns,
                 tos=_TOS,
                 destination_port=ports.get(True, IO_PORT),
@@ -94,7 +92,7 @@ class SessionChannels(ChannelRows):
                 data_length=wanted.input_octets,
                 rpi_ns=made.reply.t_to_o_api_us * _NS_PER_US,
                 multiplier=plan.timeout_multiplier,
-                words=_words(wanted.input_octets),
+                **_carried(plan, wanted.input_octets),
                 run_idle=wanted.input_header,
             )
         )
@@ -112,13 +110,7 @@ class SessionChannels(ChannelRows):
             self._columns.ppm[session.provider].data_status = STATUS_GOOD if run else STATUS_GOOD & ~STATUS_RUN
         self._columns.program[session.index].enable = run and session.plan.program.enable
 
-    def write(self, session: DeviceSession, data: bytes) -> None:
-        """Output data, from the first octet on, as far as the image holds them; what is left is zero."""
-        octets = data[:_HELD].ljust(_HELD, b"\0")
-        words = np.frombuffer(octets, "<i4")
-        self._columns.image[session.index].sent[ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS] = words
-
     def read(self, session: DeviceSession) -> bytes:
-        """Input data that came last, as far as the image holds them."""
+        """Input data of a drive that came last, as far as the image holds them."""
         words = self._columns.image[session.index].received[ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS]
         return bytes(words.astype("<i4").tobytes()[: session.plan.connection.input_octets])

@@ -20,6 +20,7 @@ from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire.encapsulation import IO_PORT
 from pnfarm.protocols.enip.wire.epath import logical_path
 from pnfarm.protocols.enip.wire.message import message_request
+from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 from pnfarm.wire.endpoint import DatagramReceived, Services, StreamClosed, StreamOpened, StreamReceived
 
 if TYPE_CHECKING:
@@ -49,7 +50,18 @@ class EthernetIpCore(SessionCore[DeviceSession]):
             DeviceSession(index, device, queue=RequestQueue(device.explicit == "connected"))
             for index, device in enumerate(plan.devices)
         ]
-        super().__init__(plan, host, sessions, tick_ns=tick_ns)
+        plain = [session for session in sessions if session.plan.plain]
+        # one that is opened again leaves the pieces of before to the engine until its next tick
+        super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=4 * len(plain))
+        self.plain |= {
+            session.plan.name: (
+                ProvidedData(self.columns.provided, session.index, session.plan.connection.output_octets, 1),
+                ConsumedData(self.columns.consumed, session.index, session.plan.connection.input_octets, 1),
+            )
+            for session in plain
+        }
+        for session in plain:
+            self.plain[session.plan.name][0].write({0: session.plan.outputs})
         self._sockets = sockets
         self._address = plan.ip
         self.channels = SessionChannels(self.columns, self.port, plan.ip.ip, sockets)
@@ -129,24 +141,25 @@ class EthernetIpCore(SessionCore[DeviceSession]):
         ]
 
     def inputs(self, name: str) -> bytes:
-        """The first 64 octets of a device's input data as they came last.
+        """A device's input data as they came last, of a drive the first 64 octets.
 
         Raises :class:`ConfigError` for an unknown device.
         """
-        return self.channels.read(self.named(name))
+        session = self.named(name)
+        return self.plain[name][1].read() if session.plan.plain else self.channels.read(session)
 
     def put_outputs(self, name: str, data: bytes) -> None:
-        """Send these output data (the first 64 octets of them) to a device without an axis program.
+        """Send these output data, zeros behind them, to a device without an axis program.
 
         Raises :class:`ConfigError` for an unknown device, for one that a program commands, and for too many octets.
         """
         session = self.named(name)
         octets = session.plan.connection.output_octets
-        if session.plan.described is not None:
+        if not session.plan.plain:
             raise ConfigError(f"the outputs of drive {name!r} are its axis program's")
-        if len(data) > min(octets, 64):
-            raise ConfigError(f"{name!r} takes {min(octets, 64)} octets here, not {len(data)}")
-        self.channels.write(session, data)
+        if len(data) > octets:
+            raise ConfigError(f"{name!r} takes {octets} octets here, not {len(data)}")
+        self.plain[name][0].write({0: data.ljust(octets, b"\0")})
 
     # -- explicit requests -------------------------------------------------------------------------------------------
 

@@ -27,7 +27,7 @@ class ConnectionPlan:
     """The cyclic connection that a device is asked for.
 
     ``path`` is the connection path with its electronic key and configuration; octets are those of data alone, and a
-    direction without data has a heartbeat, which never has a header.
+    direction without data has a heartbeat, which never has a header.  ``*_variable``: the device has no fixed size.
     """
 
     kind: str
@@ -37,6 +37,8 @@ class ConnectionPlan:
     output_header: bool
     input_header: bool
     multicast: bool
+    output_variable: bool = False
+    input_variable: bool = False
 
     @property
     def output_size(self) -> int:
@@ -59,12 +61,12 @@ class ConnectionPlan:
 
     @property
     def output(self) -> NetworkParameters:
-        return NetworkParameters(self.output_size, ConnectionType.POINT_TO_POINT)
+        return NetworkParameters(self.output_size, ConnectionType.POINT_TO_POINT, variable=self.output_variable)
 
     @property
     def input(self) -> NetworkParameters:
         kind = ConnectionType.MULTICAST if self.multicast else ConnectionType.POINT_TO_POINT
-        return NetworkParameters(self.input_size, kind)
+        return NetworkParameters(self.input_size, kind, variable=self.input_variable)
 
     @property
     def transport(self) -> TransportClass:
@@ -100,6 +102,11 @@ class DevicePlan(PlannedDevice):
     explicit: Literal["unconnected", "connected"]
     #: Identity as the file or the model has it; numbers of 0 are not compared.
     key: ElectronicKey
+
+    @property
+    def plain(self) -> bool:
+        """Whether its data are plain: no model says what they are."""
+        return self.described is None
 
     @property
     def cycle_ns(self) -> int:

@@ -11,21 +11,23 @@ from pnfarm.buses.controllers.plan import describing, own_address, reconnect_aft
 from pnfarm.buses.controllers.signal_steps import powered_axis
 from pnfarm.buses.ethernetip.config.controller import USUAL_RPI_NS
 from pnfarm.buses.ethernetip.controller.device_plan import ConnectionPlan, DevicePlan, EthernetIpPlan, ProgramSteps
-from pnfarm.buses.ethernetip.controller.eds_connection import connection_of, device_of
 from pnfarm.buses.ethernetip.device.product import Product
+from pnfarm.buses.ethernetip.eds_file import load_eds
 from pnfarm.drives.parameters.given_values import raw_number
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.enip.eds import LONGEST, parse_eds
+from pnfarm.protocols.enip.connection import ConnectionKind
 from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, emit_epath, logical_path
-from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.protocols.enip.wire.forward_open import CYCLIC
+from pnfarm.vocabulary.durations import format_duration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pnfarm.buses.ethernetip.config.controller import EdsDevice, EthernetIpController
+    from pnfarm.buses.ethernetip.config.device import EthernetIpDeviceConfig
     from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
-    from pnfarm.buses.ethernetip.controller.eds_connection import EdsConnection
     from pnfarm.drives.description.model import Model
+    from pnfarm.protocols.enip.eds.document import Connection
 
 __all__ = ["EthernetIpPlan", "plan_controller", "plan_devices", "program_steps"]
 
@@ -114,14 +116,12 @@ def _plan_foreign(section: EthernetIpController, device: EdsDevice, folder: Path
     """A device by its EDS file."""
     path = folder / device.eds
     with describing(device.name, path, slugs=True):
-        eds = parse_eds(read_regular(path, LONGEST + 1))
-        key, product = device_of(eds)
-        found = connection_of(eds, device.connection)
-        connection = _foreign_connection(section, device, found, key)
+        sheet = load_eds(path)
+        connection = _foreign_connection(section, device, sheet.connection(device.connection), sheet.key)
     usual = section.rpi_ns if section.rpi_ns is not None else USUAL_RPI_NS
     return DevicePlan(
         name=device.name,
-        model=product or path.name,
+        model=sheet.product or path.name,
         ip=device.ip,
         connection=connection,
         rpi_ns=device.rpi_ns if device.rpi_ns is not None else usual,
@@ -129,39 +129,91 @@ def _plan_foreign(section: EthernetIpController, device: EdsDevice, folder: Path
         reconnect_after_ns=reconnect_after_ns(section),
         request_timeout_ns=section.request_timeout_ns,
         explicit=section.explicit,
-        key=key,
+        key=sheet.key,
         outputs=device.outputs or b"",
     )
 
 
+def _plan_own(section: EthernetIpController, device: EthernetIpDeviceConfig) -> DevicePlan:
+    """A device of the farm: its file was read with the farm file."""
+    if device.ip is None:
+        raise ConfigError(f"device {device.name} has no ip")
+    described = device.described
+    found, key = described.connection, described.sheet.key
+    connection = _described_connection(section, None, found, key, described.configuration(), described.sizes)
+    intervals = [way.rpi for way in (found.outputs, found.inputs) if way.rpi is not None]
+    usual = section.rpi_ns if section.rpi_ns is not None else max((i.default * 1000 for i in intervals), default=0)
+    rpi_ns = device.rpi_ns or usual or USUAL_RPI_NS
+    for one in intervals if device.strict else ():
+        if not one.least * 1000 <= rpi_ns <= one.most * 1000:
+            allowed = f"{format_duration(one.least * 1000)} to {format_duration(one.most * 1000)}"
+            what = f"its file does not allow a packet interval of {format_duration(rpi_ns)}, but {allowed}"
+            raise ConfigError(f"device {device.name}: {what}: give `rpi`, or `limits: lax`")
+    octets = described.connected
+    return DevicePlan(
+        name=device.name,
+        data_signals={
+            name: one
+            for name, one in described.signals.items()
+            if one.end <= octets.get((one.slot, one.subslot, one.direction), 0)
+        },
+        data_places=dict.fromkeys(octets, 0),
+        model=described.title,
+        ip=device.ip,
+        connection=connection,
+        rpi_ns=rpi_ns,
+        timeout_multiplier=section.timeout_multiplier,
+        reconnect_after_ns=reconnect_after_ns(section),
+        request_timeout_ns=section.request_timeout_ns,
+        explicit=section.explicit,
+        key=key,
+    )
+
+
 def _foreign_connection(
-    section: EthernetIpController, device: EdsDevice, found: EdsConnection, key: ElectronicKey
+    section: EthernetIpController, device: EdsDevice, found: Connection, key: ElectronicKey
 ) -> ConnectionPlan:
-    configuration = device.configuration or b""
-    if len(configuration) != found.configuration_octets:
+    configuration, octets = device.configuration or b"", found.configuration.size.default
+    if len(configuration) != octets:
         raise ConfigError(
-            f"{found.keyword} has {found.configuration_octets} octets of configuration, not {len(configuration)}: "
-            "give `configuration`"
+            f"{found.keyword} has {octets} octets of configuration, not {len(configuration)}: give `configuration`"
         )
-    if len(device.outputs or b"") > found.output_octets:
+    if len(device.outputs or b"") > found.outputs.size.default:
         raise ConfigError(
-            f"{found.keyword} has {found.output_octets} octets of outputs, not {len(device.outputs or b'')}"
+            f"{found.keyword} has {found.outputs.size.default} octets of outputs, not {len(device.outputs or b'')}"
         )
-    wanted = device.multicast if device.multicast is not None else section.multicast
-    if device.multicast and not found.multicast:
+    sizes = found.outputs.size.default, found.inputs.size.default
+    return _described_connection(section, device.multicast, found, key, configuration, sizes)
+
+
+def _described_connection(
+    section: EthernetIpController,
+    multicast: bool | None,
+    found: Connection,
+    key: ElectronicKey,
+    configuration: bytes,
+    sizes: tuple[int, int],
+) -> ConnectionPlan:
+    """The connection of an EDS file with these octets of outputs and inputs; ``multicast`` None is the scanner's."""
+    if CYCLIC not in found.triggers:
+        raise ConfigError(f"{found.keyword}: it has no cyclic production")
+    if multicast and not found.multicast:
         raise ConfigError(f"{found.keyword} has no multicast connection")
-    multicast = found.multicast and (wanted or found.kind == "listen-only" or not found.point_to_point)
-    if not multicast and not found.point_to_point:
+    wanted = section.multicast if multicast is None else multicast
+    wanted = wanted or found.kind is ConnectionKind.LISTEN_ONLY or not found.point_to_point
+    if not found.multicast and not found.point_to_point:
         raise ConfigError(f"{found.keyword} has neither a multicast nor a point-to-point connection to the originator")
     data = (DataSegment(configuration + bytes(len(configuration) % 2)),) if configuration else ()
     return ConnectionPlan(
-        kind=found.kind,
+        kind=found.kind.value.replace(" ", "-"),
         path=emit_epath(_key(section, key)) + found.path + emit_epath(data),
-        output_octets=found.output_octets,
-        input_octets=found.input_octets,
+        output_octets=sizes[0],
+        input_octets=sizes[1],
         output_header=found.output_header,
         input_header=found.input_header,
-        multicast=multicast,
+        multicast=found.multicast and wanted,
+        output_variable=False not in found.output_sizes,
+        input_variable=False not in found.input_sizes,
     )
 
 
@@ -170,19 +222,25 @@ def plan_devices(
     drives: Sequence[EthernetIpDriveConfig],
     models: Sequence[Model],
     folder: Path | None = None,
+    own: Sequence[EthernetIpDeviceConfig] = (),
 ) -> list[DevicePlan]:
-    """What the scanner expects, drive by drive and then device by device.
+    """What the scanner expects, drive by drive and then device by device: the farm's ``own``, and foreign ones.
 
-    ``folder`` is what the EDS files of the devices are relative to.  Raises :class:`ConfigError`.
+    ``folder`` is what the EDS files of the foreign devices are relative to.  Raises :class:`ConfigError`.
     """
     plans = [_plan_drive(section, drive, model) for drive, model in zip(drives, models, strict=True)]
+    plans += [_plan_own(section, device) for device in own]
     return plans + [_plan_foreign(section, device, folder or Path()) for device in section.devices]
 
 
 def plan_controller(
-    section: EthernetIpController, drives: Sequence[EthernetIpDriveConfig], models: Sequence[Model], folder: Path | None
+    section: EthernetIpController,
+    drives: Sequence[EthernetIpDriveConfig],
+    models: Sequence[Model],
+    folder: Path | None,
+    own: Sequence[EthernetIpDeviceConfig] = (),
 ) -> EthernetIpPlan:
     """The scanner and what it expects; arguments and errors as those of :func:`plan_devices`."""
-    devices = plan_devices(section, drives, models, folder)
+    devices = plan_devices(section, drives, models, folder, own)
     address = own_address(section.ip, (device.ip for device in devices))
     return EthernetIpPlan(section.name, address, tuple(devices))

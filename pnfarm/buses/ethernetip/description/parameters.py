@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from pnfarm.buses.ethernetip.device.objects.values import POSITION_UNITS, PROFILE_UNITS, wire_number
 from pnfarm.drives.profiles.cip.part import Scaling
-from pnfarm.protocols.enip.eds import EdsEntry, EdsString
+from pnfarm.protocols.enip.eds.text import EdsEntry, EdsString
 from pnfarm.protocols.enip.wire.epath import emit_epath, logical_path
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.parameters.parameter import Parameter
     from pnfarm.drives.profiles.cip.part import CipInstance
-    from pnfarm.protocols.enip.eds import EdsField
+    from pnfarm.protocols.enip.eds.text import EdsField
 
 __all__ = ["parameter_entries"]
 

@@ -15,7 +15,7 @@ from pnfarm.buses.ethernetip.device.offers import connection_settings
 from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.connection import ConnectionKind, IoOffer
-from pnfarm.protocols.enip.eds import Eds, EdsEntry, EdsSection, EdsString
+from pnfarm.protocols.enip.eds.text import Eds, EdsEntry, EdsSection, EdsString
 from pnfarm.protocols.enip.objects.ethernet_link import EthernetLinkData, ethernet_link_object
 from pnfarm.protocols.enip.objects.identity import IdentityData, identity_object
 from pnfarm.protocols.enip.objects.qos import QosData, qos_object
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pnfarm.drives.description.model import Model
-    from pnfarm.protocols.enip.eds import EdsField
+    from pnfarm.protocols.enip.eds.text import EdsField
     from pnfarm.protocols.enip.object import AttributeObject
 
 __all__ = ["RPI_PARAMETER", "comments", "describe_model", "file_name"]

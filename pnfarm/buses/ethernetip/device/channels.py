@@ -1,4 +1,4 @@
-"""The cyclic connections of one drive as rows of the channel tables."""
+"""The cyclic connections of one station as rows of the channel tables."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pnfarm.engine.channels.closed_channels import ClosedChannels
 from pnfarm.firmware.drive_clock import true_duration
 from pnfarm.protocols.enip.connection import ConnectionKind
 from pnfarm.protocols.enip.wire.forward_open import Priority
-from pnfarm.table.signals import ASSEMBLY, PART_HIGH, PART_LOW, word_code
 from pnfarm.wire.mac import multicast_mac
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from pnfarm.buses.ethernetip.device.kind import Kind
     from pnfarm.engine.channels.impairments import ImpairmentTable
     from pnfarm.engine.channels.schedule import ChannelTable
     from pnfarm.protocols.enip.connection import Connection
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 __all__ = ["IoChannels", "StationChannels", "channel_rows"]
 
 _NS_PER_US = 1000
-#: A 32-bit word of an assembly, and its halves.
-_WORD, _HALF = 4, 2
 #: Attributes of the QoS object by the connection's priority (CIP volume 2, 5-7.4).
 _DSCP = {Priority.URGENT: 4, Priority.SCHEDULED: 5, Priority.HIGH: 6, Priority.LOW: 7}
 #: Octets of a class 1 packet in front of its data: Ethernet, IPv4, UDP, items, sequence count.
@@ -38,15 +36,6 @@ _SPREAD_NS = 1_000_000
 def channel_rows(io_connections: int) -> int:
     """Rows that a drive owns in each channel table: one for each connection, and one for one that is closing."""
     return io_connections + 1
-
-
-def _words(octets: int) -> list[tuple[int, int]]:
-    """An assembly's words: (code, offset), the less significant half first."""
-    words = []
-    for number in range(octets // _WORD):
-        words.append((word_code(ASSEMBLY + number, PART_LOW), _WORD * number))
-        words.append((word_code(ASSEMBLY + number, PART_HIGH), _WORD * number + _HALF))
-    return words
 
 
 @dataclass(slots=True)
@@ -84,7 +73,8 @@ class StationChannels:
     """Opens and closes the rows of a drive's connections, by the connection's number.
 
     ``index`` is its process image, ``rows`` its share of each table, ``drift`` that of the drive's clock;
-    ``closed`` holds the sums of closed rows.  ``next_hop`` gives a receiver's MAC address, None while it is not known.
+    ``closed`` holds the sums of closed rows.  ``next_hop`` gives a receiver's MAC address, None while it is not known;
+    ``kind`` says what of the data is where.
     """
 
     def __init__(
@@ -95,6 +85,7 @@ class StationChannels:
         impairments: ImpairmentTable,
         rows: int,
         next_hop: Callable[[int, IPv4Address], bytes | None],
+        kind: Kind,
         drift: float = 0.0,
     ) -> None:
         self.open: dict[int, IoChannels] = {}
@@ -109,6 +100,7 @@ class StationChannels:
         self._impairments = impairments
         self._rows = rows
         self._next_hop = next_hop
+        self._kind = kind
         self._drift = drift
 
     def move(self, port: StationPort) -> None:
@@ -126,8 +118,7 @@ class StationChannels:
     def add(self, connection: Connection, now: int) -> IoChannels:
         """A connection was opened: it is listened to; :meth:`produce` begins to send."""
         assert connection.offer is not None
-        feeds = connection.kind is ConnectionKind.EXCLUSIVE_OWNER
-        octets = connection.offer.consumed_octets
+        carried = self._kind.consumed(connection)
         row = self.table.open_consumer(
             Class1ConsumerPlan(
                 image=self._index,
@@ -136,12 +127,14 @@ class StationChannels:
                 destination_address=self.address,
                 source_address=connection.originator,
                 connection_id=connection.o_to_t_id,
-                data_length=octets,
+                data_length=connection.consumed_octets,
                 rpi_ns=connection.o_to_t_api_us * _NS_PER_US,
                 multiplier=4 << connection.timeout_multiplier,
-                words=_words(octets) if feeds else (),
-                run_idle=connection.offer.consumed_header and octets > 0,
-                feeds=feeds,
+                words=carried.words,
+                pieces=carried.pieces,
+                plain=self._kind.plain_row,
+                run_idle=connection.offer.consumes_header,
+                feeds=connection.kind is ConnectionKind.EXCLUSIVE_OWNER,
                 drift=self._drift,
             )
         )
@@ -161,6 +154,7 @@ class StationChannels:
         if mac is None:
             return False
         rpi_ns = channels.production_ns
+        carried = self._kind.produced(connection)
         row = self.table.open_provider(
             Class1ProviderPlan(
                 image=self._index,
@@ -170,9 +164,11 @@ class StationChannels:
                 destination_address=address,
                 source_address=self.address,
                 connection_id=connection.t_to_o_id,
-                data_length=connection.offer.produced_octets,
+                data_length=connection.produced_octets,
                 rpi_ns=rpi_ns,
-                words=_words(connection.offer.produced_octets),
+                words=carried.words,
+                pieces=carried.pieces,
+                plain=self._kind.plain_row,
                 run_idle=connection.offer.produced_header,
                 phase_ns=self._index * _SPREAD_NS % rpi_ns,
                 ttl=self.ttl if connection.multicast else 64,

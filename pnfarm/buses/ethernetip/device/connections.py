@@ -1,9 +1,9 @@
-"""The connections of one drive: turns the events of its Connection Manager into rows of the channel tables, the drive's
-own fault, and log entries.
+"""The connections of one station: turns the events of its Connection Manager into rows of the channel tables, a
+drive's own fault, and log entries.
 
 * an accepted Forward_Open opens rows, the end of a connection closes them;
 * silence beyond the timeout, reported by the engine, ends the connection;
-* the loss of the exclusive owner raises a fault of the drive (AKD EtherNet/IP manual 5.3: F702).
+* the loss of the exclusive owner is its kind's affair: a drive raises a fault.
 """
 
 from __future__ import annotations
@@ -23,14 +23,13 @@ from pnfarm.protocols.enip.connection_check import Refusal
 from pnfarm.protocols.enip.status import ConnectionStatus, status_text
 from pnfarm.station.events import StartUpPhase, WatchdogExpired
 from pnfarm.station.lateness import Lateness, budget_ns
-from pnfarm.station.step_time import SLOWEST_STEP_NS, longest_step_ns
-from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 from pnfarm.table.channel import W_START
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from pnfarm.buses.ethernetip.device.channels import IoChannels, StationChannels
+    from pnfarm.buses.ethernetip.device.kind import Kind
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.protocols.enip.adapter import Adapter
     from pnfarm.protocols.enip.connection import Connection, ManagerEvent
@@ -54,12 +53,18 @@ class StationConnections:
     """See the module's docstring.  The counters survive a power cycle; ``adapter`` is a new one after each."""
 
     def __init__(
-        self, station: Station, channels: StationChannels, lateness: LatenessRecord, adapter: Callable[[], Adapter]
+        self,
+        station: Station,
+        channels: StationChannels,
+        lateness: LatenessRecord,
+        adapter: Callable[[], Adapter],
+        kind: Kind,
     ) -> None:
         self._station = station
         self._channels = channels
         self._lateness = lateness
         self._adapter = adapter
+        self._kind = kind
         self.connects = 0
         #: Cyclic connections that ended without Forward_Close, by reason.
         self.lost: Counter[str] = Counter()
@@ -80,6 +85,7 @@ class StationConnections:
     def built(self) -> None:
         """The drive was powered on."""
         self._adapter().manager.admit = self._admit
+        self._adapter().manager.configure = self._kind.configure
         self._expired.clear()
         self._retry_ns = None
         self._leaving = False
@@ -124,8 +130,7 @@ class StationConnections:
         self._set_pace()
         if channels.feeds:
             self.lost_owner = False
-            self._station.axis.store.watchdog_ns = connection.timeout_ns
-            self._station.axis.handle.axis.interpolation.settings.cycle_ns = channels.cycle_ns
+            self._kind.fed(connection.timeout_ns, channels.cycle_ns)
         self._station.note(
             now,
             happened.IoConnectionOpened(
@@ -155,7 +160,7 @@ class StationConnections:
         if channels is None:
             return
         if channels.feeds:
-            self._station.axis.store.channels_closed()
+            self._kind.unfed()
         released = event.reason is CloseReason.FORWARD_CLOSE or (event.reason is CloseReason.ENDED and self._leaving)
         if released:
             self._station.note(now, happened.IoConnectionReleased(kind, connection=number))
@@ -166,13 +171,11 @@ class StationConnections:
         if own is not None and own.late:
             self.lost_by_farm[reason] += 1
         self._station.note(now, happened.IoConnectionLost(reason, kind, lateness=own, connection=number))
-        code = int(self._station.axis.handle.axis.faults.settings.loss_fault)
-        if channels.feeds and channels.established and code:
-            self._station.axis.handle.push_command(CMD_RAISE_FAULT, code)
+        if channels.feeds and channels.established:
+            self._kind.lost()
 
     def _set_pace(self) -> None:
-        cycles = [channels.cycle_ns for channels in self._channels.open.values()]
-        self._station.axis.handle.axis.step_ns = longest_step_ns(min(cycles)) if cycles else SLOWEST_STEP_NS
+        self._kind.paced(min((channels.cycle_ns for channels in self._channels.open.values()), default=None))
 
     def forget(self, now: int) -> None:
         """The supply is off: connections end without a word."""
@@ -180,7 +183,7 @@ class StationConnections:
         for number in list(self._channels.open):
             channels = self._channels.remove(number)
             if channels is not None and channels.feeds:
-                self._station.axis.store.channels_closed()
+                self._kind.unfed()
         self._set_pace()
         self._retry_ns = None
 

@@ -1,4 +1,4 @@
-"""One drive on EtherNet/IP: its adapter, its objects over the station's parameters, its cyclic connections.
+"""One station on EtherNet/IP: its adapter, its objects, its cyclic connections.
 
 Bytes and ``now`` in, bytes and typed events out.  Machines and objects are created at each power-on.
 """
@@ -16,19 +16,13 @@ from pnfarm.buses.ethernetip.device.answers import HeldAnswers, WorkingObject, W
 from pnfarm.buses.ethernetip.device.channels import StationChannels, channel_rows
 from pnfarm.buses.ethernetip.device.connections import StationConnections
 from pnfarm.buses.ethernetip.device.kept_values import check_kept
-from pnfarm.buses.ethernetip.device.objects.front_tasks import FrontTasks
-from pnfarm.buses.ethernetip.device.objects.parameter_object import ParameterObject
-from pnfarm.buses.ethernetip.device.objects.position_controller import PositionController, Supervisor
-from pnfarm.buses.ethernetip.device.objects.values import CipValues
-from pnfarm.buses.ethernetip.device.offers import assemblies_of, connection_settings
-from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.buses.ethernetip.device.traffic import Traffic
 from pnfarm.buses.ethernetip.device.view import connection_of, details_of, losses_in_words, view_of
 from pnfarm.errors import InternalError
 from pnfarm.protocols.enip.adapter import Adapter, AdapterData
 from pnfarm.protocols.enip.encapsulation import EncapsulationSettings, SendDatagram, SendStream
 from pnfarm.protocols.enip.objects.ethernet_link import EthernetLinkData
-from pnfarm.protocols.enip.objects.identity import IdentityData, identity_key
+from pnfarm.protocols.enip.objects.identity import identity_key
 from pnfarm.protocols.enip.objects.qos import QosData
 from pnfarm.protocols.enip.objects.tcp_ip import TcpIpData, multicast_address
 from pnfarm.protocols.enip.status import GeneralStatus
@@ -52,8 +46,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Interface
 
     from pnfarm.buses.bus import DeviceServices
-    from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
-    from pnfarm.drives.parameters.store import ParameterStore
+    from pnfarm.buses.ethernetip.device.kind import Kind, Settings
     from pnfarm.engine.channels.closed_channels import ClosedChannels
     from pnfarm.station.device import ConnectionView
     from pnfarm.station.event import Event
@@ -74,23 +67,22 @@ _OPERATIONAL, _RECOVERABLE_FAULT = 3, 4
 class EthernetIpDevice:
     """See :class:`pnfarm.station.device.Device` and :class:`pnfarm.station.device.SocketDevice`."""
 
-    def __init__(self, station: Station, services: DeviceServices) -> None:
+    def __init__(self, station: Station, services: DeviceServices, kind: Kind) -> None:
         self.station = station
         self.port = station.port
-        self.model = station.axis.model
-        self.handle = station.axis.handle
-        self.product = Product.of(self.model)
+        self.kind = kind
         self._services = services
         self.channels = StationChannels(
             station.index,
             station.port,
             services.channels,
             services.impairments,
-            channel_rows(self.product.io_connections),
+            channel_rows(kind.io_connections),
             services.next_hop,
+            kind,
             station.flaws.drift,
         )
-        self.connections = StationConnections(station, self.channels, services.lateness, lambda: self.adapter)
+        self.connections = StationConnections(station, self.channels, services.lateness, lambda: self.adapter, kind)
         self.held = HeldAnswers()
         self.work = WorkingTime(station.latency)
         #: Dropped messages by reason, of the machines before the last power-on.
@@ -120,23 +112,11 @@ class EthernetIpDevice:
             self.dropped = self.discards()
         self._built = True
         self.boots += 1
-        store = self.store
-        values = CipValues(store)
-        controller = PositionController(store, values)
-        parameters = ParameterObject(store, values, controller.enable)
-        self.tasks = FrontTasks(store, values, parameters, controller, self.station.latency)
+        self.kind.build()
         self.traffic = Traffic(self.channels)
         interface = self.interface
         self.channels.address = interface.ip
-        product = self.product
-        self.identity = IdentityData(
-            product.vendor_id,
-            product.device_type,
-            product.product_code,
-            product.revision,
-            int.from_bytes(self.port.mac[2:], "big"),
-            product.product_name,
-        )
+        self.identity = self.kind.identity(int.from_bytes(self.port.mac[2:], "big"))
         self.identity.reset = self._reset
         self.tcp_ip = TcpIpData(
             interface,
@@ -160,23 +140,18 @@ class EthernetIpDevice:
         self.qos.changed = self._keep_qos
         self.channels.dscp = self.qos.dscp
         self.channels.ttl = self.tcp_ip.ttl
-        self.link = EthernetLinkData(self.port.mac, counters=self.traffic.counters)
+        self.link = EthernetLinkData(self.port.mac, label=self.kind.label, counters=self.traffic.counters)
         seed = zlib.crc32(self._services.seed + self.station.configured_name.encode())
         self.adapter = Adapter(
             AdapterData(
                 self.identity,
                 self.tcp_ip,
                 self.link,
-                assemblies_of(product, self.handle.image),
-                connection_settings(
-                    product,
-                    identity_key(self.identity),
-                    multicast_address(interface),
-                    strict=self.config.strict,
-                ),
+                self.kind.assemblies,
+                self.kind.settings(identity_key(self.identity), multicast_address(interface)),
                 qos=self.qos,
-                objects=[WorkingObject(one, self.work) for one in (parameters, controller, Supervisor(store))],
-                encapsulation=EncapsulationSettings(streams=product.sessions),
+                objects=[WorkingObject(one, self.work) for one in self.kind.objects],
+                encapsulation=EncapsulationSettings(streams=self.kind.sessions),
                 incarnation=(seed + self.boots) & 0xFFFF,
             )
         )
@@ -206,7 +181,7 @@ class EthernetIpDevice:
             raise InternalError(f"{self.name} cannot change its MAC address while it is on")
         self.port = replace(cast("Any", self.port), mac=mac)
         self.station.port = self.port
-        self.handle.image.mac = mac_to_int(mac)
+        self.station.image.mac = mac_to_int(mac)
         self.channels.move(self.port)
 
     # -- frames and time ---------------------------------------------------------------------------------------------
@@ -258,7 +233,7 @@ class EthernetIpDevice:
             self.address.next_deadline(),
             self.adapter.next_deadline(),
             self.connections.next_deadline(),
-            self.tasks.next_deadline(),
+            self.kind.next_deadline(),
             self.held.next_deadline(),
             self._reset_ns,
         )
@@ -269,7 +244,7 @@ class EthernetIpDevice:
         self.address.handle_timeout(now)
         self.adapter.handle_timeout(now)
         self.connections.handle_timeout(now)
-        self.tasks.handle_timeout(now)
+        self.kind.handle_timeout(now)
         for answer in self.held.due(now):
             self._actions.append(StreamData(answer.stream, answer.data))
 
@@ -290,7 +265,7 @@ class EthernetIpDevice:
             datagrams=(ENIP_PORT,),
             silent=(IO_PORT,),
             # one more is accepted and closed by the encapsulation, which counts it
-            sessions=self.product.sessions + 1,
+            sessions=self.kind.sessions + 1,
         )
 
     def socket_event(self, event: SocketEvent, now: int) -> None:
@@ -365,16 +340,16 @@ class EthernetIpDevice:
         del axis
 
     def parameter_task(self, axis: int, value: int, now: int) -> None:
-        """See :class:`pnfarm.station.device.Device`: a task of the front."""
+        """See :class:`pnfarm.station.device.Device`."""
         del axis
-        self.tasks.take(value, now)
+        self.kind.parameter_task(value, now)
 
     # -- state for observers -----------------------------------------------------------------------------------------
 
     @property
-    def config(self) -> EthernetIpDriveConfig:
-        """This drive's settings in the farm file."""
-        return cast("EthernetIpDriveConfig", self.station.config)
+    def config(self) -> Settings:
+        """This station's settings in the farm file."""
+        return cast("Settings", self.station.config)
 
     @property
     def interface(self) -> IPv4Interface:
@@ -382,11 +357,6 @@ class EthernetIpDevice:
         if self.config.ip is None:
             raise InternalError(f"{self.name} has no address")
         return self.config.ip
-
-    @property
-    def store(self) -> ParameterStore:
-        """The drive's parameters; recreated at each power-on."""
-        return self.station.axis.store
 
     @property
     def name(self) -> str:
@@ -461,11 +431,11 @@ class EthernetIpDevice:
     def _show_state(self) -> None:
         """Status and state of the Identity object as they are now."""
         owner = next((one for one in self.channels.open.values() if one.feeds), None)
-        faulty = int(self.handle.axis.faults.code[0]) != 0
+        faulty = self.kind.faulty
         if owner is None:
             condition = _FAULTED if self.connections.lost_owner else _NO_CONNECTION
         else:
-            condition = _RUNNING if self.handle.image.valid else _IDLE
+            condition = _RUNNING if self.station.image.valid else _IDLE
         self.identity.status = condition << _EXTENDED | (_OWNED if owner else 0) | (_MAJOR_RECOVERABLE if faulty else 0)
         self.identity.state = _RECOVERABLE_FAULT if faulty else _OPERATIONAL
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Protocol
 if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
-    from pnfarm.buses.ethernetip.config.drive import EthernetIpDriveConfig
     from pnfarm.buses.ethernetip.device.address import DeviceAddress
     from pnfarm.buses.ethernetip.device.channels import StationChannels
     from pnfarm.buses.ethernetip.device.connections import StationConnections
+    from pnfarm.buses.ethernetip.device.kind import Settings
     from pnfarm.protocols.enip.adapter import Adapter
 
 __all__ = ["DeviceParts"]
@@ -25,8 +25,8 @@ class DeviceParts(Protocol):
     connections: StationConnections
 
     @property
-    def config(self) -> EthernetIpDriveConfig:
-        """This drive's settings in the farm file."""
+    def config(self) -> Settings:
+        """This station's settings in the farm file."""
 
     @property
     def name(self) -> str:

@@ -100,8 +100,8 @@ def _channels(connection: Connection) -> list[dict[str, Any]]:
     offer = connection.offer
     if offer is None:
         return []
-    received = _places(offer.consumed, offer.consumed_octets, header=offer.consumed_header)
-    sent = _places(offer.produced, offer.produced_octets, header=offer.produced_header)
+    received = _places(offer.consumed, connection.consumed_octets, header=offer.consumed_header)
+    sent = _places(offer.produced, connection.produced_octets, header=offer.produced_header)
     return [
         {
             "direction": "received",

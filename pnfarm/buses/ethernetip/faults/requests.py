@@ -15,7 +15,7 @@ from pnfarm.protocols.enip.object import Answer
 from pnfarm.protocols.enip.status import ConnectionStatus, GeneralStatus
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Container, Mapping
 
     from pnfarm.buses.ethernetip.device.device import EthernetIpDevice
     from pnfarm.faults.effects.wire import Wire
@@ -23,10 +23,8 @@ if TYPE_CHECKING:
     from pnfarm.protocols.enip.message_router import ObjectPath
     from pnfarm.protocols.enip.wire.forward_open import ForwardOpen
 
-__all__ = ["APPLICATION_CLASSES", "ExplicitAccess", "ForwardOpens"]
+__all__ = ["ExplicitAccess", "ForwardOpens"]
 
-#: The drive's own objects: Parameter, Position Controller Supervisor, Position Controller.
-APPLICATION_CLASSES: Final = frozenset({0x0F, 0x24, 0x25})
 #: Transport class of cyclic data.
 _CYCLIC: Final = 1
 
@@ -66,8 +64,9 @@ class _Error:
     answer: Answer
     given: Callable[[], None]
 
-    def matches(self, path: ObjectPath) -> bool:
-        if self.class_id is None and path.class_id not in APPLICATION_CLASSES:
+    def matches(self, path: ObjectPath, own: Container[int]) -> bool:
+        """``own``: the classes of the application's objects."""
+        if self.class_id is None and path.class_id not in own:
             return False
         return (
             self.class_id in {None, path.class_id}
@@ -102,8 +101,9 @@ class ExplicitAccess(ParameterAccess):
 
     def _refused(self, path: ObjectPath, service: int) -> Answer | None:
         del service
+        own = {one.class_id for one in self._device.kind.objects}
         for error in reversed(self.errors):
-            if error.matches(path):
+            if error.matches(path, own):
                 error.given()
                 answer: Answer = error.answer
                 return answer

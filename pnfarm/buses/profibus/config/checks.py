@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from pnfarm.config.known import Known, ModelFacts
     from pnfarm.vocabulary.issues import Location, Report
 
-__all__ = ["ADDRESS_PARAMETER", "address_in", "check_controller", "check_devices", "check_group", "check_name"]
+__all__ = [
+    "ADDRESS_PARAMETER", "address_in", "check_controller", "check_count", "check_devices", "check_group", "check_name",
+]  # fmt: skip
 
 #: COM_DP_Address (Moog MSD manual 4.2.2).
 ADDRESS_PARAMETER = 918
@@ -52,12 +54,16 @@ def address_in(params: Mapping[str, Any], model: ModelFacts | None) -> int | Non
 def check_group(at: Location, group: ProfibusDrives, report: Report) -> None:
     """Addresses that are counted up stay addresses."""
     for key, first in (("address", group.address), ("control_unit", group.control_unit)):
-        if first is None or first > HIGHEST_ADDRESS:
-            continue
-        last = first + group.count - 1
-        if last > HIGHEST_ADDRESS:
-            what = f"counts {group.count} drives up to {last}"
-            report((*at, key), what, f"station addresses from 0 to {HIGHEST_ADDRESS}")
+        check_count(at, key, first, group.count, report)
+
+
+def check_count(at: Location, key: str, first: int | None, count: int, report: Report) -> None:
+    """Addresses of so many stations, the first of which has this one."""
+    if first is None or first > HIGHEST_ADDRESS:
+        return
+    last = first + count - 1
+    if last > HIGHEST_ADDRESS:
+        report((*at, key), f"counts {count} stations up to {last}", f"station addresses from 0 to {HIGHEST_ADDRESS}")
 
 
 def check_devices(controller: ProfibusController, claims: Claims, report: Report) -> None:

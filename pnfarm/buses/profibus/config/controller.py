@@ -6,8 +6,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from pnfarm.buses.profibus.config.device import GsdDevice
 from pnfarm.buses.profibus.config.drive import Address
+from pnfarm.buses.profibus.config.foreign import GsdDevice
 from pnfarm.config.controller import ControllerSection
 from pnfarm.config.values import Duration, between
 

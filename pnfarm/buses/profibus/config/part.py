@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.farm_file import FarmFilePart
 from pnfarm.buses.profibus.config import checks
 from pnfarm.buses.profibus.config.controller import ProfibusController
+from pnfarm.buses.profibus.config.device import ProfibusDeviceConfig, ProfibusDevices
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS, ProfibusDriveConfig, ProfibusDrives
+from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pnfarm.buses.farm_file import Expansion
+    from pnfarm.config.device import DeviceConfig
     from pnfarm.config.drive import DriveConfig
+    from pnfarm.config.ip import Macs
     from pnfarm.config.known import ModelFacts
+    from pnfarm.vocabulary.issues import Location, Report
 
 __all__ = ["PROFIBUS_PART", "ProfibusPart"]
 
@@ -37,6 +45,32 @@ class ProfibusPart(FarmFilePart[ProfibusDrives, ProfibusController]):
         if switches > HIGHEST_ADDRESS:
             address = control_unit if control_unit is not None else checks.address_in(common.params, model)
         return ProfibusDriveConfig.extending(common, switches=switches, control_unit=control_unit, address=address)
+
+    # -- devices by their files (pnfarm.buses.devices) ----------------------------------------------------------------
+
+    @property
+    def devices(self) -> type[ProfibusDevices]:
+        return ProfibusDevices
+
+    def check_devices_group(self, at: Location, group: ProfibusDevices, report: Report) -> None:
+        checks.check_count(at, "address", group.address, group.count, report)
+
+    def describe(self, at: Location, group: ProfibusDevices, folder: Path, report: Report) -> ProfibusDevices:
+        # the reader of GSD files is for farm files with devices only
+        described = import_module("pnfarm.buses.profibus.described.from_file").describe_group(at, group, folder, report)
+        return group if described is None else group.adopting(described)
+
+    def device(self, common: DeviceConfig, group: ProfibusDevices, step: int, macs: Macs) -> ProfibusDeviceConfig:
+        del macs
+        if group.described is None:
+            raise InternalError(f"devices {group.name} are made before their file is read")
+        address = None if group.address is None else group.address + step
+        return ProfibusDeviceConfig.extending(
+            common, kinds=group.described.kinds, described=group.described, address=address
+        )
+
+    def sentences(self, group: ProfibusDevices) -> list[str]:
+        return [] if group.described is None else group.described.sentences()
 
 
 PROFIBUS_PART = ProfibusPart()

@@ -22,9 +22,12 @@ from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, Master
 from pnfarm.protocols.profibus.wire.dp import StationStatus
 from pnfarm.protocols.profibus.wire.telegram import parse_telegram
+from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 from pnfarm.table.image import LOST_EXPIRED
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from pnfarm.buses.controller import ControllerHost
     from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.controller.plan import DevicePlan, ProfibusPlan
@@ -37,7 +40,8 @@ class ProfibusCore(DriveCore):
     """See the module's docstring."""
 
     def __init__(self, plan: ProfibusPlan, host: ControllerHost, *, tick_ns: int = 1_000_000) -> None:
-        super().__init__(plan, host, channels=8, tick_ns=tick_ns)
+        without_axes = [device for device in plan.devices if device.described is None]
+        super().__init__(plan, host, channels=8, tick_ns=tick_ns, pieces=len(without_axes))
         self.plan = plan
         baud = host.port.baud or plan.settings.baud
         self.master = Master(replace(plan.settings, baud=baud), [device.slave for device in plan.devices])
@@ -47,13 +51,18 @@ class ProfibusCore(DriveCore):
             image.layout(device.input_words, device.output_words)
             self._images.append(image)
             station = self.master.stations[index]
-            if device.described is None:
-                station.outputs = device.outputs
-            else:
-                station.source = image.fill
+            station.source = image.fill if device.described is not None else self._plain(index, device)
         self._jobs: list[tuple[str, ParameterJob | ParameterQuestion]] = []
         self._began_ns: dict[str, int] = {}
         self._reference = 0
+
+    def _plain(self, place: int, device: DevicePlan) -> Callable[[], bytes]:
+        """Rows of a device without axes; what gives its outputs."""
+        slave = device.slave
+        outputs = ProvidedData(self.columns.provided, place, slave.output_octets, 0)
+        outputs.write({0: device.outputs})
+        self.plain[device.name] = outputs, ConsumedData(self.columns.consumed, place, slave.input_octets, 1)
+        return outputs.read
 
     def start(self, now: int) -> None:
         """Begin to poll."""
@@ -94,6 +103,7 @@ class ProfibusCore(DriveCore):
             place = self._places[station.plan.name]
             if self.plan.devices[place].described is None:
                 self._images[place].note(now)
+                self.plain[station.plan.name][1].take(station.inputs, good=True)
             else:
                 self._images[place].take(station.inputs, now)
         for event in master.take_events():
@@ -121,6 +131,9 @@ class ProfibusCore(DriveCore):
             case ConnectionMissed(why=why, exchanged=exchanged):
                 if exchanged:
                     self._images[place].stop(LOST_EXPIRED)
+                    if name in self.plain:
+                        inputs = self.plain[name][1]
+                        inputs.take(inputs.read(), good=False)
                     self._began_ns[name] = now
                 self.log.record(now, name, happened.ConnectionBroken(why) if exchanged else happened.ConnectFailed(why))
             case DiagnosisRead(diagnosis=diagnosis):

@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.controllers.device_plan import PlannedDevice
 from pnfarm.buses.controllers.plan import describing, profidrive_keys, reconnect_after_ns, telegram_of
 from pnfarm.buses.controllers.signal_steps import KnownSteps, SignalSteps
+from pnfarm.buses.profibus.gsd_file import load_gsd
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profibus.gsd_file import LONGEST
-from pnfarm.protocols.profibus.gsd_slave import parse_gsd_slave
+from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profibus.master import MasterSettings, SlavePlan
-from pnfarm.protocols.profibus.wire.dp import V1Status1, parse_identifiers, watchdog_factors
-from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.protocols.profibus.wire.dp import V1Status1, watchdog_factors
+from pnfarm.vocabulary.durations import format_duration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from ipaddress import IPv4Interface
 
     from pnfarm.buses.profibus.config.controller import ProfibusController
-    from pnfarm.buses.profibus.config.device import GsdDevice
+    from pnfarm.buses.profibus.config.device import ProfibusDeviceConfig
     from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
+    from pnfarm.buses.profibus.config.foreign import GsdDevice
     from pnfarm.drives.description.model import Model
+    from pnfarm.protocols.profibus.gsd.station import PluggedSlave
 
 __all__ = ["DevicePlan", "ProfibusPlan", "plan_controller"]
 
 _MS = 1_000_000
-#: Octets of a Data_Exchange each way.
-MOST_DATA = 244
+#: DPV1_Status_1 to 3: the first of the user's octets of a slave of DP-V1.
+_V1_OCTETS = 3
 #: The longest watchdog that the base of 1 ms can say.
 _SHORT_NS = 255 * 255 * _MS
 
@@ -98,37 +100,55 @@ def _plan_drive(
 def _plan_foreign(section: ProfibusController, device: GsdDevice, folder: Path) -> DevicePlan:
     """A slave by its GSD file."""
     path = folder / device.gsd
+    gsd = load_gsd(path)
     with describing(device.name, path):
-        slave = parse_gsd_slave(read_regular(path, LONGEST + 1))
-        identifiers, user = slave.chosen(device.modules)
-        parts = parse_identifiers(identifiers)
-    outputs, inputs = sum(part.outputs for part in parts), sum(part.inputs for part in parts)
-    if outputs > MOST_DATA or inputs > MOST_DATA:
-        raise ConfigError(
-            f"device {device.name}: {outputs} octets of outputs and {inputs} of inputs, at most {MOST_DATA}"
-        )
+        slave = plug_slave(gsd, dict(enumerate(device.modules, 1)))
+    user = slave.user if device.user is None else device.user
     given = device.outputs or b""
-    if len(given) > outputs:
-        raise ConfigError(f"device {device.name}: {len(given)} octets of `outputs`, its modules have {outputs}")
-    user = device.user if device.user is not None else user
+    if len(given) > slave.outputs:
+        raise ConfigError(f"device {device.name}: {len(given)} octets of `outputs`, its modules have {slave.outputs}")
+    return _plan_described(section, device.name, device.address, slave, user, given)
+
+
+def _plan_own(section: ProfibusController, device: ProfibusDeviceConfig) -> DevicePlan:
+    """A device of the farm: its file was read with the farm file."""
+    if device.address is None:
+        raise ConfigError(f"device {device.name} has no station address, and this master sets none: give `address`")
+    slave = device.described.plugged
+    user = bytearray(slave.user)
+    if slave.gsd.v1 and len(user) >= _V1_OCTETS:
+        # as engineering tools do for a slave of DP-V1: its file leaves these octets to them
+        user[0] |= V1Status1.DPV1_ENABLE
+    plan = _plan_described(section, device.name, device.address, slave, bytes(user))
+    return replace(plan, data_signals=device.described.signals, data_places=device.described.signal_places)
+
+
+def _plan_described(
+    section: ProfibusController, name: str, address: int, slave: PluggedSlave, user: bytes, outputs: bytes = b""
+) -> DevicePlan:
+    """A slave by what its file says of it."""
+    gsd = slave.gsd
+    if section.cycle_ns < gsd.interval_ns:
+        least = format_duration(gsd.interval_ns)
+        raise ConfigError(f"device {name}: a cycle of {format_duration(section.cycle_ns)}, its file allows {least}")
     factors, _ = _watchdog(section, v1=False)
     return DevicePlan(
-        name=device.name,
-        model=slave.name or path.name,
+        name=name,
+        model=gsd.model or f"0x{gsd.ident:04X}",
         slave=SlavePlan(
-            name=device.name,
-            address=device.address,
-            ident=slave.ident,
-            identifiers=identifiers,
-            output_octets=outputs,
-            input_octets=inputs,
+            name=name,
+            address=address,
+            ident=gsd.ident,
+            identifiers=slave.identifiers,
+            output_octets=slave.outputs,
+            input_octets=slave.inputs,
             user=user,
             watchdog_factors=factors,
             reconnect_ns=reconnect_after_ns(section),
             access=section.access,
         ),
         cycle_ns=section.cycle_ns,
-        outputs=given.ljust(outputs, b"\0"),
+        outputs=outputs.ljust(slave.outputs, b"\0"),
     )
 
 
@@ -137,10 +157,15 @@ def plan_controller(
     drives: Sequence[ProfibusDriveConfig],
     models: Sequence[Model],
     folder: Path | None,
+    own: Sequence[ProfibusDeviceConfig] = (),
 ) -> ProfibusPlan:
-    """The master and what it expects, drive by drive.  Raises :class:`ConfigError`."""
+    """The master and what it expects, drive by drive and then device by device: the farm's ``own``, and foreign ones.
+
+    Raises :class:`ConfigError`.
+    """
     known_steps = KnownSteps()
     devices = [_plan_drive(section, drive, model, known_steps) for drive, model in zip(drives, models, strict=True)]
+    devices += [_plan_own(section, device) for device in own]
     devices += [_plan_foreign(section, device, folder or Path()) for device in section.devices]
     settings = MasterSettings(
         address=section.address,

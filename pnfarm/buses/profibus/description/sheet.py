@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.profibus.device.extended_diagnosis import extended_octets
 from pnfarm.buses.profibus.device.product import Product
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profibus.gsd import GsdModule, SlaveDescription
+from pnfarm.protocols.profibus.gsd.writer import GsdModule, SlaveDescription
 from pnfarm.protocols.profibus.wire.dp import V1Status1, parse_identifiers
 
 if TYPE_CHECKING:

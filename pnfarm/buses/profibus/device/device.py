@@ -1,4 +1,4 @@
-"""One drive on PROFIBUS: its slave, its image, its parameters as records.
+"""One station on PROFIBUS: its slave, its image, and what stands behind them (:mod:`.kind`).
 
 Telegrams and ``now`` in, answers and typed events out.  Slave and user are created at each power-on.
 """
@@ -6,23 +6,15 @@ Telegrams and ``now`` in, answers and typed events out.  Slave and user are crea
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
 from pnfarm.buses.profibus.device import events as happened
 from pnfarm.buses.profibus.device.fast_path import READY
 from pnfarm.buses.profibus.device.image import CyclicImage
-from pnfarm.buses.profibus.device.kept_values import check_kept
-from pnfarm.buses.profibus.device.product import Product
-from pnfarm.buses.profibus.device.station_address import DEFAULT_ADDRESS, SWITCHES, station_address
-from pnfarm.buses.profibus.device.user import DriveUser
 from pnfarm.buses.profibus.device.view import connection_of, details_of, losses_in_words, view_of
-from pnfarm.drives.parameters.network import NoNetwork
 from pnfarm.errors import DecodeError
-from pnfarm.firmware.motion.interpolation import POSITION_MODE
 from pnfarm.protocols.profibus import slave_user as dp
 from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave
-from pnfarm.protocols.profibus.slave_user import SlaveOptions
 from pnfarm.protocols.profibus.wire.dp import DpState
 from pnfarm.protocols.profibus.wire.telegram import (
     BODY,
@@ -35,18 +27,14 @@ from pnfarm.protocols.profibus.wire.telegram import (
 )
 from pnfarm.station.events import ControllerModeChanged, WatchdogExpired
 from pnfarm.station.lateness import budget_ns
-from pnfarm.station.parameter_words import StationParameterWords
-from pnfarm.station.step_time import FASTEST_STEP_NS, SLOWEST_STEP_NS, longest_step_ns
-from pnfarm.table.axis_codes import CMD_RAISE_FAULT
 from pnfarm.table.image import LOST_CLOSED, LOST_EXPIRED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.buses.bus import DeviceServices
-    from pnfarm.buses.profibus.config.drive import ProfibusDriveConfig
+    from pnfarm.buses.profibus.device.kind import Kind, StationUser
     from pnfarm.buses.profibus.device.parts import LineParts
-    from pnfarm.drives.parameters.store import ParameterStore
     from pnfarm.engine.channels.closed_channels import ClosedChannels
     from pnfarm.protocols.profibus.slave_user import SlaveEvent
     from pnfarm.station.device import ConnectionView
@@ -60,12 +48,10 @@ __all__ = ["ProfibusDevice"]
 class ProfibusDevice:
     """See :class:`pnfarm.station.device.Device`."""
 
-    def __init__(self, station: Station, services: DeviceServices) -> None:
+    def __init__(self, station: Station, services: DeviceServices, kind: Kind) -> None:
         self.station = station
         self.port = station.port
-        self.model = station.axis.model
-        self.handle = station.axis.handle
-        self.product = Product.of(self.model)
+        self.kind = kind
         self._lateness = services.lateness
         self.image = CyclicImage(station.image, self._cycle_known)
         self.connects = 0
@@ -93,20 +79,19 @@ class ProfibusDevice:
         self.deaf = False
         self._due: int | None = None
         self._only_polled = False
+        self._watchdog_ns = 0
         self.slave: Slave
-        self.user: DriveUser
         self._built = False
 
     # -- life --------------------------------------------------------------------------------------------------------
 
     def check(self, kept: Mapping[str, Any]) -> None:
         """See :class:`pnfarm.station.device.Device`."""
-        check_kept(kept)
+        self.kind.check(kept)
 
     def commission(self, kept: Mapping[str, Any]) -> None:
-        """See :class:`pnfarm.station.device.Device`: an address entered with the buttons is in the parameter."""
-        if self.config.control_unit is not None and "drive" not in kept:
-            self.store.commission({self.product.address_parameter: self.config.control_unit})
+        """See :class:`pnfarm.station.device.Device`."""
+        self.kind.commission(kept)
 
     def build(self, kept: dict[str, Any]) -> None:
         """See :class:`pnfarm.station.device.Device`."""
@@ -116,25 +101,10 @@ class ProfibusDevice:
         self._built = True
         self.boots += 1
         self.connects_before = self.connects
-        product = self.product
-        self.user = DriveUser(self.store, self.image, product, strict=self.config.strict, latency=self.station.latency)
-        self.parameter_words = StationParameterWords(self.store, self.station.latency)
-        self.slave = Slave(
-            self._address(),
-            self.user,
-            SlaveOptions(
-                self.model.profidrive.identity.device_id,
-                supports_freeze=product.freeze,
-                supports_sync=product.sync,
-                supports_fail_safe=product.fail_safe,
-                address_changes=product.address_changes and self.config.switches > HIGHEST_ADDRESS,
-                connections=product.connections,
-                longest_record=product.longest_record,
-                send_timeout_ns=product.send_timeout_ns,
-                class_two_exchanged=product.class_two_exchanged,
-                silence_ns=product.silence_ns,
-            ),
-        )
+        found = self.kind.address(kept)
+        self.address_from = found.origin
+        options = self.kind.build(self.image)
+        self.slave = Slave(found.address, self.user, options)
         self.slave.changed = self._not_as_before
         self._not_as_before()
         # of the slave before
@@ -147,15 +117,6 @@ class ProfibusDevice:
     def _line_changed(self) -> None:
         if self.line is not None:
             self.line.changed()
-
-    def _address(self) -> int:
-        """By the coding switches, else by the parameter (Moog MSD manual 4.2.2); both count at power-on."""
-        parameter = self.product.address_parameter
-        found = station_address(self.config.switches, self.store.raw(parameter, DEFAULT_ADDRESS))
-        self.address_from = found.origin
-        if found.origin == SWITCHES and self.product.address_in_force:
-            self.store.overruled[parameter] = found.address
-        return found.address
 
     def start(self, now: int) -> list[str]:
         """See :class:`pnfarm.station.device.Device`."""
@@ -197,7 +158,7 @@ class ProfibusDevice:
         slave = self.slave
         answer = slave.receive(telegram, now)
         if answer is not None:
-            self._answers.append(emit_telegram(answer, fixed=self.product.fixed_length))
+            self._answers.append(emit_telegram(answer, fixed=self.kind.fixed_length))
         # a poll of a slave that exchanges data moves its deadlines to later times, and nothing else
         self._only_polled = (
             self._due is not None and slave.state is DpState.DATA_EXCH and slave.quiet and type(telegram) is Telegram
@@ -217,7 +178,7 @@ class ProfibusDevice:
         inputs = self.slave.poll(source, function, octets[begin + 3 : -2], now)
         if inputs is None:
             return None
-        answer = emit_data(source, self.slave.address, Answer.DL, inputs, fixed=self.product.fixed_length)
+        answer = emit_data(source, self.slave.address, Answer.DL, inputs, fixed=self.kind.fixed_length)
         self.image.repeat(source, function & FCB, BODY[answer[0]])
         return answer
 
@@ -245,7 +206,7 @@ class ProfibusDevice:
 
     def follow(self, now: int) -> None:
         """Carry out what requests changed; it is not part of the time that an answer takes."""
-        self.user.plug()
+        self.kind.follow()
         while self.station.pump_drive(now):
             self._only_polled = False
         self._settle(now)
@@ -256,7 +217,7 @@ class ProfibusDevice:
         if self._only_polled:
             self._only_polled = False
             return self._due
-        times = (self.slave.next_deadline(), self.user.channel.next_deadline(), self.parameter_words.next_deadline())
+        times = (self.slave.next_deadline(), self.kind.next_deadline())
         due = min((time for time in times if time is not None), default=None)
         if due is None or self._due is None or due < self._due:
             self._due = due
@@ -272,13 +233,12 @@ class ProfibusDevice:
             # telegrams for others are not given to it, and keep the rate as well
             self.slave.heard(self.line.heard_ns)
         self.slave.handle_timeout(now)
-        self.user.channel.handle_timeout(now)
-        self.parameter_words.handle_timeout(now)
+        self.kind.handle_timeout(now)
 
     def telegram_changed(self, axis: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         del axis
-        self.user.layout()
+        self.kind.layout()
 
     # -- the slave's events ------------------------------------------------------------------------------------------
 
@@ -298,8 +258,11 @@ class ProfibusDevice:
                 self.note(now, happened.BaudRateLost())
             case dp.ParametersTaken(master, parameters):
                 self.number += 1
-                self.store.watchdog_ns = parameters.watchdog_ns()
+                self._watchdog_ns = parameters.watchdog_ns()
+                wrong = self.kind.parametrised(parameters)
                 self.note(now, happened.ParametersTaken(master, parameters.watchdog_ns(), connection=self.number))
+                if wrong is not None:
+                    self.note(now, happened.ParametersDoubted(master, wrong))
             case dp.ParametersRefused(master, why):
                 self.note(now, happened.ParametersRefused(master, why))
             case dp.ConfigurationRefused(master, identifiers):
@@ -324,22 +287,15 @@ class ProfibusDevice:
         self.connects += 1
         self.connected_ns = now
         self.image.begin()
-        self.handle.axis.step_ns = FASTEST_STEP_NS
-        self.handle.image.good = 1
-        self.note(now, happened.DataExchangeBegan(master, self.store.telegram_number, connection=self.number))
+        self.kind.began()
+        self.note(now, happened.DataExchangeBegan(master, self.kind.number, connection=self.number))
 
     def _cycle_known(self, mean_ns: int) -> None:
-        """The bus has no agreed cycle: the master's own is measured.
-
-        A drive that makes a curve of positions reads the cycle from its own steps, and keeps the shortest.
-        """
-        axis = self.handle.axis
         if self.connected_ns:
-            curve = axis.drive.settings.opmode == POSITION_MODE
-            axis.step_ns = FASTEST_STEP_NS if curve else longest_step_ns(mean_ns)
+            self.kind.cycle_known(mean_ns)
 
     def _left(self, event: dp.Left, now: int) -> None:
-        silent = self.store.watchdog_ns
+        silent = self._watchdog_ns
         own: Lateness | None = None
         if event.why == WATCHDOG:
             own = self._lateness.between(now - silent, now, budget_ns(self.cycle_ns, silent), by_loop=True)
@@ -356,31 +312,24 @@ class ProfibusDevice:
         if own is not None and own.late:
             self.lost_by_farm[event.why] += 1
         self.note(now, happened.DataExchangeLost(event.why, event.master, lateness=own, connection=self.number))
-        code = int(self.handle.axis.faults.settings.loss_fault)
-        if event.why == WATCHDOG and code:
-            self.handle.push_command(CMD_RAISE_FAULT, code)
+        if event.why == WATCHDOG:
+            self.kind.expired()
 
     def _ended(self, why: int) -> None:
         """Data exchange is over, whatever ended it."""
-        if self.connected_ns or int(self.handle.image.valid):
+        if self.connected_ns or int(self.station.image.valid):
             self.image.stop(why)
-        self.connected_ns = 0
-        self.store.channels_closed()
-        self.store.watchdog_ns = 0
-        self.parameter_words.reset()
-        self.handle.axis.step_ns = SLOWEST_STEP_NS
+        self.connected_ns = self._watchdog_ns = 0
+        self.kind.ended()
 
     def _readdressed(self, address: int, now: int, *, locks: bool) -> None:
-        """Set_Slave_Add: the parameter has the address from now on."""
-        self.store.set(self.product.address_parameter, address)
-        self.store.commission({self.product.address_parameter: address})
+        """Set_Slave_Add."""
         self.station.kept["address_locked"] = locks
-        self.station.keep(now, "drive", self.store.snapshot())
+        self.kind.readdressed(address, now)
         self.note(now, happened.AddressChanged(address, "master"))
 
     def _show_rate(self) -> None:
-        rate = self.product.baud_code(self.baud) if self.slave.found else 0
-        self.store.network = NoNetwork(name=self.name, line_rate=rate)
+        self.kind.rate_known(self.baud if self.slave.found else 0)
 
     # -- events of the engine ----------------------------------------------------------------------------------------
 
@@ -395,19 +344,19 @@ class ProfibusDevice:
     def fault_raised(self, axis: int, number: int) -> None:
         """See :class:`pnfarm.station.device.Device`: the master is asked to read the diagnosis."""
         del axis, number
-        if self.user.tells:
+        if self.kind.tells:
             self.slave.diagnosis_changed()
 
     def faults_cleared(self, axis: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         del axis
-        if self.user.tells:
+        if self.kind.tells:
             self.slave.diagnosis_changed()
 
     def parameter_task(self, axis: int, value: int, now: int) -> None:
         """See :class:`pnfarm.station.device.Device`: a task of the cyclic parameter channel."""
         del axis
-        self.parameter_words.take(value, now)
+        self.kind.parameter_task(value, now)
 
     # -- state for observers -----------------------------------------------------------------------------------------
 
@@ -417,14 +366,9 @@ class ProfibusDevice:
         return self._baud if self._rate is None else self._rate()
 
     @property
-    def config(self) -> ProfibusDriveConfig:
-        """This drive's settings in the farm file."""
-        return cast("ProfibusDriveConfig", self.station.config)
-
-    @property
-    def store(self) -> ParameterStore:
-        """The drive's parameters; recreated at each power-on."""
-        return self.station.axis.store
+    def user(self) -> StationUser:
+        """What the slave asks; recreated at each power-on."""
+        return self.kind.user
 
     @property
     def name(self) -> str:
@@ -433,7 +377,7 @@ class ProfibusDevice:
     @property
     def cycle_ns(self) -> int:
         """Time between the last two polls; 0 before there were two."""
-        return int(self.handle.image.interval_ns)
+        return int(self.station.image.interval_ns)
 
     @property
     def connected(self) -> bool:

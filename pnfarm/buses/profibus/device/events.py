@@ -20,6 +20,7 @@ __all__ = [
     "ConfigurationRefused",
     "DataExchangeBegan",
     "DataExchangeLost",
+    "ParametersDoubted",
     "ParametersRefused",
     "ParametersTaken",
     "SlaveReleased",
@@ -60,6 +61,14 @@ class SlaveReleased(ConnectionReleased):
 @event()
 class ParametersRefused(ConnectionRefused):
     """A Set_Prm does not fit the slave (Prm_Fault); ``meaning`` says why."""
+
+    master: int
+    meaning: str
+
+
+@event("parameters accepted though they are wrong", "warning")
+class ParametersDoubted(Event):
+    """The user's octets of a Set_Prm do not fit what the device's file says; its limits are lax, so they are kept."""
 
     master: int
     meaning: str

@@ -83,6 +83,7 @@ class CyclicImage:
         self.cells[fast_path.LEFT] = AVERAGED
         self._fast_path: tuple[FastPath, int] | None = None
         self._on_cycle = on_cycle
+        self._has_words = True
         self.layout((), ())
 
     def join(self, path: FastPath, row: int) -> None:
@@ -121,7 +122,8 @@ class CyclicImage:
         cells = self.cells
         cells[fast_path.MASTER], cells[fast_path.FCB_CELL], cells[fast_path.BODY] = master, fcb, body
         cells[fast_path.OUTPUTS], cells[fast_path.INPUTS] = self.output_octets, self.input_octets
-        cells[fast_path.READY] = 1
+        # what is compiled knows words only
+        cells[fast_path.READY] = int(self._has_words)
 
     def repeated(self) -> tuple[int, int, bytes, bytes, int] | None:
         """Master, FCB, outputs, inputs and time of the last poll that the fast path answered since the last call."""
@@ -146,10 +148,22 @@ class CyclicImage:
             path, row = self._fast_path
             path.layout(row, self._outputs.as_compiled(), self._inputs.as_compiled())
 
+    def without_words(self, outputs: int, inputs: int) -> None:
+        """The cyclic data are so many octets of a row of plain data: here they are counted only."""
+        self.layout((), ())
+        self.output_octets, self.input_octets = outputs, inputs
+        self._has_words = False
+
     def begin(self) -> None:
         """A connection begins: the first interval counts from its first data."""
         self.cells[fast_path.LAST] = 0
         self.cells[fast_path.LEFT] = AVERAGED
+
+    def note_sent(self) -> None:
+        """Inputs leave, whatever they are."""
+        self._filled[0] = (self._filled[0] + 1) & 0xFFFFFFFF
+        self._counts.sent += 1
+        self.cells[fast_path.SENT_NS] = self._frame_ns[0]
 
     def take(self, data: bytes, now: int) -> None:
         """Outputs of the length of the telegram."""
@@ -196,9 +210,7 @@ class CyclicImage:
             words[high] = value >> 16 & 0xFFFF
             if low >= 0:
                 words[low] = value & 0xFFFF
-        self._filled[0] = (self._filled[0] + 1) & 0xFFFFFFFF
-        self._counts.sent += 1
-        self.cells[fast_path.SENT_NS] = self._frame_ns[0]
+        self.note_sent()
         return inputs.coding.pack(*words)
 
     def _zero(self) -> None:

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from collections import Counter
 
     from pnfarm.buses.profibus.device.image import CyclicImage
-    from pnfarm.buses.profibus.device.product import Product
+    from pnfarm.buses.profibus.device.kind import Kind
     from pnfarm.protocols.profibus.slave import Slave
     from pnfarm.station.node import StationPort
     from pnfarm.station.station import Station
@@ -31,7 +31,7 @@ class SlaveParts(Protocol):
 
     station: Station
     port: StationPort
-    product: Product
+    kind: Kind
     image: CyclicImage
     slave: Slave
     line: LineParts | None

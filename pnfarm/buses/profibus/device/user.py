@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.buses.profibus.device.extended_diagnosis import extended_diagnosis
+from pnfarm.buses.profibus.device.kind import Meddling
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import DecodeError
 from pnfarm.firmware.causes import NUMBER_MASK
@@ -27,7 +28,7 @@ __all__ = ["DriveUser"]
 PARAMETERS: Final = 47
 
 
-class DriveUser:
+class DriveUser(Meddling):
     """See :class:`pnfarm.protocols.profibus.slave_user.SlaveUser`.  Made anew at each power-on.
 
     ``latency`` gives the time of the next request for parameters, ns.
@@ -42,6 +43,7 @@ class DriveUser:
         strict: bool,
         latency: Callable[[], int] | None,
     ) -> None:
+        super().__init__()
         self._store = store
         self._image = image
         self._product = product
@@ -51,13 +53,6 @@ class DriveUser:
             for number, telegram in store.model.profidrive.telegrams.items()
             if telegram.identifiers
         }
-        #: Injections: what refuses records, and what holds answers back.
-        self.error: tuple[int, int] | None = None
-        self.withhold: Callable[[int], bool] | None = None
-        self.given: Callable[[], None] = lambda: None
-        #: Diagnosis that an injection adds: octets of a block, and whether data exchange makes no sense.
-        self.further_diagnosis = b""
-        self.static_diagnosis = False
         self._to_plug: int | None = None
         self._errors, self._warning = field_views(store.handle.axis, "faults.code", "warnings.code")
         self.layout()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.profibus.device.lamps import LampState, lamps
+from pnfarm.buses.profibus.device.lamps import LampState
 from pnfarm.protocols.profibus.slave import (
     BAD_LENGTH,
     CONFIGURED_WRONG,
@@ -65,7 +65,7 @@ def losses_in_words(device: SlaveParts) -> dict[str, int]:
 
 
 def lamps_of(device: SlaveParts) -> dict[str, str]:
-    """H1 to H3 and how each is lit (Moog MSD manual 4.2.1)."""
+    """Each lamp, and how it is lit."""
     slave = device.slave
     state = LampState(
         powered=device.station.powered,
@@ -78,7 +78,7 @@ def lamps_of(device: SlaveParts) -> dict[str, str]:
         parameters_wrong=slave.faults.parameters,
         configuration_wrong=slave.faults.configuration,
     )
-    return lamps(device.product, state)
+    return dict(device.kind.lamps(state))
 
 
 def view_of(device: SlaveParts) -> dict[str, Any]:
@@ -102,4 +102,5 @@ def details_of(device: SlaveParts) -> dict[str, Any]:
         "clear": slave.clear,
         "class_2_masters": [master for master, _ in slave.class_two.open],
         "repeated_requests": slave.repeated,
+        **device.kind.details(),
     }

@@ -38,7 +38,7 @@ class SlaveConnection(ConnectionPart):
             cycle_ns=cycle_ns,
             # the master's retries are its own: a slave knows the watchdog that it was given
             watchdog_ns=slave.watchdog_ns,
-            next_ns=int(self._device.handle.image.frame_ns) + cycle_ns,
+            next_ns=int(self._device.station.image.frame_ns) + cycle_ns,
         )
 
     def cycles(self) -> int:
@@ -63,8 +63,8 @@ class SlaveConnection(ConnectionPart):
 
     def sent_status(self, status: Status, since: int) -> bool:
         bit, value = _BITS[status]
-        word = int(self._device.handle.image.sent[ZSW1])
+        word = int(self._device.station.image.sent[ZSW1])
         return self.sent_data(since) and word >> bit & 1 == value
 
     def reports(self, status: Status) -> bool:
-        return status in _BITS
+        return status in _BITS and bool(self._device.station.axes)

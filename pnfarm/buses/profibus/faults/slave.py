@@ -67,6 +67,10 @@ class SlavePart(DrivePart):
         if device.deaf:
             slave.search()
 
+    def described_diagnosis(self, name: str, slot: int, channel: int) -> bytes:
+        """Blocks of a diagnosis by its name in the device's file; raises :class:`ConfigError`."""
+        return self._device.kind.diagnosis(name, slot, channel)
+
     @property
     def exchanging(self) -> bool:
         return self._device.slave.exchanging

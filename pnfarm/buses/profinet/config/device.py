@@ -2,54 +2,31 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import BeforeValidator, Field, PlainValidator, PrivateAttr, WithJsonSchema
+from pydantic import BeforeValidator, Field
 
 from pnfarm.buses.profinet.config.values import Cycle  # noqa: TC001 - pydantic reads the annotations of fields
 from pnfarm.config.ip import IpDeviceConfig, IpDevices
 from pnfarm.config.section import Section
+from pnfarm.config.slots import named_module, slot_number
 from pnfarm.config.values import Scalar
-from pnfarm.vocabulary.problem import Problem
-from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pnfarm.buses.profinet.described.station import DescribedStation
 
-__all__ = ["Place", "PluggedModule", "ProfinetDeviceConfig", "ProfinetDevices", "read_slot"]
+__all__ = ["Place", "PluggedModule", "ProfinetDeviceConfig", "ProfinetDevices"]
 
 _U16 = 0xFFFF
 _WANTED = "ID, order number, ident or name"
 
 
-def read_slot(value: Any) -> int:
-    """A key: YAML's keys come as texts."""
-    text = str(value)
-    number = int(text) if re.fullmatch(r"[0-9]{1,5}", text) else -1
-    if re.fullmatch(r"0[xX][0-9a-fA-F]{1,4}", text):
-        number = int(text, 16)
-    if not 0 <= number <= _U16:
-        raise Problem(f"{shown(value)} is not a slot or subslot", "a number from 0 to 65535")
-    return number
-
-
 #: A slot or a subslot as the key of a mapping.
-Place = Annotated[int, PlainValidator(read_slot), WithJsonSchema({"type": "integer", "minimum": 0, "maximum": _U16})]
-
-
-def _read_wanted(value: Any) -> str | int:
-    if isinstance(value, bool) or not isinstance(value, str | int) or value == "":
-        raise Problem(f"is {shown(value)}", f"the {_WANTED} of one that its file has")
-    return value
-
-
-Wanted = Annotated[
-    str | int, PlainValidator(_read_wanted), WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "integer"}]})
-]
+Place = Annotated[int, *slot_number("a slot or subslot", _U16)]
+Wanted = Annotated[str | int, *named_module(_WANTED)]
 
 
 class PluggedModule(Section):
@@ -91,7 +68,11 @@ class ProfinetDevices(IpDevices):
         "slots",
     )
 
-    gsdml: str = Field(min_length=1, max_length=4096, description="Its maker's GSDML file, relative to this file.")
+    gsdml: str = Field(
+        min_length=1,
+        max_length=4096,
+        description="Its maker's GSDML file, relative to this file: a device on PROFINET.",
+    )
     access_point: Wanted | None = Field(
         default=None, description=f"{_WANTED} of the access point; left out where the GSDML file has one only."
     )
@@ -108,22 +89,6 @@ class ProfinetDevices(IpDevices):
     cycle_ns: Cycle | None = Field(
         default=None, alias="cycle", description="Cycle at which the built-in controller runs these devices."
     )
-    _described: DescribedStation | None = PrivateAttr(default=None)
-
-    def adopting(self, described: DescribedStation) -> Self:
-        """The group with what its file says."""
-        found = self.model_copy()
-        found._described = described  # noqa: SLF001 - a copy of its own
-        return found
-
-    @property
-    def is_described(self) -> bool:
-        return self._described is not None
-
-    @property
-    def described(self) -> DescribedStation | None:
-        """What its file says, once that is read without errors."""
-        return self._described
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

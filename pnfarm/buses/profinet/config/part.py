@@ -14,7 +14,6 @@ from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig, ProfinetDriv
 from pnfarm.buses.profinet.config.send_clock import own_cycle_ns
 from pnfarm.config.drive import AxisConfig
 from pnfarm.config.ip import check_addresses, nth_ip
-from pnfarm.errors import InternalError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,24 +84,7 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
         return group if described is None else group.adopting(described)
 
     def device(self, common: DeviceConfig, group: ProfinetDevices, step: int, macs: Macs) -> ProfinetDeviceConfig:
-        if group.described is None:
-            raise InternalError(f"devices {group.name} are made before their file is read")
-        return ProfinetDeviceConfig(
-            index=common.index,
-            group=common.group,
-            name=common.name,
-            bus=common.bus,
-            kinds=group.described.kinds,
-            strict=common.strict,
-            impair=common.impair,
-            # another one than a drive of the same name, which is reported as that
-            mac=macs.of(group, f"device:{common.name}", step),
-            ip=nth_ip(group, step),
-            gateway=group.gateway,
-            described=group.described,
-            hello=group.hello,
-            cycle_ns=group.cycle_ns,
-        )
+        return ProfinetDeviceConfig.of(common, group, step, macs, hello=group.hello, cycle_ns=group.cycle_ns)
 
     def sentences(self, group: ProfinetDevices) -> list[str]:
         return [] if group.described is None else group.described.sentences()

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.controller import DeviceData
 from pnfarm.buses.controllers.core import SessionCore
 from pnfarm.buses.controllers.snapshot import session_row
 from pnfarm.buses.profinet.controller import events
@@ -19,7 +18,6 @@ from pnfarm.buses.profinet.controller.records import READ_LENGTH, RecordJob, Rec
 from pnfarm.buses.profinet.controller.search import Duplicate, Outcome, Search
 from pnfarm.buses.profinet.controller.session import DeviceSession, SessionState, Sign
 from pnfarm.buses.profinet.controller.session_life import SessionLife
-from pnfarm.buses.profinet.plain_layout import signal_places
 from pnfarm.buses.profinet.uuids import uuid_source
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.deadlines import earliest
@@ -67,8 +65,7 @@ class ProfinetCore(SessionCore[DeviceSession]):
         super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=pieces)
         name, port, ip, count = plan.name, self.port, plan.ip, len(plan.devices)
         self.channels = SessionChannels(self.columns, port)
-        #: What is sent to the devices without axes, and what comes from them, by name.
-        self.plain: dict[str, tuple[ProvidedData, ConsumedData]] = {
+        self.plain |= {
             session.plan.name: (
                 ProvidedData(self.columns.provided, session.index, outputs.octets, len(outputs.places)),
                 ConsumedData(self.columns.consumed, session.index, inputs.octets, len(inputs.places)),
@@ -159,15 +156,6 @@ class ProfinetCore(SessionCore[DeviceSession]):
     def next_deadline(self) -> int | None:
         own, sessions = earliest(*self._machines), super().next_deadline()
         return sessions if own is None or (sessions is not None and sessions < own) else own
-
-    @property
-    def device_data(self) -> dict[str, DeviceData]:
-        """See :class:`pnfarm.buses.controller.DeviceController`."""
-        return {
-            plan.name: DeviceData(plan.data_signals, signal_places(*reversed(plan.plain)), *self.plain[plan.name])
-            for plan in (session.plan for session in self.sessions)
-            if plan.plain is not None and plan.data_signals
-        }
 
     @property
     def _machines(self) -> tuple[DcpClient | DcpDevice | IpHost | RpcServer | RpcClient | LldpPort, ...]:

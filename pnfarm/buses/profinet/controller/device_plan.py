@@ -14,13 +14,12 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import RPC_PORT
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
     from ipaddress import IPv4Address, IPv4Interface
 
-    from pnfarm.buses.profinet.plain_layout import PlainLayout
+    from pnfarm.buses.plain_layout import PlainLayout
     from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
     from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
-    from pnfarm.signals.signal import Signal
 
 __all__ = ["CALL_PORT", "DevicePlan", "PlannedAxis", "ProfinetPlan"]
 
@@ -61,8 +60,6 @@ class DevicePlan(PlannedDevice):
     texts: DescribedDiagnosis | None = None
     #: Where the outputs and the inputs of a device without axes are in its rows of plain data; None: it has axes.
     plain: tuple[PlainLayout, PlainLayout] | None = None
-    #: The signals of a device of the farm without axes.
-    data_signals: Mapping[str, Signal] = field(default_factory=dict)
     #: About the file that describes the device.
     remarks: tuple[str, ...] = ()
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pnfarm.buses.controllers.plan import describing, own_address, profidrive_keys, reconnect_after_ns, telegram_of
 from pnfarm.buses.controllers.signal_steps import KnownSteps
+from pnfarm.buses.plain_layout import plain_layout
 from pnfarm.buses.profinet.binding import axis_stride
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, PlannedAxis, ProfinetPlan
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.profinet.model_gsdml import describe_diagnosis
-from pnfarm.buses.profinet.plain_layout import plain_layout
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml, plan_station
@@ -109,7 +109,7 @@ def _plan_own(section: ProfinetController, device: ProfinetDeviceConfig, ip: IPv
     with describing(device.name, Path(device.name)):
         planned = plan_station(station, device.described.parameters, safe=True)
         plan = _plan_described(section, device, station.gsdml, planned, ip)
-        return replace(plan, data_signals=device.described.signals)
+        return replace(plan, data_signals=device.described.signals, data_places=device.described.signal_places)
 
 
 def _plan_described(

@@ -50,6 +50,7 @@ from pnfarm.wire.udp import parse_udp
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
+    from ipaddress import IPv4Address
 
     from pnfarm.buses.profinet.decode.shared import Shared
     from pnfarm.captures.packet import Packet
@@ -116,10 +117,10 @@ def rpc(packet: Packet, shared: Shared) -> Iterator[Description]:
         direction = _DIRECTIONS.get(pdu.kind, "")
         yield Description(f"Lookup.{direction}" if direction else "Lookup", "of the endpoint mapper")
         return
-    yield from _pdu(pdu, packet, shared)
+    yield from _pdu(pdu, packet, ip.destination, shared)
 
 
-def _pdu(pdu: RpcPdu, packet: Packet, shared: Shared) -> Iterator[Description]:
+def _pdu(pdu: RpcPdu, packet: Packet, called: IPv4Address, shared: Shared) -> Iterator[Description]:
     key = (pdu.activity, pdu.sequence)
     call = shared.calls.get(key)
     service = _SERVICES.get(Opnum(pdu.opnum), "") if pdu.opnum <= max(Opnum) else f"operation {pdu.opnum}"
@@ -132,7 +133,7 @@ def _pdu(pdu: RpcPdu, packet: Packet, shared: Shared) -> Iterator[Description]:
                 return
             stub = _whole(pdu, call, request=True)
             if stub is not None:
-                yield from _request(stub, pdu, call, packet, shared)
+                yield from _request(stub, pdu, call, packet, called, shared)
         case PacketType.RESPONSE:
             if call is None:
                 yield Description(f"{service}.res", "its request is not in the capture")
@@ -165,7 +166,9 @@ def _whole(pdu: RpcPdu, call: Call, *, request: bool) -> bytes | None:
 # -- requests
 
 
-def _request(stub: bytes, pdu: RpcPdu, call: Call, packet: Packet, shared: Shared) -> Iterator[Description]:
+def _request(
+    stub: bytes, pdu: RpcPdu, call: Call, packet: Packet, called: IPv4Address, shared: Shared
+) -> Iterator[Description]:
     payload = parse_request_args(stub, little_endian=pdu.little_endian).payload
     what = f"{call.service}.req"
     match pdu.opnum:
@@ -179,9 +182,14 @@ def _request(stub: bytes, pdu: RpcPdu, call: Call, packet: Packet, shared: Share
             yield Description(what, _place(header), _where(header), {"reads": ""})
         case Opnum.CONNECT:
             call.blocks, wrong = read_blocks(payload)
+            if shared.observed is not None:
+                where = pdu.object_uuid, called
+                shared.observed.asked(call.blocks, packet.source, packet.destination, where, packet.time_ns)
             yield _with_wrong(connect_request(call.blocks, pdu, packet, shared), wrong)
         case _:
             call.blocks, wrong = read_blocks(payload)
+            if shared.observed is not None:
+                shared.observed.controlled(packet.source, packet.destination, call.blocks)
             yield _with_wrong(Description(*_control(call.blocks, call.service, "req")), wrong)
 
 
@@ -248,13 +256,20 @@ def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[
             forget_asked(call.blocks, call.client, call.server, shared)
             if shared.observed is not None:
                 shared.observed.answered(call.client, call.server, None)
+        if call.write is not None and shared.observed is not None:
+            shared.observed.refused(call.client, call.server, (one.header for one in call.write.writes))
         yield _refused(what, args.status, call)
         return
     match call.opnum:
         case Opnum.WRITE:
-            yield _written(what, parse_write_response(args.payload), call)
+            headers = parse_write_response(args.payload)
+            if shared.observed is not None:
+                shared.observed.refused(call.client, call.server, (one for one in headers if not one.status.ok))
+            yield _written(what, headers, call)
         case Opnum.READ | Opnum.READ_IMPLICIT:
             read = parse_read_response(args.payload)
+            if shared.observed is not None:
+                shared.observed.read(call.server, read.header.slot, read.header.subslot, read.header.index, read.data)
             yield Description(what, _read(read.header, read.data, call, shared), _where(read.header))
         case Opnum.CONNECT:
             blocks, wrong = read_blocks(args.payload)

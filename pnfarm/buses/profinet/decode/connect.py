@@ -53,8 +53,6 @@ def connect_request(blocks: tuple[Block, ...], pdu: RpcPdu, packet: Packet, shar
     node = pdu.object_uuid.bytes[10:]
     vendor, device = int.from_bytes(node[4:6], "big"), int.from_bytes(node[2:4], "big")
     learn_identity(shared.stations, packet.destination, vendor, device)
-    if shared.observed is not None:
-        shared.observed.asked(blocks, packet.source, packet.destination, {"vendor": vendor, "device": device})
     startup = "advanced" if ar.properties & ArProperties.STARTUP_MODE_ADVANCED else "legacy"
     kind = _AR_TYPES.get(ArType(ar.ar_type), "") if ar.ar_type in list(ArType) else f"type 0x{ar.ar_type:04X} "
     parts = [f"{kind}AR {str(ar.ar_uuid)[:8]}, {startup} start-up"]

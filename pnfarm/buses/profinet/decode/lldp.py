@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.wire.lldp.pdu import parse_lldp, peer_names
+from pnfarm.protocols.profinet.wire.lldp.tlvs import ChassisMac
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -22,7 +23,8 @@ def lldp(packet: Packet, shared: Shared) -> Iterator[Description]:
     port, station = peer_names(pdu.chassis, pdu.port)
     shared.stations.guess(packet.source, station)
     if shared.observed is not None and pdu.time_to_live:
-        shared.observed.announced(packet.source, station, port)
+        own = next((tlv.mac for tlv in pdu.tlvs if isinstance(tlv, ChassisMac)), packet.source)
+        shared.observed.announced(own, station, port)
     if not pdu.time_to_live:
         yield Description("LLDP", f"{port} of {station} shuts down")
         return

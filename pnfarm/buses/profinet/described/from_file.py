@@ -5,22 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.device_signals import device_signals
 from pnfarm.buses.profinet.described.station import DescribedStation
 from pnfarm.buses.profinet.file_signals import file_signals
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.parameters import parameter_records
 from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
-from pnfarm.signals.signal import place_signal
 from pnfarm.table.plain_data import PLAIN_OCTETS
-from pnfarm.vocabulary.problem import Problem
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pnfarm.buses.profinet.config.device import ProfinetDevices
     from pnfarm.protocols.profinet.gsdml.station import PluggedStation
-    from pnfarm.signals.signal import Signal
     from pnfarm.vocabulary.issues import Location, Report
 
 __all__ = ["describe_group"]
@@ -65,7 +61,10 @@ def describe_group(at: Location, group: ProfinetDevices, folder: Path, report: R
     if group.hello and not plugged.dcp_hello:
         report((*at, "hello"), f"{path.name} says of {plugged.dap.id} that it does not support DCP Hello", "false")
         found = True
-    signals = _signals(at, group, plugged, report)
+    octets = {(one.slot, one.subslot): (one.input_octets, one.output_octets) for one in plugged.submodules}
+    signals = device_signals(
+        at, group.signals, file_signals(plugged), octets, report, absent="is not plugged", order="big"
+    )
     if found or signals is None:
         return None
     return DescribedStation(plugged, signals, parameters)
@@ -106,27 +105,3 @@ def _refused(at: Location, plugged: PluggedStation, file: str, report: Report) -
         what = f"its modules have {max(inputs, outputs)} octets of data and status in one direction"
         report((*at, "slots"), what, f"at most {PLAIN_OCTETS}")
     return not head.submodules or wide is not None or max(inputs, outputs) > PLAIN_OCTETS
-
-
-def _signals(
-    at: Location, group: ProfinetDevices, plugged: PluggedStation, report: Report
-) -> Mapping[str, Signal] | None:
-    """The file's signals, and those of the farm file, which take the place of one with their name."""
-    signals = {signal.name: signal for signal in file_signals(plugged)}
-    wrong = False
-    for name, place in group.signals.items():
-        slot, subslot = place.at[:2]
-        submodule = plugged.submodule(slot, subslot)
-        here: Location = (*at, "signals", name)
-        if submodule is None or not submodule.has_data:
-            with_data = [f"{one.slot}.{one.subslot}" for one in plugged.submodules if one.has_data]
-            what = f"{place.text}: {slot}.{subslot} " + ("has no data" if submodule else "is not plugged")
-            report(here, what, f"slot.subslot of {', '.join(with_data) or 'no submodule'}")
-            wrong = True
-            continue
-        try:
-            signals[name] = place_signal(name, place, submodule.input_octets, submodule.output_octets)
-        except Problem as problem:
-            report(here, problem.what, problem.allowed)
-            wrong = True
-    return None if wrong else signals

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.plain_layout import PlainLayout, plain_layout, signal_places
+from pnfarm.buses.plain_layout import PlainLayout, plain_layout, signal_places
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

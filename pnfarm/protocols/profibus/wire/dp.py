@@ -189,6 +189,9 @@ class Identifier:
     consistent: bool
     #: Octets behind the length octets of a special format.
     specific: bytes = b""
+    #: Whether the unit of the data is a word.
+    input_words: bool = False
+    output_words: bool = False
 
 
 def parse_identifiers(data: bytes) -> list[Identifier]:
@@ -200,23 +203,22 @@ def parse_identifiers(data: bytes) -> list[Identifier]:
         if head & 0x30:
             length = (head & 0x0F) + 1
             length *= 2 if head & 0x40 else 1
-            kind = head >> 4 & 3
-            found.append(
-                Identifier(
-                    bytes((head,)), length if kind & 1 else 0, length if kind & 2 else 0, consistent=bool(head & 0x80)
-                )
-            )
+            kind, words = head >> 4 & 3, bool(head & 0x40)
+            inputs, outputs = length if kind & 1 else 0, length if kind & 2 else 0
+            found.append(Identifier(bytes((head,)), inputs, outputs, bool(head & 0x80), b"", words, words))
             place += 1
             continue
         end = place + 1
         sizes = {"outputs": 0, "inputs": 0}
+        in_words = {"outputs": False, "inputs": False}
         consistent = True
         for bit, name in ((0x80, "outputs"), (0x40, "inputs")):
             if head & bit:
                 if end >= len(data):
                     raise DecodeError("short", "a length octet of an identifier is missing")
                 octet = data[end]
-                sizes[name] = ((octet & 0x3F) + 1) * (2 if octet & 0x40 else 1)
+                in_words[name] = bool(octet & 0x40)
+                sizes[name] = ((octet & 0x3F) + 1) * (2 if in_words[name] else 1)
                 consistent = consistent and bool(octet & 0x80)
                 end += 1
         specific = head & 0x0F
@@ -231,6 +233,8 @@ def parse_identifiers(data: bytes) -> list[Identifier]:
                 sizes["outputs"],
                 consistent,
                 data[end : end + specific],
+                in_words["inputs"],
+                in_words["outputs"],
             )
         )
         place = end + specific

@@ -8,28 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pnfarm.protocols.profibus.gsd.statements import INTERVAL_NS, RATES
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 __all__ = ["GsdModule", "SlaveDescription", "emit_gsd"]
-
-#: Baud rate -> how the keywords name it.
-_RATES = {
-    9_600: "9.6",
-    19_200: "19.2",
-    31_250: "31.25",
-    45_450: "45.45",
-    93_750: "93.75",
-    187_500: "187.5",
-    500_000: "500",
-    1_500_000: "1.5M",
-    3_000_000: "3M",
-    6_000_000: "6M",
-    12_000_000: "12M",
-}
-
-#: Unit of Min_Slave_Intervall.
-_INTERVAL_NS = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +83,8 @@ def emit_gsd(slave: SlaveDescription) -> bytes:
         f"Hardware_Release = {_text(slave.hardware)}",
         f"Software_Release = {_text(slave.software)}",
     ]
-    lines += [f"{_RATES[rate]}_supp = 1" for rate, _ in slave.rates]
-    lines += [f"MaxTsdr_{_RATES[rate]} = {tsdr}" for rate, tsdr in slave.rates]
+    lines += [f"{RATES[rate]}_supp = 1" for rate, _ in slave.rates]
+    lines += [f"MaxTsdr_{RATES[rate]} = {tsdr}" for rate, tsdr in slave.rates]
     lines += [
         "Redundancy = 0",
         "Repeater_Ctrl_Sig = 2",
@@ -110,7 +94,7 @@ def emit_gsd(slave: SlaveDescription) -> bytes:
         f"Auto_Baud_supp = {flags[slave.auto_baud]}",
         f"Set_Slave_Add_supp = {flags[slave.address_changes]}",
         f"Fail_Safe = {flags[slave.fail_safe]}",
-        f"Min_Slave_Intervall = {-(-slave.interval_ns // _INTERVAL_NS)}",
+        f"Min_Slave_Intervall = {-(-slave.interval_ns // INTERVAL_NS)}",
         f"Slave_Family = {slave.family}",
         f"Max_Diag_Data_Len = {slave.diagnosis}",
         "Modular_Station = 1",

@@ -13,7 +13,8 @@
 
 Keywords have no case.  Makers' files break the rules here and there, so that what cannot be read is left out with a
 :class:`GsdWarning`; only what is no GSD file at all is refused.  What statements mean is
-:mod:`pnfarm.protocols.profibus.gsd_slave`'s.
+
+:mod:`pnfarm.protocols.profibus.gsd.reader`'s.
 """
 
 from __future__ import annotations
@@ -27,7 +28,10 @@ from pnfarm.errors import DecodeError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["BLOCKS", "GsdBlock", "GsdEntry", "GsdFile", "GsdWarning", "gsd_number", "parse_gsd"]
+__all__ = [
+    "BLOCKS", "INTERVAL_NS", "LONGEST", "RATES", "GsdBlock", "GsdEntry", "GsdFile", "GsdWarning", "Warnings",
+    "gsd_number", "parse_gsd",
+]  # fmt: skip
 
 #: Files of makers have some hundred kB.
 LONGEST: Final = 8 * 1024 * 1024
@@ -44,12 +48,30 @@ BLOCKS: Final = {
     "module": "endmodule",
     "slotdefinition": "endslotdefinition",
     "physical_interface": "end_physical_interface",
+    "data_area_beg": "data_area_end",
+    "version_firmware_download": "end_version_firmware_download",
 }
+#: Baud rate -> how the keywords name it.
+RATES: Final = {
+    9_600: "9.6",
+    19_200: "19.2",
+    31_250: "31.25",
+    45_450: "45.45",
+    93_750: "93.75",
+    187_500: "187.5",
+    500_000: "500",
+    1_500_000: "1.5M",
+    3_000_000: "3M",
+    6_000_000: "6M",
+    12_000_000: "12M",
+}
+#: Unit of Min_Slave_Intervall.
+INTERVAL_NS: Final = 100_000
 _ENDS: Final = frozenset(BLOCKS.values())
 #: Blocks whose statements may lack the equals sign: ``Unsigned8 0 0-3``, and the Module_Reference.
 _BARE: Final = frozenset({"extuserprmdata", "module"})
 _STATEMENT: Final = re.compile(
-    r"(?P<key>[\w.]+)\s*(?:\((?P<argument>[^()]*)\))?\s*(?P<equals>=?)\s*(?P<value>.*)", re.DOTALL
+    r"(?P<key>[\w.!]+)\s*(?:\((?P<argument>[^()]*)\))?\s*(?P<equals>=?)\s*(?P<value>.*)", re.DOTALL
 )
 _NUMBER: Final = re.compile(r"[+-]?(?:0[xX][0-9A-Fa-f]{1,16}|[0-9]{1,20})")
 _STRING: Final = re.compile(r'"([^"]*)"')
@@ -153,9 +175,11 @@ def _entries(parts: tuple[GsdEntry | GsdBlock, ...], key: str) -> list[GsdEntry]
 # Parse
 
 
-class _Warnings:
-    def __init__(self) -> None:
-        self._all: list[GsdWarning] = []
+class Warnings:
+    """What is odd in a file, up to :data:`MOST_WARNINGS`."""
+
+    def __init__(self, before: tuple[GsdWarning, ...] = ()) -> None:
+        self._all = list(before)
 
     def add(self, line: int, text: str) -> None:
         if len(self._all) < MOST_WARNINGS:
@@ -167,10 +191,25 @@ class _Warnings:
         return tuple(self._all)
 
 
+#: Letters with umlauts of code page 850, with which tools under DOS wrote; code page 1252 has signs there, or nothing.
+_DOS_LETTERS: Final = frozenset(b"\x81\x84\x8e\x94\x99\x9a\xe1")
+
+
 def _decoded(data: bytes) -> str:
-    """UTF-8 where it is that, else ISO 8859-1, which any octets are."""
+    """UTF-16 with its mark, UTF-8 where it is that, code page 850 where all that is not ASCII is a letter of it.
+
+    Else code page 1252, whose few holes are read as ISO 8859-1.
+    """
+    if data[:2] in {b"\xff\xfe", b"\xfe\xff"}:
+        return data.decode("utf-16", "replace")
     try:
         return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        pass
+    if {octet for octet in data if octet > 0x7F} <= _DOS_LETTERS:
+        return data.decode("cp850")
+    try:
+        return data.decode("cp1252")
     except UnicodeDecodeError:
         return data.decode("latin-1")
 
@@ -213,7 +252,7 @@ def parse_gsd(data: bytes) -> GsdFile:
     """A whole file.  Raises :class:`DecodeError` with ``long``, or ``no-gsd`` where no line is ``#Profibus_DP``."""
     if len(data) > LONGEST:
         raise DecodeError("long", f"{len(data)} octets")
-    warnings = _Warnings()
+    warnings = Warnings()
     lines = _joined(_decoded(data))
     begun = False
     for number, text in lines:
@@ -227,7 +266,7 @@ def parse_gsd(data: bytes) -> GsdFile:
     return GsdFile(_parts(lines, warnings), warnings.all())
 
 
-def _parts(lines: Iterator[tuple[int, str]], warnings: _Warnings) -> tuple[GsdEntry | GsdBlock, ...]:
+def _parts(lines: Iterator[tuple[int, str]], warnings: Warnings) -> tuple[GsdEntry | GsdBlock, ...]:
     """Everything up to the next section of the file."""
     top: list[GsdEntry | GsdBlock] = []
     #: Open blocks, the innermost last.

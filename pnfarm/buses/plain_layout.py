@@ -5,14 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.frame_layout import PlainPlace
-
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from pnfarm.signals.signal import Direction
 
-__all__ = ["PlainLayout", "plain_layout", "signal_places"]
+__all__ = ["PlainLayout", "PlainPlace", "plain_layout", "signal_places"]
+
+
+@dataclass(frozen=True, slots=True)
+class PlainPlace:
+    """Where the plain data of a submodule are in the station's row, and the place of their status."""
+
+    place: int
+    length: int
+    status: int
 
 
 @dataclass(frozen=True, slots=True)

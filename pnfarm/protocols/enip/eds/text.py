@@ -13,7 +13,7 @@ What sections and entries mean is their reader's.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from pnfarm.errors import DecodeError
@@ -21,11 +21,24 @@ from pnfarm.errors import DecodeError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-__all__ = ["Eds", "EdsEntry", "EdsField", "EdsGroup", "EdsSection", "EdsString", "emit_eds", "parse_eds"]
+__all__ = [
+    "LONGEST",
+    "Eds",
+    "EdsEntry",
+    "EdsField",
+    "EdsGroup",
+    "EdsSection",
+    "EdsString",
+    "emit_eds",
+    "parse_eds",
+    "whole",
+]
 
 #: Files of makers have some hundred kB.
 LONGEST: Final = 8 * 1024 * 1024
 _DEEPEST: Final = 8
+_MOST_SECTIONS, _MOST_ENTRIES, _MOST_FIELDS = 1_000, 100_000, 20_000
+_WHOLE: Final = re.compile(r"([+-]?)(?:0[xX]([0-9A-Fa-f]{1,16})|([0-9]{1,20}))")
 _TOKEN: Final = re.compile(
     r"(?P<space>[\s\x00\x1a]+)"
     r"|(?P<comment>\$[^\r\n]*)"
@@ -57,22 +70,32 @@ class EdsGroup:
 EdsField = str | EdsString | EdsGroup
 
 
+def whole(text: str) -> int | None:
+    """A decimal or hexadecimal number; None for anything else."""
+    found = _WHOLE.fullmatch(text.strip())
+    if found is None:
+        return None
+    sign, hexadecimal, decimal = found.groups()
+    number = int(hexadecimal, 16) if hexadecimal else int(decimal)
+    return -number if sign == "-" else number
+
+
 @dataclass(frozen=True, slots=True)
 class EdsEntry:
+    """``line`` is that of its keyword, 0 where it was not read."""
+
     keyword: str
     fields: tuple[EdsField, ...]
+    line: int = field(default=0, compare=False)
 
     def text(self, place: int) -> str:
         """A field as plain text, empty for one that is not there."""
-        field = self.fields[place] if place < len(self.fields) else ""
-        return field.value if isinstance(field, EdsString) else field if isinstance(field, str) else ""
+        found = self.fields[place] if place < len(self.fields) else ""
+        return found.value if isinstance(found, EdsString) else found if isinstance(found, str) else ""
 
     def number(self, place: int) -> int | None:
         """A field as an integer, decimal or hexadecimal; None for an empty one and for what is no number."""
-        try:
-            return int(self.text(place), 0)
-        except ValueError:
-            return None
+        return whole(self.text(place))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +128,8 @@ class _Tokens:
     def __init__(self, text: str) -> None:
         self._text = text
         self._found = self._all()
+        #: A place, and its line: the next one that is asked for is behind it.
+        self._counted = (0, 1)
         self.kind, self.value, self.place = "", "", 0
         self.next()
 
@@ -122,7 +147,11 @@ class _Tokens:
         self.kind, self.value, self.place = next(self._found, ("", "", len(self._text)))
 
     def line(self, place: int) -> int:
-        return self._text.count("\n", 0, place) + 1
+        before, line = self._counted
+        if place < before:
+            return self._text.count("\n", 0, place) + 1
+        self._counted = place, line + self._text.count("\n", before, place)
+        return self._counted[1]
 
     def take(self, value: str) -> bool:
         """Whether the next token is this mark; it is passed then."""
@@ -136,11 +165,11 @@ class _Tokens:
 
 
 def parse_eds(data: bytes) -> Eds:
-    """A whole file, ISO 8859-1.  Raises ``long``, ``bad-text``, ``bad-section``, ``bad-entry`` with the line."""
+    """A whole file, ISO 8859-1.  Raises ``long``, ``bad-text``, ``bad-section``, ``bad-entry``, with the line."""
     if len(data) > LONGEST:
         raise DecodeError("long", f"{len(data)} octets")
     tokens = _Tokens(data.decode("latin-1"))
-    sections = []
+    sections: list[EdsSection] = []
     while tokens.kind:
         if tokens.kind != "section":
             raise DecodeError("bad-section", f"line {tokens.line(tokens.place)}: no section before {tokens.value!r}")
@@ -149,17 +178,21 @@ def parse_eds(data: bytes) -> Eds:
         entries = []
         while tokens.kind == "word":
             entries.append(_entry(tokens))
+            if len(entries) > _MOST_ENTRIES:
+                raise DecodeError("long", f"line {entries[-1].line}: more than {_MOST_ENTRIES} entries in a section")
+        if len(sections) >= _MOST_SECTIONS:
+            raise DecodeError("long", f"line {tokens.line(tokens.place)}: more than {_MOST_SECTIONS} sections")
         sections.append(EdsSection(name, tuple(entries)))
     return Eds(tuple(sections))
 
 
 def _entry(tokens: _Tokens) -> EdsEntry:
-    keyword = tokens.value
+    keyword, line = tokens.value, tokens.line(tokens.place)
     tokens.next()
     if not tokens.take("="):
         raise tokens.refuse("=")
     fields = _fields(tokens, ";", 0)
-    return EdsEntry(keyword, fields)
+    return EdsEntry(keyword, fields, line)
 
 
 def _fields(tokens: _Tokens, end: str, depth: int) -> tuple[EdsField, ...]:
@@ -169,6 +202,8 @@ def _fields(tokens: _Tokens, end: str, depth: int) -> tuple[EdsField, ...]:
     fields: list[EdsField] = []
     while True:
         fields.append(_field(tokens, depth))
+        if len(fields) > _MOST_FIELDS:
+            raise DecodeError("long", f"line {tokens.line(tokens.place)}: more than {_MOST_FIELDS} fields in an entry")
         if tokens.take(end):
             return tuple(fields)
         if not tokens.take(","):

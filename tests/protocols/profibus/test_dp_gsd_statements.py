@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profibus.gsd_file import parse_gsd
+from pnfarm.protocols.profibus.gsd.statements import parse_gsd
 
 HEAD = b"#Profibus_DP\r\nIdent_Number = 0x0A8E\r\n"
 

@@ -1,0 +1,1 @@
+"""Devices that their makers' EDS files describe, as stations of a farm."""

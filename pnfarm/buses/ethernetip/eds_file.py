@@ -1,0 +1,25 @@
+"""EDS files from disk."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from pnfarm.protocols.enip.eds.reader import parse_sheet
+from pnfarm.protocols.enip.eds.text import LONGEST
+from pnfarm.vocabulary.regular_file import read_regular
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pnfarm.protocols.enip.eds.document import Sheet
+
+__all__ = ["load_eds"]
+
+#: A farm's many groups have a few files.
+_parsed = lru_cache(maxsize=8)(parse_sheet)
+
+
+def load_eds(path: Path) -> Sheet:
+    """Raises :class:`OSError`, and :class:`~pnfarm.errors.DecodeError` for what is no EDS file."""
+    return _parsed(read_regular(path, LONGEST + 1))

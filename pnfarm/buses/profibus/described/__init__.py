@@ -1,0 +1,1 @@
+"""Devices that their makers' GSD files describe, as stations of a farm."""

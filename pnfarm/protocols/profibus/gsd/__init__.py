@@ -1,0 +1,1 @@
+"""GSD files: the text, what it describes, a slave as it is plugged, and a writer."""

@@ -1,0 +1,22 @@
+"""Commands on a farm with a device by its GSD file, against its API in virtual time."""
+
+from __future__ import annotations
+
+import httpx
+from api_client import Farm
+from api_world import Served
+from slave_cell import ONE, SlaveCell
+
+
+def test_a_device_on_a_serial_line_is_written_and_inspected(pnfarm, monkeypatch):
+    cell = SlaveCell(ONE)
+    cell.connect()
+    monkeypatch.setattr(httpx, "Client", Farm(Served(cell)).client)
+    done = pnfarm("io", "island.part_present=on", "island.count=258")
+    assert (done.code, done.out.splitlines()) == (0, ["island.part_present = true", "island.count = 258"])
+    cell.sent(b"\x01\0\0")
+    assert cell.inputs() == (bytes.fromhex("0800000001020000"), True)
+    assert pnfarm("io", "island.clamp").out == "island.clamp = true\n"
+    lines = [" ".join(line.split()) for line in pnfarm("inspect", "island").out.splitlines()]
+    assert "ident number 7425" in lines
+    assert any("16DI" in line for line in lines)

@@ -1,0 +1,150 @@
+"""What an EDS file describes: the example file, and files that cannot be followed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.protocols.enip.connection import ConnectionKind
+from pnfarm.protocols.enip.eds.document import Limits
+from pnfarm.protocols.enip.eds.reader import parse_sheet
+from pnfarm.protocols.enip.wire.epath import ElectronicKey
+from pnfarm.vocabulary.problem import Problem
+
+EXAMPLE = Path(__file__).parents[3] / "configs" / "eds" / "Example-Weigher-20261128.eds"
+OCTETS = EXAMPLE.read_bytes()
+SHEET = parse_sheet(OCTETS)
+DEVICE = b"[Device] VendCode = 1;\n"
+
+
+def test_a_sheet_names_the_device_and_what_it_has_room_for():
+    assert SHEET.key == ElectronicKey(65534, 43, 17, 2, 5)
+    assert (SHEET.vendor, SHEET.product, SHEET.catalog) == ("Example", "EX-WGH Weigher", "EX-WGH-1")
+    assert (SHEET.networks, SHEET.port, SHEET.io_connections, SHEET.explicit_connections) == (
+        ("EtherNetIP",), "Port 1", 4, 6,
+    )  # fmt: skip
+
+
+def test_a_parameter_has_type_limits_unit_scale_and_names_of_values():
+    weight, status, chosen = SHEET.parameters[1], SHEET.parameters[2], SHEET.parameters[5]
+    assert (weight.name, weight.unit, weight.type.name, weight.scale) == ("Weight", "kg", "int32", 0.001)
+    assert (weight.path.hex(), weight.read_only, weight.help) == ("206424013001", True, "What is on the cell")
+    assert status.bit_names == {0: "Stable", 1: "Overload", 2: "Underload", 15: "Ready"}
+    assert (chosen.minimum, chosen.maximum, chosen.default, chosen.bit_names) == (0, 2, 1, {})
+    assert SHEET.parameters[11].default == 21.5
+    assert (chosen.given("Slow"), chosen.given(0)) == (b"\2", b"\0")
+    with pytest.raises(Problem, match="above 2"):
+        chosen.given(3)
+    with pytest.raises(Problem, match="did you mean"):
+        chosen.given("slwo")
+    assert SHEET.named("param6") is SHEET.named("window")
+
+
+def test_an_assembly_has_its_members_where_their_sizes_put_them():
+    outputs = SHEET.assemblies[101]
+    places = {one.parameter.name: (one.place, one.bits) for one in outputs.members if one.parameter}
+    assert places == {"Command": (0, 8), "Target": (32, 32), "Gate": (64, 1), "Recipe": (65, 3)}
+    assert (outputs.instance, outputs.size.default) == (101, 9)
+    assert SHEET.assemblies[100].size.default == 3
+    assert SHEET.assemblies[103].size == Limits(16, 4, 64)
+    nested = SHEET.assemblies[104]
+    assert [(m.place, m.parameter.name) for m in nested.members if m.parameter][-2:] == [
+        (64, "Temperature"), (96, "Weighings"),
+    ]  # fmt: skip
+
+
+def test_members_keep_their_bits_and_their_sign():
+    recipe = SHEET.assemblies[101].members[4]
+    data = bytearray(b"\xff" * 9)
+    recipe.put(data, b"\2")
+    assert data[8] == 0b11110101
+    assert recipe.take(bytes(data)) == b"\2"
+
+
+def test_connections_are_what_their_words_say():
+    owner, inputs, listener, log, counter, _ = SHEET.connections
+    assert [one.kind for one in SHEET.connections[:3]] == [
+        ConnectionKind.EXCLUSIVE_OWNER, ConnectionKind.INPUT_ONLY, ConnectionKind.LISTEN_ONLY,
+    ]  # fmt: skip
+    assert (owner.points, owner.triggers, owner.output_header, owner.input_header) == (
+        (100, 101, 102),
+        {0, 1},
+        True,
+        False,
+    )
+    assert (owner.outputs.size.default, owner.inputs.size.default, owner.configuration.size.default) == (9, 12, 3)
+    assert owner.outputs.rpi == Limits(10_000, 2_000, 1_000_000)
+    assert (inputs.outputs.size.default, inputs.output_header) == (0, False)
+    assert (listener.multicast, listener.point_to_point) == (True, False)
+    assert (log.points, log.inputs.size, log.input_sizes, log.input_header) == (
+        (195, 103), Limits(16, 4, 64), {False, True}, True,
+    )  # fmt: skip
+    assert counter.points == (100, 101, 104)
+    assert [bool(one.unsupported) for one in SHEET.connections] == [False] * 5 + [True]
+    assert "real-time format 1" in SHEET.connections[5].unsupported
+
+
+def test_a_connection_is_found_by_number_keyword_or_name():
+    for wanted in (4, "Connection4", "log", "LOG"):
+        assert SHEET.connection(wanted).name == "Log"
+    assert SHEET.connection().name == "Exclusive owner"
+    with pytest.raises(ConfigError, match=r"no connection 'Logs'.*Connection4 \(Log\)"):
+        SHEET.connection("Logs")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (b"[File]\n", "no section Device"),
+        (b"[Device]\nVendCode = x;", "line 2: VendCode: its number 'x' is not a number"),
+        (b"[Device]\nVendCode = 65536;", "line 2: VendCode: its number is 65536, not 0 to 65535"),
+        (DEVICE + b"[Params]\nParam1 = 0,,,0,0xC6,1,,,,,,300;", "line 3: Param1: its value 300 is outside of uint8"),
+        (DEVICE + b"[Params]\nParam1 = 0,,,0,0xCA,4,,,,,,nan;", "'nan' is not a number of float32"),
+        (DEVICE + b"[Params]\nParam1 = 0,,,0,0xC6,501,,,,,,;", "its data size is 501"),
+        (DEVICE + b'[Params]\nParam1 = 0,,"2G",0,0xC6,1,,,,,,;', "line 3: Param1: its path '2G' is not octets alone"),
+        (DEVICE + b"[Params]\nEnum1 = 0, x;", "line 3: Enum1: field 2, 'x', is neither a number nor a text"),
+        (DEVICE + b"[Assembly]\nAssem1 = ,,,,,,8,Param7;", "line 3: Assem1: there is no Param7"),
+        (DEVICE + b"[Assembly]\nAssem1 = ,,1,,,,9,;", "its members have 9 bits, its size is 1 octets"),
+        (DEVICE + b"[Assembly]\nAssem1 = ,,,,,,8,Assem1;", "line 3: Assem1: it holds itself"),
+        (DEVICE + b"[Assembly]\nAssem1 = ,,1401,,,;", "1401 octets of data do not fit into a frame"),
+        (DEVICE + b"[Assembly]\nAssem1 = ,,Param9,,,;", "the size 'Param9' is not a number"),
+        (DEVICE + b'[Assembly]\nAssem1 = ,"FF FF",,,,;', "its path 'FF FF' cannot be read"),
+        (DEVICE + b"[Assembly]\nAssem1 = ,,,,,," + b"1,," * 5000 + b";", "more than 4096 members"),
+    ],
+)
+def test_a_file_that_contradicts_itself_is_refused_with_line_and_reason(text, words):
+    with pytest.raises(DecodeError) as told:
+        parse_sheet(text)
+    assert words in str(told.value)
+
+
+def test_a_connection_that_cannot_be_followed_leaves_the_others():
+    text = OCTETS.replace(b"Param9, , Assem102,     $", b"Param9, , Assem99,     $")
+    sheet = parse_sheet(text)
+    assert len(sheet.connections) == 5
+    with pytest.raises(ConfigError, match=r"line \d+: Connection1: there is no Assem99"):
+        sheet.connection(1)
+    assert sheet.connection().name == "Exclusive owner with counter"
+
+
+@given(st.data())
+def test_any_change_of_the_example_is_read_or_refused(data):
+    text = bytearray(OCTETS)
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(0, len(text) - 1))
+        text[place : place + data.draw(st.integers(0, 3))] = data.draw(
+            st.sampled_from([b"", b",", b";", b"9", b'"', b"Param10", b"x"])
+        )
+    try:
+        sheet = parse_sheet(bytes(text))
+    except DecodeError:
+        return
+    for one in sheet.connections:
+        assert 0 <= one.inputs.size.least <= one.inputs.size.most <= 1400
+        for member in one.inputs.members:
+            if member.parameter is not None:
+                member.put(bytearray(one.inputs.size.most), member.parameter.encode(member.parameter.default))

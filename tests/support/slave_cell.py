@@ -1,0 +1,93 @@
+"""A farm with devices by the example GSD files on one PROFIBUS line, with its master, in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+from pnfarm.controller.line import VirtualLine
+from pnfarm.drives.parameters.memory import VolatileMemory
+from pnfarm.farm.file.reading import parse_farm
+from pnfarm.protocols.profibus.record_request import RecordRequest
+from pnfarm.station.event_log import EventLog
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+ISLAND = "gsd/EXMP1D01.gsd"
+VALVE = "gsd/EXMP1D02.gsd"
+HEAD = "farm: dp-cell\nlink: {kind: memory}\n"
+CONTROLLER = "controller: {name: plc, cycle: 5ms, watchdog: 100ms, reconnect: {after: 200ms}%s}\n"
+ONE = f"""devices:
+  - name: island
+    gsd: {ISLAND}
+    address: 5
+    slots:
+      0: {{parameters: {{Diagnosis: "off"}}}}
+      1: 16DI
+      2: {{module: 8DO, parameters: {{Substitute: hold}}}}
+      4: Counter
+    signals:
+      part_present: 1.1.0.3
+      count: {{at: 4.1.0, type: uint32}}
+      clamp: 2.1.0.0
+"""
+TWO = ONE + f"  - {{name: valve, gsd: {VALVE}, address: 9}}\n"
+DRIVES = "drives:\n  - {name: 'msd-{n}', count: 2, model: moog-msd-dp, address: 11}\n"
+
+
+def parse(text):
+    return parse_farm(text, CONFIGS / "dp-cell.pnfarm.yml")
+
+
+class SlaveCell:
+    """A farm from the text of its file, with its master."""
+
+    def __init__(self, text, controller="", memory=None):
+        """``controller``: more of its keys; None: there is none."""
+        self.log = EventLog(quiet=True)
+        config = parse(HEAD + text + ("" if controller is None else CONTROLLER % controller))
+        self.line = asyncio.run(VirtualLine.create(config, log=self.log, memory=memory or VolatileMemory()))
+        self.world, self.farm = self.line.world, self.line.farm
+        self.plc = None if controller is None else self.line.plc
+
+    def connect(self, within=10.0):
+        reasons = [(row["name"], row["state"], row["last_reason"]) for row in self.plc.snapshot()]
+        assert self.world.run(within, until=lambda: self.plc.all_connected), reasons
+        self.world.run(0.1)
+
+    def signals(self, name="island"):
+        return self.farm.station(name).signals
+
+    def device(self, name="island"):
+        return self.farm.station(name).device
+
+    def events(self, name="island"):
+        return [entry.event for entry in self.log.entries(name)]
+
+    def inputs(self, name="island"):
+        """Data and status of the inputs that the master has."""
+        octets, status = self.plc.plain[name][1].whole()
+        return octets, bool(status[0])
+
+    def sent(self, octets, name="island"):
+        """The master sends these, and some cycles pass."""
+        self.plc.plain[name][0].write({0: octets})
+        self.world.run(0.1)
+
+    def station(self, name="island"):
+        """The master's view of the slave."""
+        return self.plc.master.station(name)
+
+    def inject(self, kind, on="island", **fields):
+        return self.farm.injections.inject({"kind": kind, "on": on, **fields}, self.world.now)
+
+    def clear(self, seconds=1.5):
+        self.farm.injections.clear(None, self.world.now)
+        self.world.run(seconds)
+
+    def record(self, slot, index, data=None, name="island"):
+        """A record that is read, or written where there are data."""
+        asked = RecordRequest.read(slot, index, 64) if data is None else RecordRequest.write(slot, index, data)
+        self.plc.master.ask(name, asked, self.world.now)
+        self.plc.service(self.world.now)
+        assert self.world.run(2.0, until=lambda: asked.done)
+        return asked
