@@ -529,7 +529,7 @@ def test_a_fault_on_a_signal_is_made_marked_and_cleared(device, farm):
     device.until("[...document.getElementById('words-signal').options].some(one => one.value === 'part_present')")
     device.ask("type('signal', 'part_present')")
     device.ask("type('value', 'true')")
-    device.until("text('form.panel').includes('Would hit 1 drive: island')")
+    device.until("text('form.panel').includes('Would hit 1 station: island')")
     device.until("press('button', 'Inject signal-stuck')")
     device.until("press('main table a', 'island')")
     device.until("all('.bit.on').some(one => /part_present.*signal-stuck/.test(one.textContent))")
@@ -673,7 +673,7 @@ def test_a_reason_why_drives_cannot_have_a_fault_is_shown_once(page):
     page.until("type('on', 'all')")
     page.until("text('[role=status]').includes('Would hit 1 drive: dp-01')")
     reasons = page.ask("text('.send .bad')")
-    assert reasons.startswith("6 drives (akd-01, akd-02, akd-03 …): ")
+    assert reasons.startswith("8 stations (akd-01, akd-02, akd-03 …): ")
     assert reasons.count("baud-change") <= 1
 
 

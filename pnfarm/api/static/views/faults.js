@@ -72,7 +72,7 @@ function Reach({spec}) {
         const hit = reach.drives, reasons = byReason(reach.cannot);
         const others = reach.left_out.map(one => one.drive || one);
         setText({
-          good: `Would hit ${plural(hit.length, "drive")}: ${hit.slice(0, 12).join(", ")}${hit.length > 12 ? " …" : ""}${others.length ? `; leaves out ${others.slice(0, 12).join(", ")}` : ""}`,
+          good: `Would hit ${plural(hit.length, wordFor(hit))}: ${hit.slice(0, 12).join(", ")}${hit.length > 12 ? " …" : ""}${others.length ? `; leaves out ${others.slice(0, 12).join(", ")}` : ""}`,
           bad: reasons.slice(0, 4).join("; ") + (reasons.length > 4 ? `; and ${reasons.length - 4} more cannot` : ""),
         });
       } catch (problem) {
@@ -84,6 +84,8 @@ function Reach({spec}) {
   return html`<p role="status"><span class="good">${text.good}</span> <span class="bad">${text.bad}</span></p>`;
 }
 
+const wordFor = names => names.some(name => live.deviceByName.has(name)) ? "station" : "drive";
+
 /** Drives that cannot have a fault, by the reason without their names: `8 drives (a, b, c ...): reason`. */
 function byReason(cannot) {
   const found = new Map();
@@ -92,7 +94,7 @@ function byReason(cannot) {
     found.set(reason, [...(found.get(reason) || []), drive]);
   }
   return [...found].map(([reason, drives]) => drives.length === 1
-    ? `${drives[0]} ${reason}` : `${plural(drives.length, "drive")} (${drives.slice(0, 3).join(", ")}${drives.length > 3 ? " …" : ""}): ${reason}`);
+    ? `${drives[0]} ${reason}` : `${plural(drives.length, wordFor(drives))} (${drives.slice(0, 3).join(", ")}${drives.length > 3 ? " …" : ""}): ${reason}`);
 }
 
 const blank = (on, kind = "") => ({kind, on, params: {}, common: {}, direction: ""});
