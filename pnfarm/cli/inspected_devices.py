@@ -29,8 +29,14 @@ def listed_devices(farm: FarmClient) -> list[dict[str, Any]]:
 def print_devices(devices: list[dict[str, Any]]) -> None:
     """A line for each."""
     if devices:
-        rows = [(one["name"], one["description"] or "-", _state(one), one["ip"] or "-", one["mac"]) for one in devices]
-        print_section(("DEVICE", "KIND", "STATE", "IP", "MAC"), rows)
+        rows = [(one["name"], one["description"] or "-", _state(one), _address(one), one["mac"]) for one in devices]
+        print_section(("DEVICE", "KIND", "STATE", "ADDRESS", "MAC"), rows)
+
+
+def _address(device: dict[str, Any]) -> str:
+    """On a network, or on a serial line."""
+    station = device.get("station_address")
+    return device["ip"] or ("-" if station is None else f"station {station}")
 
 
 def _state(device: dict[str, Any]) -> str:
@@ -49,11 +55,12 @@ def print_device(device: dict[str, Any]) -> None:
         ("access point", device["access_point"] or "-"),
         *((key.replace("_", " "), str(value)) for key, value in device["identity"].items()),
         ("mac", device["mac"]),
-        ("ip", device["ip"] or "-"),
+        ("address", _address(device)),
         ("state", _state(device)),
         ("connection", connection["state"]),
         ("controller", "-" if controller is None else controller["name"]),
         ("cycle", "-" if cycle is None else seconds(cycle)),
+        *((key.replace("_", " "), value) for key, value in device.get("details", {}).items() if isinstance(value, str)),
     ]
     print_table(("FIELD", "~VALUE"), rows)
     submodules = [(module, one) for module in device["modules"] for one in module["submodules"]]

@@ -18,5 +18,5 @@ def test_a_device_on_a_serial_line_is_written_and_inspected(pnfarm, monkeypatch)
     assert cell.inputs() == (bytes.fromhex("0800000001020000"), True)
     assert pnfarm("io", "island.clamp").out == "island.clamp = true\n"
     lines = [" ".join(line.split()) for line in pnfarm("inspect", "island").out.splitlines()]
-    assert "ident number 7425" in lines
+    assert {"ident number 7425", "address station 5", "parameters 80 00 00 00 00 64 03 01 00 00 00 01"} <= set(lines)
     assert any("16DI" in line for line in lines)

@@ -24,7 +24,7 @@ DESCRIPTION = StationDescription(
 def island_station(signals: Any, name: str = "island-1") -> Any:
     """What views use of a station."""
     device = SimpleNamespace(
-        name=name, view=lambda now: {"station_name": name, "ip": "10.77.1.41/24"}, connection=lambda: None
+        name=name, view=lambda now: {"station_name": name, "ip": "10.77.1.41/24"}, connection=lambda: None, details=dict
     )
     return SimpleNamespace(
         configured_name=name, names=(name,), axes=(), bus="profinet", device=device, signals=signals, powered=True,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -108,6 +108,7 @@ class DeviceView(DeviceRow):
     identity: dict[str, int | str] = Field(description="What its bus identifies it by, and its order number.")
     access_point: str
     modules: list[ModuleView]
+    details: dict[str, Any] = Field(description="What only stations on its bus have.")
     signals: list[SignalView] = Field(description="In the order of the file.")
 
 

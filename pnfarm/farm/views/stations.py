@@ -69,6 +69,7 @@ def device_snapshot(station: Station, now: int) -> dict[str, Any]:
         "identity": {} if described is None else dict(described.identity),
         "access_point": "" if described is None else described.access_point,
         "modules": [] if described is None else [asdict(module) for module in described.modules],
+        "details": station.device.details(),
         "signals": [] if station.signals is None else signals_snapshot(station.signals),
     }
 

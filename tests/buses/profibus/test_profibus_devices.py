@@ -296,6 +296,18 @@ def test_a_fault_on_a_signal_is_what_the_master_gets_until_it_ends(shared):
     assert cell.inputs()[0][0] == 0
 
 
+def test_a_broken_wire_reads_as_zero_and_is_reported_for_its_channel(shared):
+    cell = shared
+    cell.signals().set({"part_present": True})
+    cell.inject("wire-break", params={"signal": "part_present"})
+    cell.world.run(0.1)
+    assert cell.inputs()[0][0] == 0
+    # slot 1, input 3, line break
+    assert cell.station().diagnosis.extended.hex(" ") == "42 01 80 43 26"
+    cell.clear(0.2)
+    assert (cell.inputs()[0][0], cell.station().diagnosis.extended) == (8, b"")
+
+
 @pytest.mark.parametrize("kind", ["drive-warning", "sto", "diagnosis", "module-missing", "reorder"])
 def test_a_fault_that_a_device_cannot_have_is_refused(shared, kind):
     with pytest.raises(InjectionError):

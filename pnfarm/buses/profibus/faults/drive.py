@@ -13,6 +13,7 @@ from pnfarm.faults.effects.connection import CONNECTION
 from pnfarm.faults.effects.requests import CONNECT_REQUESTS, PARAMETER_ACCESS
 from pnfarm.faults.effects.supply import Supply
 from pnfarm.faults.effects.wire import WIRE
+from pnfarm.faults.signals import SIGNALS, Signals
 from pnfarm.faults.stations import injected_station
 from pnfarm.protocols.profibus.wire.telegram import Telegram, parse_telegram
 
@@ -49,12 +50,15 @@ def injected_drives(device: ProfibusDevice, host: InjectionHost) -> list[Injecte
         name, station.index, port, host.impairments, host.gate, host.carriers, lambda _: None,
         classes=frozenset({CYCLIC, ACYCLIC}),
     )  # fmt: skip
+    slave = SlavePart(device, host.settle)
     supply = Supply(station, settle=host.settle, goes_off=wire.forget)
     parts: dict[Part[Any], DrivePart] = {
         WIRE: wire,
         CONNECTION: SlaveConnection(device, host.settle),
         CONNECT_REQUESTS: SetParameters(device),
         PARAMETER_ACCESS: Records(device, host.settle),
-        SLAVE: SlavePart(device, host.settle),
+        SLAVE: slave,
     }
+    if station.signals is not None:
+        parts[SIGNALS] = Signals(station.signals, slave.wire_break)
     return injected_station(station, parts, supply, lambda: device.slave)

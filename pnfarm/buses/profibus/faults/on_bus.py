@@ -69,7 +69,8 @@ _CONNECTION: Final = {
         "The slave is parametrised again; S7: station failure and return (assumed).",
     ),
     "watchdog-expire": _on(
-        "The slave behaves as if its watchdog had expired: outputs are zero, it raises 32-1 and waits for parameters.",
+        "The slave behaves as if its watchdog had expired: outputs are zero, a drive raises 32-1, and it waits for "
+        "parameters.",
         "The slave is parametrised again; the program sees the drive's fault.",
     ),
     "connect-refuse": _on(
@@ -130,6 +131,14 @@ _DRIVE: Final = {
     ),
 }
 
+_SIGNALS: Final = {
+    "wire-break": _on(
+        "The signal's octets in the inputs; answers of high priority (DH), and the diagnosis has the error 6, line "
+        "break, of its channel.",
+        "S7: diagnostic interrupt (OB82), coming, and going at the end; CODESYS: a diagnosis (assumed).",
+    ),
+}
+
 _NO_ADDRESS: Final = "a slave has no hardware address; wrong-ident and duplicates of a station address are its own"
 _NO_LIFE: Final = "the manual has a sign of life for PROFINET only (8.3.2)"
 _NO_CALLS: Final = "requests are answered in the same slot or not at all; record-delay makes the drive's answers late"
@@ -149,4 +158,4 @@ _REFUSED: Final = {
     "tcp-refuse": _no(_NO_STREAMS),
 }
 
-ON_PROFIBUS: Mapping[str, KindOnBus] = {**_TELEGRAMS, **_CONNECTION, **_DRIVE, **_REFUSED}
+ON_PROFIBUS: Mapping[str, KindOnBus] = {**_TELEGRAMS, **_CONNECTION, **_DRIVE, **_SIGNALS, **_REFUSED}

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.faults.effects.parts import DrivePart, Part
+from pnfarm.protocols.profibus.gsd.diagnosis import HIGHEST_CHANNEL, LINE_BREAK
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pnfarm.buses.profibus.device.device import ProfibusDevice
+    from pnfarm.faults.signals import Report
+    from pnfarm.signals.signal import Signal
 
 __all__ = ["SLAVE", "SlavePart"]
 
@@ -70,6 +74,13 @@ class SlavePart(DrivePart):
     def described_diagnosis(self, name: str, slot: int, channel: int) -> bytes:
         """Blocks of a diagnosis by its name in the device's file; raises :class:`ConfigError`."""
         return self._device.kind.diagnosis(name, slot, channel)
+
+    def wire_break(self, signal: Signal, channel: int) -> Report | None:
+        """The error of its channel; None where a diagnosis has no number for it."""
+        if channel > HIGHEST_CHANNEL or signal.slot > HIGHEST_CHANNEL + 1:
+            return None
+        blocks = self.described_diagnosis(LINE_BREAK, signal.slot, channel)
+        return partial(self.put, "diagnosis", blocks), partial(self.take_back, "diagnosis", blocks)
 
     @property
     def exchanging(self) -> bool:

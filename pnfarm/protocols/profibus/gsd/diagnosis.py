@@ -11,11 +11,12 @@ from pnfarm.vocabulary.quoting import did_you_mean
 if TYPE_CHECKING:
     from pnfarm.protocols.profibus.gsd.station import PluggedModule, PluggedSlave
 
-__all__ = ["diagnosis_blocks"]
+__all__ = ["HIGHEST_CHANNEL", "LINE_BREAK", "diagnosis_blocks"]
 
+LINE_BREAK: Final = "line break"
 #: Error types of channels that the standard names.
 _ERRORS: Final = {
-    1: "short circuit", 2: "undervoltage", 3: "overvoltage", 4: "overload", 5: "overtemperature", 6: "line break",
+    1: "short circuit", 2: "undervoltage", 3: "overvoltage", 4: "overload", 5: "overtemperature", 6: LINE_BREAK,
     7: "upper limit exceeded", 8: "lower limit exceeded", 9: "error",
 }  # fmt: skip
 #: The kinds of blocks in their first octets: of identifiers, of a channel.
@@ -25,8 +26,8 @@ _CHANNEL: Final = 0x80
 _INPUT: Final = 0x40
 _OUTPUT: Final = 0x80
 _BIT: Final = 0x20
-#: Numbers of modules have six bits.
-HIGHEST: Final = 63
+#: Numbers of modules and of channels have six bits.
+HIGHEST_CHANNEL: Final = 63
 
 
 def diagnosis_blocks(slave: PluggedSlave, name: str, slot: int, channel: int) -> bytes:
@@ -46,7 +47,7 @@ def diagnosis_blocks(slave: PluggedSlave, name: str, slot: int, channel: int) ->
         known = [*gsd.unit_diagnoses.values(), *gsd.channel_errors.values(), *_ERRORS.values()]
         raise ConfigError(f"the file has no diagnosis {name!r}{did_you_mean(name, known)}; it has {listed(known)}")
     module = next((one for one in slave.modules if one.slot == slot), None)
-    if module is None or slot - 1 > HIGHEST:
+    if module is None or slot - 1 > HIGHEST_CHANNEL:
         raise ConfigError(f"slot {slot} has no module, whose channel could have {name!r}")
     marked = bytearray((slave.modules[-1].slot - 1) // 8 + 1)
     marked[(slot - 1) // 8] = 1 << (slot - 1) % 8
