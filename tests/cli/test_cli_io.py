@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import httpx
 import pytest
@@ -112,19 +116,52 @@ def test_a_station_may_have_dots_in_its_name(pnfarm, monkeypatch):
     assert "part_present" in pnfarm("io", "island.cell-3.pressure").out
 
 
-def test_changes_are_followed(pnfarm, world, monkeypatch):
-    changes = [
-        lambda: controller_sends(world.signals, b"\x02\0\x07"),
-        lambda: None,
-        lambda: world.signals.set({"part_present": True}),
-    ]
+class Stream:
+    """A stream of the API, of which a round follows each of ``changes``; then it ends."""
 
-    def sleep(_: float) -> None:
-        if not changes:
+    is_error, is_success = False, True
+
+    def __init__(self, world: DeviceWorld, changes: list[Callable[[], object]]) -> None:
+        self.world, self.changes = world, changes
+
+    def iter_lines(self) -> Iterator[str]:
+        loop = asyncio.new_event_loop()
+        devices = {one.configured_name: one.signals for one in self.world.line.farm.stations if not one.axes}
+        parts = self.world.app.state.views.stream({}, None, devices, overview=False)
+        for change in (lambda: None, lambda: None, *self.changes):
+            change()
+            self.world.line.run(0.1)
+            yield from loop.run_until_complete(anext(parts)).decode().split("\n")
+        loop.run_until_complete(parts.aclose())
+        loop.close()
+
+
+def watched(monkeypatch, world, *streams: Any, sleep: Callable[[float], None] = lambda _: None) -> list[Any]:
+    """What clients ask for streams; they get these, errors are raised, and then somebody presses Ctrl-C."""
+    asked, left = [], list(streams)
+
+    @contextmanager
+    def stream(self: Farm, method: str, path: str, **options: Any) -> Iterator[Stream]:
+        asked.append((path, options["params"]))
+        if not left:
             raise KeyboardInterrupt
-        changes.pop(0)()
+        found = left.pop(0)
+        if isinstance(found, Exception):
+            raise found
+        yield Stream(world, found)
 
+    monkeypatch.setattr(Farm, "stream", stream, raising=False)
     monkeypatch.setattr("pnfarm.cli.commands.io.time.sleep", sleep)
+    return asked
+
+
+def test_changes_are_followed(pnfarm, world, monkeypatch):
+    asked = watched(
+        monkeypatch, world, [
+            lambda: controller_sends(world.signals, b"\x02\0\x07"), lambda: world.signals.set({"part_present": True}),
+            lambda: world.signals.set({"pressure": 1}),
+        ],
+    )  # fmt: skip
     done = pnfarm("io", "island-1.part_present", "island-1.speed", "--watch")
     assert done.code == 130
     assert done.out.splitlines() == [
@@ -133,6 +170,32 @@ def test_changes_are_followed(pnfarm, world, monkeypatch):
         "island-1.speed = 7",
         "island-1.part_present = true",
     ]
+    assert asked[0] == ("live", {"device": ["island-1"], "overview": "false"})
+
+
+def test_all_changes_are_followed_as_json_lines(pnfarm, world, monkeypatch):
+    asked = watched(monkeypatch, world, [lambda: world.signals.set({"pressure": 1.5})])
+    lines = [json.loads(line) for line in pnfarm("io", "--watch", "--format", "json").out.splitlines()]
+    assert [line["name"] for line in lines] == [*world.signals.names, "pressure"]
+    assert lines[-1].items() >= {"device": "island-1", "value": 1.5, "unit": "bar", "place": "3.1.0"}.items()
+    assert asked[0][1]["device"] == ["all"]
+
+
+def test_signals_are_followed_also_where_the_farm_has_no_stream_to_give(pnfarm, world, monkeypatch):
+    changes = [lambda: world.signals.set({"pressure": 1}), lambda: world.signals.set({"pressure": 2})]
+    broken = httpx.ReadTimeout("silent"), httpx.ConnectError("refused")
+    watched(monkeypatch, world, *broken, sleep=lambda _: changes.pop(0)())
+    done = pnfarm("io", "island-1.pressure", "--watch")
+    assert done.out.splitlines() == [f"island-1.pressure = {n} bar" for n in (0, 1, 2)]
+
+
+def test_following_ends_with_the_farm(pnfarm, world, monkeypatch):
+    def gone(*_: Any, **__: Any) -> None:
+        raise httpx.ConnectError("refused")
+
+    watched(monkeypatch, world, [], sleep=lambda _: monkeypatch.setattr(Farm, "request", gone))
+    done = pnfarm("io", "island-1.pressure", "--watch")
+    assert (done.code, "no farm answers" in done.err) == (4, True)
 
 
 def test_a_farm_without_devices_says_so(pnfarm, world, monkeypatch):

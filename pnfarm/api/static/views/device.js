@@ -136,7 +136,6 @@ function Module({module, signals, open, toggle, ...more}) {
     ${open ? module.submodules.map(submodule => html`<${Submodule} key=${submodule.subslot} submodule=${submodule} signals=${of(submodule)} ...${more}/>`) : null}</details>`;
 }
 
-const IDENTS = new Set(["vendor_id", "device_id"]);
 const title = key => (key[0].toUpperCase() + key.slice(1)).replaceAll("_", " ").replace(/\bid\b/, "ID");
 
 /** The modules whose signals are shown at first: those that have some, up to a number. */
@@ -185,7 +184,7 @@ export function Device({name}) {
     </div>
     <${Problem} text=${error || problem}/>
     ${view ? html`<details class="panel"><summary><strong>Identity</strong> <span class="dim">${[view.identity.vendor, view.identity.order_number, view.access_point, row.ip].filter(Boolean).join(" · ")}</span></summary>
-      <${Facts} pairs=${[["Access point", view.access_point], ...Object.entries(view.identity).map(([key, value]) => [title(key), IDENTS.has(key) ? hex(value) : value]), ["Station name", row.station_name], ["Bus", row.bus],
+      <${Facts} pairs=${[["Access point", view.access_point], ...Object.entries(view.identity).map(([key, value]) => [title(key), typeof value === "number" ? `${value} (${hex(value)})` : value]), ["Station name", row.station_name], ["Bus", row.bus],
         ["IP address", row.ip], ["Station address", row.station_address], ["MAC address", row.mac], ["Controller", controller && [controller.name, controller.ip, controller.mac].filter(Boolean).join(", ")],
         ["Cycle", controller && time(connection.cycle_seconds)], ["Watchdog", controller && time(connection.watchdog_seconds)]]}/></details>
     <div class="bar"><h2>Modules</h2>
