@@ -373,14 +373,14 @@ STEPS: Mapping[str, StepKind] = {
         example="set: {island-1.part_present: true, island-1.pressure: 6.5}",
     ),
     "force": StepKind(
-        "Force inputs of devices: the controller gets these values, whatever is written, until they are released, at "
+        "Force signals of devices: the controller gets these values, whatever is written, until they are released, at "
         "the latest when the scenario ends.  A fault is stronger.",
         {"signals": Key(_signals, "STATION.SIGNAL: its value.", _SIGNALS_JSON)},
         required=("signals",),
         example="force: {island-1.part_present: true}",
     ),
     "release": StepKind(
-        "End forces: what was written meanwhile is in force.",
+        "End the forces of signals: what was written meanwhile is in force.",
         {"signals": Key(_released, "STATION.SIGNAL, or STATION for all of its signals.", GLOBS_SCHEMA)},
         required=("signals",),
         example="release: [island-1.part_present]",
