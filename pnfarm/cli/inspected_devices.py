@@ -60,8 +60,10 @@ def print_device(device: dict[str, Any]) -> None:
         ("connection", connection["state"]),
         ("controller", "-" if controller is None else controller["name"]),
         ("cycle", "-" if cycle is None else seconds(cycle)),
-        *((key.replace("_", " "), value) for key, value in device.get("details", {}).items() if isinstance(value, str)),
     ]
+    named = {name for name, _ in rows}
+    further = [(key.replace("_", " "), value) for key, value in device.get("details", {}).items()]
+    rows += [(name, value) for name, value in further if isinstance(value, str) and value and name not in named]
     print_table(("FIELD", "~VALUE"), rows)
     submodules = [(module, one) for module in device["modules"] for one in module["submodules"]]
     print_section(

@@ -306,6 +306,11 @@ def test_a_broken_wire_reads_as_zero_and_is_reported_for_its_channel(shared):
     assert cell.station().diagnosis.extended.hex(" ") == "42 01 80 43 26"
     cell.clear(0.2)
     assert (cell.inputs()[0][0], cell.station().diagnosis.extended) == (8, b"")
+    # one whose diagnosis has no room for it is silent
+    cell.inject("wire-break", "valve", params={"signal": "slot1_in_0_0"})
+    cell.world.run(0.1)
+    assert cell.station("valve").diagnosis.extended == b""
+    cell.clear(0.1)
 
 
 @pytest.mark.parametrize("kind", ["drive-warning", "sto", "diagnosis", "module-missing", "reorder"])
@@ -336,6 +341,8 @@ def test_a_diagnosis_is_raised_by_a_number_or_by_its_name_in_the_file(shared, co
 def test_an_unknown_name_of_a_diagnosis_is_refused_with_what_there_is(shared):
     with pytest.raises(InjectionError, match=r"no diagnosis 'valve is wron', did you mean Valve is worn"):
         shared.inject("diagnosis-request", params={"code": "valve is wron"})
+    with pytest.raises(InjectionError, match="makes a diagnosis of 11 octets, the file allows 6"):
+        shared.inject("diagnosis-request", "valve", params={"code": "overload"})
     with pytest.raises(InjectionError, match="slot 3 has no module"):
         shared.inject("diagnosis-request", params={"code": "overload", "slot": 3})
     cell = SlaveCell(DRIVES)

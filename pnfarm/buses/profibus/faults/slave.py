@@ -5,8 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.errors import ConfigError
 from pnfarm.faults.effects.parts import DrivePart, Part
-from pnfarm.protocols.profibus.gsd.diagnosis import HIGHEST_CHANNEL, LINE_BREAK
+from pnfarm.protocols.profibus.gsd.diagnosis import LINE_BREAK
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -76,10 +77,11 @@ class SlavePart(DrivePart):
         return self._device.kind.diagnosis(name, slot, channel)
 
     def wire_break(self, signal: Signal, channel: int) -> Report | None:
-        """The error of its channel; None where a diagnosis has no number for it."""
-        if channel > HIGHEST_CHANNEL or signal.slot > HIGHEST_CHANNEL + 1:
+        """The error of its channel; None where the device's diagnosis has no room or no number for it."""
+        try:
+            blocks = self.described_diagnosis(LINE_BREAK, signal.slot, channel)
+        except ConfigError:
             return None
-        blocks = self.described_diagnosis(LINE_BREAK, signal.slot, channel)
         return partial(self.put, "diagnosis", blocks), partial(self.take_back, "diagnosis", blocks)
 
     @property
