@@ -51,7 +51,7 @@ def test_values_are_listed_and_written_by_name_and_reach_the_scanner(pnfarm, wor
     world.line.world.run(0.1)
     assert world.line.plc.inputs("weigher")[:8] == bytes([1, 0, 0, 0]) + (2500).to_bytes(4, "little")
     rows = [line.split() for line in pnfarm("io").out.splitlines()]
-    assert ["weigher", "tare", "output", "bool", "false", "good", "101.1.0.0"] in rows
+    assert ["weigher", "tare", "output", "bool", "false", "good", "controller", "101.1.0.0"] in rows
 
 
 def test_inspect_shows_identity_assemblies_and_connection(pnfarm, world):
