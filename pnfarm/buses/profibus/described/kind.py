@@ -48,7 +48,7 @@ class DescribedKind:
     """
 
     number = 0
-    tells = False
+    reports_faults = False
     fixed_length = False
 
     def __init__(self, station: Station, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:

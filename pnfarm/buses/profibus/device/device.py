@@ -344,13 +344,13 @@ class ProfibusDevice:
     def fault_raised(self, axis: int, number: int) -> None:
         """See :class:`pnfarm.station.device.Device`: the master is asked to read the diagnosis."""
         del axis, number
-        if self.kind.tells:
+        if self.kind.reports_faults:
             self.slave.diagnosis_changed()
 
     def faults_cleared(self, axis: int) -> None:
         """See :class:`pnfarm.station.device.Device`."""
         del axis
-        if self.kind.tells:
+        if self.kind.reports_faults:
             self.slave.diagnosis_changed()
 
     def parameter_task(self, axis: int, value: int, now: int) -> None:

@@ -59,8 +59,8 @@ class DriveKind:
         return self._store.telegram_number
 
     @property
-    def tells(self) -> bool:
-        return self.user.tells
+    def reports_faults(self) -> bool:
+        return self.user.reports_faults
 
     # -- life --------------------------------------------------------------------------------------------------------
 

@@ -61,8 +61,8 @@ class Kind(Protocol):
     def number(self) -> int: ...
 
     @property
-    def tells(self) -> bool:
-        """Whether a fault of the drive is told in the diagnosis."""
+    def reports_faults(self) -> bool:
+        """Whether the diagnosis reports faults of the drive."""
 
     def check(self, kept: Mapping[str, Any]) -> None:
         """Raises :class:`KeptValueError` for a memory that is not of this kind."""

@@ -113,7 +113,7 @@ class DriveUser(Meddling):
         return self._errors[0] != 0
 
     @property
-    def tells(self) -> bool:
+    def reports_faults(self) -> bool:
         """Whether the diagnosis has more than its first six octets (P-1256)."""
         return self._store.raw(self._product.diagnosis_parameter) in self._product.diagnosis_modes
 
