@@ -57,6 +57,15 @@ def test_an_assembly_has_its_members_where_their_sizes_put_them():
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    "path", ["20 04 24 01 2C 02 2D 00 2C 01", "20 04 24 01 2C 02 2D 2C 01", "21 04 00 25 01 00 2D 02 00 2D 2C 01"]
+)
+def test_a_path_may_lack_the_octets_that_messages_have_before_long_numbers(path):
+    text = b'[Connection Manager]\nConnection1 = 0x84010002,0x44640405,,2,,,2,,,,,,"C","",'
+    (found,) = parse_sheet(DEVICE + text + f'"{path}";'.encode()).connections
+    assert found.points == (1, 2, 300)
+
+
 def test_members_keep_their_bits_and_their_sign():
     recipe = SHEET.assemblies[101].members[4]
     data = bytearray(b"\xff" * 9)

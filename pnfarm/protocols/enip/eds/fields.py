@@ -22,6 +22,8 @@ LONGEST_DATA: Final = 1400
 #: Octets of one parameter.
 _LONGEST_VALUE: Final = 500
 _U8, _U16 = 0xFF, 0xFFFF
+#: The first octet of a logical segment, without its kind and width.
+_LOGICAL: Final = 0x20
 
 # Fields of ParamN, from 0.
 _PATH, _DESCRIPTOR, _TYPE, _SIZE, _NAME, _UNIT, _HELP, _MINIMUM, _MAXIMUM, _DEFAULT, _SCALING = range(2, 13)
@@ -205,14 +207,33 @@ class FieldReader:
                 parameter = self.parameter(int(match[2][5:]))
                 found += parameter.encode(parameter.default)
             at = match.end()
-        if len(found) % 2:
+        path = _padded(bytes(found))
+        if len(path) % 2:
             raise refusal(entry, f"its path {text!r} is not whole words")
-        return bytes(found)
+        return path
 
     def _numbered_in(self, keyword: str) -> EdsEntry | None:
         """The entry of a parameter by which a path is completed; a parameter's own path has none."""
         number = int(keyword[5:])
         return self.entries.get(number) if number in self._parameters else None
+
+
+def _padded(path: bytes) -> bytes:
+    """A path as messages have it: some files leave out the octet before a value of 16 or 32 bits (packed EPATH)."""
+    return path if _relaid(path, 1) is not None else _relaid(path, 0) or path
+
+
+def _relaid(path: bytes, pad: int) -> bytes | None:
+    """Logical segments with so many octets before a long value, padded; None for anything else."""
+    found, at = bytearray(), 0
+    while at < len(path) and path[at] & 0xE0 == _LOGICAL:
+        wide = path[at] & 3
+        begin = at + 1 + (pad if wide else 0)
+        if any(path[at + 1 : begin]) or begin + (1 << wide) > len(path):
+            return None
+        found += path[at : at + 1] + bytes(1 if wide else 0) + path[begin : begin + (1 << wide)]
+        at = begin + (1 << wide)
+    return bytes(found) if at == len(path) else None
 
 
 def _type_of(code: int, size: int) -> ValueType:
