@@ -225,7 +225,7 @@ def test_the_example_cell_says_what_it_took_and_runs():
     config = load_farm(CONFIGS / "cell.pnfarm.yml")
     assert list(described(config)) == [
         "island: Island head (DAP 1), slot 1: 16DI, slot 2: 8DO, slot 3: 4AI, slot 4: Valve terminal, 12 valves",
-        "island: 16 octets of inputs, 4 of outputs, 60 signals",
+        "island: 16 octets of inputs, 4 of outputs, 61 signals",
         "scanner: Code reader (SCANNER), slot 1: Control, slot 2: Result",
         "scanner: 65 octets of inputs, 1 of outputs, 10 signals",
     ]
