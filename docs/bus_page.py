@@ -7,9 +7,10 @@ import re
 from typing import Any
 
 from pnfarm.buses.bus import Bus, RouteHost, Segment
-from pnfarm.buses.controller import Controller, ControllerPlan
+from pnfarm.buses.controller import Controller, ControllerPlan, DeviceController
 from pnfarm.buses.devices import DeviceBus, DevicesPart
 from pnfarm.buses.farm_file import FarmFilePart
+from pnfarm.buses.node import Node
 from pnfarm.buses.search import SearchBus
 from pnfarm.captures.decoder import FrameDecoder
 from pnfarm.links.sockets import SocketCarrier
@@ -27,7 +28,9 @@ INTERFACES: dict[type, str] = {
     SocketCarrier: "The link has one (`ControllerHost.sockets` for a controller); the farm uses it for devices.",
     Segment: "The bus makes one for the drives of a farm.",
     ControllerPlan: "The bus makes one of the farm file's `controller:`.",
-    Controller: "The bus makes one of the plan.",
+    Node: "A farm is one, and each controller.",
+    Controller: "The bus makes one of the plan: a `Node`, and what follows.",
+    DeviceController: "A controller offers this besides if it runs devices without axes.",
     FrameDecoder: "The bus makes one for each capture.",
     RouteHost: "The API gives it to the bus's routes.",
 }

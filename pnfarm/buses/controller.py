@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
+from pnfarm.buses.node import Node
 from pnfarm.links.sockets import sockets_of
 
 if TYPE_CHECKING:
@@ -13,7 +14,6 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.drives.telegrams.signal_view import AxisSignals
-    from pnfarm.engine.columns import Columns
     from pnfarm.links.base import Link, Port
     from pnfarm.links.sockets import SocketCarrier
     from pnfarm.signals.signal import Direction, Signal
@@ -94,26 +94,10 @@ class ControllerPlan(Protocol):
         """The controller's address, and the UDP ports on which the kernel must not answer in its place."""
 
 
-class Controller(Protocol):
-    """The other end of a farm's wire: bytes and ``now`` in, frames out; no clock, no task.
+class Controller(Node, Protocol):
+    """The other end of a farm's wire: bytes and ``now`` in, frames out; no clock, no task."""
 
-    A :class:`pnfarm.farm.core.Node`, as a farm is.
-    """
-
-    columns: Columns
-    link: Link
     port: Port
-
-    # -- the node
-
-    def receive(self, port: int, frame: bytes, now: int) -> None:
-        """One acyclic frame."""
-
-    def service(self, now: int) -> None:
-        """Handle the engine's events and the timers that are due."""
-
-    def next_deadline(self) -> int | None:
-        """When :meth:`service` is due at the latest."""
 
     # -- its life
 

@@ -13,7 +13,7 @@ from pnfarm.vocabulary.quoting import shown
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["named_module", "slot_number"]
+__all__ = ["named_module", "names_module", "slot_number"]
 
 
 def slot_number(what: str, highest: int) -> tuple[PlainValidator, WithJsonSchema]:
@@ -43,3 +43,8 @@ def _wanted_reader(how: str) -> Callable[[Any], str | int]:
         return value
 
     return read
+
+
+def names_module(entry: object) -> bool:
+    """Whether a slot's entry says what is plugged; one with parameters or submodules alone leaves it to the file."""
+    return entry is None or getattr(entry, "module", None) is not None

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.buses.controller import Controller
+    from pnfarm.buses.node import Node
     from pnfarm.controller.axis_program import AxisProgram
     from pnfarm.drives.parameters.memory import NonVolatile
-    from pnfarm.farm.core import Node
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.farm.shard import Shard
     from pnfarm.links.base import Link, Port

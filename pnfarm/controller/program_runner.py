@@ -288,7 +288,7 @@ def _first_line(program: AxisProgram) -> int:
 
 
 class ProgrammedNode:
-    """A controller together with the users' programs of all axes: a :class:`~pnfarm.farm.core.Node`.
+    """A controller together with the users' programs of all axes: a :class:`~pnfarm.buses.node.Node`.
 
     With several controllers it is the last, so that the programs see what all of them received.
     """

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.bus import DeviceServices, LineSegment, line_of
 from pnfarm.buses.devices import device_bus
@@ -18,7 +18,7 @@ from pnfarm.config.machine import apply_machine
 from pnfarm.drives.axis_handle import AxisHandle
 from pnfarm.engine.channels.impairments import ImpairmentTable
 from pnfarm.engine.channels.schedule import ChannelTable
-from pnfarm.engine.columns import Columns, allocate
+from pnfarm.engine.columns import allocate
 from pnfarm.engine.lateness import LatenessRecord
 from pnfarm.errors import ConfigError, InternalError
 from pnfarm.farm.events import EngineEventsLost
@@ -73,47 +73,12 @@ _OF_CONSUMERS = frozenset(
     {engine_row.FIRST_FRAME, engine_row.EXPIRED, engine_row.PROVIDER_CHANGED, engine_row.IOPS_CHANGED}
 )
 
-__all__ = ["FarmCore", "LineNode", "Node", "SocketNode"]
+__all__ = ["FarmCore"]
 
 #: Impairment rows for each drive: injections into its cyclic frames that can be active at once.
 IMPAIRMENTS_PER_DRIVE = 8
 #: New axes with the motors and the hardware of the models.
 _NEW_MOTORS: FreshRows[None] = FreshRows()
-
-
-class Node(Protocol):
-    """One end of the wire, as a runtime drives it."""
-
-    columns: Columns
-    link: Link
-
-    def receive(self, port: int, frame: bytes, now: int) -> None:
-        """One acyclic frame."""
-
-    def service(self, now: int) -> None:
-        """Handle the engine's events and the timers that are due."""
-
-    def next_deadline(self) -> int | None:
-        """When :meth:`service` is due at the latest."""
-
-
-@runtime_checkable
-class LineNode(Protocol):
-    """A node with stations on serial lines."""
-
-    def poll(self, octets: bytes, now: int) -> tuple[int, bytes] | None:
-        """Port and answer of the one that these octets poll, None where more is to be done: nothing was done then."""
-
-    def answer(self, octets: Any, length: int, now: int) -> tuple[int, memoryview] | None:
-        """The same for a poll like the one before it, of which so many octets of an array count."""
-
-
-@runtime_checkable
-class SocketNode(Protocol):
-    """A node that has streams and datagrams, too."""
-
-    def socket_event(self, event: SocketEvent, now: int) -> None:
-        """Something of a stream, or a datagram."""
 
 
 class FarmCore:

@@ -14,6 +14,7 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.node import LineNode, SocketNode
 from pnfarm.engine.channels.class1 import CLASS1_PORT
 from pnfarm.engine.channels.delay_queue import sent_length, sent_port
 from pnfarm.engine.columns import RX_BATCH
@@ -22,7 +23,6 @@ from pnfarm.engine.realtime import RealTimeEngine, RealTimeSettings
 from pnfarm.engine.sockets.xdp import open_xdp
 from pnfarm.engine.tick import next_due, next_step, tick
 from pnfarm.errors import InternalError
-from pnfarm.farm.core import LineNode, SocketNode
 from pnfarm.farm.lateness import StolenTime
 from pnfarm.links.base import EngineLink, unwrap
 from pnfarm.links.egress import egress_of
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     import socket
     from collections.abc import Callable
 
+    from pnfarm.buses.node import Node
     from pnfarm.engine.lateness import LatenessRecord
     from pnfarm.engine.sockets.xdp import XdpSocket
-    from pnfarm.farm.core import Node
     from pnfarm.links.serial.link import Poll, RepeatedPoll
     from pnfarm.wire.endpoint import SocketEvent
 

@@ -22,8 +22,8 @@ from pnfarm.wire.mac import mac_to_int
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from pnfarm.buses.node import Node
     from pnfarm.engine.columns import Columns
-    from pnfarm.farm.core import Node
     from pnfarm.links.base import Port
 
 __all__ = ["Seen", "VirtualClock", "VirtualWorld"]

@@ -56,7 +56,7 @@ class HubDevice(DeviceRow):
 
 
 class HubDevices(DevicesView, _Partial):
-    devices: list[HubDevice]  # type: ignore[assignment]
+    devices: list[HubDevice]  # type: ignore[assignment]  # a list of more
 
 
 class NotHit(Schema):
@@ -75,7 +75,7 @@ class HubFault(Fault):
 
 
 class HubFaults(Faults, _Partial):
-    faults: list[HubFault]  # type: ignore[assignment]
+    faults: list[HubFault]  # type: ignore[assignment]  # a list of more
 
 
 class HubReach(Targets, _Partial):

@@ -33,24 +33,30 @@ def parse(text):
 
 
 class Cell:
-    """A farm from the text of its file, with its controller."""
+    """A farm from the text of its file, with its controller, whose keys ``tail`` has."""
+
+    tail = CONTROLLER
+    #: The one that is meant if none is named.
+    usual = "island"
 
     def __init__(self, text, controller="", memory=None):
+        """``controller``: more of its keys; None: there is none."""
         self.log = EventLog(quiet=True)
-        config = parse(HEAD + text + CONTROLLER % controller)
+        config = parse(HEAD + text + ("" if controller is None else self.tail % controller))
         self.line = asyncio.run(VirtualLine.create(config, log=self.log, memory=memory or VolatileMemory()))
-        self.world, self.farm, self.plc = self.line.world, self.line.farm, self.line.plc
+        self.world, self.farm = self.line.world, self.line.farm
+        self.plc = None if controller is None else self.line.plc
 
     def connect(self, within=10.0):
-        reasons = [f"{s.plan.name} {s.state} {s.measures.last_reason}" for s in self.plc.sessions]
+        reasons = [(row["name"], row["state"], row["last_reason"]) for row in self.plc.snapshot()]
         assert self.world.run(within, until=lambda: self.plc.all_connected), reasons
         self.world.run(0.1)
 
-    def signals(self, name="island"):
-        return self.farm.station(name).signals
+    def signals(self, name=None):
+        return self.farm.station(name or self.usual).signals
 
-    def device(self, name="island"):
-        return self.farm.station(name).device
+    def device(self, name=None):
+        return self.farm.station(name or self.usual).device
 
     def events(self, name="island"):
         return [entry.event for entry in self.log.entries(name)]

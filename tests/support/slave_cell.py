@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
-from pathlib import Path
+from device_cell import Cell
 
-from pnfarm.controller.line import VirtualLine
-from pnfarm.drives.parameters.memory import VolatileMemory
-from pnfarm.farm.file.reading import parse_farm
 from pnfarm.protocols.profibus.record_request import RecordRequest
-from pnfarm.station.event_log import EventLog
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 ISLAND = "gsd/EXMP1D01.gsd"
 VALVE = "gsd/EXMP1D02.gsd"
-HEAD = "farm: dp-cell\nlink: {kind: memory}\n"
 CONTROLLER = "controller: {name: plc, cycle: 5ms, watchdog: 100ms, reconnect: {after: 200ms}%s}\n"
 ONE = f"""devices:
   - name: island
@@ -34,34 +27,10 @@ TWO = ONE + f"  - {{name: valve, gsd: {VALVE}, address: 9}}\n"
 DRIVES = "drives:\n  - {name: 'msd-{n}', count: 2, model: moog-msd-dp, address: 11}\n"
 
 
-def parse(text):
-    return parse_farm(text, CONFIGS / "dp-cell.pnfarm.yml")
-
-
-class SlaveCell:
+class SlaveCell(Cell):
     """A farm from the text of its file, with its master."""
 
-    def __init__(self, text, controller="", memory=None):
-        """``controller``: more of its keys; None: there is none."""
-        self.log = EventLog(quiet=True)
-        config = parse(HEAD + text + ("" if controller is None else CONTROLLER % controller))
-        self.line = asyncio.run(VirtualLine.create(config, log=self.log, memory=memory or VolatileMemory()))
-        self.world, self.farm = self.line.world, self.line.farm
-        self.plc = None if controller is None else self.line.plc
-
-    def connect(self, within=10.0):
-        reasons = [(row["name"], row["state"], row["last_reason"]) for row in self.plc.snapshot()]
-        assert self.world.run(within, until=lambda: self.plc.all_connected), reasons
-        self.world.run(0.1)
-
-    def signals(self, name="island"):
-        return self.farm.station(name).signals
-
-    def device(self, name="island"):
-        return self.farm.station(name).device
-
-    def events(self, name="island"):
-        return [entry.event for entry in self.log.entries(name)]
+    tail = CONTROLLER
 
     def inputs(self, name="island"):
         """Data and status of the inputs that the master has."""

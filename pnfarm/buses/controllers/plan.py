@@ -91,4 +91,6 @@ def describing(device: str, path: Path, *, slugs: bool = False) -> Iterator[None
     except DecodeError as exc:
         raise ConfigError(f"device {device}, {path}: {exc if slugs else exc.detail or exc.reason}") from exc
     except ConfigError as exc:
-        raise ConfigError(f"device {device}, {path}: {exc}") from exc
+        # the loader of a file names it itself
+        where = "" if str(path) in str(exc) else f", {path}"
+        raise ConfigError(f"device {device}{where}: {exc}") from exc

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.description_file import load_description
 from pnfarm.protocols.enip.eds.reader import parse_sheet
 from pnfarm.protocols.enip.eds.text import LONGEST
-from pnfarm.vocabulary.regular_file import read_regular
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,5 +21,5 @@ _parsed = lru_cache(maxsize=8)(parse_sheet)
 
 
 def load_eds(path: Path) -> Sheet:
-    """Raises :class:`OSError`, and :class:`~pnfarm.errors.DecodeError` for what is no EDS file."""
-    return _parsed(read_regular(path, LONGEST + 1))
+    """Raises :class:`~pnfarm.errors.ConfigError`."""
+    return load_description("EDS", path, LONGEST, _parsed)

@@ -27,7 +27,7 @@ __all__ = ["io"]
 
 #: Owners that overrule what is written.
 _STRONG = frozenset({"fault", "force"})
-#: After the stream of --watch broke.
+#: Between two looks where there is no stream, and before one that broke is asked for again.
 AGAIN_SECONDS = 1.0
 
 

@@ -6,23 +6,19 @@ import asyncio
 import struct
 
 import pytest
-from device_cell import CONFIGS
+from device_cell import CONFIGS, HEAD, Cell, parse
 from peer import Rig, io_path
 
 import pnfarm
 from pnfarm.cli.farm_file import described
-from pnfarm.controller.line import VirtualLine
-from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.farm.file.reading import FarmFileError, expand_devices, parse_farm
 from pnfarm.protocols.enip.originator_events import ConnectionMade, ConnectionNotMade
 from pnfarm.protocols.enip.status import Service
 from pnfarm.protocols.enip.wire.epath import DataSegment, ElectronicKey, emit_epath, logical_path
 from pnfarm.protocols.enip.wire.forward_open import ConnectionType, NetworkParameters, TransportClass
 from pnfarm.signals.refusal import SignalError
-from pnfarm.station.event_log import EventLog
 
 EDS = "eds/Example-Weigher-20261128.eds"
-HEAD = "farm: cell\nlink: {kind: memory}\n"
 ONE = f"""devices:
   - name: weigher
     eds: {EDS}
@@ -36,25 +32,15 @@ ONE = f"""devices:
 CONTROLLER = "controller: {name: plc, ip: 10.77.1.250/23, reconnect: {after: 300ms}%s}\n"
 
 
-def parse(text):
-    return parse_farm(text, CONFIGS / "cell.pnfarm.yml")
-
-
-class Cell:
+class Scanned(Cell):
     """A farm from the text of its file, with its scanner."""
 
-    def __init__(self, text=ONE, controller=""):
-        self.log = EventLog(quiet=True)
-        config = parse(HEAD + text + CONTROLLER % controller)
-        self.line = asyncio.run(VirtualLine.create(config, log=self.log, memory=VolatileMemory()))
-        self.world, self.farm, self.plc = self.line.world, self.line.farm, self.line.plc
-        self.station = self.farm.station("weigher")
-        self.signals, self.device = self.station.signals, self.station.device
+    tail = CONTROLLER
+    usual = "weigher"
 
-    def connect(self, within=10.0):
-        reasons = [f"{s.plan.name} {s.state} {s.measures.last_reason}" for s in self.plc.sessions]
-        assert self.world.run(within, until=lambda: self.plc.all_connected), reasons
-        self.world.run(0.1)
+    def __init__(self, text=ONE, controller=""):
+        super().__init__(text, controller)
+        self.station = self.farm.station("weigher")
 
     def sent(self, octets):
         self.plc.put_outputs("weigher", octets)
@@ -69,45 +55,45 @@ class Cell:
 
 
 def test_a_device_exchanges_the_members_of_its_assemblies_by_name():
-    cell = Cell()
+    cell = Scanned()
     cell.connect()
     assert cell.inputs == bytes(8) + struct.pack("<f", 21.5), "defaults of the file are there from the start"
-    cell.signals.set({"slot102_stable": True, "slot102_ready": True, "slot102_weight": -12.345})
+    cell.signals().set({"slot102_stable": True, "slot102_ready": True, "slot102_weight": -12.345})
     cell.sent(bytes([2, 0, 0, 0]) + struct.pack("<i", 4500) + b"\x05")
     assert cell.inputs[:8] == bytes([0x01, 0x80, 0, 0]) + struct.pack("<i", -12345)
-    found = cell.signals.get_all()
+    found = cell.signals().get_all()
     assert (found["slot101_tare"], found["slot101_zero"], found["target"]) == (False, True, 4.5)
     assert [found[name] for name in ("gate", "slot101_gate", "slot101_recipe_1")] == [True, True, True]
     assert found["status"] == 0x0180, "its order of octets is the farm file's"
-    assert cell.signals.good("gate")
+    assert cell.signals().good("gate")
     (row,) = cell.plc.snapshot()
     assert (row["state"], row["losses"], row["connection"]) == ("DATA", 0, "exclusive-owner")
     assert row["identification"]["name"] == "EX-WGH Weigher"
 
 
 def test_parameters_of_the_farm_file_go_with_forward_open_and_are_in_the_device():
-    cell = Cell()
+    cell = Scanned()
     cell.connect()
     (session,) = cell.plc.sessions
     assert session.opened.path.endswith(emit_epath([DataSegment(bytes([2, 75, 0, 0]))]))
-    assert [cell.device.kind.values.read(cell.device.kind.values.rows[n]) for n in (5, 6)] == [b"\2", b"\x4b\0"]
+    assert [cell.device().kind.values.read(cell.device().kind.values.rows[n]) for n in (5, 6)] == [b"\2", b"\x4b\0"]
 
 
 def test_outputs_are_bad_while_the_scanner_is_idle_and_when_it_is_gone():
-    cell = Cell()
+    cell = Scanned()
     cell.connect()
     cell.sent(b"\x01")
-    assert cell.signals.get("slot101_tare")
+    assert cell.signals().get("slot101_tare")
     cell.plc.set_mode(run=False)
     cell.sent(b"\x02")
-    assert not cell.signals.good("gate")
-    assert cell.signals.get("slot101_tare"), "they keep what came in run mode"
+    assert not cell.signals().good("gate")
+    assert cell.signals().get("slot101_tare"), "they keep what came in run mode"
     cell.plc.set_mode(run=True)
     cell.world.run(0.1)
-    assert (cell.signals.good("gate"), cell.signals.get("slot101_zero")) == (True, True)
+    assert (cell.signals().good("gate"), cell.signals().get("slot101_zero")) == (True, True)
     cell.plc.release(cell.world.now)
     cell.world.run(1.0)
-    assert (cell.signals.good("gate"), cell.signals.get("slot101_zero")) == (False, True)
+    assert (cell.signals().good("gate"), cell.signals().get("slot101_zero")) == (False, True)
 
 
 @pytest.mark.parametrize(
@@ -120,10 +106,10 @@ def test_outputs_are_bad_while_the_scanner_is_idle_and_when_it_is_gone():
     ],
 )
 def test_any_connection_of_the_file_can_be_chosen_with_a_size_that_it_allows(keys, inputs, first, behind):
-    cell = Cell(f"devices:\n  - {{name: weigher, eds: {EDS}, ip: 10.77.0.61/23, {keys}}}\n")
+    cell = Scanned(f"devices:\n  - {{name: weigher, eds: {EDS}, ip: 10.77.0.61/23, {keys}}}\n")
     cell.connect()
     assert len(cell.inputs) == inputs
-    cell.signals.set({"slot102_stable": True, "slot103_inputs": bytes([2] * 64), "slot104_weighings": 0x304})
+    cell.signals().set({"slot102_stable": True, "slot103_inputs": bytes([2] * 64), "slot104_weighings": 0x304})
     cell.world.run(0.1)
     assert cell.inputs[0] == first
     assert cell.inputs[12:14] == behind
@@ -144,23 +130,23 @@ def test_a_listener_gets_the_data_of_the_owner_s_connection():
 
 
 def test_a_power_cycle_keeps_inputs_and_loses_written_parameters():
-    cell = Cell()
+    cell = Scanned()
     cell.connect()
-    cell.signals.set({"slot102_weight": 2.0})
+    cell.signals().set({"slot102_weight": 2.0})
     asked = cell.plc.set_attribute("weigher", 0x0F, 6, 1, b"\x10\0", cell.world.now)
     cell.world.run(0.1)
     assert asked.done
-    window = cell.device.kind.values.rows[6]
-    assert cell.device.kind.values.read(window) == b"\x10\0"
+    window = cell.device().kind.values.rows[6]
+    assert cell.device().kind.values.read(window) == b"\x10\0"
     cell.station.power_cycle(cell.world.now)
     cell.farm.settle(cell.station, cell.world.now)
-    assert cell.device.kind.values.read(window) == b"\x4b\0"
+    assert cell.device().kind.values.read(window) == b"\x4b\0"
     cell.connect()
     assert cell.inputs[4:8] == struct.pack("<i", 2000)
 
 
 def test_faults_that_need_no_servo_act_on_a_device():
-    cell = Cell()
+    cell = Scanned()
     cell.connect()
 
     def losses(kind, **params):
@@ -182,16 +168,16 @@ def test_faults_that_need_no_servo_act_on_a_device():
     assert cell.inputs[4:8] == struct.pack("<i", 7000)
     identity = {"kind": "identity-change", "on": ["weigher"], "params": {"product_code": 99}}
     cell.farm.injections.inject(identity, cell.world.now)
-    assert cell.device.identity.product_code == 99
+    assert cell.device().identity.product_code == 99
 
 
 def test_drives_and_devices_share_a_farm_and_a_scanner():
     drives = "drives:\n  - {name: axis-1, model: akd-ethernetip, ip: 10.77.0.11/23}\n"
-    cell = Cell(drives + ONE, ", program: {kind: constant, speed_rpm: 60}")
+    cell = Scanned(drives + ONE, ", program: {kind: constant, speed_rpm: 60}")
     cell.connect()
     assert cell.world.run(5.0, until=lambda: cell.plc.all_running)
     cell.sent(b"\x01")
-    assert cell.signals.get("slot101_tare")
+    assert cell.signals().get("slot101_tare")
     assert [row["name"] for row in cell.plc.snapshot()] == ["axis-1", "weigher"]
 
 
@@ -406,9 +392,9 @@ def test_a_file_of_a_device_on_another_network_is_refused(tmp_path):
 
 def test_an_interval_of_the_scanner_that_the_file_does_not_allow_is_refused():
     with pytest.raises(Exception, match="does not allow a packet interval of 1ms, but 2ms to 1s"):
-        Cell(ONE, ", rpi: 1ms")
+        Scanned(ONE, ", rpi: 1ms")
 
 
 def test_an_output_is_not_written_by_a_user():
     with pytest.raises(SignalError, match="is an output"):
-        Cell().signals.set({"gate": True})
+        Scanned().signals().set({"gate": True})

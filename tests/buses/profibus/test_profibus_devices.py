@@ -6,7 +6,8 @@ import asyncio
 from dataclasses import replace
 
 import pytest
-from slave_cell import CONFIGS, CONTROLLER, DRIVES, HEAD, ISLAND, ONE, TWO, VALVE, SlaveCell, parse
+from device_cell import CONFIGS, HEAD, parse
+from slave_cell import CONTROLLER, DRIVES, ISLAND, ONE, TWO, VALVE, SlaveCell
 
 from pnfarm.cli.farm_file import described
 from pnfarm.controller.line import VirtualLine

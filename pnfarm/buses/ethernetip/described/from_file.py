@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.controllers.plan import describing
 from pnfarm.buses.device_signals import device_signals
 from pnfarm.buses.ethernetip.described.file_signals import SUBSLOT, assembly_signals
 from pnfarm.buses.ethernetip.described.station import DescribedStation, points_of
@@ -35,8 +34,7 @@ def describe_group(at: Location, group: EthernetIpDevices, folder: Path, report:
     """What a group's devices are; None where something is wrong, which is reported."""
     path = folder / Path(group.eds).expanduser()
     try:
-        with describing(group.name, path):
-            sheet = load_eds(path)
+        sheet = load_eds(path)
     except ConfigError as exc:
         report((*at, "eds"), str(exc), "the maker's EDS file, its name relative to the folder of this file")
         return None

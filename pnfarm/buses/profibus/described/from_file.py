@@ -9,6 +9,7 @@ from pnfarm.buses.device_signals import device_signals
 from pnfarm.buses.profibus.described.file_signals import file_signals
 from pnfarm.buses.profibus.described.station import DescribedSlave
 from pnfarm.buses.profibus.gsd_file import load_gsd
+from pnfarm.config.slots import names_module
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd.station import plug_slave
 from pnfarm.protocols.profibus.gsd.values import PlugError
@@ -31,7 +32,7 @@ def describe_group(at: Location, group: ProfibusDevices, folder: Path, report: R
     try:
         plugged = plug_slave(
             gsd,
-            {slot: None if one is None else one.module for slot, one in group.slots.items() if _names(one)},
+            {slot: None if one is None else one.module for slot, one in group.slots.items() if names_module(one)},
             {slot: one.parameters for slot, one in group.slots.items() if one is not None and one.parameters},
         )
     except PlugError as exc:
@@ -46,11 +47,6 @@ def describe_group(at: Location, group: ProfibusDevices, folder: Path, report: R
         at, group.signals, file_signals(plugged), here.lengths, report, absent="is not plugged", order="big"
     )
     return None if wrong or signals is None else DescribedSlave(plugged, signals, path.name)
-
-
-def _names(one: object) -> bool:
-    """Whether a slot's entry says what is plugged: one with parameters alone leaves it to the file."""
-    return one is None or getattr(one, "module", None) is not None
 
 
 def _place_of(at: Location, group: ProfibusDevices, error: PlugError) -> Location:

@@ -9,6 +9,7 @@ from pnfarm.buses.device_signals import device_signals
 from pnfarm.buses.profinet.described.station import DescribedStation
 from pnfarm.buses.profinet.file_signals import file_signals
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
+from pnfarm.config.slots import names_module
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.parameters import parameter_records
 from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
@@ -34,7 +35,9 @@ def describe_group(at: Location, group: ProfinetDevices, folder: Path, report: R
         plugged = plug_station(
             gsdml,
             access_point=group.access_point,
-            modules={slot: None if one is None else one.module for slot, one in group.slots.items() if _names(one)},
+            modules={
+                slot: None if one is None else one.module for slot, one in group.slots.items() if names_module(one)
+            },
             submodules={
                 (slot, subslot): wanted
                 for slot, one in group.slots.items()
@@ -68,11 +71,6 @@ def describe_group(at: Location, group: ProfinetDevices, folder: Path, report: R
     if found or signals is None:
         return None
     return DescribedStation(plugged, signals, parameters)
-
-
-def _names(one: object) -> bool:
-    """Whether a slot's entry names what is plugged there: one with submodules alone leaves it to the file."""
-    return one is None or getattr(one, "module", None) is not None
 
 
 def _place_of(at: Location, group: ProfinetDevices, error: PlugError) -> Location:
