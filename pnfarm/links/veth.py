@@ -71,6 +71,7 @@ class VethLink(PacketLink):
     def _set_carrier(self, port: Port, up: bool) -> None:
         # Pulled at the far end, as on a real machine: the drive's own interface stays up and sees no carrier.
         with Interfaces() as interfaces:
-            interfaces.set_up(self._pairs[port.index].peer.index, up)
+            peer = self._pairs[port.index].peer
+            interfaces.set_up(peer.index, up)
             if up:
-                interfaces.wait_operational(port.index)
+                interfaces.wait_operational(port.index, peer.index)

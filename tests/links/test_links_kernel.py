@@ -45,7 +45,7 @@ class Inbox:
         self.frames.append((port_index, data, now))
         self.arrived.set()
 
-    async def wait_for(self, count, seconds=2.0):
+    async def wait_for(self, count, seconds=10.0):
         async with asyncio.timeout(seconds):
             while len(self.frames) < count:
                 self.arrived.clear()
@@ -220,6 +220,16 @@ async def test_a_drive_speaks_with_its_own_address(link_on_wire, raw):
             link.send(ports[1].index, answer)
             assert await asyncio.to_thread(wire.recv, 2048) == answer
         assert link.counters.as_dict() == {"received": 0, "sent": 1}
+
+
+async def test_a_bridge_forwards_the_frames_of_every_drive_as_soon_as_the_link_is_open(ip):
+    link = VethLink("line-1", own_bridge=True)
+    async with opened(link, specs(8)) as ports:
+        for port in ports:
+            assert " state forwarding " in ip("-d", "link", "show", link.peer(port.index).name)
+        await link.set_carrier(ports[0].index, False)
+        await link.set_carrier(ports[0].index, True)
+        assert " state forwarding " in ip("-d", "link", "show", link.peer(ports[0].index).name)
 
 
 async def test_drives_hear_each_other(link_on_wire):

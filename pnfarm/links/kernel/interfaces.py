@@ -48,6 +48,8 @@ _IFF_LOOPBACK = 0x8
 _ARPHRD_ETHER = 1
 #: How long the kernel may take to let frames through an interface that was set up.
 _OPERATIONAL_SECONDS = 2.0
+#: State of a bridge's port that takes no frames yet: its carrier was not noticed (BR_STATE_DISABLED).
+_BRIDGE_PORT_DISABLED = 0
 #: A farm's own bridge passes LLDP: IEEE 802.1D would have it drop 01:80:C2:00:00:0E.
 _FORWARD_LLDP = 0x4000
 
@@ -223,7 +225,7 @@ class Interfaces:
             bring_up([peer.index for peer in peers])
             self._start(farm, ports, wanted, "")
             # the kernel takes them in this order
-            self.wait_operational(ports[-1].index)
+            self.wait_operational(ports[-1].index, peers[-1].index)
         return [VethPair(port, peer) for port, peer in zip(ports, peers, strict=True)]
 
     def create_cable(self, near: str, far: str) -> None:
@@ -278,15 +280,16 @@ class Interfaces:
                 f"interface {index} cannot be set {'up' if up else 'down'}: {exc.strerror}"
             ) from exc
 
-    def wait_operational(self, index: int) -> None:
-        """Wait until frames pass through an interface that was set up: until then, the kernel drops what is sent.
+    def wait_operational(self, *indexes: int) -> None:
+        """Wait until frames pass through interfaces that were set up: until then, the kernel drops what is sent.
 
-        That takes milliseconds, more on a busy machine.  Returns after two seconds without it: there is no carrier.
+        A port of a bridge is enabled after it is operational, so both are looked at; its forward delay, where it has
+        one, is not waited for.  That takes milliseconds, more on a busy machine.  Returns after two seconds without
+        it: there is no carrier.
         """
         end = time.monotonic() + _OPERATIONAL_SECONDS
         while time.monotonic() < end:
-            (message,) = self._route.get_links(index)
-            if message.get_attr("IFLA_OPERSTATE") == "UP":
+            if all(_passes_frames(message) for message in self._route.get_links(*indexes)):
                 return
             time.sleep(0.002)
 
@@ -389,6 +392,11 @@ class Interfaces:
                     "or do two drives have the same `mac`?"
                 ) from exc
             raise EnvironmentError_(f"the farm's interfaces cannot be set up {where}: {exc.strerror}") from exc
+
+
+def _passes_frames(message: Any) -> bool:
+    port_state = message.get_nested("IFLA_LINKINFO", "IFLA_INFO_SLAVE_DATA", "IFLA_BRPORT_STATE")
+    return bool(message.get_attr("IFLA_OPERSTATE") == "UP" and port_state != _BRIDGE_PORT_DISABLED)
 
 
 def _facts(message: Any) -> InterfaceFacts:
