@@ -17,7 +17,7 @@ from pnfarm.table.image import IMAGE
 from pnfarm.table.impairment import IMPAIRMENT
 from pnfarm.table.late import LATE, LATE_ROWS
 from pnfarm.table.observed import OBSERVED
-from pnfarm.table.plain_data import CONSUMED, PIECE, PROVIDED
+from pnfarm.table.plain_data import CONSUMED, PIECE, PROVIDED, PlainRows, allocate_plain
 from pnfarm.table.program import PROGRAM
 from pnfarm.table.trace import MAX_PROBES, MAX_TRACES, PROBE, RING_VALUES, TRACE
 
@@ -95,8 +95,8 @@ class Columns(NamedTuple):
     image_words: Any
     condition: Any
     condition_op: Any
-    provided: Any
-    consumed: Any
+    provided: PlainRows
+    consumed: PlainRows
     piece: Any
 
 
@@ -160,8 +160,8 @@ def allocate(
         image_words=image.view(np.ndarray).view(np.int64),
         condition=CONDITION.allocate(MAX_CONDITIONS if traces else 1),
         condition_op=CONDITION_OP.allocate(MAX_OPERATIONS if traces else 1),
-        provided=PROVIDED.allocate(max(1, plain)),
-        consumed=CONSUMED.allocate(max(1, plain)),
+        provided=allocate_plain(PROVIDED, max(1, plain)),
+        consumed=allocate_plain(CONSUMED, max(1, plain)),
         piece=PIECE.allocate(max(1, pieces)),
     )
     engine = columns.engine[0]

@@ -250,7 +250,7 @@ def _lose(consumers: Any, images: Any, stored: Any, pieces: Any, number: int) ->
     """The data hold timer of a consumer ran out: nothing that it brings is valid."""
     consumer = consumers[number]
     if consumer.pieces:
-        spoil_pieces(consumer, pieces, stored[consumer.plain])
+        spoil_pieces(consumer, pieces, stored)
     following = number + 1
     while following > 0:
         consumer = consumers[following - 1]
@@ -272,7 +272,7 @@ def _watch(engine: Any, consumers: Any, images: Any, stored: Any, pieces: Any, e
                 if consumer.fed or consumer.feeds:
                     _take_back(consumer, images[consumer.image])
                 if consumer.pieces:
-                    spoil_pieces(consumer, pieces, stored[consumer.plain])
+                    spoil_pieces(consumer, pieces, stored)
         elif consumer.fed and not consumer.feeds:
             _take_back(consumer, images[consumer.image])
         elif consumer.state == IDLE:

@@ -59,7 +59,7 @@ def test_all_due_frames_go_out_as_they_are_in_the_frame_store():
         called(send_batch)(farm, ring, count)
         assert farm.engine[0].send_errors == 0
         assert [far.recv(2048) for _ in range(count)] == sent
-        addresses = [ring.tx_address[row] for row in farm.tx_row[:count]]
+        addresses = ring.tx_address[:count]
         assert [(bytes(address[:1]), int(address[1])) for address in addresses] == [
             (b"\x11\x00\x88\x92", port) for port in ports
         ]

@@ -39,8 +39,5 @@ def sent_to_controller(signals: StationSignals) -> bytes:
 
 def controller_sends(signals: StationSignals, octets: bytes, good: tuple[bool, bool] = (True, True)) -> None:
     """What the engine does with a frame."""
-    row = signals._outputs._row
-    following = int(row["sequence"]) + 1
-    whole = octets + bytes(IOXS_GOOD if one else IOXS_BAD for one in good)
-    row["octets"][following & 1, : len(whole)] = memoryview(whole)
-    row["sequence"] = following
+    outputs = signals._outputs
+    outputs._put(bytearray(octets + bytes(IOXS_GOOD if one else IOXS_BAD for one in good)))

@@ -160,7 +160,7 @@ def _made_for(framing: Any, first: int) -> tuple[Any, Any]:
             interval = 0 if begins else arrival - consumer.last_ns
             _pass_on(consumers, images, int(consumer.rider), frame, data, runs, arrival, interval)
         if consumer.pieces:
-            take_pieces(consumer, pieces, stored[consumer.plain], frame, data, runs)
+            take_pieces(consumer, pieces, stored, frame, data, runs)
         consumer.iops = iops
         consumer.impaired = 0
         consumer.last_ns = arrival

@@ -7,19 +7,24 @@ from typing import Any
 from pnfarm.engine.memory_order import acquire, release
 from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
 from pnfarm.table.compiling.compiled import compiled
-from pnfarm.table.plain_data import NO_STATUS, NOT_TAKEN
+from pnfarm.table.plain_data import NO_STATUS, NOT_TAKEN, PlainRows
 
 __all__ = ["put_pieces", "spoil_pieces", "take_pieces"]
 
 
 @compiled
-def _open(row: Any) -> int:
-    """Copy the half in force into the other one; returns which that is."""
-    half = (int(row.sequence) + 1) & 1
-    source, target = row.octets[1 - half], row.octets[half]
+def _half(row: Any, number: int) -> int:
+    """Where a half of a row begins."""
+    return int(row.begin) + (number & 1) * int(row.length)
+
+
+@compiled
+def _open(row: Any, octets: Any) -> int:
+    """Copy the half in force into the other one; returns where that begins."""
+    source, target = _half(row, int(row.sequence)), _half(row, int(row.sequence) + 1)
     for i in range(row.length):
-        target[i] = source[i]
-    return half
+        octets[target + i] = octets[source + i]
+    return target
 
 
 @compiled
@@ -30,48 +35,51 @@ def _close(row: Any) -> None:
 
 
 @compiled
-def take_pieces(consumer: Any, pieces: Any, row: Any, frame: Any, data: int, runs: bool) -> None:
+def take_pieces(consumer: Any, pieces: Any, stored: PlainRows, frame: Any, data: int, runs: bool) -> None:
     """The pieces of a consumer's frame, whose IO data begin at ``data``; those that are not good keep what they had."""
-    target = row.octets[_open(row)]
+    row, octets = stored.rows[consumer.plain], stored.octets
+    target = _open(row, octets)
     for number in range(consumer.piece, consumer.piece + consumer.pieces):
         piece = pieces[number]
         good = runs and piece.status_frame != NOT_TAKEN
         if good and piece.status_frame != NO_STATUS:
             good = frame[data + piece.status_frame] & IOXS_GOOD != 0
-        target[piece.status_place] = IOXS_GOOD if good else IOXS_BAD
+        octets[target + piece.status_place] = IOXS_GOOD if good else IOXS_BAD
         if good:
-            place, begin = int(piece.place), data + int(piece.frame)
+            place, begin = target + int(piece.place), data + int(piece.frame)
             for i in range(piece.length):
-                target[place + i] = frame[begin + i]
+                octets[place + i] = frame[begin + i]
     _close(row)
 
 
 @compiled
-def spoil_pieces(consumer: Any, pieces: Any, row: Any) -> None:
+def spoil_pieces(consumer: Any, pieces: Any, stored: PlainRows) -> None:
     """No frames come any more: the pieces keep their data with status BAD."""
-    target = row.octets[_open(row)]
+    row, octets = stored.rows[consumer.plain], stored.octets
+    target = _open(row, octets)
     for number in range(consumer.piece, consumer.piece + consumer.pieces):
-        target[pieces[number].status_place] = IOXS_BAD
+        octets[target + pieces[number].status_place] = IOXS_BAD
     _close(row)
 
 
 @compiled
-def put_pieces(provider: Any, pieces: Any, row: Any, frame: Any, good: int) -> None:
+def put_pieces(provider: Any, pieces: Any, stored: PlainRows, frame: Any, good: int) -> None:
     """The station's data into a provider's frame; ``good`` 0 makes every status BAD.
 
     The event loop writes a half in microseconds and rests in between, so that the copy is soon whole.
     """
+    row, octets = stored.rows[provider.plain], stored.octets
     while True:
         before = row.sequence
         acquire()
-        source = row.octets[int(before) & 1]
+        source = _half(row, int(before))
         for number in range(provider.piece, provider.piece + provider.pieces):
             piece = pieces[number]
-            place, begin = int(piece.place), int(piece.frame)
+            place, begin = source + int(piece.place), int(piece.frame)
             for i in range(piece.length):
-                frame[begin + i] = source[place + i]
+                frame[begin + i] = octets[place + i]
             if piece.status_frame != NO_STATUS:
-                frame[piece.status_frame] = source[piece.status_place] if good else IOXS_BAD
+                frame[piece.status_frame] = octets[source + piece.status_place] if good else IOXS_BAD
         acquire()
         if row.sequence == before:
             return

@@ -54,7 +54,7 @@ def _made_for(framing: Any, first: int) -> Any:
         if provider.rider:
             _pass_on(providers, images, int(provider.rider), frame)
         if provider.pieces:
-            put_pieces(provider, pieces, stored[provider.plain], frame, image.good)
+            put_pieces(provider, pieces, stored, frame, image.good)
         framing.seal(provider, frame)
 
     return _pack

@@ -14,7 +14,6 @@ from pnfarm.engine.channels.rtc import TRAILER
 from pnfarm.engine.columns import Columns, lookup_rebuild
 from pnfarm.errors import InternalError
 from pnfarm.firmware.drive_clock import true_duration
-from pnfarm.table.access.plain import plain
 from pnfarm.table.access.plain_data import copy_plain
 from pnfarm.table.channel import (
     CLOSED,
@@ -406,7 +405,7 @@ class ChannelTable:
             for i in range(int(row.iops_count)):
                 data[int(row.iops_offset[i])] = int(row.iops)
         if main.pieces:
-            octets = copy_plain(plain(self.columns.consumed)[int(main.plain)])
+            octets = copy_plain(self.columns.consumed, int(main.plain))
             for piece in self.columns.piece[int(main.piece) : int(main.piece) + int(main.pieces)]:
                 frame, place, length = int(piece.frame), int(piece.place), int(piece.length)
                 data[frame : frame + length] = octets[place : place + length]

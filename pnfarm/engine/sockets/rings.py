@@ -2,12 +2,13 @@
 
 Frames of another EtherType arrive at a socket of their own, with a ring of its own; all leave through the first.
 
-The message vectors are laid out once.  A ``struct mmsghdr`` of 64-bit Linux is eight 64-bit words::
+A ``struct mmsghdr`` of 64-bit Linux is eight 64-bit words::
 
     name  namelen  iov  iovlen  control  controllen  flags  length
 
 The interface travels in each message's ``sockaddr_ll``, so one unbound socket serves every interface of a
-network namespace.
+network namespace.  Messages are laid out when they are sent: a table has room for many more frames than a tick sends,
+and memory that nobody writes is none of the process's.
 """
 
 from __future__ import annotations
@@ -69,23 +70,19 @@ def make_ring(
     """
     if np.dtype(np.intp).itemsize != 8:
         raise EnvironmentError_("the engine needs a 64-bit Linux: this one's pointers have 32 bits")
-    frames, channels = columns.frames.shape[0], columns.cpm.shape[0]
-    ring = Ring(
+    messages, channels = columns.tx_row.shape[0], columns.cpm.shape[0]
+    return Ring(
         descriptor=channel_socket.fileno(),
         received=_received(channel_socket, channels),
         beside=_received(beside, channels),
         stamped=1 if timestamps else 0,
         xdp=xdp or no_xdp(),
-        tx_vector=np.zeros((columns.tx_row.shape[0], 8), np.int64),
-        tx_iov=np.zeros((frames, 2), np.int64),
-        tx_address=np.zeros((frames, ADDRESS_SLOT // 4), np.int32),
+        tx_vector=np.zeros((messages, 8), np.int64),
+        tx_iov=np.zeros((messages, 2), np.int64),
+        tx_address=np.zeros((messages, ADDRESS_SLOT // 4), np.int32),
         clock=np.zeros(2, np.int64),
         target=np.zeros(2, np.int64),
     )
-    ring.tx_vector[:, NAME_LENGTH] = SOCKADDR_LL
-    ring.tx_vector[:, IOV_LENGTH] = 1
-    ring.tx_iov[:, 0] = columns.frames.ctypes.data + np.arange(frames) * FRAME_SLOT
-    return ring
 
 
 def _received(packet_socket: socket.socket | None, channels: int) -> ReceiveRing:
@@ -107,7 +104,7 @@ def send_batch(columns: Columns, ring: Ring, count: int) -> None:
     """
     engine = columns.engine[0]
     vector, iov, addresses = ring.tx_vector, ring.tx_iov, ring.tx_address
-    iov_base, address_base = iov.ctypes.data, addresses.ctypes.data
+    frame_base, iov_base, address_base = columns.frames.ctypes.data, iov.ctypes.data, addresses.ctypes.data
     xdp = ring.xdp
     places = room(xdp) if xdp.interface >= 0 else 0
     number = 0
@@ -121,12 +118,15 @@ def send_batch(columns: Columns, ring: Ring, count: int) -> None:
             continue
         i = number
         number += 1
-        iov[row, 1] = length
+        iov[i, 0] = frame_base + row * FRAME_SLOT
+        iov[i, 1] = length
         # the EtherType, for what looks at a frame on its way; a tagged frame is PROFINET's
-        addresses[row, 0] = _IPV4 if columns.frames[row, 12] == 0x08 else _REAL_TIME
-        addresses[row, 1] = port
-        vector[i, NAME] = address_base + row * ADDRESS_SLOT
-        vector[i, IOV] = iov_base + row * 16
+        addresses[i, 0] = _IPV4 if columns.frames[row, 12] == 0x08 else _REAL_TIME
+        addresses[i, 1] = port
+        vector[i, NAME] = address_base + i * ADDRESS_SLOT
+        vector[i, NAME_LENGTH] = SOCKADDR_LL
+        vector[i, IOV] = iov_base + i * 16
+        vector[i, IOV_LENGTH] = 1
     # looked at last: the process may have been frozen since the tick began
     if engine.lease_until_ns != 0 and time_ns(CLOCK_BOOTTIME, ring.clock) >= engine.lease_until_ns:
         engine.muted += count
