@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -35,6 +36,26 @@ if TYPE_CHECKING:
 __all__ = ["add_impairments", "make_manager"]
 
 
+class _Drives(Mapping[str, "InjectedDrive"]):
+    """The drives of each station, made by ``make`` when the first injection looks at them: few farms inject in all."""
+
+    def __init__(self, stations: Sequence[Station], make: Callable[[Station], Sequence[InjectedDrive]]) -> None:
+        self._make = make
+        self._stations = {name: station for station in stations for name in station.names}
+        self._made: dict[str, InjectedDrive] = {}
+
+    def __getitem__(self, name: str) -> InjectedDrive:
+        if name not in self._made:
+            self._made.update((drive.name, drive) for drive in self._make(self._stations[name]))
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._stations)
+
+    def __len__(self) -> int:
+        return len(self._stations)
+
+
 def make_manager(
     stations: Sequence[Station],
     axes: Sequence[Axis],
@@ -60,11 +81,16 @@ def make_manager(
 
     carriers = Carriers(gate.inner, not_changed)
     addresses = Addresses(gate.inner, not_restored)
-    drives: dict[str, InjectedDrive] = {}
-    for station in stations:
+
+    def make(station: Station) -> Sequence[InjectedDrive]:
         host = InjectionHost(columns, impairments, gate, carriers, addresses, partial(settle, station), sockets)
-        for drive in bus(station.bus).injected_drives(station.device, host):
-            drives[drive.name] = drive
+        return bus(station.bus).injected_drives(station.device, host)
+
+    drives = _Drives(stations, make)
+    for station in stations:
+        if bus(station.bus).uses_sockets:
+            # the messages of a stream are cut from its beginning
+            drives[station.configured_name]
     return InjectionManager(fault_kinds(), drives, (gate, sockets, addresses), Conditions(axes, columns, stations))
 
 

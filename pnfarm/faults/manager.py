@@ -180,6 +180,8 @@ class InjectionManager:
 
     def of_drive(self, name: str) -> list[Injection]:
         """Injections that wait or are in force on one drive, with those of an axis's node."""
+        if not self._by_drive:
+            return []
         drive = self._drives.get(name)
         names = [name] if drive is None or drive.node is None else [name, drive.node.name]
         return [injection for one in names for injection, _ in self._by_drive.get(one, {}).values()]

@@ -6,7 +6,7 @@ What is outside of the drive (limit switches, inputs, enable, load) does not cha
 from __future__ import annotations
 
 import math
-from collections import Counter, deque
+from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.axis_handle import CommandRingFullError
@@ -54,7 +54,7 @@ class Servo(DrivePart):
         supply.returned.append(self._supply_returned)
         self._held: Counter[int] = Counter()
         self._warnings: list[Fault] = []
-        self._commands: deque[tuple[int, int]] = deque()
+        self._commands: list[tuple[int, int]] = []
         #: Limits of its travel on which the axis is, ``positive`` or ``negative``.
         self.limits: InForce[str] = InForce(self._put_limits)
         #: What is taken away: ``enable`` or ``supply``.
@@ -174,7 +174,7 @@ class Servo(DrivePart):
                 self._station.handle.push_command(*self._commands[0])
             except CommandRingFullError:
                 return
-            self._commands.popleft()
+            self._commands.pop(0)
 
     # the mechanics around it
 

@@ -15,7 +15,6 @@ wait, an AlarmAck goes first.  The state tables are in :mod:`states`.
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -110,7 +109,7 @@ class AlarmLine:
         self.apmr = ApmrState.CLOSED
         self.alpmi = AlpmiState.W_START
         self.alpmr = AlpmrState.W_START
-        self.queue: deque[Queued] = deque()
+        self.queue: list[Queued] = []
         #: When APMS repeats.
         self.deadline: int | None = None
         # SendSeqCount and ExpSeqCount with their predecessors, as APMS and APMR keep them
@@ -246,7 +245,7 @@ class AlarmLine:
             ack, self._ack = self._ack, None
             self._step("apms", Sign.DATA_REQ, ("alpmr", ack.emit()), now)
         elif self.queue and self.alpmi is AlpmiState.W_ALARM:
-            self._step("alpmi", Sign.ALARM_REQ, self.queue.popleft(), now)
+            self._step("alpmi", Sign.ALARM_REQ, self.queue.pop(0), now)
 
     def _drop(self, reason: str) -> None:
         self._owner.dropped[reason] += 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
@@ -33,11 +32,12 @@ class LogBook:
     """A ring of the last ``size`` entries.  Times are nanoseconds of the caller's ``now``."""
 
     def __init__(self, size: int = 32) -> None:
-        self._entries: deque[LogEntry] = deque(maxlen=size)
+        self._size = size
+        self._entries: list[LogEntry] = []
         self._uuids: dict[int, UUID] = {}
 
     def record(self, ar_uuid: UUID, status: PnioStatus, detail: int, now: int) -> None:
-        self._entries.append(LogEntry(now, ar_uuid, status, detail))
+        self._entries = [*self._entries, LogEntry(now, ar_uuid, status, detail)][-self._size :]
 
     def note(self, event: CmEvent, now: int) -> None:
         """Record an event of the AR machine, if the log book has a code for it."""

@@ -7,7 +7,6 @@ carries the lookup's number and the position itself; only the numbers of the loo
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 from uuid import UUID
@@ -75,7 +74,7 @@ class EndpointMapper:
         self._node = endpoints[0].object_uuid.node
         self._port = port
         self._last_lookup = 0
-        self._freed: deque[int] = deque(maxlen=_FREED_MAX)
+        self._freed: list[int] = []
         self.address = address
 
     def answer(self, opnum: int, stub: bytes, *, little_endian: bool) -> tuple[PacketType, bytes]:
@@ -87,7 +86,7 @@ class EndpointMapper:
                 return PacketType.RESPONSE, emit_lookup_response(response, little_endian=little_endian)
             lookup, _ = self._place(EntryHandle.parse(stub, little_endian=little_endian))
             if lookup:
-                self._freed.append(lookup)
+                self._freed = [*self._freed, lookup][-_FREED_MAX:]
             return PacketType.RESPONSE, HandleFreed(NIL_HANDLE, 0).emit(little_endian=little_endian)
         except DecodeError:
             return PacketType.REJECT, emit_status(NcaStatus.PROTO_ERROR, little_endian=little_endian)

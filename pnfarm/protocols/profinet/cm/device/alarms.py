@@ -6,7 +6,7 @@ here.  Alarms of low priority report diagnosis and submodules, those of high pri
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -70,7 +70,7 @@ class _Line:
 
     channel: AlarmChannel
     peer: bytes
-    waiting: deque[tuple[int, AlarmNotification]] = field(default_factory=deque)
+    waiting: list[tuple[int, AlarmNotification]] = field(default_factory=list)
     hears: bool = False
     #: The channel's handles of alarms, by the device's own numbers.
     numbers: dict[int, int] = field(default_factory=dict)
@@ -134,7 +134,7 @@ class DeviceAlarms:
 
     def _drain(self, line: _Line, now: int) -> None:
         """Send waiting alarms in order; those for which the channel's queue has no room keep waiting."""
-        still: deque[tuple[int, AlarmNotification]] = deque()
+        still: list[tuple[int, AlarmNotification]] = []
         full: set[bool] = set()
         for number, alarm in line.waiting:
             if alarm.high not in full and line.channel.is_full(high=alarm.high):
