@@ -10,34 +10,24 @@ The exit code is 1 where something differed or a file could not be had.
 from __future__ import annotations
 
 import sys
-from collections import Counter
 from pathlib import Path
 
-from tests.public_files import TESTS, run
+from tests.public_files import TESTS, Tally, run
 
 
 def report(out: Path) -> int:
     """How many files differ from what the other reader finds."""
     from gsdml_sweep import Sweep
 
-    counts: Counter[str] = Counter()
-    makers: Counter[str] = Counter()
-    differing = 0
+    tally = Tally()
     for path in sorted(out.rglob("*.xml")):
         found = Sweep(path)
-        counts += found.counts
-        makers[found.gsdml.vendor_name] += 1
-        differing += bool(found.findings)
+        tally.add(found.gsdml.vendor_id, found.gsdml.vendor_name, found.counts, found.findings)
         what = f"{found.counts['access points']} access points, {found.counts['modules']} modules"
         lines = [f"{path.name}: {found.gsdml.schema_version or 'no version'}, {what}, read in {found.seconds:.2f} s"]
         lines += [f"    {finding}" for finding in found.findings]
         sys.stdout.write("\n".join((*lines, "")))
-    sys.stdout.write(
-        f"\n{sum(makers.values())} files of {len(makers)} makers; {differing} differ\n"
-        f"{', '.join(f'{number} {name}' for name, number in sorted(counts.items()))}\n"
-        f"{', '.join(f'{name} {number}' for name, number in makers.most_common())}\n"
-    )
-    return differing
+    return tally.end()
 
 
 if __name__ == "__main__":
