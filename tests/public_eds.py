@@ -1,6 +1,6 @@
 """``python -m tests.public_eds --out FOLDER``: makers' EDS files from public repositories, and a sweep over them.
 
-They are others' and stay out of this repository: ``protocols/enip/eds_public.csv`` has repository, commit, path and
+They are others' and stay out of this repository: ``buses/ethernetip/eds_public.csv`` has repository, commit, path and
 SHA-256 of each.  ``--mirrors`` takes them from git repositories on this machine, ``OWNER+NAME/repo``, instead of from
 GitHub.  Then the built-in scanner opens each connection of each file in memory, and identity, sizes and paths are
 compared with what a few patterns find in the text.  The exit code is 1 where something differed or a file could not be
@@ -30,4 +30,4 @@ def report(out: Path) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(run("public_eds", __doc__ or "", TESTS / "protocols" / "enip" / "eds_public.csv", report))
+    sys.exit(run("public_eds", __doc__ or "", TESTS / "buses" / "ethernetip" / "eds_public.csv", report))

@@ -3,7 +3,8 @@
 They are others' and stay out of this repository: ``protocols/profinet/gsdml_public.csv`` has repository, commit, path
 (and the member of an archive) and SHA-256 of each.  ``--mirrors`` takes them from git repositories on this machine,
 ``OWNER+NAME/repo``, instead of from GitHub.  Then each file is plugged with every access point, module and submodule
-and compared with another reader; a table says how many there were, what differed, and how long a file took to read.
+and compared with another reader, and each such device connects to the built-in controller in memory; a table says how
+many there were, what differed, and how long a file took to read.
 The exit code is 1 where something differed or a file could not be had.
 """
 
@@ -22,6 +23,7 @@ def report(out: Path) -> int:
     tally = Tally()
     for path in sorted(out.rglob("*.xml")):
         found = Sweep(path)
+        found.connect()
         tally.add(found.gsdml.vendor_id, found.gsdml.vendor_name, found.counts, found.findings)
         what = f"{found.counts['access points']} access points, {found.counts['modules']} modules"
         lines = [f"{path.name}: {found.gsdml.schema_version or 'no version'}, {what}, read in {found.seconds:.2f} s"]
