@@ -13,16 +13,43 @@ import subprocess
 import sys
 import urllib.request
 import zipfile
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
-__all__ = ["TESTS", "run"]
+__all__ = ["TESTS", "Tally", "run"]
 
 TESTS = Path(__file__).resolve().parent
+
+
+class Tally:
+    """What a sweep found in files of several makers, who are counted by number and by name."""
+
+    def __init__(self) -> None:
+        self._counts: Counter[str] = Counter()
+        self._names: Counter[str] = Counter()
+        self._numbers: set[int] = set()
+        self._differing = 0
+
+    def add(self, number: int, name: str, counts: Counter[str], findings: Sequence[str]) -> None:
+        self._counts += counts
+        self._names[name] += 1
+        self._numbers.add(number)
+        self._differing += bool(findings)
+
+    def end(self) -> int:
+        """Print the sums; how many files differ."""
+        makers = f"{len(self._numbers)} makers by their numbers, {len(self._names)} by their names"
+        sys.stdout.write(
+            f"\n{self._names.total()} files of {makers}; {self._differing} differ\n"
+            f"{', '.join(f'{number} {name}' for name, number in sorted(self._counts.items()))}\n"
+            f"{', '.join(f'{name} {number}' for name, number in self._names.most_common())}\n"
+        )
+        return self._differing
 
 
 def octets_of(pin: dict[str, str], mirrors: Path | None) -> bytes:

@@ -43,7 +43,7 @@ from pnfarm.farm.file.reading import FarmConfig, expand_all, load_farm
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.lease import Lease
 from pnfarm.farm.leaseholder import Leaseholder
-from pnfarm.farm.lines import line_bus, make_line, make_lines
+from pnfarm.farm.lines import line_ways, make_lines
 from pnfarm.farm.load import line_name
 from pnfarm.farm.memory.postgres import PostgresState
 from pnfarm.farm.memory.sqlite import FarmState
@@ -119,8 +119,8 @@ def make_link(
         case TapSection():
             return _with_lines(TapLink(name, bridge=section.bridge), lines)
         case SerialSection():
-            own = next(model_by_name(group.model).bus for group in config.drives)
-            return make_line(section, line_bus(own))
+            (line,) = make_lines(line_ways(config)).values()
+            return line
         case None:
             raise ConfigError("the file has no link; add for example `link: {kind: macvlan, parent: eth1}`")
         case _:

@@ -10,6 +10,7 @@ from pnfarm.buses.bus import LineBus
 from pnfarm.buses.registry import BUSES
 from pnfarm.config.links import SerialLink as SerialSection
 from pnfarm.errors import ConfigError
+from pnfarm.farm.file.choice import bus_of, bus_of_devices
 from pnfarm.links.serial.descriptor import PortLine, PtyLine
 from pnfarm.links.serial.line import LineFormat
 from pnfarm.links.serial.link import SerialLink
@@ -44,9 +45,9 @@ def line_ways(config: FarmConfig) -> dict[str, LineWay]:
     """The lines of a file on this machine, by the names of their buses; none in memory."""
     link = config.link
     if isinstance(link, SerialSection):
-        known = (config.known.model(group.model) for group in config.drives)
-        buses = (model.bus for model in known if model is not None)
-        return {next(buses): link} if config.drives else {}
+        # all of its stations are on one bus
+        buses = [*map(bus_of, config.drives), *map(bus_of_devices, config.devices)]
+        return {bus.name: link for bus in buses[:1]}
     return dict(getattr(link, "lines", {}))
 
 

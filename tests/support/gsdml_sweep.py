@@ -6,13 +6,20 @@ without their lengths.
 
 from __future__ import annotations
 
+import asyncio
+import json
 import time
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
+from device_cell import HEAD
 from profinet import gsdml as independent
 
 from pnfarm.buses.profinet.file_signals import file_signals
+from pnfarm.controller.line import VirtualLine
+from pnfarm.errors import ConfigError
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
 from pnfarm.protocols.profinet.gsdml.document import Gsdml, ItemRef
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
@@ -23,7 +30,11 @@ from pnfarm.protocols.profinet.gsdml.station import (
     PluggedSubmodule,
     plug_station,
 )
+from pnfarm.station.event_log import EventLog
 
+#: Devices of one farm, and how long they may take to connect, s.
+_TOGETHER, _PATIENCE = 60, 15.0
+_PLC = "controller: {name: plc, ip: 10.77.250.1/16, cycle: 64ms, reconnect: {after: 300ms}}\n"
 #: Types of which the other reader knows the length; it and PI's table differ about TimeStamp.
 _COMPARED = {name for name, size in independent.GSDML_TYPE_SIZES.items() if size or name.endswith("String")} - {
     "TimeStamp"
@@ -31,11 +42,13 @@ _COMPARED = {name for name, size in independent.GSDML_TYPE_SIZES.items() if size
 
 
 class Sweep:
-    """What one file's sweep found: ``counts``, and ``findings`` as sentences."""
+    """What one file's sweep found: ``counts``, and ``findings`` as sentences; :meth:`connect` finds more."""
 
     def __init__(self, path: Path) -> None:
         self.counts: Counter[str] = Counter()
         self.findings: list[str] = []
+        self._devices: list[dict[str, Any]] = []
+        self._path = path
         begin = time.perf_counter()
         self.gsdml: Gsdml = parse_gsdml(path.read_bytes(), path.name)
         self.seconds = time.perf_counter() - begin
@@ -87,6 +100,29 @@ class Sweep:
         if _comparable(one):
             self._same(what, (one.input_octets, one.output_octets), (other.input_length, other.output_length))
 
+    def connect(self) -> None:
+        """Every station that was plugged, as a device of a farm, with the controller in memory."""
+        for begin in range(0, len(self._devices), _TOGETHER):
+            batch = self._devices[begin : begin + _TOGETHER]
+            rows = [
+                json.dumps(
+                    {"name": f"d-{number}", "gsdml": str(self._path.resolve()), "ip": f"10.77.1.{number}/16"} | one
+                )
+                for number, one in enumerate(batch, 1)
+            ]
+            try:
+                config = parse_farm(f"{HEAD}devices: [{', '.join(rows)}]\n{_PLC}", self._path)
+                line = asyncio.run(VirtualLine.create(config, log=EventLog(quiet=True)))
+            except ConfigError as exc:
+                self.findings.append(str(exc))
+                continue
+            line.world.run(_PATIENCE, until=lambda plc=line.plc: plc.all_connected)
+            line.world.run(0.5)
+            for row, one in zip(line.plc.snapshot(), batch, strict=True):
+                self.counts["connected"] += row["state"] == "DATA"
+                if row["state"] != "DATA" or row["losses"]:
+                    self.findings.append(f"{one}: {row['state']}, {row['losses']} losses, {row['last_reason']}")
+
     def _plug(self, dap: str, what: str, modules=None, submodules=None) -> PluggedStation | None:
         try:
             station = plug_station(self.gsdml, access_point=dap, modules=modules, submodules=submodules)
@@ -94,6 +130,15 @@ class Sweep:
             self.findings.append(f"{what}: {error}")
             return None
         self.counts["stations"] += 1
+        slots: dict[int, dict[str, Any]] = {slot: {"module": one} for slot, one in (modules or {}).items()}
+        for (slot, subslot), one in (submodules or {}).items():
+            slots.setdefault(slot, {})["submodules"] = {subslot: one}
+        # as near to 64 ms as the file allows at a send clock of 1 ms
+        cycles = [
+            1 << n for n in range(10) if 32 << n >= station.min_device_interval and 1 << n in station.reduction_ratios
+        ]
+        cycle = min(cycles, key=lambda one: abs(one - 64), default=64)
+        self._devices.append({"access_point": dap, "slots": slots, "cycle": f"{cycle}ms"})
         names = [signal.name for signal in file_signals(station)]
         if len(set(names)) < len(names):
             self.findings.append(f"{what}: two signals have one name")

@@ -121,6 +121,7 @@ class DeviceDescription:
     can take; the first one of a slot is in it at power-on.  ``send_clocks`` and ``reduction_ratios`` are the
     SendClockFactors and ReductionRatios accepted, which the description file names too.
     ``im_carriers`` are the submodules with I&M data; if none is named, the DAP's first one, for the device.
+    ``own_records`` are indexes that its file names although the standard has no such record.
     """
 
     vendor_id: int
@@ -135,6 +136,7 @@ class DeviceDescription:
     reduction_ratios: Sequence[int] = REDUCTION_RATIOS
     limits: Limits = Limits()
     im_carriers: tuple[ImCarrier, ...] = ()
+    own_records: frozenset[int] = frozenset()
 
     @property
     def carriers(self) -> tuple[ImCarrier, ...]:

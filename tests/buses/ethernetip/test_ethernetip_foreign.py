@@ -36,19 +36,20 @@ EDS = (
         Connection4 = 0x04010008, 0x44640405, , 64, , , 64, , , , , , "Class 3", "", "20 04 24 64 2C 65 2C 66";
 """
 )
+PARAMETER = '        Param2 = 0, , , 0, 0xC8, 4, "Interval", "", "", 20000, , 30000;\n[Assembly]'
 FILE = """
 controller:
   interface: eth9
   ip: 10.77.1.250/23
-  rpi: 20ms
+  {rpi}
   devices:
     - {{name: servo, eds: akd.eds, ip: 10.77.0.11/23{more}}}
 """
 
 
-def plan_of(folder, more="", eds=EDS):
+def plan_of(folder, more="", eds=EDS, rpi="rpi: 20ms"):
     (folder / "akd.eds").write_text(eds, encoding="latin-1")
-    config = parse_farm(FILE.format(more=more), folder / "plc.pnfarm.yml")
+    config = parse_farm(FILE.format(more=more, rpi=rpi), folder / "plc.pnfarm.yml")
     assert isinstance(config.controller, EthernetIpController)
     return plan_controller(config.controller, [], [], folder)
 
@@ -56,7 +57,7 @@ def plan_of(folder, more="", eds=EDS):
 def line_of(folder, more=""):
     (folder / "akd.eds").write_text(EDS, encoding="latin-1")
     line = ScannerLine(start=False)
-    config = parse_farm(FILE.format(more=more), folder / "plc.pnfarm.yml")
+    config = parse_farm(FILE.format(more=more, rpi="rpi: 20ms"), folder / "plc.pnfarm.yml")
     line.drives = []
     line.plc = line.scanner(config.controller, number=2, folder=folder)
     return line
@@ -112,7 +113,7 @@ def test_a_file_that_cannot_be_followed_is_told_with_its_name(tmp_path, eds, wor
 
 
 def test_a_missing_file_is_told(tmp_path):
-    config = parse_farm(FILE.format(more=""), tmp_path / "plc.pnfarm.yml")
+    config = parse_farm(FILE.format(more="", rpi="rpi: 20ms"), tmp_path / "plc.pnfarm.yml")
     with pytest.raises(ConfigError, match="cannot be read"):
         plan_controller(config.controller, [], [], tmp_path)
 
@@ -146,6 +147,15 @@ def test_the_plan_of_a_device_is_that_of_its_file(tmp_path):
     (other,) = plan_of(tmp_path, ", multicast: true, rpi: 50ms, connection: Inputs").devices
     assert (other.connection.multicast, other.rpi_ns, other.connection.kind) == (True, 50_000_000, "input-only")
     assert (other.connection.output_size, other.connection.input_size) == (2, 66)
+
+
+def test_a_device_runs_at_the_packet_interval_of_its_file_where_none_is_given(tmp_path):
+    eds = EDS.replace("0x44640305, , 0", "0x44640305, 25000, 0").replace("[Assembly]", PARAMETER)
+    eds = eds.replace("0x44640405, , , Assem101", "0x44640405, Param2, , Assem101")
+    for connection, rpi_ns in (("Inputs", 25_000_000), ("Owner", 30_000_000), ("Config", 10_000_000)):
+        more = f", connection: {connection}, configuration: '{'00000000' if connection == 'Config' else ''}'"
+        (device,) = plan_of(tmp_path, more, eds, rpi="keying: compatible").devices
+        assert device.rpi_ns == rpi_ns
 
 
 def test_a_configuration_goes_with_forward_open(tmp_path):

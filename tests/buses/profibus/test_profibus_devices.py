@@ -13,7 +13,9 @@ from pnfarm.cli.farm_file import described
 from pnfarm.controller.line import VirtualLine
 from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError
+from pnfarm.farm.farm import make_link
 from pnfarm.farm.file.reading import FarmFileError, expand_devices, load_farm
+from pnfarm.farm.lines import line_ways
 from pnfarm.faults.errors import InjectionError
 from pnfarm.protocols.profibus.wire.dp import Control, SetAddress, StationStatus
 from pnfarm.protocols.profibus.wire.telegram import Sap, Telegram, emit_telegram
@@ -40,6 +42,12 @@ def test_devices_exchange_data_both_ways_and_signals_are_named_values_of_them(sh
     ]  # fmt: skip
     assert (valve.get("slot1_out_0_6"), valve.good("slot1_out_0_6"), island.good("clamp")) == (True, True, True)
     assert [(row["state"], row["losses"]) for row in cell.plc.snapshot()] == [("data-exchange", 0)] * 2
+
+
+def test_a_farm_of_devices_alone_has_its_serial_line():
+    config = parse(f"farm: line\nlink: {{kind: serial, pty: auto, baud: 500000}}\n{TWO}")
+    assert make_link(config, []).baud == 500_000
+    assert [*line_ways(config)] == ["profibus"]
 
 
 def test_set_prm_has_the_files_octets_with_the_farm_files_parameters_and_they_are_shown(shared):

@@ -117,6 +117,20 @@ def test_a_record_that_the_file_does_not_allow_is_refused_or_with_lax_limits_kep
             assert "record accepted though it is wrong" in cell.events()
 
 
+def test_a_record_of_the_file_is_kept_although_the_standard_has_no_such_index(tmp_path):
+    file = (
+        (CONFIGS / ISLAND)
+        .read_text(encoding="utf-8")
+        .replace('Item Index="1" Length="2"', 'Item Index="57392" Length="2"')
+    )
+    (tmp_path / "GSDML-V2.35-Own-Island-20261128.xml").write_text(file, encoding="utf-8")
+    cell = Cell(ONE.replace(ISLAND, f"{tmp_path}/GSDML-V2.35-Own-Island-20261128.xml"))
+    cell.connect()
+    assert cell.record(0xE030, b"\x02\x07").ok
+    assert cell.record(0xE030).data == b"\x02\x07"
+    assert "invalid index" in cell.record(0xE031, b"\x02\x07").failure
+
+
 def test_a_refused_record_reaches_the_controller_with_the_code():
     cell = Cell(ONE)
     cell.connect()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,18 @@ def test_an_assembly_has_its_members_where_their_sizes_put_them():
     ]  # fmt: skip
 
 
+def test_an_assembly_has_the_members_that_fit_into_its_size():
+    sheet = parse_sheet(DEVICE + b"[Assembly]\nAssem1 = ,,3,,,,16,,16,;")
+    assert (sheet.assemblies[1].size, len(sheet.assemblies[1].members)) == (Limits(3, 3, 3), 1)
+    assert sheet.remarks == ("line 3: Assem1: its members have 32 bits, its size is 3 octets: it has those that fit",)
+
+
+def test_an_assembly_whose_only_member_is_itself_has_data_without_meaning():
+    sheet = parse_sheet(DEVICE + b'[Assembly]\nAssem1 = "In","20 04 24 6F 30 03",4,0,,,32,Assem1;')
+    assert sheet.assemblies[1].size == Limits(4, 4, 4)
+    assert [(one.place, one.bits, one.parameter) for one in sheet.assemblies[1].members] == [(0, 32, None)]
+
+
 @pytest.mark.parametrize(
     "path", ["20 04 24 01 2C 02 2D 00 2C 01", "20 04 24 01 2C 02 2D 2C 01", "21 04 00 25 01 00 2D 02 00 2D 2C 01"]
 )
@@ -97,6 +110,26 @@ def test_connections_are_what_their_words_say():
     assert "real-time format 1" in SHEET.connections[5].unsupported
 
 
+@pytest.mark.parametrize(
+    ("field", "limits"),
+    [
+        (b"5000", Limits(5000, 5000, 5000)),
+        (b"Param1", Limits(30000, 20000, 0xFFFFFFFF)),
+        (b"Param2", Limits(30000, 0, 0xFFFFFFFF)),
+    ],
+)
+def test_a_packet_interval_has_the_bounds_that_its_parameter_has(field, limits):
+    text = b"[Params]Param1=0,,,0,0xC8,4,,,,20000,,30000;Param2=0,,,0,0xC8,4,,,,,,30000;[Connection Manager]"
+    text += b'Connection1 = 0x84010002,0x44640405,%s,4,,,4,,,,,,"C","","20 04 2C 02 2C 03";' % field
+    (found,) = parse_sheet(DEVICE + text).connections
+    assert found.intervals == (limits,)
+
+
+def test_a_connection_without_a_trigger_is_cyclic():
+    text = b'[Connection Manager]Connection1 = 0x84000002,0x44640405,,4,,,4,,,,,,"C","","20 04 2C 02 2C 03";'
+    assert parse_sheet(DEVICE + text).connections[0].triggers == {0}
+
+
 def test_a_connection_is_found_by_number_keyword_or_name():
     for wanted in (4, "Connection4", "log", "LOG"):
         assert SHEET.connection(wanted).name == "Log"
@@ -116,19 +149,36 @@ def test_a_connection_is_found_by_number_keyword_or_name():
         (DEVICE + b"[Params]\nParam1 = 0,,,0,0xC6,501,,,,,,;", "its data size is 501"),
         (DEVICE + b'[Params]\nParam1 = 0,,"2G",0,0xC6,1,,,,,,;', "line 3: Param1: its path '2G' is not octets alone"),
         (DEVICE + b"[Params]\nEnum1 = 0, x;", "line 3: Enum1: field 2, 'x', is neither a number nor a text"),
-        (DEVICE + b"[Assembly]\nAssem1 = ,,,,,,8,Param7;", "line 3: Assem1: there is no Param7"),
-        (DEVICE + b"[Assembly]\nAssem1 = ,,1,,,,9,;", "its members have 9 bits, its size is 1 octets"),
-        (DEVICE + b"[Assembly]\nAssem1 = ,,,,,,8,Assem1;", "line 3: Assem1: it holds itself"),
-        (DEVICE + b"[Assembly]\nAssem1 = ,,1401,,,;", "1401 octets of data do not fit into a frame"),
-        (DEVICE + b"[Assembly]\nAssem1 = ,,Param9,,,;", "the size 'Param9' is not a number"),
-        (DEVICE + b'[Assembly]\nAssem1 = ,"FF FF",,,,;', "its path 'FF FF' cannot be read"),
-        (DEVICE + b"[Assembly]\nAssem1 = ,,,,,," + b"1,," * 5000 + b";", "more than 4096 members"),
     ],
 )
 def test_a_file_that_contradicts_itself_is_refused_with_line_and_reason(text, words):
     with pytest.raises(DecodeError) as told:
         parse_sheet(text)
     assert words in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (b"Assem1 = ,,,,,,8,Param7;", "line 3: Assem1: there is no Param7"),
+        (b"Assem1 = ,,,,,,,Assem1;", "line 3: Assem1: it holds itself"),
+        (b"Assem1 = ,,,,,,8,Assem2;\nAssem2 = ,,,,,,8,Assem1;", "it holds itself"),
+        (b"Assem1 = ,,1401,,,;", "1401 octets of data do not fit into a frame"),
+        (b"Assem1 = ,,Param9,,,;", "the size 'Param9' is not a number"),
+        (b'Assem1 = ,"FF FF",,,,;', "its path 'FF FF' cannot be read"),
+        (b"Assem1 = ,,,,,," + b"1,," * 5000 + b";", "more than 4096 members"),
+    ],
+)
+def test_an_assembly_that_cannot_be_followed_leaves_the_others_and_takes_its_connections_along(text, words):
+    text += b'Assem7 = "In","20 04 24 70 30 03",4,,,;[Connection Manager]'
+    text += b'Connection1 = 0x84010002,0x44640405,,4,Assem1,,4,,,,,,"C","","20 04 24 01 2C 02 2C 70";'
+    text += b'Connection2 = 0x84010002,0x44640405,,4,Assem7,,4,,,,,,"D","","20 04 24 01 2C 02 2C 70";'
+    sheet = parse_sheet(DEVICE + b"[Assembly]\n" + text)
+    assert 7 in sheet.assemblies
+    assert words in sheet.remarks[0]
+    assert [one.name for one in sheet.connections] == ["D"]
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        sheet.connection("Connection1")
 
 
 def test_a_connection_that_cannot_be_followed_leaves_the_others():

@@ -33,7 +33,11 @@ class EdsDevice(Section):
         description="Keyword (`Connection2`) or name of the connection of the EDS file's section Connection Manager; "
         "left out, the first one with an exclusive owner.",
     )
-    rpi_ns: Rpi | None = Field(default=None, alias="rpi", description="Its packet interval; left out, the scanner's.")
+    rpi_ns: Rpi | None = Field(
+        default=None,
+        alias="rpi",
+        description="Its packet interval; left out, the scanner's, else the default of the file.",
+    )
     multicast: bool | None = Field(
         default=None,
         description="Whether it sends to a group; left out, as the scanner's where the EDS file allows it.",

@@ -117,14 +117,14 @@ def _plan_foreign(section: EthernetIpController, device: EdsDevice, folder: Path
     path = folder / device.eds
     with describing(device.name, path, slugs=True):
         sheet = load_eds(path)
-        connection = _foreign_connection(section, device, sheet.connection(device.connection), sheet.key)
-    usual = section.rpi_ns if section.rpi_ns is not None else USUAL_RPI_NS
+        found = sheet.connection(device.connection)
+        connection = _foreign_connection(section, device, found, sheet.key)
     return DevicePlan(
         name=device.name,
         model=sheet.product or path.name,
         ip=device.ip,
         connection=connection,
-        rpi_ns=device.rpi_ns if device.rpi_ns is not None else usual,
+        rpi_ns=_rpi_ns(section, device.rpi_ns, found),
         timeout_multiplier=section.timeout_multiplier,
         reconnect_after_ns=reconnect_after_ns(section),
         request_timeout_ns=section.request_timeout_ns,
@@ -141,10 +141,8 @@ def _plan_own(section: EthernetIpController, device: EthernetIpDeviceConfig) -> 
     described = device.described
     found, key = described.connection, described.sheet.key
     connection = _described_connection(section, None, found, key, described.configuration(), described.sizes)
-    intervals = [way.rpi for way in (found.outputs, found.inputs) if way.rpi is not None]
-    usual = section.rpi_ns if section.rpi_ns is not None else max((i.default * 1000 for i in intervals), default=0)
-    rpi_ns = device.rpi_ns or usual or USUAL_RPI_NS
-    for one in intervals if device.strict else ():
+    rpi_ns = _rpi_ns(section, device.rpi_ns, found)
+    for one in found.intervals if device.strict else ():
         if not one.least * 1000 <= rpi_ns <= one.most * 1000:
             allowed = f"{format_duration(one.least * 1000)} to {format_duration(one.most * 1000)}"
             what = f"its file does not allow a packet interval of {format_duration(rpi_ns)}, but {allowed}"
@@ -168,6 +166,12 @@ def _plan_own(section: EthernetIpController, device: EthernetIpDeviceConfig) -> 
         explicit=section.explicit,
         key=key,
     )
+
+
+def _rpi_ns(section: EthernetIpController, own: int | None, found: Connection) -> int:
+    """The packet interval: the device's ``own``, the scanner's, the default of the file."""
+    given = own if own is not None else section.rpi_ns
+    return given or max((1000 * one.default for one in found.intervals), default=0) or USUAL_RPI_NS
 
 
 def _foreign_connection(

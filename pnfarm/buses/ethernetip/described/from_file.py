@@ -75,7 +75,7 @@ def describe_group(at: Location, group: EthernetIpDevices, folder: Path, report:
     )
     if wrong or signals is None:
         return None
-    notes += sheet.unusable.values()
+    notes += (*sheet.unusable.values(), *sheet.remarks)
     return DescribedStation(sheet, chosen, sizes, offered, points, signals, parameters, tuple(notes))
 
 
@@ -114,9 +114,9 @@ def _size(at: Location, given: int | None, limits: Limits, report: Report) -> in
 
 def _check_rpi(at: Location, group: EthernetIpDevices, chosen: Connection, report: Report) -> None:
     """The group's packet interval against both directions of its connection."""
-    for limits in (chosen.outputs.rpi, chosen.inputs.rpi):
-        if limits is None or group.rpi_ns is None or group.limits != "strict":
-            continue
+    for limits in chosen.intervals:
+        if group.rpi_ns is None or group.limits != "strict":
+            return
         if not limits.least * _US <= group.rpi_ns <= limits.most * _US:
             what = f"{format_duration(group.rpi_ns)} is outside of what its file allows"
             allowed = f"{format_duration(limits.least * _US)} to {format_duration(limits.most * _US)}, or limits: lax"

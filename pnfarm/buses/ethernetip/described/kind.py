@@ -114,7 +114,8 @@ class DescribedKind:
 
     def settings(self, key: ElectronicKey, multicast: IPv4Address) -> ConnectionSettings:
         """See :class:`pnfarm.buses.ethernetip.device.kind.Kind`."""
-        named = [limits[0] for one in self._offers for limits in (one.consumed_rpi_us, one.produced_rpi_us) if limits]
+        ways = [way for one in self._offers for way in (one.consumed_rpi_us, one.produced_rpi_us)]
+        named = [way[0] for way in ways if way is not None and way[0]]
         return ConnectionSettings(
             key,
             tuple(self._offers),

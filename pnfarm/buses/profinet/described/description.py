@@ -116,6 +116,7 @@ def describe_plugged(station: PluggedStation, mac: bytes, *, strict: bool) -> De
         dap=_module(head),
         modules=tuple(_module(module) for module in modules),
         instance=dap.instance,
+        own_records=frozenset(record.index for submodule in station.submodules for record in submodule.records),
         min_device_interval=station.min_device_interval if strict else 1,
         send_clocks=_within(station.send_clocks, SEND_CLOCK_FACTORS) if strict else SEND_CLOCK_FACTORS,
         reduction_ratios=_within(station.reduction_ratios, EVERY_RATIO) if strict else EVERY_RATIO,

@@ -212,8 +212,13 @@ class Connection:
 
     @property
     def triggers(self) -> frozenset[int]:
-        """Production triggers: 0 cyclic, 1 change of state, 2 application."""
-        return frozenset(number for number in range(3) if self.transport >> _TRIGGERS + number & 1)
+        """Production triggers: 0 cyclic, 1 change of state, 2 application; a file without these bits means cyclic."""
+        return frozenset(number for number in range(3) if self.transport >> _TRIGGERS + number & 1) or frozenset({0})
+
+    @property
+    def intervals(self) -> tuple[Limits, ...]:
+        """Packet intervals of the directions that have one, in microseconds."""
+        return tuple(way.rpi for way in (self.outputs, self.inputs) if way.rpi is not None)
 
     @property
     def output_sizes(self) -> frozenset[bool]:
@@ -265,7 +270,8 @@ def _sizes(bits: int) -> frozenset[bool]:
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A whole file.  ``unusable``: why a connection cannot be followed, by its keyword, which is with the line.
+    """A whole file.  ``unusable``: why a connection cannot be followed, by its keyword, which is with the line;
+    ``remarks``: what contradicts itself, and how it is taken.
 
     ``networks`` are those that the section Device Classification names; limits of connections are 0 where the file has
     none.
@@ -281,6 +287,7 @@ class Sheet:
     assemblies: Mapping[int, Assembly]
     connections: tuple[Connection, ...]
     unusable: Mapping[str, str]
+    remarks: tuple[str, ...]
     io_connections: int
     explicit_connections: int
 

@@ -76,8 +76,8 @@ class FieldReader:
             raise refusal(entry, f"{what} is {found}, not 0 to {most}")
         return found
 
-    def limits(self, entry: EdsEntry, text: str, most: int, what: str) -> Limits:
-        """A number, or a parameter whose value is one."""
+    def limits(self, entry: EdsEntry, text: str, most: int, what: str, *, free: bool = False) -> Limits:
+        """A number, or a parameter whose value is one; a missing bound is its default, or none if ``free``."""
         found = whole(text)
         if found is not None:
             limits = Limits(found, found, found)
@@ -89,7 +89,8 @@ class FieldReader:
                 raise refusal(entry, f"{what} {text!r} is not a number, and no default of a parameter")
             default = parameter.default
             least, greatest = parameter.minimum, parameter.maximum
-            low, high = (int(default if one is None else one) for one in (least, greatest))
+            ends = (0, most) if free else (default, default)
+            low, high = (int(end if one is None else one) for one, end in zip((least, greatest), ends, strict=True))
             limits = Limits(default, min(low, default), max(high, default))
         if not 0 <= limits.least <= limits.default <= most:
             raise refusal(entry, f"{what} is {limits.default}, not 0 to {most}")

@@ -13,7 +13,8 @@ Port                   PortN: the name of the first one
 Capacity               MaxIOConnections, MaxMsgConnections, MaxCIPConnections
 =====================  ===========================================================================================
 
-All else is left alone.  A connection that cannot be followed is noted in ``unusable``: another one may do.
+All else is left alone.  A connection that cannot be followed is noted in ``unusable``: another one may do.  An assembly
+that cannot be followed is left out, with a remark: makers' files have some that no connection uses.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["parse_sheet"]
 
 _MOST_MEMBERS, _DEEPEST = 4096, 8
+_MOST_REMARKS = 20
 _U8, _U16 = 0xFF, 0xFFFF
 
 # Fields of AssemN.
@@ -63,6 +65,8 @@ class _SheetReader:
             "connection": numbered(eds, "Connection Manager", "connection"),
         }
         self._assemblies: dict[int, Assembly] = {}
+        self._refused: dict[int, DecodeError] = {}
+        self._remarks: list[str] = []
 
     def sheet(self) -> Sheet:
         device = self._eds.section("Device")
@@ -82,7 +86,7 @@ class _SheetReader:
             number("MajRev", 0x7F), number("MinRev", _U8),
         )  # fmt: skip
         parameters = {number: self._fields.parameter(number) for number in sorted(self._entries["param"])}
-        assemblies = {number: self._assembly(number) for number in sorted(self._entries["assem"])}
+        assemblies = self._all_assemblies()
         connections, unusable = self._connections()
         ports = numbered(self._eds, "Port", "port")
         return Sheet(
@@ -98,6 +102,7 @@ class _SheetReader:
             assemblies=assemblies,
             connections=tuple(connections),
             unusable=unusable,
+            remarks=tuple(self._remarks[:_MOST_REMARKS]),
             io_connections=self._capacity("MaxIOConnections") or self._capacity("MaxCIPConnections"),
             explicit_connections=self._capacity("MaxMsgConnections"),
         )
@@ -109,9 +114,24 @@ class _SheetReader:
 
     # -- assemblies --------------------------------------------------------------------------------------------------
 
+    def _all_assemblies(self) -> dict[int, Assembly]:
+        found: dict[int, Assembly] = {}
+        for number in sorted(self._entries["assem"]):
+            try:
+                found[number] = self._assembly(number)
+            except DecodeError as exc:
+                self._remarks.append(exc.detail or exc.reason)
+        return found
+
     def _assembly(self, number: int, depth: int = 0) -> Assembly:
+        if number in self._refused:
+            raise self._refused[number]
         if number not in self._assemblies:
-            self._assemblies[number] = self._read_assembly(number, self._entries["assem"][number], depth)
+            try:
+                self._assemblies[number] = self._read_assembly(number, self._entries["assem"][number], depth)
+            except DecodeError as exc:
+                self._refused[number] = exc
+                raise
         return self._assemblies[number]
 
     def _read_assembly(self, number: int, entry: EdsEntry, depth: int) -> Assembly:
@@ -120,34 +140,35 @@ class _SheetReader:
         members: list[Member] = []
         place = 0
         for at in range(_MEMBERS, len(entry.fields), 2):
-            for member in self._members(entry, at, depth):
+            for member in self._members(entry, number, at, depth):
                 members.append(Member(place, member.bits, member.parameter))
                 place += member.bits
             if len(members) > _MOST_MEMBERS:
                 raise refusal(entry, f"it has more than {_MOST_MEMBERS} members")
         text = entry.text(_ASSEMBLY_SIZE).strip()
         size = self._fields.octets(entry, text) if text else Limits(*3 * [-(-place // 8)])
+        if size.most > LONGEST_DATA:
+            raise refusal(entry, f"{size.most} octets of data do not fit into a frame")
         if place > 8 * size.most:
-            raise refusal(entry, f"its members have {place} bits, its size is {size.most} octets")
-        if place > 8 * LONGEST_DATA:
-            raise refusal(entry, f"{-(-place // 8)} octets of data do not fit into a frame")
+            # makers' files have such: the size is what connections use
+            what = f"its members have {place} bits, its size is {size.most} octets: it has those that fit"
+            self._remarks.append(f"line {entry.line}: {entry.keyword}: {what}")
+            members = [one for one in members if one.place + one.bits <= 8 * size.most]
         return Assembly(number, entry.text(0).strip(), self._instance(entry), size, tuple(members))
 
-    def _members(self, entry: EdsEntry, at: int, depth: int) -> Iterator[Member]:
-        """One pair of fields: bits, and what they are."""
-        text = entry.text(at + 1).strip()
+    def _members(self, entry: EdsEntry, own: int, at: int, depth: int) -> Iterator[Member]:
+        """One pair of fields: bits, and what they are; an assembly that names itself there has bits without meaning."""
+        text, bits_text = entry.text(at + 1).strip(), entry.text(at).strip()
         match = NUMBERED.fullmatch(text)
         kind, number = (match[1].casefold(), int(match[2])) if match is not None else ("", 0)
         if kind in {"param", "assem"} and number not in self._entries[kind]:
             raise refusal(entry, f"there is no {text}")
-        if kind == "assem":
+        if kind == "assem" and not (number == own and bits_text):
             yield from self._assembly(number, depth + 1).members
             return
         parameter = self._fields.parameter(number) if kind == "param" else None
         usual = 8 * parameter.type.octets if parameter is not None else 0
-        bits = self._fields.limits(
-            entry, entry.text(at).strip() or str(usual), 8 * LONGEST_DATA, "the size of a member"
-        ).default
+        bits = self._fields.limits(entry, bits_text or str(usual), 8 * LONGEST_DATA, "the size of a member").default
         if bits:
             yield Member(0, bits, parameter)
 
@@ -214,7 +235,7 @@ class _SheetReader:
         return Way(
             octets,
             tuple(one for one in members if one.place + one.bits <= 8 * octets.most),
-            self._fields.limits(entry, interval, 0xFFFF_FFFF, "the packet interval") if interval else None,
+            self._fields.limits(entry, interval, 0xFFFF_FFFF, "the packet interval", free=True) if interval else None,
         )
 
 

@@ -2,8 +2,8 @@
 
 A row gives the record's scope (:class:`Scope`: which of API, slot and subslot count), the allowed accesses and by
 which ARs (:class:`Access`), and the part of the device that answers (:class:`Part`).  An index without a row is
-invalid.  Left out on purpose, because this device does not have them: AutoConfiguration, PROFIenergy, the reporting
-system, asset management, GSD upload, TSN, isochronous mode.
+invalid, unless the device's own file names it (``OWN``).  Left out on purpose, because this device does not have them:
+AutoConfiguration, PROFIenergy, the reporting system, asset management, GSD upload, TSN, isochronous mode.
 
 Two rows are in the profiles' range and belong to the physical device: 0xB050 (control of the external PLL) and 0xB060
 (trace unit) of Siemens' Ethernet device driver, as Wireshark names them.  Siemens controllers write them to the
@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, Flag, auto
 
-__all__ = ["Access", "Index", "Part", "Record", "Scope", "find_record"]
+__all__ = ["OWN", "Access", "Index", "Part", "Record", "Scope", "find_record"]
 
 
 class Index:
@@ -187,6 +187,8 @@ _RECORDS: dict[int, Record] = {
 
 _USER = Record("the application's", _SUB, _R | Access.WRITE_ACCESS, Part.APPLICATION)
 _PROFILE = Record("the profile's", _SUB, _R | Access.WRITE_ACCESS, Part.APPLICATION)
+#: Of an index without a row that a maker's file names: 0xE030 of SIMATIC ET 200S High Speed.
+OWN = Record("the maker's", _SUB, _R | Access.WRITE_ACCESS, Part.APPLICATION)
 
 
 def find_record(index: int) -> Record | None:

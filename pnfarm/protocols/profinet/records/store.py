@@ -20,7 +20,7 @@ from pnfarm.protocols.profinet.cm.device.diff import unusable_submodules
 from pnfarm.protocols.profinet.diagnosis import DiagnosisStore
 from pnfarm.protocols.profinet.errors import AccessError, RecordError
 from pnfarm.protocols.profinet.records.diagnosis import diagnosis_record
-from pnfarm.protocols.profinet.records.directory import Access, Index, Part, Record, Scope, find_record
+from pnfarm.protocols.profinet.records.directory import OWN, Access, Index, Part, Record, Scope, find_record
 from pnfarm.protocols.profinet.records.fsu import FsuRecords
 from pnfarm.protocols.profinet.records.handler import KeptRecords, NoRecords, RecordHandler
 from pnfarm.protocols.profinet.records.identification import (
@@ -88,6 +88,7 @@ class DeviceRecords:
         self.diagnosis = diagnosis if diagnosis is not None else DiagnosisStore()
         self.log_book = log_book if log_book is not None else LogBook()
         self.im = ImRecords(description, plugged, texts)
+        self._own = description.own_records
         self._plugged = plugged
         self._ars = ars
         self._application: RecordHandler = application if application is not None else NoRecords()
@@ -99,7 +100,7 @@ class DeviceRecords:
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
         """The record's octets, or the error; see the module's docstring."""
-        record = find_record(index)
+        record = self._find(index)
         if record is None or not record.access & Access.READ:
             return RecordError(AccessError.INVALID_INDEX)
         key = api, slot, subslot
@@ -146,7 +147,7 @@ class DeviceRecords:
 
         A container is checked for its shape and place only: the server of the call writes its records, one by one.
         """
-        record = find_record(index)
+        record = self._find(index)
         if record is None:
             return RecordError(AccessError.INVALID_INDEX)
         key = api, slot, subslot
@@ -171,6 +172,9 @@ class DeviceRecords:
                 return RecordError(AccessError.ACCESS_DENIED)
 
     # errors
+
+    def _find(self, index: int) -> Record | None:
+        return find_record(index) or (OWN if index in self._own else None)
 
     def _wrong_place(self, record: Record, ar: Ar | None, key: ExpectedKey, index: int) -> RecordError | None:
         api, slot, subslot = key
