@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import os
-import sys
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from line_peer import peer
 
 from pnfarm.cli.main import main
 from pnfarm.farm.farm import Farm
@@ -21,7 +20,6 @@ from pnfarm.station.event_log import EventLog
 pytest.importorskip("pyprofibus", reason="needs the package pyprofibus")
 pytestmark = pytest.mark.asyncio
 
-HERE = Path(__file__).resolve().parent
 FIRST = 11
 #: Module of the GSD file, and its octets each way.
 SPEED, OCTETS = "Standard telegram 1", 4
@@ -48,21 +46,6 @@ def gsd(tmp_path_factory):
     assert main(["gsd", "moog-msd-dp", "-o", str(folder)]) == 0
     (file,) = folder.glob("*.gsd")
     return file
-
-
-async def peer(script: str, *arguments: object) -> dict:
-    process = await asyncio.create_subprocess_exec(
-        sys.executable, str(HERE / script), *map(str, arguments),
-        stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.PIPE,
-    )  # fmt: skip
-    try:
-        said, wrong = await asyncio.wait_for(process.communicate(), 60)
-    finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
-    assert process.returncode == 0, wrong.decode()
-    return json.loads(said.splitlines()[-1])
 
 
 @pytest.mark.parametrize("count", [1, 8])

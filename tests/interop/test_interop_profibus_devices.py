@@ -13,7 +13,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
-from test_interop_profibus import peer
+from line_peer import peer
 
 from pnfarm.farm.farm import Farm
 from pnfarm.farm.file.reading import parse_farm
