@@ -28,7 +28,7 @@ _WANTED = "ID, order number, ident or name"
 Place = Annotated[int, *slot_number("a slot or subslot", _U16)]
 #: Slot: cycle of its data.
 Cycles = dict[Place, Cycle]
-CYCLES = Field(
+CYCLES: Any = Field(
     default_factory=dict,
     description="Slot: cycle of its module's data at the built-in controller, if that is another one. Each cycle has "
     "frames of its own, as far as the GSDML file allows (NumberOfAdditionalInputCR, NumberOfAdditionalOutputCR).",

@@ -11,6 +11,7 @@ from pnfarm.buses.controllers.plan import describing, own_address, profidrive_ke
 from pnfarm.buses.controllers.signal_steps import KnownSteps
 from pnfarm.buses.plain_layout import plain_layout
 from pnfarm.buses.profinet.binding import axis_stride
+from pnfarm.buses.profinet.config.clock import MAX_WATCHDOG_NS, join_cycle
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, PlannedAxis, ProfinetPlan
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
@@ -20,6 +21,7 @@ from pnfarm.protocols.profinet.cm.controller.frames import divide
 from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml, plan_station
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
+from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.globs import means
 
 if TYPE_CHECKING:
@@ -174,6 +176,9 @@ def _clock(section: ProfinetController, planned: Described, cycle_ns: int | None
     if asked and section.send_clock_factor is None:
         factor, ratio = planned.clock(factor, ratio)
     planned.check_clock(factor, ratio)
+    if join_cycle(factor, ratio) * section.watchdog_factor > MAX_WATCHDOG_NS:
+        cycle = format_duration(join_cycle(factor, ratio))
+        raise ConfigError(f"{section.watchdog_factor} cycles of {cycle} are too long a watchdog, at most 1.92s")
     return factor, ratio
 
 

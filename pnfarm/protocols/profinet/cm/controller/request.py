@@ -94,7 +94,7 @@ def _expected_blocks(plan: ArPlan) -> list[ExpectedSubmoduleBlockReq]:
 
 def _iocr_block(plan: ArPlan, layout: IocrLayout) -> IocrBlockReq:
     apis = []
-    for api in sorted({place.api for place in (*layout.data, *layout.iocs)}):
+    for api in sorted({d.api for d in layout.data} | {c.api for c in layout.iocs}):
         data = tuple(FrameSlot(d.slot, d.subslot, d.data_offset) for d in layout.data if d.api == api)
         iocs = tuple(FrameSlot(c.slot, c.subslot, c.iocs_offset or 0) for c in layout.iocs if c.api == api)
         apis.append(IocrApi(api, data, iocs))
