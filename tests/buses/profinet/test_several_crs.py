@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import shutil
+import subprocess
+from collections import Counter
 
 import pytest
 from device_cell import CONFIGS, HEAD, Cell
@@ -13,6 +16,9 @@ from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import FarmFileError, parse_farm
 from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
+
+#: A severity of PF_EXPERT.
+WARNING = 0x600000
 
 
 class WideCell(Cell):
@@ -227,3 +233,40 @@ def test_a_shared_device_has_rows_for_the_crs_of_each_controller(tmp_path):
     assert len(columns.ppm) == len(columns.cpm) == 6 * 8
     cell.usual = "wide"
     cell.connect()
+
+
+def tshark(path, *arguments):
+    done = subprocess.run(
+        ["tshark", "-n", "-r", path, *arguments], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    return [line.split("\t") for line in done.stdout.splitlines()]
+
+
+@pytest.mark.interop
+@pytest.mark.skipif(shutil.which("tshark") is None, reason="needs the tool `tshark`")
+def test_wireshark_finds_nothing_wrong_with_a_connection_of_several_crs(tmp_path):
+    text = HEAD + wide_group(wide_file(tmp_path), FAST_AND_SLOW, ", cycle: 8ms" + CYCLES)
+    config = parse_farm(text + "controller: {name: plc, ip: 10.77.0.1/24}\n", CONFIGS / "cell.pnfarm.yml")
+    file, cyclic = tmp_path / "all.pcapng", tmp_path / "cyclic.pcapng"
+
+    async def record():
+        line = await VirtualLine.create(config, pcap=file, epoch_ns=0)
+        assert line.world.run(5.0, until=lambda: line.plc.all_connected)
+        line.world.run(0.2)
+        line.plc.release(line.world.now)
+        line.world.run(0.2)
+        await line.close()
+
+    asyncio.run(record())
+    shown = ("-T", "fields", "-e", "_ws.malformed", "-e", "_ws.expert.message", "-e", "_ws.expert.severity")
+    bad = tshark(file, *shown, "-Y", f"(_ws.malformed || _ws.short || _ws.expert.severity>={WARNING}) && !pn_rt.ds")
+    # it has one frame id for each direction of an AR, and warns of a second one
+    assert not [row for row in bad if row[0] or not all("frameID changed" in one for one in row[1].split(","))], bad
+    # and it looks for the data of all CRs in each frame, so that frames are read without their Connect
+    tshark(file, "-Y", "pn_rt.ds", "-w", cyclic)
+    assert not tshark(cyclic, *shown, "-Y", f"_ws.malformed || _ws.short || _ws.expert.severity>={WARNING}")
+    fields = ("-T", "fields", "-e", "pn_rt.frame_id", "-e", "pn_rt.ds")
+    frames = Counter(tuple(int(value, 0) for value in row) for row in tshark(cyclic, *fields))
+    assert {frame_id for frame_id, _ in frames} == {0x8000, 0x8001, 0x8002, 0x8003}
+    assert {status for _, status in frames} == {0x35}

@@ -97,7 +97,7 @@ REFUSALS = {
     "outputs in two CRs": (lambda c: with_place(c, 2, "data_objects", FrameSlot(1, 2, 20)), IocrField.DATA_SUBSLOT),
     "a consumer status in two CRs": (lambda c: with_place(c, 0, "iocs", FrameSlot(2, 1, 39)), IocrField.IOCS_SUBSLOT),
     "an overlap in the last": (
-        lambda c: with_place(c, 3, "iocs", FrameSlot(2, 1, 3)), IocrField.IOCS_FRAME_OFFSET
+        lambda c: with_place(c, 3, "iocs", FrameSlot(2, 1, 3)), IocrField.DATA_FRAME_OFFSET
     ),
     "a frame id twice": (lambda c: replaced(c, 1, frame_id=0x8000), IocrField.FRAME_ID),
     "a reference twice": (lambda c: replaced(c, 1, iocr_reference=1), IocrField.IOCR_REFERENCE),
