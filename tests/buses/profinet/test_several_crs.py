@@ -204,7 +204,7 @@ def test_faults_on_frames_act_on_all_crs_of_the_direction(tmp_path, kind, field)
         ("", {1: "720_720", 2: "720_720"}, 0, 1, "need 2 frames of up to 1440, the device has up to 1 input CR"),
         ("", {1: "720_720", 2: "720_720"}, 1, 0, "need 2 frames of up to 1440, the device has up to 1 output CR"),
         (CYCLES, FAST_AND_SLOW, 1, 0, "in 2 cycles need 2 frames"),
-        (", cycles: {7: 64ms}", FAST_AND_SLOW, 1, 1, "slot 7 in `cycles` has no module"),
+        (", cycles: {7: 64ms}", FAST_AND_SLOW, 1, 1, r"cycles\.7: nothing is plugged there"),
         (", cycles: {2: 3ms}", FAST_AND_SLOW, 1, 1, "2ms or 4ms"),
         (", cycles: {2: 512ms}", FAST_AND_SLOW, 1, 1, "5 cycles of 512ms are too long a watchdog"),
         (", cycles: {x: 64ms}", FAST_AND_SLOW, 1, 1, "is not a slot or subslot"),
@@ -223,10 +223,12 @@ def test_a_foreign_device_may_have_cycles_too(tmp_path):
     line = asyncio.run(VirtualLine.create(parse_farm(text, CONFIGS / "cell.pnfarm.yml")))
     (plan,) = [one for one in line.plc.devices if one.name == "wide"]
     assert (plan.input_crs, plan.output_crs) == (2, 2)
+    with pytest.raises(ConfigError, match=r"device wide.*slot 3 in `cycles` has no module"):
+        asyncio.run(VirtualLine.create(parse_farm(text.replace("{2: 64ms}", "{3: 64ms}"), CONFIGS / "cell.pnfarm.yml")))
 
 
 def test_a_shared_device_has_rows_for_the_crs_of_each_controller(tmp_path):
-    group = wide_group(wide_file(tmp_path, 7, 3, ars=4), {1: "8_8"})
+    group = wide_group(wide_file(tmp_path, 65535, 3, ars=4), {1: "8_8"})
     cell = Cell(group)
     columns = cell.farm.columns
     # four controllers, a supervisor and one that is closing, each with up to eight
