@@ -147,6 +147,18 @@ def test_the_device_is_connected_only_when_data_came_on_each_cr(tmp_path):
     assert cell.world.run(1.0, until=lambda: cell.device().connected)
 
 
+def test_the_controller_is_in_stop_as_long_as_one_of_its_crs_is(tmp_path):
+    cell = WideCell(tmp_path, FAST_AND_SLOW, ", cycle: 8ms" + CYCLES)
+    cell.connect()
+
+    rows = [cell.plc.columns.ppm[row] for row in cell.plc.sessions[0].providers]
+    for row, status in ((0, 0x25), (1, 0x25), (0, 0x35), (1, 0x35)):
+        rows[row].data_status = status
+        cell.world.run(0.15)
+    modes = [one for one in cell.events("wide") if one.startswith("controller in")]
+    assert modes == ["controller in run", "controller in stop", "controller in run"]
+
+
 def test_a_pulled_module_is_bad_in_its_own_frame_alone(tmp_path):
     cell = WideCell(tmp_path, {1: "720_720", 2: "720_720"})
     cell.connect()

@@ -9,11 +9,13 @@ import pytest
 from cmctl_pair import CONTROLLER, SECOND, device_fit_for, pair_of
 from cmctl_peers import SUBMODULES, make_plan, plans
 from hypothesis import given
+from hypothesis import strategies as st
 
+from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.ar import CmdevState
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmctlState
 from pnfarm.protocols.profinet.cm.controller.events import ArFailed
-from pnfarm.protocols.profinet.cm.controller.frames import MAX_C_SDU, MIN_C_SDU, plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import MAX_C_SDU, MIN_C_SDU, divide, plan_frames
 from pnfarm.protocols.profinet.cm.controller.plan import PlannedSubmodule
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.errors import CmrpcError, IocrField
@@ -162,3 +164,47 @@ def test_planned_frames_have_each_datum_and_each_status_once_and_in_its_cycle(pl
             if any((d.api, d.slot, d.subslot) == key for d in cr.data):
                 assert (cr.send_clock_factor, cr.reduction_ratio) == clock
                 assert 1 <= cr.phase <= cr.reduction_ratio
+
+
+@pytest.mark.parametrize(
+    ("lengths", "frames"), [((500, 500, 900, 900), 2), ((720, 720, 720), 3), ((1438, 700, 700), 2)]
+)
+def test_as_few_frames_are_used_as_the_lengths_need(lengths, frames):
+    submodules = [PlannedSubmodule(0, slot, 7, 1, 8, octets, octets) for slot, octets in enumerate(lengths)]
+    inputs, outputs = divide(submodules, (32, 1), (frames, frames))
+    assert (len(inputs), len(outputs)) == (frames, frames)
+    with pytest.raises(ConfigError, match=f"need {frames} frames"):
+        divide(submodules, (32, 1), (frames - 1, frames))
+
+
+@given(st.data())
+def test_whatever_is_put_where_is_refused_or_in_one_place_of_one_frame(data):
+    """Places of the plan at any offset in any CR, in several or in none."""
+    planned = [b for b in parse_blocks(connect_payload(PLAN, *plan_frames(PLAN))) if isinstance(b, IocrBlockReq)]
+    offsets = st.one_of(st.integers(0, 45), st.integers(0, 0xFFFF))
+
+    def drawn(places):
+        chosen = data.draw(st.lists(st.sampled_from(places), max_size=4)) if places else ()
+        return tuple(replace(one, frame_offset=data.draw(offsets)) for one in chosen)
+
+    def change(crs):
+        return [
+            replace(cr, apis=tuple(
+                replace(api, data_objects=api.data_objects + drawn(api.data_objects), iocs=drawn(api.iocs) or api.iocs)
+                for api in data.draw(st.sampled_from(planned)).apis
+            )) if data.draw(st.booleans()) else cr
+            for cr in crs
+        ]  # fmt: skip
+
+    changed = change(planned)
+    status, answer = connect(lambda _: changed)
+    if not status.ok:
+        assert status.error_code1 == 2
+        assert status.error_code2 in list(IocrField)
+        return
+    assert len([b for b in answer if isinstance(b, IocrBlockRes)]) == 4
+    for kind in (IocrType.INPUT, IocrType.OUTPUT):
+        crs = [cr for cr in changed if cr.iocr_type == kind]
+        for places in ("data_objects", "iocs"):
+            keys = [(api.api, p.slot, p.subslot) for cr in crs for api in cr.apis for p in getattr(api, places)]
+            assert len(keys) == len(set(keys))

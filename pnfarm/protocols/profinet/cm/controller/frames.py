@@ -14,7 +14,8 @@ has no octet at all, as captured controllers do.  A frame shorter than the C_SDU
 status.
 
 Each clock of the submodules has CRs of its own, and what does not fit into a frame goes into a further CR, in the order
-of the submodules.  A consumer status is in a CR of its submodule's clock if there is one with room, else in any other.
+of the submodules, or the longest first if that takes too many.  A consumer status is in a CR of its submodule's clock
+if there is one with room, else in any other.
 """
 
 from __future__ import annotations
@@ -94,30 +95,46 @@ def _choose(crs: list[PlannedCr], clock: Clock, octets: int, *, any_clock: bool 
     return found
 
 
-def _divide(submodules: Sequence[PlannedSubmodule], own: Clock, iocr_type: IocrType, most: int) -> list[PlannedCr]:
-    is_input, name = iocr_type is IocrType.INPUT, iocr_type.name.lower()
+def _packed(submodules: Iterable[PlannedSubmodule], own: Clock, *, is_input: bool) -> list[PlannedCr]:
     crs: list[PlannedCr] = []
     for s in submodules:
         if s.provides_input if is_input else s.output_bytes:
-            length = s.input_bytes if is_input else s.output_bytes
-            status = 0 if s.discards_ioxs else 1
-            if length + status > MAX_C_SDU:
-                raise ConfigError(f"{s.where} has {length} octets of {name}, a frame takes {MAX_C_SDU} with the status")
-            cr = _choose(crs, s.clock or own, length + status)
-            start = cr.take(length + status)
-            cr.data.append(DataPlace(s.api, s.slot, s.subslot, start, length, start + length if status else None))
+            octets, length = _octets(s, is_input=is_input), s.input_bytes if is_input else s.output_bytes
+            cr = _choose(crs, s.clock or own, octets)
+            start = cr.take(octets)
+            iops = None if s.discards_ioxs else start + length
+            cr.data.append(DataPlace(s.api, s.slot, s.subslot, start, length, iops))
     for s in submodules:
         if s.output_bytes if is_input else s.provides_input:
             status = 0 if s.discards_ioxs else 1
             cr = _choose(crs, s.clock or own, status, any_clock=True)
             cr.iocs.append(IocsPlace(s.api, s.slot, s.subslot, cr.take(status) if status else None))
+    return crs or [PlannedCr(own)]
+
+
+def _divide(submodules: Sequence[PlannedSubmodule], own: Clock, iocr_type: IocrType, most: int) -> list[PlannedCr]:
+    is_input, name = iocr_type is IocrType.INPUT, iocr_type.name.lower()
+    longest = max(submodules, key=lambda s: _octets(s, is_input=is_input), default=None)
+    if longest is not None and (octets := _octets(longest, is_input=is_input)) > MAX_C_SDU:
+        raise ConfigError(f"{longest.where} has {octets} octets of {name} with the status, a frame takes {MAX_C_SDU}")
+    crs = _packed(submodules, own, is_input=is_input)
     if len(crs) > most:
-        octets, cycles = sum(cr.octets for cr in crs), len({cr.clock for cr in crs})
+        # the longest first leave less room unused
+        by_length = sorted(submodules, key=lambda s: _octets(s, is_input=is_input), reverse=True)
+        crs = _packed(by_length, own, is_input=is_input)
+    if len(crs) > most:
+        total, cycles = sum(cr.octets for cr in crs), len({cr.clock for cr in crs})
         raise ConfigError(
-            f"{octets} octets of {name} in {cycles} cycle{'s' * (cycles > 1)} need {len(crs)} frames of up to "
+            f"{total} octets of {name} in {cycles} cycle{'s' * (cycles > 1)} need {len(crs)} frames of up to "
             f"{MAX_C_SDU}, the device has up to {most} {name} CR{'s' * (most > 1)}"
         )
-    return crs or [PlannedCr(own)]
+    return crs
+
+
+def _octets(submodule: PlannedSubmodule, *, is_input: bool) -> int:
+    """Of the data and their status in a frame of this direction."""
+    octets = submodule.input_bytes if is_input else submodule.output_bytes
+    return octets + (0 if submodule.discards_ioxs else 1)
 
 
 def divide(
