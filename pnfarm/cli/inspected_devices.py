@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.cli.farm_file import counted
+from pnfarm.cli.inspected_connections import print_connections
 from pnfarm.errors import ConfigError
 from pnfarm.terminal.output import print_line, print_section, print_table, seconds
 
@@ -80,4 +81,5 @@ def print_device(device: dict[str, Any]) -> None:
             for module, one in submodules
         ],
     )
+    print_connections(device.get("details", {}).get("connections", []), "device")
     print_line(f"{counted(len(device['signals']), 'signal')}: `pnfarm io {device['name']}`")

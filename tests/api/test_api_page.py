@@ -446,13 +446,17 @@ def test_devices_are_listed_beside_the_drives_and_found_by_the_filter(page):
     page.until("press('table.devices a', 'island') && location.hash === '#/device/island'")
 
 
-def test_a_device_shows_who_it_is_and_what_is_plugged_where(device):
+def test_a_device_shows_who_it_is_what_is_plugged_where_and_what_was_agreed(device, farm):
     facts = device.ask("text('main dl')")
     for word in ("Example Works", "EX-ISL-100", "0xFEED", "DAP 1", "10.0.0.81/24"):
         assert word in facts
     assert device.ask("all('details.module summary strong').map(one => one.textContent)") == [
         "Slot 0 · Island head", "Slot 1 · 16DI", "Slot 2 · 8DO", "Slot 3 · 4AI", "Slot 4 · 4FDI",
     ]  # fmt: skip
+    (agreed,) = call(farm, "GET", "devices/island")["details"]["connections"]
+    shown = "all('details.panel')[0].textContent"
+    device.until(f"{shown}.includes('What was agreed') && {shown}.includes('sent by the device')")
+    assert agreed["ar_uuid"] in device.ask(shown)
     assert "ident 0x0060 · 5 inputs, 1 output PROFIsafe" in device.ask("all('details.module summary')[4].textContent")
     assert "does not run the safety protocol" in device.ask("all('details.module')[4].textContent")
     assert "ident 0x0021 · 1 octet out" in device.ask("all('details.module')[2].textContent")

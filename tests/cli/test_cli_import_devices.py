@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from imported import check_found
 from seen_plant import DEVICE, HEAD, ISLAND, PLC, SECOND, SeenPlant, differing
+from wide_device import wide_file, wide_group
 
 from pnfarm.buses.imports import FoundDevice, FoundStation
 from pnfarm.controller.line import VirtualLine
@@ -167,6 +168,37 @@ def test_a_device_made_of_a_capture_is_the_same_when_it_is_captured_again_also_f
     assert yaml.safe_load(out.read_text())["devices"][0]["slots"] == seen.keys["slots"]
     (again,) = tmp_path.glob("GSDML-*-pnfarm-island-20010909.xml")
     assert parse_gsdml(again.read_bytes()).modules == parse_gsdml(seen.file.text.encode()).modules
+
+
+def test_a_connection_with_several_crs_makes_a_device_that_takes_it_and_runs_at_its_cycles(pnfarm, tmp_path):
+    group = wide_group(wide_file(tmp_path), {1: "8_8", 2: "8_8", 3: "720_720"}, ", cycle: 8ms, cycles: {2: 64ms}")
+    text = f"farm: one\nlink: {{kind: memory}}\n{group}controller: {{name: plc, ip: 10.77.0.1/24}}\n"
+    file = tmp_path / "wide.pcapng"
+
+    async def record():
+        line = await VirtualLine.create(parse_farm(text, tmp_path / "one.pnfarm.yml"), pcap=file, epoch_ns=0)
+        assert line.world.run(5.0, until=lambda: line.plc.all_connected)
+        line.world.run(0.3)
+        await line.close()
+
+    asyncio.run(record())
+    shown = pnfarm("decode", file).out
+    assert all(f"frame id 0x{number:04X}, " in shown for number in range(0x8000, 0x8004))
+    assert "impossible" not in shown
+    out = farm_of(pnfarm, file, tmp_path)
+    (keys,) = yaml.safe_load(out.read_text())["devices"]
+    assert (keys["cycle"], keys["cycles"]) == ("8ms", {2: "64ms"})
+    assert "cycle 8 ms and 64 ms" in plain(out.read_text())
+    line = line_of(out)
+    (station,) = line.farm.stations
+    answer, _ = CapturedController(line, file, station).start()
+    assert differences(answer) == []
+    (ar,) = station.device.cm.ars
+    assert [cr.reduction_ratio for cr in ar.iocrs] == [8, 64, 8, 64]
+    out.write_text(out.read_text() + "controller: {name: plc, ip: 10.77.0.1/24}\n")
+    line = line_of(out)
+    assert line.world.run(5.0, until=lambda: line.plc.all_connected)
+    assert [cr.cycle_ns for cr in line.farm.stations[0].device.cm.ars[0].iocrs] == [cr.cycle_ns for cr in ar.iocrs]
 
 
 def test_a_project_makes_no_devices(pnfarm, tmp_path):

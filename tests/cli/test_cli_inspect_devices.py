@@ -51,6 +51,19 @@ def test_one_device_is_shown_with_its_modules_and_what_it_does_not_do(ask, farm)
     assert json.loads(ask("inspect", "island", "--format", "json").out) == WHOLE
 
 
+def test_a_device_is_shown_with_each_frame_of_its_connection(ask, farm):
+    place = {"offset": 0, "what": "data", "of": "slot 1, subslot 0x0001", "octets": 8}
+    frame = {"direction": "sent", "octets": 40, "timeout_seconds": None, "places": [place]}
+    channels = [{**frame, "id": "0x8000", "cycle_seconds": 0.008}, {**frame, "id": "0x8001", "cycle_seconds": 0.064}]
+    agreed = {"controller": "plc", "start_up": "legacy", "channels": channels}
+    farm.answer("GET", "devices", {"devices": [LISTED]})
+    farm.answer("GET", "devices/island", {**WHOLE, "details": {"connections": [agreed]}})
+    lines = words(ask("inspect", "island").out)
+    assert "agreed: controller plc, start up legacy" in lines
+    assert "sent by the device 0x8000 40 8 ms 0 data slot 1, subslot 0x0001" in lines
+    assert "sent by the device 0x8001 40 64 ms 0 data slot 1, subslot 0x0001" in lines
+
+
 def test_a_name_that_no_drive_and_no_device_has_is_refused(ask, farm):
     farm.answer("GET", "devices", {"devices": [LISTED]})
     outcome = ask("inspect", "ghost")

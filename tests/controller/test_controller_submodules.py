@@ -45,7 +45,7 @@ def test_a_pulled_module_stops_the_axis_program_says_why_and_keeps_the_connectio
     assert not line.plc.all_connected
     sent = line.plc.columns.frames[line.plc.sessions[0].provider]
     assert line.plc.columns.ppm[line.plc.sessions[0].provider].words == 0
-    output, _ = line.plc.sessions[0].layouts
+    _, output = line.plc.sessions[0].layouts
     start = int(line.plc.columns.ppm[0].data_offset)
     (place,) = [d for d in output.data if (d.api, d.slot, d.subslot) == TELEGRAM]
     assert sent[start + place.iops_offset] == 0x40

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from uuid import UUID
 
-from pnfarm.protocols.profinet.cm.controller.plan import plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.wire.rpc.pdu import (
     RPC_PORT,

@@ -14,7 +14,8 @@ from bystander import Answer, Bystander
 from pnfarm.engine.tick import receive
 from pnfarm.protocols.ip.host import DatagramReceived
 from pnfarm.protocols.profinet.alarms.channel import AlarmChannel, AlarmReceived
-from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.errors import OK
 from pnfarm.protocols.profinet.rpc.events import CallReceived, Interface, RpcServerConfig

@@ -7,7 +7,8 @@ from uuid import UUID
 
 from pnfarm.buses import registry
 from pnfarm.buses.profinet.bus import PROFINET
-from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, PlannedSubmodule, plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, PlannedSubmodule
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.cm.control import ControlBlock, ControlCommand

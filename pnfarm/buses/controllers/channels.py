@@ -24,11 +24,11 @@ class ChannelRows:
 
     def close_rows(self, session: Session) -> None:
         """A row starts at zero for its next connection; the station's totals do not."""
-        if session.provider is not None:
-            self._table.close_provider(session.provider)
-            session.measures.frames_sent += int(self._columns.ppm[session.provider].sent)
-            session.provider = None
-        if session.consumer is not None:
-            self._table.close_consumer(session.consumer)
-            session.measures.frames_received += int(self._columns.cpm[session.consumer].received)
-            session.consumer = None
+        for row in session.providers:
+            self._table.close_provider(row)
+            session.measures.frames_sent += int(self._columns.ppm[row].sent)
+        for row in session.consumers:
+            self._table.close_consumer(row)
+            session.measures.frames_received += int(self._columns.cpm[row].received)
+        session.providers.clear()
+        session.consumers.clear()

@@ -150,7 +150,7 @@ class SessionCore(DriveCore, Generic[S]):
     life: Life[S]
 
     def __init__(self, plan: Any, host: ControllerHost, sessions: list[S], *, tick_ns: int, pieces: int = 0) -> None:
-        channels = 2 * sum(len(session.plan.axes) for session in sessions) + 8
+        channels = 2 * sum(session.plan.channels for session in sessions) + 8
         super().__init__(plan, host, channels=channels, tick_ns=tick_ns, pieces=pieces)
         self.sessions = sessions
         for session, row in zip(sessions, self.first_rows, strict=True):
@@ -198,7 +198,12 @@ class SessionCore(DriveCore, Generic[S]):
     @property
     def all_connected(self) -> bool:
         """Every device exchanges data both ways."""
-        return all(s.state == DATA and self.columns.image[s.row].valid for s in self.sessions)
+        return all(
+            s.state == DATA
+            and self.columns.image[s.row].valid
+            and all(self.columns.cpm[row].received for row in s.consumers[1:])
+            for s in self.sessions
+        )
 
     def session(self, name: str) -> S | None:
         place = self._places.get(name)
@@ -213,11 +218,11 @@ class SessionCore(DriveCore, Generic[S]):
     def expired(self, row: int, now: int) -> None:
         """A session's consumer timed out; a row that was reopened since has not."""
         session = self._by_row[int(self.columns.cpm[row].image)]
-        if session.consumer == row and self.columns.cpm[row].expirations:
+        if row in session.consumers and self.columns.cpm[row].expirations:
             self.life.expired(session, now)
 
     def overran(self, now: int) -> None:
         """A connection whose end was lost with the events must end nevertheless."""
         for session in self.sessions:
-            if session.consumer is not None and self.columns.cpm[session.consumer].state == W_START:
-                self.expired(session.consumer, now)
+            for row in [row for row in session.consumers if self.columns.cpm[row].state == W_START]:
+                self.expired(row, now)

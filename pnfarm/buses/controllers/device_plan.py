@@ -54,6 +54,11 @@ class PlannedDevice:
         """Each axis by its name, with what is planned for it; a device without axes counts as one."""
         return [(self.first or self.name, self), *((one.name, one) for one in self.further)]
 
+    @property
+    def channels(self) -> int:
+        """Rows of a table of channels that a connection needs."""
+        return len(self.axes)
+
 
 @dataclass(frozen=True, slots=True)
 class IpPlan:

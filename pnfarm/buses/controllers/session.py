@@ -59,12 +59,23 @@ class Session:
     due_ns: int | None = 0
     mac: bytes = b""
     machine: Any = None
-    provider: int | None = None
-    consumer: int | None = None
+    #: Rows of the open channels.
+    providers: list[int] = field(default_factory=list)
+    consumers: list[int] = field(default_factory=list)
     #: What the station says of itself, read in this connection or an earlier one.
     identification: Any = None
     measures: Measures = field(default_factory=Measures)
     row: int = 0
+
+    @property
+    def provider(self) -> int | None:
+        """The row of the first provider."""
+        return next(iter(self.providers), None)
+
+    @property
+    def consumer(self) -> int | None:
+        """The row of the first consumer."""
+        return next(iter(self.consumers), None)
 
     @property
     def rows(self) -> range:

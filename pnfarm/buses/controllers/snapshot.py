@@ -54,8 +54,8 @@ def session_row(
 ) -> dict[str, Any]:
     """A session's row, with what only its bus has: of the axis, of losses, and besides."""
     row, measures = columns.program[session.row], session.measures
-    sent = 0 if session.provider is None else int(columns.ppm[session.provider].sent)
-    received = 0 if session.consumer is None else int(columns.cpm[session.consumer].received)
+    sent = sum(int(columns.ppm[row].sent) for row in session.providers)
+    received = sum(int(columns.cpm[row].received) for row in session.consumers)
     return {
         **axis_part(session.plan, row, mac=session.mac.hex(":"), ip=ip, state=session.state.value),
         **of_axis,

@@ -59,9 +59,10 @@ class Profinet(ImportingBus, ProjectBus, SearchBus):
         from pnfarm.buses.profinet.device.channels import channel_rows
 
         described = config.described
-        rows = channel_rows(described.plugged.number_of_ars)
+        controllers = described.plugged.number_of_ars
         # a change of modules leaves the pieces of before to the engine until its next tick
-        return DeviceRows(rows, 4 * rows * (len(described.inputs.places) + len(described.outputs.places)))
+        pieces = 4 * channel_rows(controllers) * (len(described.inputs.places) + len(described.outputs.places))
+        return DeviceRows(channel_rows(controllers, described.plugged.relations.crs), pieces)
 
     def described_device(self, station: Station, services: DeviceServices) -> ProfinetDevice:
         from pnfarm.buses.profinet.described.kind import DescribedKind
@@ -73,7 +74,8 @@ class Profinet(ImportingBus, ProjectBus, SearchBus):
         )
         station.signals = kind.signals
         station.description = station_description(kind.described.plugged)
-        return ProfinetDevice(station, services, kind, kind.described.plugged.number_of_ars)
+        plugged = kind.described.plugged
+        return ProfinetDevice(station, services, kind, plugged.number_of_ars, plugged.relations.crs)
 
     def commands(self) -> Iterable[Command]:
         from pnfarm.buses.profinet.commands import gsdml, module, record

@@ -199,9 +199,11 @@ def _facts(seen: SeenStation, connection: SeenConnection | None) -> list[str]:
     facts.append(f"MAC {format_mac(seen.mac)}" + (f", IP {seen.ip}" if seen.ip is not None else ""))
     if connection is not None:
         start = "advanced" if connection.advanced else "legacy"
+        every = sorted({connection.cycle_ns, *connection.cycles.values()})
+        cycles = " and ".join(f"{cycle_ns / _MS:g} ms" for cycle_ns in every)
         facts.append(
-            f"connected by {connection.controller_name or format_mac(connection.controller)}: cycle "
-            f"{connection.cycle_ns / _MS:g} ms, watchdog {connection.watchdog_factor} cycles, {start} start-up"
+            f"connected by {connection.controller_name or format_mac(connection.controller)}: cycle {cycles}, "
+            f"watchdog {connection.watchdog_factor} cycles, {start} start-up"
         )
         facts += _modules(connection.apis)
         if connection.parameters:

@@ -114,11 +114,16 @@ def _refusal(connection: SeenConnection, described: DeviceDescription) -> str | 
 def _limits(device: SeenDevice, connections: Sequence[SeenConnection], notes: list[str]) -> dict[str, Any]:
     """The fastest cycle, and whether the device takes more than what was seen."""
     fastest = min(connection.cycle_ns for connection in connections)
+    keys: dict[str, Any] = {"cycle": format_duration(fastest)}
+    # of the last connection with several CRs in a direction: two controllers may have each its own cycle
+    several = next((one.cycles for one in reversed(connections) if len(one.iocrs) > 2), {})
+    if slower := {slot: cycle_ns for slot, cycle_ns in sorted(several.items()) if cycle_ns > fastest}:
+        keys["cycles"] = {slot: format_duration(cycle_ns) for slot, cycle_ns in slower.items()}
     if device.lax:
         notes += [f"{why}: limits are lax" for why in few(device.lax)]
-        return {"cycle": format_duration(fastest), "limits": "lax"}
+        return keys | {"limits": "lax"}
     notes.append(f"`limits: lax` takes cycles below {format_duration(fastest)} and other parameter records as well")
-    return {"cycle": format_duration(fastest)}
+    return keys
 
 
 def _differing(seen: SeenStation, connections: Sequence[SeenConnection]) -> Iterator[str]:

@@ -31,6 +31,7 @@ from pnfarm.protocols.profinet.gsdml.document import (
 from pnfarm.protocols.profinet.gsdml.records import ParameterRecord, ParameterRef
 from pnfarm.protocols.profinet.gsdml.values import Numbers, emit_octets
 from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties
+from pnfarm.protocols.profinet.wire.cm.iocr import IocrType
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -158,6 +159,7 @@ def _module(module: SeenModule, slot: _Slot) -> ModuleItem:
 def _dap(head: SeenModule, slot: _Slot, name: str, connections: Sequence[SeenConnection]) -> Dap:
     iocrs = [iocr for connection in connections for iocr in connection.iocrs]
     controllers = min(_MOST_CONTROLLERS, len({connection.controller for connection in connections}))
+    inputs, outputs = (_most(connections, iocr_type) for iocr_type in (IocrType.INPUT, IocrType.OUTPUT))
     relations = Relations(
         startup_modes=tuple(
             mode
@@ -165,6 +167,8 @@ def _dap(head: SeenModule, slot: _Slot, name: str, connections: Sequence[SeenCon
             if any(connection.advanced is advanced for connection in connections)
         ),
         number_of_ars=controllers,
+        additional_input_crs=inputs - 1,
+        additional_output_crs=outputs - 1,
         send_clocks=Numbers.of((*DEFAULT_SEND_CLOCKS, *(iocr.send_clock_factor for iocr in iocrs))),
         ratios=Numbers.of((*DEFAULT_RATIOS, *(iocr.reduction_ratio for iocr in iocrs))),
     )
@@ -181,7 +185,7 @@ def _dap(head: SeenModule, slot: _Slot, name: str, connections: Sequence[SeenCon
         for subslot, one in head.submodules.items()
         if is_interface(subslot) and _is_system(subslot, one)
     ]
-    longest = min(_U16, _LONGEST * len(connections))
+    longest = min(_U16, _LONGEST * len(connections) * max(inputs, outputs))
     discards = SubmoduleProperties.DISCARD_IOXS
     return Dap(
         id=_ACCESS_POINT,
@@ -212,6 +216,11 @@ def _dap(head: SeenModule, slot: _Slot, name: str, connections: Sequence[SeenCon
         ports=tuple(replace(one, id=f"{_ACCESS_POINT}_{one.subslot:04X}") for one in _ports(head, slot)),
         own_relations=None if interfaces else relations,
     )
+
+
+def _most(connections: Sequence[SeenConnection], iocr_type: IocrType) -> int:
+    """CRs of a direction that a connection has at most."""
+    return max(1, *(sum(iocr.iocr_type == iocr_type for iocr in one.iocrs) for one in connections))
 
 
 def _is_system(subslot: int, one: SeenSubmodule) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from pnfarm.cli.completion import complete_drive
+from pnfarm.cli.inspected_connections import print_connections
 from pnfarm.cli.inspected_devices import listed_devices, print_device, print_devices
 from pnfarm.errors import ConfigError
 from pnfarm.terminal import client
@@ -184,33 +185,12 @@ def _one(drive: dict[str, Any]) -> None:
         most = sorted(discards.items(), key=lambda entry: (-entry[1], entry[0]))
         table = [(number(count), reason, discard_text(reason)) for reason, count in most]
         print_section((">DISCARDED", "REASON", "~WHAT IT MEANS"), table)
-    _print_relations(relations)
+    print_connections(relations, "drive")
     print_section(("CONTROLLER DID", "~VALUE"), _controller_rows(controller))
     if events:
         print_line()
         for entry in events[-LAST_EVENTS:]:
             print_line(_event_line(entry))
-
-
-def _print_relations(relations: list[dict[str, Any]]) -> None:
-    """What was agreed for each connection, and what is where in its frames."""
-    for one in relations:
-        channels = one.pop("channels")
-        facts = (f"{key.removesuffix('_seconds').replace('_', ' ')} {_cell(key, value)}" for key, value in one.items())
-        print_line()
-        print_line("agreed: " + ", ".join(facts))
-        rows = [
-            (
-                f"{channel['direction']} by the drive",
-                channel["id"],
-                number(channel["octets"]),
-                seconds(channel["cycle_seconds"]),
-                "; ".join(f"{place['offset']} {place['what']} {place['of']}".rstrip() for place in channel["places"]),
-            )
-            for channel in channels
-        ]
-        if rows:
-            print_table(("FRAMES", "IDENTIFICATION", ">OCTETS", ">CYCLE", "~AT OFFSET"), rows)
 
 
 def _controller_rows(record: dict[str, Any]) -> list[tuple[str, str]]:

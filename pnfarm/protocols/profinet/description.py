@@ -100,7 +100,7 @@ class Limits:
     ``min_cycle_ns``: shortest send cycle of a CR; 0 leaves it to ``min_device_interval``.  ``max_cycle_ns``: longest
     one; 0 is none.  With ``strict`` False none of them is enforced.  ``max_ars`` counts IO controllers (more than one:
     a shared device), ``max_supervisor_ars`` supervisors with IO data, ``max_device_access_ars`` the acyclic ones beside
-    them.
+    them.  ``max_input_crs`` and ``max_output_crs`` are those of one AR.
     """
 
     strict: bool = True
@@ -109,7 +109,8 @@ class Limits:
     max_ars: int = 1
     max_supervisor_ars: int = MAX_SUPERVISOR_ARS
     max_device_access_ars: int = 1
-    max_iocrs: int = 2
+    max_input_crs: int = 1
+    max_output_crs: int = 1
     max_alarm_data_length: int = 200
 
 

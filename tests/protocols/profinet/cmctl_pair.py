@@ -139,5 +139,6 @@ def device_fit_for(plan: ArPlan) -> DeviceDescription:
                 s.slot, s.subslot, s.api, s.module_ident, s.submodule_ident, s.input_bytes, s.output_bytes
             )
         )
+    limits = Limits(strict=False, max_input_crs=plan.input_crs, max_output_crs=plan.output_crs)
     first, *rest = [ModuleDescription(slot, subs[0].module_ident, tuple(subs)) for slot, subs in modules.items()]
-    return DeviceDescription(0x0105, 1, "any", first, IM0, tuple(rest), limits=Limits(strict=False))
+    return DeviceDescription(0x0105, 1, "any", first, IM0, tuple(rest), limits=limits)

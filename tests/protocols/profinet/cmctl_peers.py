@@ -256,9 +256,10 @@ def rta_codes(up: Line) -> list[int]:
 
 @st.composite
 def plans(draw: st.DrawFn) -> ArPlan:
-    """Any device of a few slots, whatever its lengths."""
+    """Any device of a few slots, whatever its lengths and cycles."""
     submodules = []
-    lengths = st.integers(0, 40)
+    lengths = st.integers(0, draw(st.sampled_from((40, 900))))
+    clocks = st.sampled_from((None, (32, 4), (64, 1))) if draw(st.booleans()) else st.none()
     for slot in draw(st.lists(st.integers(0, 0x7FFF), min_size=1, max_size=6, unique=True)):
         ident = draw(st.integers(1, 0xFFFFFFFF))
         api = draw(st.sampled_from((0, 0x3A00, 0x4600)))
@@ -267,11 +268,15 @@ def plans(draw: st.DrawFn) -> ArPlan:
         for subslot in draw(st.lists(subslots, min_size=1, max_size=4, unique=True)):
             submodule_ident, inputs, outputs = draw(st.tuples(st.integers(0, 0xFFFFFFFF), lengths, lengths))
             properties = draw(st.sampled_from((0, SubmoduleProperties.DISCARD_IOXS)))
-            place = PlannedSubmodule(api, slot, ident, subslot, submodule_ident, inputs, outputs, properties)
+            place = PlannedSubmodule(
+                api, slot, ident, subslot, submodule_ident, inputs, outputs, properties, draw(clocks)
+            )
             submodules.append(place)
     return make_plan(
         submodules=tuple(submodules),
         startup=draw(st.sampled_from(("legacy", "advanced"))),
         expected_blocks=draw(st.sampled_from(("per-api", "per-slot"))),
         session_key=draw(st.integers(0, 0xFFFF)),
+        input_crs=64,
+        output_crs=64,
     )

@@ -10,7 +10,7 @@ from pnfarm.buses.profinet.binding import describe_device
 from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.drives.catalogue import models
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
-from pnfarm.protocols.profinet.cm.controller.plan import plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
 from pnfarm.protocols.profinet.description import Plugged

@@ -208,7 +208,7 @@ def test_every_field_of_every_block_is_among_the_refusals_or_has_no_wrong_value(
 
 @pytest.mark.parametrize(("plan", "code1", "code2"), [c[1:] for c in REFUSALS], ids=[c[0] for c in REFUSALS])
 def test_a_faulty_field_is_refused_with_its_codes(request, plan, code1, code2):
-    bench = Bench(replace(DRIVE, limits=replace(DRIVE.limits, max_iocrs=3 if "twice" in request.node.name else 2)))
+    bench = Bench(replace(DRIVE, limits=replace(DRIVE.limits, max_input_crs=2 if "twice" in request.node.name else 1)))
     status, answer = bench.connect(plan)
     assert (status.error_code, status.error_decode, status.error_code1, status.error_code2) == (
         0xDB,
@@ -225,7 +225,7 @@ def test_a_faulty_field_is_refused_with_its_codes(request, plan, code1, code2):
 
 
 def test_a_cr_that_is_there_twice_is_refused_by_its_reference_and_not_for_want_of_room():
-    assert DRIVE.limits.max_iocrs == 2
+    assert DRIVE.limits.max_input_crs + DRIVE.limits.max_output_crs == 2
     status, _ = Bench().connect(with_blocks(*BASE[:2], P.inputs, *BASE[2:]))
     assert (status.error_code1, status.error_code2) == (2, 5)
 

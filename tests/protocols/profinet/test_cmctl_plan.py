@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.ar import compute_layout, expected_submodules
-from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord, PlannedSubmodule, plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
+from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload, groups_of_records
 from pnfarm.protocols.profinet.wire.any_block import parse_blocks
 from pnfarm.protocols.profinet.wire.block import split_blocks
@@ -131,8 +132,8 @@ def test_the_connect_request_of_a_captured_controller_differs_only_in_its_output
         ((), "expects no submodule"),
         ((SUBMODULES[0], SUBMODULES[0]), "is given twice"),
         ((SUBMODULES[0], replace(SUBMODULES[1], module_ident=3)), "one slot has one module"),
-        ((replace(SUBMODULES[0], input_bytes=1440),), "input frame would carry 1441 octets"),
-        ((replace(SUBMODULES[0], output_bytes=1440),), "output frame would carry 1441 octets"),
+        ((replace(SUBMODULES[0], input_bytes=1440),), "1441 octets of input with the status, a frame takes 1440"),
+        ((replace(SUBMODULES[0], output_bytes=1440),), "1441 octets of output with the status, a frame takes 1440"),
         ((replace(SUBMODULES[0], input_bytes=-1),), "negative length"),
         ((replace(SUBMODULES[0], properties=1 << 3),), "reduced lengths"),
         ((replace(SUBMODULES[0], properties=1 << 4),), "reduced lengths"),

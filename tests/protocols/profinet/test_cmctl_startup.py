@@ -57,8 +57,9 @@ def test_connected_has_the_frame_ids_of_the_devices_answer() -> None:
     up = line(input_frame_id=0x8061)
     connected = up.start()[0]
     assert isinstance(connected, Connected)
-    assert connected.input_layout == replace(up.controller.input_layout, frame_id=0x8061)
-    assert connected.output_layout.frame_id == OUTPUT_FRAME_ID
+    inputs, outputs = connected.layouts
+    assert inputs == replace(up.controller.layouts[0], frame_id=0x8061)
+    assert outputs.frame_id == OUTPUT_FRAME_ID
     assert connected.device_mac == up.controller.device_mac == DEVICE_MAC
     assert connected.device_alarm_reference == DEVICE_ALARM_REFERENCE
 
@@ -69,7 +70,7 @@ def test_a_device_that_assigns_another_input_frame_id_is_followed() -> None:
 
     up = line(ScriptedDevice({Opnum.CONNECT: other}))
     up.start()
-    assert up.controller.input_layout.frame_id == 0x8123
+    assert up.controller.layouts[0].frame_id == 0x8123
 
 
 def test_blocks_that_a_controller_does_not_need_are_passed_over() -> None:

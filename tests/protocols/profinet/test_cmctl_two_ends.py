@@ -45,9 +45,10 @@ def test_both_ends_reach_data_and_agree_on_the_frames(startup: str, expected_blo
     connected = both.events[0]
     assert isinstance(connected, Connected)
     (ar,) = both.device.ars
-    assert ar.iocrs == (connected.input_layout, connected.output_layout)
-    assert connected.output_layout.frame_id in range(0x8000, 0xBC00)
-    assert connected.output_layout.frame_id != connected.input_layout.frame_id
+    assert ar.iocrs == connected.layouts
+    inputs, outputs = connected.layouts
+    assert outputs.frame_id in range(0x8000, 0xBC00)
+    assert outputs.frame_id != inputs.frame_id
     assert connected.module_diff == ()
     assert both.records.kept == {(r.api, r.slot, r.subslot, r.index): r.data for r in RECORDS}
 
@@ -55,7 +56,7 @@ def test_both_ends_reach_data_and_agree_on_the_frames(startup: str, expected_blo
 def test_rt_class_1_gets_frame_ids_of_its_own_range() -> None:
     both = pair(rt_class=1, input_frame_id=0xC000)
     both.start()
-    assert both.controller.output_layout.frame_id in range(0xC000, 0xF800)
+    assert both.controller.layouts[1].frame_id in range(0xC000, 0xF800)
 
 
 @given(plans())
@@ -64,7 +65,7 @@ def test_a_device_that_has_what_any_plan_expects_is_established_with_the_same_la
     both.start()
     assert both.events[-1] == ArEstablished()
     (ar,) = both.device.ars
-    assert ar.iocrs == (both.controller.input_layout, both.controller.output_layout)
+    assert ar.iocrs == both.controller.layouts
 
 
 def test_records_travel_while_connected() -> None:

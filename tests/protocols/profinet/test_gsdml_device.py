@@ -36,7 +36,8 @@ from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.protocols.profinet.cm.controller.events import ArEstablished, Connected
-from pnfarm.protocols.profinet.cm.controller.plan import MIN_C_SDU, ParameterRecord, plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import MIN_C_SDU, plan_frames
+from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml

@@ -12,7 +12,7 @@ from gsdml_models import MAC, MS, connected, described, plan_of
 from pnfarm.buses.profinet.binding import describe_device
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
-from pnfarm.protocols.profinet.cm.controller.plan import plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
 from pnfarm.protocols.profinet.cm.controller.request import connect_payload
 from pnfarm.protocols.profinet.cm.device.check import FRAME_ID_RANGES, RefusedError, check_connect, parse_connect
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml

@@ -5,7 +5,7 @@ import {farm as live, takeWritten} from "../lib/live.js";
 import {Act, Problem, act, inject, useFarm, useLoaded} from "../lib/ui.js";
 import {hex, plural, time} from "../lib/words.js";
 import {DeviceState, deviceController} from "./devices.js";
-import {Entry, Facts} from "./drive.js";
+import {Entry, Facts, Relation} from "./drive.js";
 
 /** Signals that are shown before a module is opened: more of them make a page slow. */
 const SHOWN = 200;
@@ -149,7 +149,7 @@ function openAtFirst(modules) {
 export function Device({name}) {
   const farm = useFarm();
   const row = farm.deviceByName.get(name);
-  const [view, error] = useLoaded(() => row ? get(path("devices", name)) : Promise.resolve(null), [name, row !== undefined, farm.begun]);
+  const [view, error] = useLoaded(() => row ? get(path("devices", name)) : Promise.resolve(null), [name, row !== undefined, farm.begun, row && row.connected]);
   const [active, problem, again] = useLoaded(() => get("faults"), [], 1);
   const [text, setText] = useState("");
   const [opened, setOpened] = useState({});
@@ -186,7 +186,8 @@ export function Device({name}) {
     ${view ? html`<details class="panel"><summary><strong>Identity</strong> <span class="dim">${[view.identity.vendor, view.identity.order_number, view.access_point, row.ip].filter(Boolean).join(" · ")}</span></summary>
       <${Facts} pairs=${[["Access point", view.access_point], ...Object.entries(view.identity).map(([key, value]) => [title(key), typeof value === "number" ? `${value} (${hex(value)})` : value]), ["Station name", row.station_name], ["Bus", row.bus],
         ["IP address", row.ip], ["Station address", row.station_address], ["MAC address", row.mac], ["Controller", controller && [controller.name, controller.ip, controller.mac].filter(Boolean).join(", ")],
-        ["Cycle", controller && time(connection.cycle_seconds)], ["Watchdog", controller && time(connection.watchdog_seconds)]]}/></details>
+        ["Cycle", controller && time(connection.cycle_seconds)], ["Watchdog", controller && time(connection.watchdog_seconds)]]}/>
+      ${(view.details.connections || []).map((one, i) => html`<h3 key=${i}>What was agreed</h3><${Relation} key=${"agreed" + i} one=${one} station="device"/>`)}</details>
     <div class="bar"><h2>Modules</h2>
       <input type="search" placeholder="name, unit or place of a signal" aria-label="Find a signal by name, unit or place" value=${text} onInput=${event => { setText(event.target.value); setOpened({}); }}/>
       <span class="dim" role="status">${text ? `${modules.reduce((sum, one) => sum + one.signals.length, 0)} of ${plural(signals.length, "signal")}` : `${countOf(signals, "input")}, ${countOf(signals, "output")}`}</span>

@@ -144,13 +144,13 @@ const sentence = key => (key[0].toUpperCase() + key.slice(1).replaceAll("_", " "
 const CHANNEL = {send_clock_factor: "Send clock factor", reduction_ratio: "Reduction ratio", phase: "Phase"};
 
 /** Identifications of a connection, and what is where in its frames. */
-function Relation({one}) {
+export function Relation({one, station = "drive"}) {
   const {channels, ...facts} = one;
   const more = Object.keys(CHANNEL).filter(key => channels.some(channel => key in channel));
   return html`<div><${Facts} pairs=${plainFacts(facts)}/>
     ${channels.length ? html`<div class="scroll" tabindex="0" role="region" aria-label="Cyclic frames"><table><thead><tr><th scope="col">Frames</th><th scope="col">Identification</th><th scope="col" class="number">Octets</th><th scope="col" class="number">Cycle</th>
       ${more.map(key => html`<th key=${key} scope="col" class="number">${CHANNEL[key]}</th>`)}<th scope="col" class="number">Watchdog</th><th scope="col">Offset: what is there</th></tr></thead>
-      <tbody>${channels.map(channel => html`<tr key=${channel.id + channel.direction}><th scope="row">${channel.direction} by the drive</th><td>${channel.id}</td><td class="number">${channel.octets}</td><td class="number">${time(channel.cycle_seconds)}</td>
+      <tbody>${channels.map(channel => html`<tr key=${channel.id + channel.direction}><th scope="row">${channel.direction} by the ${station}</th><td>${channel.id}</td><td class="number">${channel.octets}</td><td class="number">${time(channel.cycle_seconds)}</td>
         ${more.map(key => html`<td key=${key} class="number">${channel[key]}</td>`)}<td class="number">${time(channel.timeout_seconds)}</td>
         <td class="text small">${channel.places.map((place, i) => html`<div key=${i}><span class="offset">${place.offset}</span> ${place.what}${place.octets > 1 ? `, ${place.octets} octets` : ""} <span class="dim">${place.of}</span></div>`)}</td></tr>`)}</tbody></table></div>` : null}</div>`;
 }

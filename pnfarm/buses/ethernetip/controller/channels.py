@@ -64,7 +64,7 @@ class SessionChannels(ChannelRows):
         self._columns.image[session.index].sent[ASSEMBLY : ASSEMBLY + ASSEMBLY_WORDS] = 0
         common: dict[str, Any] = {"image": session.index, "port": self._port.index, "plain": session.index}
         output_rpi_ns = made.reply.o_to_t_api_us * _NS_PER_US
-        session.provider = self._table.open_provider(
+        provider = self._table.open_provider(
             Class1ProviderPlan(
                 **common,
                 destination=session.mac,
@@ -81,8 +81,9 @@ class SessionChannels(ChannelRows):
                 destination_port=ports.get(True, IO_PORT),
             )
         )
+        session.providers.append(provider)
         self.set_mode(session, run=self.running)
-        session.consumer = self._table.open_consumer(
+        consumer = self._table.open_consumer(
             Class1ConsumerPlan(
                 **common,
                 destination=self._port.mac if session.group is None else multicast_mac(session.group),
@@ -96,6 +97,7 @@ class SessionChannels(ChannelRows):
                 run_idle=wanted.input_header,
             )
         )
+        session.consumers.append(consumer)
 
     def close(self, session: DeviceSession) -> None:
         """Both directions end, and the group is left."""

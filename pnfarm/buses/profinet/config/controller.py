@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from pnfarm.buses.profinet.config.clock import MAX_DATA_HOLD_FACTOR
-from pnfarm.buses.profinet.config.device import Place
+from pnfarm.buses.profinet.config.device import CYCLES, Cycles, Place
 from pnfarm.buses.profinet.config.values import Cycle
 from pnfarm.config.drive import MAX_DRIVES
 from pnfarm.config.ip import IpController
@@ -54,6 +54,7 @@ class ForeignDevice(Section):
     ip: Cidr | None = Field(default=None, description="Its address; left out, the next free one of the controller's.")
     gateway: Gateway | None = Field(default=None, description="Router of the subnet.")
     cycle_ns: Cycle | None = Field(default=None, alias="cycle", description="Its cycle; left out, the controller's.")
+    cycles: Cycles = CYCLES
     startup: Literal["legacy", "advanced"] | None = Field(
         default=None, description="Start-up mode; left out, the controller's, or what the GSDML file allows."
     )

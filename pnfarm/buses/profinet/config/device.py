@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Field
 
-from pnfarm.buses.profinet.config.values import Cycle  # noqa: TC001 - pydantic reads the annotations of fields
+from pnfarm.buses.profinet.config.values import Cycle
 from pnfarm.config.ip import IpDeviceConfig, IpDevices
 from pnfarm.config.section import Section
 from pnfarm.config.slots import named_module, slot_number
@@ -26,6 +26,14 @@ _WANTED = "ID, order number, ident or name"
 
 #: A slot or a subslot as the key of a mapping.
 Place = Annotated[int, *slot_number("a slot or subslot", _U16)]
+#: Slot: cycle of its data.
+Cycles = dict[Place, Cycle]
+CYCLES: Any = Field(
+    default_factory=dict,
+    description="Slot: cycle of its module's data at the built-in controller, if that is another one. Each cycle has "
+    "frames of its own, as far as the GSDML file allows (NumberOfAdditionalInputCR, NumberOfAdditionalOutputCR).",
+    examples=[{2: "64ms"}],
+)
 Wanted = Annotated[str | int, *named_module(_WANTED)]
 
 
@@ -89,15 +97,17 @@ class ProfinetDevices(IpDevices):
     cycle_ns: Cycle | None = Field(
         default=None, alias="cycle", description="Cycle at which the built-in controller runs these devices."
     )
+    cycles: Cycles = CYCLES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProfinetDeviceConfig(IpDeviceConfig):
-    """One device; ``cycle_ns`` is None where the controller's counts."""
+    """One device; ``cycle_ns`` is None where the controller's counts, ``cycles`` has those of slots with another."""
 
     described: DescribedStation
     hello: bool = False
     cycle_ns: int | None = None
+    cycles: Mapping[int, int] = field(default_factory=dict)
 
     @property
     def known_signals(self) -> Mapping[str, Any]:

@@ -84,7 +84,9 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
         return group if described is None else group.adopting(described)
 
     def device(self, common: DeviceConfig, group: ProfinetDevices, step: int, macs: Macs) -> ProfinetDeviceConfig:
-        return ProfinetDeviceConfig.of(common, group, step, macs, hello=group.hello, cycle_ns=group.cycle_ns)
+        return ProfinetDeviceConfig.of(
+            common, group, step, macs, hello=group.hello, cycle_ns=group.cycle_ns, cycles=group.cycles
+        )
 
     def sentences(self, group: ProfinetDevices) -> list[str]:
         return [] if group.described is None else group.described.sentences()

@@ -23,70 +23,64 @@ class SessionChannels(ChannelRows):
     """See :class:`pnfarm.buses.controllers.channels.ChannelRows`."""
 
     def open(self, session: DeviceSession, event: Connected) -> None:
-        """A drive accepted the Connect: both channels start, the controller's data are still BAD."""
+        """A drive accepted the Connect: all channels start, the controller's data are still BAD."""
         self.close(session)
         for row in session.rows:
             self._columns.image[row].good = 0
-        output, inputs = event.output_layout, event.input_layout
-        session.layouts = (output, inputs)
-        sent = _layout(session, output, ())
-        taken = _layout(session, inputs, ())
-        common: dict[str, Any] = {"image": session.row, "port": self._port.index, "plain": session.index}
-        session.provider = self._table.open_provider(
-            ProviderPlan(
-                **common,
-                **_clock(output),
-                destination=event.device_mac,
-                source=self._port.mac,
-                frame_id=output.frame_id,
-                data_length=output.data_length,
-                words=sent.words,
-                iops=sent.iops,
-                constants=sent.constants,
-                riders=sent.riders,
-                pieces=sent.pieces,
-                phase=max(0, output.phase - 1),
-                tag=output.tag_header,
-            )
-        )
-        session.consumer = self._table.open_consumer(
-            ConsumerPlan(
-                **common,
-                **_clock(inputs),
-                destination=self._port.mac,
-                source=event.device_mac,
-                frame_id=inputs.frame_id,
-                data_length=inputs.data_length,
-                data_hold_factor=inputs.data_hold_factor,
-                words=taken.words,
-                iops=taken.iops,
-                riders=taken.riders,
-                pieces=taken.pieces,
-            )
-        )
+        session.layouts = event.layouts
+        for layout in event.layouts:
+            frame = _layout(session, layout, ())
+            common: dict[str, Any] = {
+                "image": session.row,
+                "port": self._port.index,
+                "plain": session.index,
+                "frame_id": layout.frame_id,
+                "data_length": layout.data_length,
+                "send_clock_factor": layout.send_clock_factor,
+                "reduction_ratio": layout.reduction_ratio,
+                "words": frame.words,
+                "iops": frame.iops,
+                "riders": frame.riders,
+                "pieces": frame.pieces,
+            }
+            if layout.is_input:
+                consumer = ConsumerPlan(
+                    **common,
+                    destination=self._port.mac,
+                    source=event.device_mac,
+                    data_hold_factor=layout.data_hold_factor,
+                )
+                session.consumers.append(self._table.open_consumer(consumer))
+            else:
+                provider = ProviderPlan(
+                    **common,
+                    destination=event.device_mac,
+                    source=self._port.mac,
+                    constants=frame.constants,
+                    phase=max(0, layout.phase - 1),
+                    tag=layout.tag_header,
+                )
+                session.providers.append(self._table.open_provider(provider))
 
     def relayout(self, session: DeviceSession, unusable: Container[ExpectedKey]) -> None:
         """Submodules came or went: what is unusable carries no word and BAD status, in both directions.
 
         A drive of which no data is left counts as one that sends none: its axis program pauses.
         """
-        if session.provider is None or session.consumer is None or session.layouts is None:
-            return
-        output, inputs = session.layouts
-        sent = _layout(session, output, unusable)
-        self._table.relayout_provider(
-            session.provider, sent.words, sent.iops, sent.constants, riders=sent.riders, pieces=sent.pieces
-        )
-        taken = _layout(session, inputs, unusable)
-        feeds = _feeds(inputs, session.plan.slots, unusable)
-        self._table.relayout_consumer(
-            session.consumer, taken.words, taken.iops, feeds=feeds, riders=taken.riders, pieces=taken.pieces
-        )
+        # the input CRs come first
+        for layout, row in zip(session.layouts, (*session.consumers, *session.providers), strict=True):
+            frame = _layout(session, layout, unusable)
+            parts: dict[str, Any] = {"riders": frame.riders, "pieces": frame.pieces}
+            if layout.is_input:
+                feeds = _feeds(layout, session.plan.slots, unusable)
+                self._table.relayout_consumer(row, frame.words, frame.iops, feeds=feeds, **parts)
+            else:
+                self._table.relayout_provider(row, frame.words, frame.iops, frame.constants, **parts)
 
     def close(self, session: DeviceSession) -> None:
-        """Both channels end, and what they knew of the drive's submodules."""
+        """All channels end, and what they knew of the drive's submodules."""
         self.close_rows(session)
-        session.layouts = None
+        session.layouts = ()
         session.unusable = {}
 
 
@@ -116,7 +110,3 @@ def _carriers(session: DeviceSession, layout: IocrLayout, unusable: Container[Ex
         )
         for number, (_, plan) in enumerate(session.plan.axes)
     ]
-
-
-def _clock(layout: IocrLayout) -> dict[str, Any]:
-    return {"send_clock_factor": layout.send_clock_factor, "reduction_ratio": layout.reduction_ratio}

@@ -6,6 +6,7 @@ One interface, one address, one RPC client and server serve all drives; each dri
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.controllers.core import SessionCore
@@ -48,6 +49,8 @@ if TYPE_CHECKING:
 
 __all__ = ["ProfinetCore"]
 
+#: First frame id of the input CRs (RT_CLASS_2 unicast); each has its own.
+FIRST_FRAME_ID = 0x8000
 #: The controller's own, which no vendor has.
 VENDOR_ID, DEVICE_ID = 0xFFFF, 0x0001
 
@@ -61,7 +64,11 @@ class ProfinetCore(SessionCore[DeviceSession]):
         layouts = [device.plain or () for device in plan.devices]
         # a change of modules leaves the pieces of before to the engine until its next tick
         pieces = 4 * sum(len(layout.places) for both in layouts for layout in both)
-        sessions = [DeviceSession(*one) for one in enumerate(plan.devices)]
+        frame_ids = accumulate((device.input_crs for device in plan.devices), initial=FIRST_FRAME_ID)
+        sessions = [
+            DeviceSession(index, device, frame_id=frame_id)
+            for (index, device), frame_id in zip(enumerate(plan.devices), frame_ids, strict=False)
+        ]
         super().__init__(plan, host, sessions, tick_ns=tick_ns, pieces=pieces)
         name, port, ip, count = plan.name, self.port, plan.ip, len(plan.devices)
         self.channels = SessionChannels(self.columns, port)

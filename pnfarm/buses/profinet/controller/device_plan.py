@@ -41,6 +41,9 @@ class DevicePlan(PlannedDevice):
     steps: SignalSteps = field(default_factory=SignalSteps)
     send_clock_factor: int
     reduction_ratio: int
+    #: CRs of each direction that its submodules need.
+    input_crs: int = 1
+    output_crs: int = 1
     watchdog_factor: int
     startup: Literal["legacy", "advanced"]
     records: tuple[ParameterRecord, ...]
@@ -66,6 +69,10 @@ class DevicePlan(PlannedDevice):
     @property
     def cycle_ns(self) -> int:
         return self.send_clock_factor * self.reduction_ratio * SEND_CLOCK_NS
+
+    @property
+    def channels(self) -> int:
+        return len(self.further) + max(self.input_crs, self.output_crs)
 
     def ar_plan(self, **own: Any) -> ArPlan:
         """What its AR is asked for: fields of the same names, and the controller's ``own``."""

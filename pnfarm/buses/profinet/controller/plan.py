@@ -11,14 +11,17 @@ from pnfarm.buses.controllers.plan import describing, own_address, profidrive_ke
 from pnfarm.buses.controllers.signal_steps import KnownSteps
 from pnfarm.buses.plain_layout import plain_layout
 from pnfarm.buses.profinet.binding import axis_stride
+from pnfarm.buses.profinet.config.clock import MAX_WATCHDOG_NS, join_cycle
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, PlannedAxis, ProfinetPlan
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.profinet.model_gsdml import describe_diagnosis
 from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.cm.controller.frames import divide
 from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml, plan_station
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
+from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.globs import means
 
 if TYPE_CHECKING:
@@ -28,6 +31,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.config.device import ProfinetDeviceConfig
     from pnfarm.buses.profinet.config.drive import ProfinetDriveConfig
     from pnfarm.drives.description.model import Model
+    from pnfarm.protocols.profinet.cm.controller.plan import Clock
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
     from pnfarm.protocols.profinet.gsdml.planning import PlannedDevice as Described
 
@@ -124,13 +128,13 @@ def _plan_described(
 
     A record of the farm file takes the place of the same one of the GSDML file; others follow.
     """
-    clock = clock_of(section, device.cycle_ns)
-    factor, ratio = clock.send_clock_factor, clock.reduction_ratio
-    # a cycle without factor and ratio is made of those that the device supports
-    asked = device.cycle_ns is not None or (section.cycle_ns is not None and section.reduction_ratio is None)
-    if asked and section.send_clock_factor is None:
-        factor, ratio = planned.clock(factor, ratio)
-    planned.check_clock(factor, ratio)
+    factor, ratio = _clock(section, planned, device.cycle_ns)
+    clocks = {slot: _clock(section, planned, cycle_ns) for slot, cycle_ns in device.cycles.items()}
+    if without := clocks.keys() - {one.slot for one in planned.submodules}:
+        raise ConfigError(f"slot {min(without)} in `cycles` has no module")
+    submodules = tuple(replace(one, clock=clocks.get(one.slot)) for one in planned.submodules)
+    relations = planned.dap.relations
+    inputs, outputs = divide(submodules, (factor, ratio), (relations.input_crs, relations.output_crs))
     startup = planned.startup(own_startup or (section.startup if "startup" in section.model_fields_set else None))
     records = {(r.api, r.slot, r.subslot, r.index): r for r in (*planned.records, *_records(section, device.name))}
     return DevicePlan(
@@ -141,9 +145,11 @@ def _plan_described(
         assign_ip=section.assign_ip,
         vendor_id=planned.vendor_id,
         device_id=planned.device_id,
-        submodules=planned.submodules,
+        submodules=submodules,
         send_clock_factor=factor,
         reduction_ratio=ratio,
+        input_crs=len(inputs),
+        output_crs=len(outputs),
         watchdog_factor=section.watchdog_factor,
         startup=startup,
         records=tuple(records.values()),
@@ -159,6 +165,21 @@ def _plan_described(
             plain_layout((one.slot, one.subslot, one.input_bytes) for one in planned.submodules),
         ),
     )
+
+
+def _clock(section: ProfinetController, planned: Described, cycle_ns: int | None) -> Clock:
+    """Send clock factor and reduction ratio of a cycle, None: the controller's.  Raises :class:`ConfigError`."""
+    clock = clock_of(section, cycle_ns)
+    factor, ratio = clock.send_clock_factor, clock.reduction_ratio
+    # a cycle without factor and ratio is made of those that the device supports
+    asked = cycle_ns is not None or (section.cycle_ns is not None and section.reduction_ratio is None)
+    if asked and section.send_clock_factor is None:
+        factor, ratio = planned.clock(factor, ratio)
+    planned.check_clock(factor, ratio)
+    if join_cycle(factor, ratio) * section.watchdog_factor > MAX_WATCHDOG_NS:
+        cycle = format_duration(join_cycle(factor, ratio))
+        raise ConfigError(f"{section.watchdog_factor} cycles of {cycle} are too long a watchdog, at most 1.92s")
+    return factor, ratio
 
 
 def _ready_ns(section: ProfinetController, named_seconds: int) -> int:

@@ -98,8 +98,10 @@ class DeviceSession(session.Session):
     state: SessionState = SessionState.WAIT
     machine: CmController | None = None
     ar_uuid: UUID | None = None
-    #: Layouts of the output and of the input frame, while the channels are open.
-    layouts: tuple[IocrLayout, IocrLayout] | None = None
+    #: Layouts of the input frames, then of the output frames, while the channels are open.
+    layouts: tuple[IocrLayout, ...] = ()
+    #: That of the first input CR; those of further ones follow.
+    frame_id: int = 0
     #: Submodules that cannot be used at present, and why.
     unusable: dict[ExpectedKey, str] = field(default_factory=dict)
     identification: Identification | None = None

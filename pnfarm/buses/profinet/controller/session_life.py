@@ -10,7 +10,7 @@ from pnfarm.buses.profinet.controller import events
 from pnfarm.buses.profinet.controller.identification import IdentificationReader
 from pnfarm.buses.profinet.controller.records import RecordJobs
 from pnfarm.buses.profinet.controller.session import TRANSITIONS, DeviceSession, SessionState, Sign
-from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
+from pnfarm.protocols.profinet.cm.controller.cmctl import CmController, CmctlState
 from pnfarm.protocols.profinet.cm.controller.events import (
     AlarmIndicated,
     ApplicationReadyReceived,
@@ -41,8 +41,6 @@ if TYPE_CHECKING:
 
 __all__ = ["SessionLife"]
 
-#: First frame id of the input CRs (RT_CLASS_2 unicast); each drive has its own.
-FIRST_FRAME_ID = 0x8000
 #: ARs count their activity timeout in 100 ms, to 1000: a start-up that hangs is given up by the device after this.
 ACTIVITY_TIMEOUT = 200
 LONGEST_ACTIVITY_TIMEOUT = 1000
@@ -100,7 +98,8 @@ class SessionLife(Life[DeviceSession]):
         self.sign(session, Sign.TIME, now)
 
     def expired(self, session: DeviceSession, now: int) -> None:
-        if session.machine is not None:
+        # those of several CRs may come at once, and the first one ends the connection
+        if session.machine is not None and session.machine.state is not CmctlState.CLOSED:
             session.measures.expirations += 1
             session.machine.watchdog_expired(now)
             self.touch(session)
@@ -143,7 +142,7 @@ class SessionLife(Life[DeviceSession]):
                     LONGEST_ACTIVITY_TIMEOUT, max(ACTIVITY_TIMEOUT, plan.application_ready_ns // 100_000_000)
                 ),
                 phase=session.index % plan.reduction_ratio + 1,
-                input_frame_id=FIRST_FRAME_ID + session.index,
+                input_frame_id=session.frame_id,
                 local_alarm_reference=session.index + 1,
             ),
             Timeouts(application_ready_ns=plan.application_ready_ns),
@@ -163,8 +162,8 @@ class SessionLife(Life[DeviceSession]):
 
     def _do_expect_data(self, session: DeviceSession, now: int) -> None:
         """The data hold timer runs from the first frame on: a drive that never sends one is found here."""
-        row = session.consumer
-        if row is not None and session.machine is not None and self._columns.cpm[row].received == 0:
+        silent = any(self._columns.cpm[row].received == 0 for row in session.consumers)
+        if silent and session.machine is not None:
             session.machine.watchdog_expired(now)
 
     def _do_pause(self, session: DeviceSession, now: int) -> None:

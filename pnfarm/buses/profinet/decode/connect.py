@@ -149,8 +149,10 @@ def _open(
         elif before is not None:
             channel.inherit(before)
         shared.channels[key] = channel
-        if channel.template is not None:
-            opened[channel.template.layout.is_input] = channel
+        template = channel.template
+        # of several channels in a direction, one that has a telegram's words
+        if template is not None and (template.words or template.layout.is_input not in opened):
+            opened[template.layout.is_input] = channel
     if len(opened) == 2:
         opened[True].partner, opened[False].partner = opened[False], opened[True]
 

@@ -19,7 +19,7 @@ from pnfarm.buses.profinet.decode.ptcp import ptcp
 from pnfarm.buses.profinet.decode.shared import Shared
 from pnfarm.buses.profinet.decode.snmp import snmp
 from pnfarm.captures.packet import Capture, Description, Packet
-from pnfarm.protocols.profinet.cm.controller.plan import plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
 from pnfarm.protocols.profinet.wire.frame_id import (
     ALARM_HIGH,
     ALARM_LOW,

@@ -107,11 +107,23 @@ class SeenConnection:
 
     @property
     def cycle_ns(self) -> int:
-        return min(SEND_CLOCK_NS * iocr.send_clock_factor * iocr.reduction_ratio for iocr in self.iocrs)
+        return min(map(_cycle_ns, self.iocrs))
+
+    @property
+    def cycles(self) -> dict[int, int]:
+        """The fastest cycle of each slot that has a place among the data of a CR, ns."""
+        found: dict[int, int] = {}
+        for iocr in sorted(self.iocrs, key=_cycle_ns, reverse=True):
+            found |= {place.slot: _cycle_ns(iocr) for api in iocr.apis for place in api.data_objects}
+        return found
 
     @property
     def watchdog_factor(self) -> int:
         return max(iocr.watchdog_factor for iocr in self.iocrs)
+
+
+def _cycle_ns(iocr: IocrBlockReq) -> int:
+    return SEND_CLOCK_NS * iocr.send_clock_factor * iocr.reduction_ratio
 
 
 def _expected(request: Iterable[Block]) -> tuple[ExpectedApi, ...]:

@@ -131,6 +131,8 @@ def describe_plugged(station: PluggedStation, mac: bytes, *, strict: bool) -> De
             strict=strict,
             max_ars=station.number_of_ars,
             max_device_access_ars=max(1, dap.device_access_ars) if dap.device_access else 0,
+            max_input_crs=station.relations.input_crs,
+            max_output_crs=station.relations.output_crs,
         ),
         im_carriers=_carriers(station, mac),
     )

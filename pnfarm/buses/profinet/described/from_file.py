@@ -61,6 +61,9 @@ def describe_group(at: Location, group: ProfinetDevices, folder: Path, report: R
             found = True
         else:
             parameters |= {(slot, subslot, index): data for (subslot, index), data in changed.items()}
+    for slot in group.cycles.keys() - {module.slot for module in plugged.modules}:
+        report((*at, "cycles", str(slot)), "nothing is plugged there", "a slot with a module")
+        found = True
     if group.hello and not plugged.dcp_hello:
         report((*at, "hello"), f"{path.name} says of {plugged.dap.id} that it does not support DCP Hello", "false")
         found = True

@@ -33,8 +33,18 @@ class ArChannels:
     feeds: frozenset[int] = frozenset()
     established: bool = False
     connected_ns: int = 0
+    #: What the consumers reported last, by the kind of the engine's event and their rows.
+    reported: dict[int, dict[int, int]] = field(default_factory=dict)
 
     @property
     def bad(self) -> frozenset[ExpectedKey]:
         """Submodules whose data cannot be used, in either direction."""
         return self.unusable if self.ready else self.expected
+
+    def worst(self, kind: int, row: int, value: int) -> int | None:
+        """A consumer reports another value: the least of all consumers' if that changes, else None."""
+        known = self.reported.setdefault(kind, {})
+        before = min(known.values(), default=None)
+        known[row] = value
+        after = min(known.values())
+        return None if len(known) > 1 and after == before else after

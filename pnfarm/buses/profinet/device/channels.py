@@ -22,16 +22,20 @@ if TYPE_CHECKING:
 __all__ = ["StationChannels", "channel_rows"]
 
 
-def channel_rows(io_controllers: int) -> int:
-    """Rows that a drive owns in each channel table: one for each AR with IO data, and one for an AR that is closing."""
-    return io_controllers + MAX_SUPERVISOR_ARS + 1
+def channel_rows(io_controllers: int, crs: int = 1) -> int:
+    """Rows that a station owns in each channel table: for the CRs of each AR with IO data, and of one that is closing.
+
+    ``crs``: the most of one direction of an AR.
+    """
+    return (io_controllers + MAX_SUPERVISOR_ARS + 1) * crs
 
 
 class StationChannels:
     """Opens and closes the rows of a station's ARs.
 
     ``index`` is its process image, the first of its axes, ``kind`` says what is in the frames.  ``rows``: its share of
-    each table, ``drift``: of its clock; ``closed`` holds the sums of closed rows.
+    each table, ``crs``: the most that an AR takes of them; ``drift``: of its clock; ``closed`` holds the sums of closed
+    rows.
     """
 
     def __init__(
@@ -42,6 +46,7 @@ class StationChannels:
         channels: ChannelTable,
         impairments: ImpairmentTable,
         rows: int,
+        crs: int,
         drift: float = 0.0,
     ) -> None:
         self.ars: dict[int, ArChannels] = {}
@@ -49,6 +54,7 @@ class StationChannels:
         self._index = index
         self._kind = kind
         self._rows = rows
+        self._crs = crs
         self._drift = drift
         self._port = port
         self._channels = channels
@@ -65,12 +71,12 @@ class StationChannels:
 
     def room(self) -> bool:
         """Whether there are rows for one more AR; those of a closed AR are free again after the engine's next tick."""
-        standing = sum(bool(ar.providers) for ar in self.ars.values())
-        return standing + self._channels.resting(self._index) < self._rows
+        standing = 1 + sum(bool(ar.providers) for ar in self.ars.values())
+        return standing * self._crs + self._channels.resting(self._index) <= self._rows
 
-    def of_consumer(self, row: int) -> int | None:
-        """The key of the AR whose consumer has this row."""
-        return next((key for key, ar in self.ars.items() if any(r == row for r, _ in ar.consumers)), None)
+    def of_consumer(self, row: int) -> tuple[int, IocrLayout] | None:
+        """The key of the AR whose consumer has this row, and the CR."""
+        return next(((key, cr) for key, ar in self.ars.items() for number, cr in ar.consumers if number == row), None)
 
     def open(self, event: ArConnected, now: int) -> ArChannels:
         """Open rows for every CR of a connected AR."""
@@ -203,7 +209,7 @@ class StationChannels:
     def io_data(self, slot: int, subslot: int, output: bool) -> IoData | None:
         """One submodule's cyclic data as on the wire, for the records that return it."""
         for ar in self.ars.values():
-            consumer_iocs = {(c.slot, c.subslot): c.iocs_offset for _, cr in ar.providers for c in cr.iocs}
+            iocs_places = {(c.slot, c.subslot): (row, c.iocs_offset) for row, cr in ar.providers for c in cr.iocs}
             for row, cr in ar.consumers if output else ar.providers:
                 place = cr.data_of(slot, subslot)
                 if place is None:
@@ -212,7 +218,7 @@ class StationChannels:
                 data = octets[place.data_offset : place.data_offset + place.data_length]
                 # a status that no frame carries is GOOD
                 iops = IOXS_GOOD if place.iops_offset is None else octets[place.iops_offset]
-                where = consumer_iocs.get((slot, subslot)) if output and ar.providers else None
-                iocs = IOXS_GOOD if where is None else self._channels.provided(ar.providers[0][0])[where]
+                provider, where = iocs_places.get((slot, subslot), (0, None)) if output else (0, None)
+                iocs = IOXS_GOOD if where is None else self._channels.provided(provider)[where]
                 return IoData(data, iops, iocs)
         return None

@@ -244,14 +244,17 @@ class StationConnections:
 
     def first_frame(self, row: int, now: int) -> None:
         """Valid cyclic data arrived on this consumer for the first time."""
-        key = self._station.channels.of_consumer(row)
-        if key is not None:
-            self._station.cm.data_received(key, now)
+        found = self._station.channels.of_consumer(row)
+        if found is not None:
+            key, cr = found
+            self._station.cm.data_received(key, now, cr.iocr_reference)
 
     def expired(self, row: int, silent_ns: int, now: int, when: int | None = None) -> None:
         """The data hold timer of this consumer ran out, at ``when`` if that is not now."""
-        key = self._station.channels.of_consumer(row)
-        if key is not None:
+        found = self._station.channels.of_consumer(row)
+        # those of several CRs may come at once, and the first one ends the AR
+        if found is not None and found[0] not in self._expired:
+            key = found[0]
             at = now if when is None else when
             budget = _budget(self._station.ars[key])
             own = self._lateness.between(at - silent_ns, at, budget, loop_ns=now - at)

@@ -80,8 +80,10 @@ STRAY = "unknown-frame-id"
 class ProfinetDevice:
     """See the module's docstring; :class:`pnfarm.station.device.Device` defines the interface."""
 
-    def __init__(self, station: Station, services: DeviceServices, kind: Kind, io_controllers: int) -> None:
-        """``io_controllers``: how many can be connected at once."""
+    def __init__(
+        self, station: Station, services: DeviceServices, kind: Kind, io_controllers: int, crs: int = 1
+    ) -> None:
+        """``io_controllers``: how many can be connected at once; ``crs``: the most of one direction of each."""
         self.station = station
         self.kind = kind
         self.index = station.index
@@ -95,9 +97,9 @@ class ProfinetDevice:
         #: What these were when it left the wire, None while it is there; and those that came by while it was away.
         self._left_at: Mapping[str, int] | None = {}
         self._missed: Counter[str] = Counter()
-        rows = channel_rows(io_controllers)
+        rows = channel_rows(io_controllers, crs)
         self.channels = StationChannels(
-            self.index, kind, self.port, services.channels, services.impairments, rows, station.flaws.drift
+            self.index, kind, self.port, services.channels, services.impairments, rows, crs, station.flaws.drift
         )
         self.connections = StationConnections(self, services.lateness)
         self.budget = ConnectBudget()
@@ -408,17 +410,16 @@ class ProfinetDevice:
         consumer = self._services.channels.columns.cpm[row]
         # the connection ended while the event waited, and another may have the row by now
         seen = consumer.expirations if kind == engine_row.EXPIRED else consumer.received
-        if self.channels.of_consumer(row) is None or not seen:
+        found = self.channels.of_consumer(row)
+        if found is None or not seen:
             return False
-        match kind:
-            case engine_row.FIRST_FRAME:
-                self.connections.first_frame(row, when)
-            case engine_row.EXPIRED:
-                self.connections.expired(row, value, now, when)
-            case engine_row.PROVIDER_CHANGED:
-                self.note(when, ControllerModeChanged(run=bool(value)))
-            case _:
-                self.note(when, OutputsChanged(good=bool(value)))
+        if kind == engine_row.FIRST_FRAME:
+            self.connections.first_frame(row, when)
+        elif kind == engine_row.EXPIRED:
+            self.connections.expired(row, value, now, when)
+        elif (worst := self.ars[found[0]].worst(kind, row, value)) is not None:
+            runs = kind == engine_row.PROVIDER_CHANGED
+            self.note(when, ControllerModeChanged(run=bool(worst)) if runs else OutputsChanged(good=bool(worst)))
         return True
 
     def catch_up(self, now: int) -> None:

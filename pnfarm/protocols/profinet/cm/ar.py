@@ -41,6 +41,7 @@ __all__ = [
     "IocsPlace",
     "LayoutError",
     "compute_layout",
+    "compute_layouts",
     "expected_submodules",
 ]
 
@@ -341,3 +342,26 @@ def compute_layout(
         properties=iocr.properties,
         tag_header=iocr.tag_header,
     )
+
+
+def compute_layouts(
+    iocrs: Iterable[IocrBlockReq], expected: Mapping[ExpectedKey, ExpectedSubmodule]
+) -> tuple[IocrLayout, ...]:
+    """The layouts of all CRs of an AR: each submodule has its data, and its consumer status, in one of a direction.
+
+    Raises :class:`LayoutError` as :func:`compute_layout` does.
+    """
+    layouts = tuple(compute_layout(iocr, expected) for iocr in iocrs)
+    taken: set[tuple[object, ...]] = set()
+    for layout in layouts:
+        for fault, what, places in (
+            (IocrField.DATA_SUBSLOT, "data", layout.data),
+            (IocrField.IOCS_SUBSLOT, "IOCS", layout.iocs),
+        ):
+            for place in places:
+                key = (fault, layout.iocr_type, place.api, place.slot, place.subslot)
+                if key in taken:
+                    where = f"slot {place.slot} subslot 0x{place.subslot:04X}"
+                    raise LayoutError(fault, f"{where} has its {what} in two CRs of this direction")
+                taken.add(key)
+    return layouts

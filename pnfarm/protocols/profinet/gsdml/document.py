@@ -24,6 +24,7 @@ __all__ = [
     "DEFAULT_RATIOS",
     "DEFAULT_SEND_CLOCKS",
     "FIRST_SUBSLOT",
+    "MAX_CRS",
     "NO_NUMBERS",
     "PROFILE_TYPES",
     "Certification",
@@ -96,6 +97,8 @@ FIRST_SUBSLOT = Numbers.of([1])
 #: SendClock and ReductionRatio where the file names none.
 DEFAULT_SEND_CLOCKS = Numbers.of([32])
 DEFAULT_RATIOS = Numbers.of([1, 2, 4, 8, 16, 32, 64, 128, 256, 512])
+#: CRs of one direction of a connection that a farm's tables have rows for.
+MAX_CRS = 8
 #: From here on an ExtChannelErrorType is a profile's.
 PROFILE_TYPES = 0x9000
 
@@ -200,13 +203,33 @@ class PortSubmodule:
 
 @dataclass(frozen=True, slots=True)
 class Relations:
-    """ApplicationRelations: how connections start, how many there are, and their cycles, send clocks in 31.25 us."""
+    """ApplicationRelations: how connections start, how many there are, and their cycles, send clocks in 31.25 us.
+
+    ``additional_input_crs`` and ``additional_output_crs`` are those of one connection beside the first ones.
+    """
 
     startup_modes: tuple[str, ...] = ("Legacy",)
     number_of_ars: int = 1
+    additional_input_crs: int = 0
+    additional_output_crs: int = 0
     pull_module_alarm: bool = False
     send_clocks: Numbers = DEFAULT_SEND_CLOCKS
     ratios: Numbers = DEFAULT_RATIOS
+
+    @property
+    def input_crs(self) -> int:
+        """CRs that one connection may have to the controller: as many as a farm uses of those that the file names."""
+        return min(MAX_CRS, 1 + self.additional_input_crs)
+
+    @property
+    def output_crs(self) -> int:
+        """The same from the controller."""
+        return min(MAX_CRS, 1 + self.additional_output_crs)
+
+    @property
+    def crs(self) -> int:
+        """Those of the direction that has more."""
+        return max(self.input_crs, self.output_crs)
 
 
 @dataclass(frozen=True, slots=True)

@@ -428,6 +428,8 @@ class _Reader:
         return Relations(
             startup_modes=self._at.tokens(node, "StartupMode"),
             number_of_ars=self._at.number(node, "NumberOfAR", _U16),
+            additional_input_crs=self._at.number(node, "NumberOfAdditionalInputCR", _U16),
+            additional_output_crs=self._at.number(node, "NumberOfAdditionalOutputCR", _U16),
             pull_module_alarm=self._at.flag(node, "PullModuleAlarmSupported"),
             send_clocks=self._at.numbers(timing, "SendClock"),
             ratios=self._at.numbers(timing, next(named, "ReductionRatio")),

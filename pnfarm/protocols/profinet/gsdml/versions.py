@@ -168,6 +168,8 @@ TABLE = (
     Row("PortSubmoduleItem", "MAUType", "2.0", "", "100BASETXFD"),
     Row("PortSubmoduleItem", "MAUTypes", "2.3", note="in place of MAUType"),
     Row("MAUTypeItem", "Value", "2.32", "2.32", note="in place of MAUTypes"),
+    Row("ApplicationRelations", "NumberOfAdditionalInputCR", "2.1", "", "0"),
+    Row("ApplicationRelations", "NumberOfAdditionalOutputCR", "2.1", "", "0"),
     Row("ApplicationRelations", "PullModuleAlarmSupported", "2.2", "", "false"),
     Row("ApplicationRelations", "StartupMode", "2.3", "", "Legacy"),
     Row("ApplicationRelations", "NumberOfAR", "2.3", "", "1"),

@@ -435,6 +435,8 @@ class _Writer:
         self._open(
             "ApplicationRelations",
             ("StartupMode", emit_tokens(relations.startup_modes)),
+            _number("NumberOfAdditionalInputCR", relations.additional_input_crs, 0),
+            _number("NumberOfAdditionalOutputCR", relations.additional_output_crs, 0),
             _number("NumberOfAR", relations.number_of_ars, 1),
             _flag("PullModuleAlarmSupported", relations.pull_module_alarm),
         )

@@ -56,7 +56,7 @@ from pnfarm.protocols.profinet.cm.controller.events import (
     RecordWriteDone,
     Timeouts,
 )
-from pnfarm.protocols.profinet.cm.controller.plan import ArPlan, plan_frames
+from pnfarm.protocols.profinet.cm.controller.frames import plan_frames
 from pnfarm.protocols.profinet.cm.controller.rounds import Ready
 from pnfarm.protocols.profinet.cm.controller.states import (
     CONNECTED,
@@ -77,6 +77,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.alarms.channel import AlarmChannel
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey
+    from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
     from pnfarm.protocols.profinet.wire.alarms.notification import AlarmNotification
     from pnfarm.wire.ethernet import VlanTag
 
@@ -93,7 +94,7 @@ class CmController:
         """Computes the layout of the frames.  Raises ConfigError if the plan's data do not fit."""
         self.plan = plan
         self.timeouts = timeouts if timeouts is not None else Timeouts()
-        self.input_layout, self.output_layout = plan_frames(plan)
+        self.layouts = plan_frames(plan)
         self.dropped: Counter[str] = Counter()
         self._state = CmctlState.IDLE
         self._device_mac: bytes | None = None
@@ -304,7 +305,7 @@ class CmController:
                 mac = response.check_access(self.plan, answer.payload)
                 self._signal(CmctlSignal.ACCESS_CNF, mac, now)
                 return
-            accepted = response.check_connect(self.plan, answer.payload)
+            accepted = response.check_connect(self.plan, self.layouts, answer.payload)
             misfits = response.misfits(accepted.module_diff)
             if misfits and self.plan.on_module_diff == "fail":
                 raise RemoteError(misfits)
@@ -387,18 +388,17 @@ class CmController:
             self._ready_deadline = None
 
     def _do_send_connect(self, _before: CmctlState, _detail: None, _now: int) -> None:
-        payload = request.connect_payload(self.plan, self.input_layout, self.output_layout)
+        payload = request.connect_payload(self.plan, *self.layouts)
         self._calls.put(Kind.CONNECT, Opnum.CONNECT, payload)
 
     def _do_connected(self, _before: CmctlState, accepted: response.ConnectAnswer, now: int) -> None:
-        self.input_layout = replace(self.input_layout, frame_id=accepted.input_frame_id)
-        self.output_layout = replace(self.output_layout, frame_id=accepted.output_frame_id)
+        answered = zip(self.layouts, accepted.frame_ids, strict=True)
+        self.layouts = tuple(replace(layout, frame_id=frame_id) for layout, frame_id in answered)
         self._device_mac = accepted.device_mac
         self._alarms.open(accepted)
         self._events.append(
             Connected(
-                self.input_layout,
-                self.output_layout,
+                self.layouts,
                 accepted.device_mac,
                 accepted.alarm_reference,
                 accepted.max_alarm_data_length,

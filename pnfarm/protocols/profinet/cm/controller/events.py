@@ -68,10 +68,12 @@ class ControllerCall:
 
 @dataclass(frozen=True, slots=True)
 class Connected:
-    """The device accepted the Connect: both cyclic channels start now, with the frame ids as the device answered."""
+    """The device accepted the Connect: all cyclic channels start now, with the frame ids as the device answered.
 
-    input_layout: IocrLayout
-    output_layout: IocrLayout
+    ``layouts``: the input CRs', then the output CRs'.
+    """
+
+    layouts: tuple[IocrLayout, ...]
     device_mac: bytes
     device_alarm_reference: int
     device_max_alarm_data_length: int

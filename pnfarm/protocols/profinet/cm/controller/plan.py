@@ -1,18 +1,7 @@
-"""A controller's plan for an AR, and the layout of its two cyclic frames.
+"""A controller's plan for an AR.
 
 An :class:`ArPlan` holds everything for the Connect request and the start-up after it; it is plain data,
-without wire format.  :func:`plan_frames` decides the only open point, the position of
-all data in the two frames:
-
-* input frame: for each submodule with inputs, and for each without any data, its data and then its provider status;
-  after all of these one consumer status for each submodule with outputs;
-* output frame: the same the other way round.
-
-A submodule without any data has only a provider status in the input frame, as the captures of real
-controllers show and IEC 61158-6-10 (ExpectedSubmoduleBlockReq, SubmoduleProperties Type = NO_IO) requires.  With
-DiscardIOXS a submodule has no status octet in either frame; the request still lists it, with offset 0 if it
-has no octet at all, as captured controllers do.  A frame shorter than the C_SDU's 40 octets is padded after its last
-status.
+without wire format.  :mod:`frames` decides where all data lie in the frames.
 """
 
 from __future__ import annotations
@@ -20,15 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from pnfarm.errors import ConfigError
-from pnfarm.protocols.profinet.cm.ar import DataPlace, IocrLayout, IocsPlace
 from pnfarm.protocols.profinet.wire.cm.connect import STARTUP_ADVANCED, STARTUP_LEGACY, ArProperties, ArType
 from pnfarm.protocols.profinet.wire.cm.expected import SubmoduleProperties, SubmoduleType
 from pnfarm.protocols.profinet.wire.cm.iocr import (
     FRAME_ID_ASSIGN,
     FRAME_SEND_OFFSET_ANY,
     IOCR_TAG_HEADER,
-    IocrType,
     RtClass,
 )
 from pnfarm.protocols.profinet.wire.frame_id import RT_UDP_UNICAST, RTC1_UNICAST
@@ -36,27 +22,15 @@ from pnfarm.protocols.profinet.wire.rpc.pdu import object_uuid
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from uuid import UUID
 
     from pnfarm.protocols.profinet.wire.alarms.texts import DiagnosisTexts
 
-__all__ = [
-    "MAX_C_SDU",
-    "MIN_C_SDU",
-    "ArPlan",
-    "ParameterRecord",
-    "PlannedSubmodule",
-    "plan_frames",
-]
+__all__ = ["ArPlan", "Clock", "ParameterRecord", "PlannedSubmodule", "ordered"]
 
-#: Octets of IO data that one frame of RT class 1 or 2 carries, from and to (IEC 61158-6-10, C_SDU).
-MIN_C_SDU = 40
-MAX_C_SDU = 1440
-
-#: IOCRReference of the two CRs, as the captured controllers count them.
-INPUT_REFERENCE = 1
-OUTPUT_REFERENCE = 2
+#: SendClockFactor and ReductionRatio.
+Clock = tuple[int, int]
 
 #: Frame ids of unicast cyclic data by the RT class that IOCRProperties names.
 FRAME_IDS: dict[int, range] = {RtClass.CLASS_1: RT_UDP_UNICAST, RtClass.CLASS_2: RTC1_UNICAST}
@@ -69,15 +43,13 @@ FIRST_INTERFACE_SUBSLOT = 0x8000
 #: Longest time without data that RT classes 1 and 2 allow, nanoseconds.
 MAX_HOLD_NS = 1_920_000_000
 
-#: SubmoduleProperties that would change the content of frames; this controller does not support them.
-_UNSUPPORTED_PROPERTIES = SubmoduleProperties.REDUCE_INPUT_LENGTH | SubmoduleProperties.REDUCE_OUTPUT_LENGTH
-
 
 @dataclass(frozen=True, slots=True)
 class PlannedSubmodule:
     """One submodule that the controller expects, with the module it sits in.
 
-    ``properties`` adds bits to SubmoduleProperties; bits 0 and 1 follow from the lengths (octets).
+    ``properties`` adds bits to SubmoduleProperties; bits 0 and 1 follow from the lengths (octets).  ``clock`` is that
+    of the CRs with its data, None: the AR's.
     """
 
     api: int
@@ -88,6 +60,7 @@ class PlannedSubmodule:
     input_bytes: int = 0
     output_bytes: int = 0
     properties: int = 0
+    clock: Clock | None = None
 
     @property
     def wire_properties(self) -> int:
@@ -168,6 +141,9 @@ class ArPlan:
     input_frame_id: int = 0x8000
     output_frame_id: int = FRAME_ID_ASSIGN
     tag_header: int = IOCR_TAG_HEADER
+    #: The most CRs of each direction; the frame ids of further ones follow that of the first.
+    input_crs: int = 1
+    output_crs: int = 1
     # Alarms
     rta_timeout_factor: int = 1
     rta_retries: int = 3
@@ -182,7 +158,7 @@ class ArPlan:
     @property
     def sorted_submodules(self) -> tuple[PlannedSubmodule, ...]:
         """In the order in which requests and frames have them: by API, slot and subslot."""
-        return tuple(sorted(self.submodules, key=lambda s: (s.api, s.slot, s.subslot)))
+        return ordered(self.submodules)
 
     @property
     def ar_properties(self) -> int:
@@ -201,7 +177,7 @@ class ArPlan:
 
     @property
     def cycle_ns(self) -> int:
-        """Time between two frames of either CR, nanoseconds."""
+        """Time between two frames of a CR of the AR's clock, nanoseconds."""
         return SEND_CLOCK_NS * self.send_clock_factor * self.reduction_ratio
 
     @property
@@ -215,6 +191,10 @@ class ArPlan:
         can still be sent, to test how a device refuses it.
         """
         return list(_problems(self))
+
+
+def ordered(submodules: Iterable[PlannedSubmodule]) -> tuple[PlannedSubmodule, ...]:
+    return tuple(sorted(submodules, key=lambda s: (s.api, s.slot, s.subslot)))
 
 
 def _problems(plan: ArPlan) -> Iterator[str]:
@@ -257,76 +237,3 @@ def _problems(plan: ArPlan) -> Iterator[str]:
         yield f"input_frame_id is 0x{plan.input_frame_id:04X}, frame ids {allowed}"
     if plan.output_frame_id != FRAME_ID_ASSIGN and plan.output_frame_id not in frame_ids:
         yield f"output_frame_id is 0x{plan.output_frame_id:04X}, frame ids {allowed}"
-
-
-def _check_submodules(plan: ArPlan) -> None:
-    if plan.device_access and (plan.submodules or plan.ar_type != ArType.IOSAR):
-        raise ConfigError("device access is a supervisor's AR (ar_type 6) and expects no submodules")
-    if not plan.submodules and not plan.device_access:
-        raise ConfigError("the plan expects no submodule, at least the device's access point (slot 0) is needed")
-    seen: set[tuple[int, int, int]] = set()
-    modules: dict[tuple[int, int], int] = {}
-    for submodule in plan.submodules:
-        key = (submodule.api, submodule.slot, submodule.subslot)
-        if key in seen:
-            raise ConfigError(f"{submodule.where} is given twice in the plan, each place can be expected once")
-        seen.add(key)
-        ident = modules.setdefault(key[:2], submodule.module_ident)
-        if ident != submodule.module_ident:
-            raise ConfigError(
-                f"{submodule.where} expects module 0x{submodule.module_ident:08X} and another submodule of that slot "
-                f"0x{ident:08X}, one slot has one module"
-            )
-        if submodule.input_bytes < 0 or submodule.output_bytes < 0:
-            raise ConfigError(f"{submodule.where} has a negative length, octets count from 0")
-        if submodule.properties & _UNSUPPORTED_PROPERTIES:
-            raise ConfigError(
-                f"{submodule.where} has properties 0x{submodule.properties:04X}, reduced lengths cannot be planned"
-            )
-
-
-def _layout(plan: ArPlan, iocr_type: IocrType, name: str) -> IocrLayout:
-    is_input = iocr_type is IocrType.INPUT
-    data: list[DataPlace] = []
-    offset = 0
-    for s in plan.sorted_submodules:
-        if s.provides_input if is_input else s.output_bytes:
-            length = s.input_bytes if is_input else s.output_bytes
-            status = 0 if s.discards_ioxs else 1
-            start = offset if length + status else 0
-            data.append(DataPlace(s.api, s.slot, s.subslot, start, length, offset + length if status else None))
-            offset += length + status
-    iocs: list[IocsPlace] = []
-    for s in plan.sorted_submodules:
-        if s.output_bytes if is_input else s.provides_input:
-            iocs.append(IocsPlace(s.api, s.slot, s.subslot, None if s.discards_ioxs else offset))
-            offset += 0 if s.discards_ioxs else 1
-    if offset > MAX_C_SDU:
-        raise ConfigError(f"the {name} frame would carry {offset} octets, at most {MAX_C_SDU} fit")
-    return IocrLayout(
-        iocr_type=int(iocr_type),
-        iocr_reference=INPUT_REFERENCE if is_input else OUTPUT_REFERENCE,
-        frame_id=plan.input_frame_id if is_input else plan.output_frame_id,
-        data_length=max(offset, MIN_C_SDU),
-        send_clock_factor=plan.send_clock_factor,
-        reduction_ratio=plan.reduction_ratio,
-        phase=plan.phase,
-        frame_send_offset=plan.frame_send_offset,
-        watchdog_factor=plan.watchdog_factor,
-        data_hold_factor=plan.hold_factor,
-        rt_class=int(plan.rt_class),
-        data=tuple(data),
-        iocs=tuple(iocs),
-        properties=int(plan.rt_class),
-        tag_header=plan.tag_header,
-    )
-
-
-def plan_frames(plan: ArPlan) -> tuple[IocrLayout, IocrLayout]:
-    """The layouts of the input and of the output CR.
-
-    Both are empty for device access.  Raises ConfigError when another plan expects nothing, when a place is given
-    twice, or when there is more data than a frame holds.
-    """
-    _check_submodules(plan)
-    return _layout(plan, IocrType.INPUT, "input"), _layout(plan, IocrType.OUTPUT, "output")

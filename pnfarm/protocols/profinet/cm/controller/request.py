@@ -1,6 +1,6 @@
 """The payloads of a controller's calls: Connect, Write, PrmEnd, Release, Read (IEC 61158-6-10, IODConnectReq ...).
 
-The order of the Connect request's blocks is that of the captured controllers: AR, input CR, output CR, expected
+The order of the Connect request's blocks is that of the captured controllers: AR, input CRs, output CRs, expected
 submodules, alarm CR.
 """
 
@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from pnfarm.protocols.profinet.cm.controller.plan import INPUT_REFERENCE, OUTPUT_REFERENCE
 from pnfarm.protocols.profinet.wire.any_block import emit_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
 from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockReq, ArBlockReq
@@ -93,15 +92,15 @@ def _expected_blocks(plan: ArPlan) -> list[ExpectedSubmoduleBlockReq]:
     return [ExpectedSubmoduleBlockReq(tuple(group)) for _, group in groupby(slots, lambda entry: entry.api)]
 
 
-def _iocr_block(plan: ArPlan, reference: int, layout: IocrLayout) -> IocrBlockReq:
+def _iocr_block(plan: ArPlan, layout: IocrLayout) -> IocrBlockReq:
     apis = []
-    for api in sorted({submodule.api for submodule in plan.submodules}):
+    for api in sorted({d.api for d in layout.data} | {c.api for c in layout.iocs}):
         data = tuple(FrameSlot(d.slot, d.subslot, d.data_offset) for d in layout.data if d.api == api)
         iocs = tuple(FrameSlot(c.slot, c.subslot, c.iocs_offset or 0) for c in layout.iocs if c.api == api)
         apis.append(IocrApi(api, data, iocs))
     return IocrBlockReq(
         iocr_type=layout.iocr_type,
-        iocr_reference=reference,
+        iocr_reference=layout.iocr_reference,
         properties=plan.rt_class,
         data_length=layout.data_length,
         frame_id=layout.frame_id,
@@ -116,7 +115,7 @@ def _iocr_block(plan: ArPlan, reference: int, layout: IocrLayout) -> IocrBlockRe
     )
 
 
-def connect_payload(plan: ArPlan, input_layout: IocrLayout, output_layout: IocrLayout) -> bytes:
+def connect_payload(plan: ArPlan, *layouts: IocrLayout) -> bytes:
     """IODConnectReq; without cyclic data it is the AR's block alone."""
     ar = ArBlockReq(
         ar_type=plan.ar_type,
@@ -133,8 +132,7 @@ def connect_payload(plan: ArPlan, input_layout: IocrLayout, output_layout: IocrL
         return emit_blocks([ar])
     blocks: list[Block] = [
         ar,
-        _iocr_block(plan, INPUT_REFERENCE, input_layout),
-        _iocr_block(plan, OUTPUT_REFERENCE, output_layout),
+        *(_iocr_block(plan, layout) for layout in layouts),
         *_expected_blocks(plan),
         AlarmCrBlockReq(
             properties=plan.alarm_properties,

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 from pnfarm.errors import DecodeError, RemoteError
-from pnfarm.protocols.profinet.cm.controller.plan import INPUT_REFERENCE, OUTPUT_REFERENCE
 from pnfarm.protocols.profinet.errors import CmrpcError, ConnectFault, ControlField, ErrorCode, pnio_error
 from pnfarm.protocols.profinet.wire.block import BlockType, RawBlock, split_blocks
 from pnfarm.protocols.profinet.wire.cm.connect import AlarmCrBlockRes, ArBlockRes
@@ -30,9 +29,10 @@ from pnfarm.protocols.profinet.wire.records.iod import parse_read_response, pars
 from pnfarm.protocols.profinet.wire.rpc.pdu import Opnum
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from uuid import UUID
 
+    from pnfarm.protocols.profinet.cm.ar import IocrLayout
     from pnfarm.protocols.profinet.cm.controller.plan import ArPlan
     from pnfarm.protocols.profinet.cm.controller.request import RecordAddress
     from pnfarm.protocols.profinet.wire.rpc.pdu import PnioStatus
@@ -78,10 +78,9 @@ class ModuleDeviation:
 
 @dataclass(frozen=True, slots=True)
 class ConnectAnswer:
-    """The content of a valid Connect response."""
+    """The content of a valid Connect response; ``frame_ids`` are those of the CRs in the order of their layouts."""
 
-    input_frame_id: int
-    output_frame_id: int
+    frame_ids: tuple[int, ...]
     device_mac: bytes
     alarm_reference: int
     max_alarm_data_length: int
@@ -236,8 +235,10 @@ def check_access(plan: ArPlan, payload: bytes) -> bytes:
     return _check_ar(plan, [block for block in blocks if block.block_type == BlockType.AR_RES])
 
 
-def check_connect(plan: ArPlan, payload: bytes) -> ConnectAnswer:
-    """Read a positive Connect response.  Raises RemoteError with a sentence on the first thing that is wrong.
+def check_connect(plan: ArPlan, layouts: Iterable[IocrLayout], payload: bytes) -> ConnectAnswer:
+    """Read a positive Connect response; ``layouts`` are those of the request.
+
+    Raises RemoteError with a sentence on the first thing that is wrong.
 
     The frame ids are taken as the device answers them: it assigns the output CR's, and some assign the input CR's too.
     """
@@ -254,8 +255,7 @@ def check_connect(plan: ArPlan, payload: bytes) -> ConnectAnswer:
     iocrs = [_parsed(IocrBlockRes.of, [block], "IOCRBlockRes") for block in of_type.get(BlockType.IOCR_RES, [])]
     alarm = _parsed(AlarmCrBlockRes.of, of_type.get(BlockType.ALARM_CR_RES, []), "AlarmCRBlockRes")
     return ConnectAnswer(
-        input_frame_id=_frame_id(iocrs, IocrType.INPUT, INPUT_REFERENCE),
-        output_frame_id=_frame_id(iocrs, IocrType.OUTPUT, OUTPUT_REFERENCE),
+        frame_ids=tuple(_frame_id(iocrs, IocrType(one.iocr_type), one.iocr_reference) for one in layouts),
         device_mac=device_mac,
         alarm_reference=alarm.local_alarm_reference,
         max_alarm_data_length=alarm.max_alarm_data_length,

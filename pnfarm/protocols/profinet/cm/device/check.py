@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NoReturn
 
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profinet.cm.ar import LayoutError, compute_layout, expected_submodules
+from pnfarm.protocols.profinet.cm.ar import LayoutError, compute_layouts, expected_submodules
 from pnfarm.protocols.profinet.description import MAX_REDUCTION
 from pnfarm.protocols.profinet.errors import (
     AlarmCrField,
@@ -389,12 +389,8 @@ def _check_crs(request: ConnectRequest, description: DeviceDescription) -> tuple
     for reference, count in Counter(iocr.iocr_reference for iocr in request.iocrs).items():
         if count > 1:
             _refuse(ConnectFault.IOCR_BLOCK, IocrField.IOCR_REFERENCE, f"IOCRReference {reference} twice")
-    if len(request.iocrs) > description.limits.max_iocrs:
-        _refuse(
-            ConnectFault.CMRPC,
-            CmrpcError.OUT_OF_PROVIDER_CONSUMER_ALARM_RESOURCES,
-            f"{len(request.iocrs)} IOCRs, {description.limits.max_iocrs} are the most",
-        )
+    most = {IocrType.INPUT: description.limits.max_input_crs, IocrType.OUTPUT: description.limits.max_output_crs}
+    _check_number("IOCRs", len(request.iocrs), sum(most.values()))
     frame_ids: set[int] = set()
     for iocr in request.iocrs:
         _check_iocr(iocr, description, advanced=advanced)
@@ -404,12 +400,20 @@ def _check_crs(request: ConnectRequest, description: DeviceDescription) -> tuple
             frame_ids.add(iocr.frame_id)
     if {iocr.iocr_type for iocr in request.iocrs} != {IocrType.INPUT, IocrType.OUTPUT}:
         _refuse(ConnectFault.CMRPC, CmrpcError.IOCR_MISSING, "an input and an output CR are needed")
+    for kind, limit in most.items():
+        _check_number(f"{kind.name.lower()} CRs", sum(iocr.iocr_type == kind for iocr in request.iocrs), limit)
     _check_expected(request)
     expected = expected_submodules(request.expected)
     try:
-        return tuple(compute_layout(iocr, expected) for iocr in request.iocrs)
+        return compute_layouts(request.iocrs, expected)
     except LayoutError as exc:
         _refuse(ConnectFault.IOCR_BLOCK, exc.field, exc.detail)
+
+
+def _check_number(what: str, count: int, most: int) -> None:
+    if count > most:
+        detail = f"{count} {what}, {most} are the most"
+        _refuse(ConnectFault.CMRPC, CmrpcError.OUT_OF_PROVIDER_CONSUMER_ALARM_RESOURCES, detail)
 
 
 def check_connect(request: ConnectRequest, description: DeviceDescription) -> tuple[IocrLayout, ...]:
