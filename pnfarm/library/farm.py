@@ -146,7 +146,7 @@ class Farm(FarmFace[Drive, Device]):
         return [injection.id for injection in ended]
 
     def trace(self, on: str | Sequence[str], signals: Sequence[str] | str, **fields: Any) -> FarmTrace:
-        """Record signals of drives around a trigger; use it with ``async with`` (docs/trace.md).
+        """Record signals of drives and devices around a trigger; use it with ``async with`` (docs/trace.md).
 
         ``fields`` are the others of a trace: ``trigger="fault 702", pre="200ms", length="2s"``.
         """

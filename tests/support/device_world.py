@@ -27,8 +27,8 @@ def island_station(signals: Any, name: str = "island-1") -> Any:
         name=name, view=lambda now: {"station_name": name, "ip": "10.77.1.41/24"}, connection=lambda: None, details=dict
     )
     return SimpleNamespace(
-        configured_name=name, names=(name,), axes=(), bus="profinet", device=device, signals=signals, powered=True,
-        description=DESCRIPTION, port=SimpleNamespace(index=9, mac=bytes(5) + b"\x09"),
+        configured_name=name, names=(name,), kinds=("ISL-8",), axes=(), bus="profinet", device=device,
+        signals=signals, powered=True, description=DESCRIPTION, port=SimpleNamespace(index=9, mac=bytes(5) + b"\x09"),
     )  # fmt: skip
 
 

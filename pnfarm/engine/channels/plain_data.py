@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from pnfarm.engine.memory_order import acquire, release
 from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
 from pnfarm.table.compiling.compiled import compiled
 from pnfarm.table.plain_data import NO_STATUS, NOT_TAKEN
 
-__all__ = ["put_pieces", "spoil_pieces", "take_pieces"]
+__all__ = ["plain_number", "put_pieces", "spoil_pieces", "take_pieces"]
 
 
 @compiled
@@ -75,3 +77,20 @@ def put_pieces(provider: Any, pieces: Any, row: Any, frame: Any, good: int) -> N
         acquire()
         if row.sequence == before:
             return
+
+
+@compiled
+def plain_number(row: Any, place: int, octets: int, big: int) -> Any:
+    """Up to eight octets as a whole number, of 64 bits without a sign, as they were at one time; 0 of none."""
+    while True:
+        before = row.sequence
+        acquire()
+        source = row.octets[int(before) & 1]
+        bits = np.uint64(0)
+        if 0 <= place <= source.shape[0] - octets:
+            for i in range(octets):
+                octet = source[place + i] if big else source[place + octets - 1 - i]
+                bits = (bits << np.uint64(8)) | np.uint64(octet)
+        acquire()
+        if row.sequence == before:
+            return bits
