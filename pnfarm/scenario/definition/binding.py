@@ -69,10 +69,10 @@ class Binding:
         known |= {name: ((name,), ()) for name in self.devices}
         return matching([glob for glob in globs if not glob.startswith("model:")], known)
 
-    def matching_or_none(self, globs: Any) -> list[str]:
-        """Names of the drives that a fault's `on` means; none if it is not valid."""
+    def hit_or_none(self, globs: Any) -> list[str]:
+        """As :meth:`hit` for a fault's `on`; none if it is not valid."""
         try:
-            return self.matching(read_globs(globs))
+            return self.hit(read_globs(globs))
         except (InjectionError, Problem):
             return []
 
