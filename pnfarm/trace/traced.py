@@ -112,12 +112,12 @@ class TracedDevice:
             return OF_IMAGE
         own = {name: signals.signal(name) for name in signals.names}
         return {
-            **{name: one for name, one in OF_IMAGE.items() if name not in own},
             **{
                 name: _traced(signal, *signals.whereabouts(name))
                 for name, signal in own.items()
                 if signal.type.kind in _SOURCES
             },
+            **{name: one for name, one in OF_IMAGE.items() if name not in own},
         }
 
     def place(self, signal: TraceSignal) -> Place:
