@@ -456,6 +456,8 @@ def one_tick(columns: Columns, now: int) -> int:
             columns.axis_reals,
             columns.axis_words,
             columns.image_words,
+            columns.provided,
+            columns.consumed,
             now,
         )
     if engine.condition_rows != 0:

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from pnfarm.engine.channels.plain_data import plain_number
 from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.engine_row import TRACE_ENDED, TRACE_TRIGGERED, emit
 from pnfarm.table.trace import (
@@ -19,6 +22,10 @@ from pnfarm.table.trace import (
     SOURCE_AXIS_INTEGER,
     SOURCE_AXIS_REAL,
     SOURCE_IMAGE_AGE,
+    SOURCE_PLAIN_FLAG,
+    SOURCE_PLAIN_REAL,
+    SOURCE_PLAIN_SIGNED,
+    SOURCE_PLAIN_UNSIGNED,
     TRIGGER_ABOVE,
     TRIGGER_AT_LEAST,
     TRIGGER_AT_MOST,
@@ -35,10 +42,13 @@ from pnfarm.table.trace import (
 
 __all__ = ["sample"]
 
+#: Octets of a number of double precision.
+DOUBLE = 8
+
 
 @compiled
 def _read(probes: Any, first: int, count: int, axis_reals: Any, axis_words: Any, image_words: Any, now: int) -> None:
-    """The present values of ``count`` probes; 0 of a place that its table does not have.
+    """The present values of ``count`` probes but those of plain data; 0 of a place that its table does not have.
 
     One loop for all of them: a call for each value, with three arrays, would cost more than the value.
     """
@@ -53,6 +63,8 @@ def _read(probes: Any, first: int, count: int, axis_reals: Any, axis_words: Any,
                 value = float(axis_reals[word])
                 if less >= 0:
                     value -= float(axis_reals[less])
+        elif source >= SOURCE_PLAIN_UNSIGNED:
+            continue
         else:
             bits = 0
             if source == SOURCE_AXIS_INTEGER:
@@ -66,6 +78,29 @@ def _read(probes: Any, first: int, count: int, axis_reals: Any, axis_words: Any,
                 sign = int(probe.sign)
                 bits = (bits >> int(probe.shift)) & int(probe.mask)
                 value = float((bits ^ sign) - sign)
+        probe.value = value * float(probe.scale)
+
+
+@compiled
+def _read_plain(probes: Any, first: int, count: int, provided: Any, consumed: Any) -> None:
+    """The present values of those of ``count`` probes that are of plain data."""
+    for number in range(first, first + count):
+        probe = probes[number]
+        source, row, octets = probe.source, int(probe.row), int(probe.octets)
+        if source < SOURCE_PLAIN_UNSIGNED or not 0 <= row < provided.rows.shape[0]:
+            continue
+        stored = consumed if probe.received else provided
+        bits = plain_number(stored, row, int(probe.word), octets, int(probe.big))
+        if source == SOURCE_PLAIN_REAL:
+            is_double = octets == DOUBLE
+            value = float(np.uint64(bits).view(np.float64)) if is_double else float(np.uint32(bits).view(np.float32))
+        elif source == SOURCE_PLAIN_SIGNED:
+            spare = 64 - 8 * octets
+            value = float(np.uint64(bits << np.uint64(spare)).view(np.int64) >> spare)
+        elif source == SOURCE_PLAIN_FLAG:
+            value = 1.0 if bits != 0 else 0.0
+        else:
+            value = float((bits >> np.uint64(probe.shift)) & np.int64(probe.mask).view(np.uint64))
         probe.value = value * float(probe.scale)
 
 
@@ -92,7 +127,9 @@ def _fulfils(trigger: int, before: float, seen: int, value: float, level: float)
 
 
 @inlined
-def _watch_trigger(trace: Any, probes: Any, axis_reals: Any, axis_words: Any, image_words: Any, now: int) -> bool:
+def _watch_trigger(
+    trace: Any, probes: Any, axis_reals: Any, axis_words: Any, image_words: Any, provided: Any, consumed: Any, now: int
+) -> bool:
     """Whether the trigger's condition holds now; the time and the probe are then in the trace's row."""
     if trace.fire_ns != 0:
         trace.trigger_ns = trace.fire_ns
@@ -106,6 +143,8 @@ def _watch_trigger(trace: Any, probes: Any, axis_reals: Any, axis_words: Any, im
     found = -1
     first = int(trace.first_watched)
     _read(probes, first, int(trace.watched), axis_reals, axis_words, image_words, now)
+    if trace.plain:
+        _read_plain(probes, first, int(trace.watched), provided, consumed)
     for number in range(first, first + trace.watched):
         probe = probes[number]
         value = float(probe.value)
@@ -122,8 +161,9 @@ def _watch_trigger(trace: Any, probes: Any, axis_reals: Any, axis_words: Any, im
 
 @inlined
 def _take_sample(
-    trace: Any, probes: Any, ring: Any, axis_reals: Any, axis_words: Any, image_words: Any, now: int
-) -> None:
+    trace: Any, probes: Any, ring: Any, axis_reals: Any, axis_words: Any, image_words: Any, provided: Any,
+    consumed: Any, now: int,
+) -> None:  # fmt: skip
     """One sample, in the place of the oldest if the trace's part of the ring is full."""
     width = int(trace.probes) + 1
     place = int(trace.ring_start) + (int(trace.head) % int(trace.capacity)) * width
@@ -132,6 +172,8 @@ def _take_sample(
     ring[place] = float(now - trace.started_ns)
     first = int(trace.first_probe)
     _read(probes, first, int(trace.probes), axis_reals, axis_words, image_words, now)
+    if trace.plain:
+        _read_plain(probes, first, int(trace.probes), provided, consumed)
     for number in range(width - 1):
         ring[place + 1 + number] = probes[first + number].value
     if now - trace.next_ns >= trace.interval_ns:
@@ -151,6 +193,8 @@ def sample(  # the arrays one by one: a named tuple of all columns costs 200 ns 
     axis_reals: Any,
     axis_words: Any,
     image_words: Any,
+    provided: Any,
+    consumed: Any,
     now: int,
 ) -> None:
     """Sample every running trace for which a sample is due at ``now``, and watch its trigger in each tick."""
@@ -168,14 +212,16 @@ def sample(  # the arrays one by one: a named tuple of all columns costs 200 ns 
             trace.trigger_ns = 0
             trace.trigger_probe = -1
             trace.next_ns = now
-        fires = trace.state == ARMED and _watch_trigger(trace, probes, axis_reals, axis_words, image_words, now)
+        fires = trace.state == ARMED and _watch_trigger(
+            trace, probes, axis_reals, axis_words, image_words, provided, consumed, now
+        )
         if fires:
             trace.state = TRIGGERED
             emit(engine, events, TRACE_TRIGGERED, number, now, trace.trigger_ns)
         end = trace.trigger_ns + trace.length_ns
         over = trace.state == TRIGGERED and now >= end
         if (now >= trace.next_ns or fires) and not (over and now > end):
-            _take_sample(trace, probes, ring, axis_reals, axis_words, image_words, now)
+            _take_sample(trace, probes, ring, axis_reals, axis_words, image_words, provided, consumed, now)
         if over:
             trace.state = ENDED
             emit(engine, events, TRACE_ENDED, number, now, trace.head)

@@ -211,7 +211,7 @@ class FarmCore:
             log=log,
             clock=clock,
         )
-        self.traces = TraceManager(self.axes, self.columns, log)
+        self.traces = TraceManager(self.axes, self.devices.values(), self.columns, log)
         gate.set_receiver(self.receive)
         self._served: dict[int, tuple[int, Services]] = {}
         if self._sockets is not None:

@@ -272,9 +272,9 @@ class _Builder:
     def _field(self, place: Place | None) -> int:
         assert place is not None
         self.in_table = True
-        word, less = place.of_row(self._station.index)
-        code = codes.OP_AXIS_REAL if place.source == SOURCE_AXIS_REAL else codes.OP_AXIS_INTEGER
-        return self._push(code=code, word=word, less=less, shift=place.shift, mask=place.mask, sign=place.sign)
+        own = place.in_row(self._station.index)
+        code = codes.OP_AXIS_REAL if own.source == SOURCE_AXIS_REAL else codes.OP_AXIS_INTEGER
+        return self._push(code=code, word=own.word, less=own.less, shift=own.shift, mask=own.mask, sign=own.sign)
 
     def _state(self, word: str, *, equal: bool) -> int:
         """``state == S4``: of a drive that is on; ``off`` is one that is not."""

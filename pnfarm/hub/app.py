@@ -29,7 +29,7 @@ __all__ = ["make_hub_app"]
 def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None = None) -> FastAPI:
     """The API of one hub; tokens as :func:`~pnfarm.api.application.make_api` takes them."""
     drives, devices, faults = HubDrives(hub), HubDevices(hub), HubFaults(hub)
-    views = HubLive(hub, devices)
+    views = HubLive(hub)
     hosts = Hosts(
         drives=drives,
         add_drive=drives.add_drive,
@@ -39,7 +39,7 @@ def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None =
         scenarios=HubScenarios(hub, faults),
         traces=HubTraces(hub),
         farm=HubItself(hub),
-        streams=HubStreams(hub, devices, views),
+        streams=HubStreams(hub, views),
         described=DESCRIBED,
     )
     description = "The virtual drives of several farms as of one."

@@ -155,7 +155,7 @@ DESCRIBED = {
         _whole_or_not(HubReset, "Shards did not answer: their faults may be in force."),
     ),
     "get_traces": Described("Every trace of every shard and its progress, without samples", {200: HubTraces}),
-    "post_trace": Described("Start a trace, of drives of one shard"),
+    "post_trace": Described("Start a trace, of drives and devices of one shard"),
     "version": Described("Version of the hub"),
     "clock": Described("The hub's clock, which its seconds are of, and this machine's"),
     "readyz": Described("Whether every shard answers and is ready, and no drive is claimed twice", {200: HubReady}),

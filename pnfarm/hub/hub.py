@@ -82,7 +82,7 @@ class RefusedError(ConfigError):
     """A shard refused; its answer is passed on as it is."""
 
     def __init__(self, answer: Answer) -> None:
-        super().__init__(f"refused with status {answer.status}")
+        super().__init__(refusal(answer))
         self.answer = answer
 
 
@@ -246,16 +246,17 @@ class Hub(Context):
         about = await self._clock(shard)
         if about["kind"] != "farm":
             raise AwayError(f"{shard.label} is itself a hub: give the shards behind it", slug="hub")
-        if about["instance"] != shard.instance or not shard.drives:
+        if about["instance"] != shard.instance or not (shard.drives or shard.devices):
             shard.clock.forget()
             for _ in range(FIRST_PROBES):
                 about = await self._clock(shard)
             answer = await self.client(shard).ask("GET", f"{PREFIX}/drives")
             view = read(shard, answer, "drives", "engine", "lines", "link")
+            devices = read(shard, await self.client(shard).ask("GET", f"{PREFIX}/devices"), "devices")
             try:
-                self.shards.take(shard, view)
+                self.shards.take(shard, view, devices["devices"])
             except (KeyError, TypeError) as exc:
-                raise AwayError(f"{shard.label} lists drives as no farm does", slug="garbage") from exc
+                raise AwayError(f"{shard.label} lists drives or devices as no farm does", slug="garbage") from exc
             shard.faults.clear()
         shard.about = about
         same = about["pnfarm"] == __version__

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator, Mapping
 
     from pnfarm.api.paths.streams import Chosen
-    from pnfarm.hub.hosts.devices import HubDevices
     from pnfarm.hub.hub import Hub
     from pnfarm.hub.shards import Shard
 
@@ -41,9 +40,8 @@ AGAIN_SECONDS = 1.0
 class HubLive:
     """The streams of the hub's pages."""
 
-    def __init__(self, hub: Hub, devices: HubDevices) -> None:
+    def __init__(self, hub: Hub) -> None:
         self._hub = hub
-        self._devices = devices
         self._overview = HubOverview(hub.shards, hub.now)
         #: Pages that are open.
         self.viewers = 0
@@ -93,7 +91,7 @@ class HubLive:
 
     async def stream(self, scope: Mapping[str, Any], chosen: Chosen) -> AsyncIterator[bytes]:
         """See :func:`pnfarm.api.live.page_stream`."""
-        relay = Relay(self._hub, self._devices, chosen)
+        relay = Relay(self._hub, chosen)
         task: asyncio.Task[None] | None = None
         self.viewers += chosen.overview
         try:

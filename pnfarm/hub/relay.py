@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     from pnfarm.api.paths.streams import Chosen
-    from pnfarm.hub.hosts.devices import HubDevices
     from pnfarm.hub.hub import Hub
     from pnfarm.hub.shards import Shard
 
@@ -40,9 +39,8 @@ AGAIN_SECONDS = 1.0
 class Relay:
     """See the module's docstring."""
 
-    def __init__(self, hub: Hub, devices: HubDevices, chosen: Chosen) -> None:
+    def __init__(self, hub: Hub, chosen: Chosen) -> None:
         self._hub = hub
-        self._devices = devices
         self._chosen = chosen
         self._messages: deque[bytes] = deque(maxlen=MOST_RELAYED)
         #: Device -> its newest message, without signals, and these by name.
@@ -59,26 +57,23 @@ class Relay:
     async def run(self) -> None:
         """Until it is cancelled."""
         while True:
-            known, queries = await self._shards(), self._queries()
+            known, queries = self._shards(), self._queries()
             async with anyio.create_task_group() as tasks:
                 for shard, query in queries.items():
                     tasks.start_soon(self._follow, shard, query)
                 while True:
                     await anyio.sleep(AGAIN_SECONDS)
-                    if await self._shards() != known:
+                    if self._shards() != known:
                         break
                 tasks.cancel_scope.cancel()
 
     async def once(self) -> None:
         """One message of each kind."""
-        await self._shards()
         queries = self._queries()
         await self._hub.each(queries, lambda shard: self._take(shard, {**queries[shard], "follow": "false"}))
 
-    async def _shards(self) -> list[tuple[Shard, bool, str]]:
+    def _shards(self) -> list[tuple[Shard, bool, str]]:
         """Where which drive and device is depends on this alone."""
-        if self._chosen.devices:
-            await self._devices.look()
         return [(shard, shard.asked, shard.instance) for shard in self._hub.shards]
 
     def _queries(self) -> dict[Shard, dict[str, Any]]:

@@ -95,6 +95,11 @@ def _was_late(record: Mapping[str, Any]) -> bool:
     return found is None or bool(found["farm_late_seconds"] > found["farm_budget_seconds"])
 
 
+def _of_all(step: Step) -> bool:
+    """Whether it waits for all drives and devices, which each shard knows itself."""
+    return step.get("until") == ALL_CONNECTED and not step.get("drive")
+
+
 def _ns(seconds: float | None) -> int | None:
     return None if seconds is None else round(seconds * 1e9)
 
@@ -196,9 +201,7 @@ class HubRun(Flow):
                 forced = [self._write(name, values, "force") for name, values in step.values["signals"].items()]
                 yield from self._await(self._each(forced))
             case "release":
-                yield from self._await(self._devices.look())
-                known = {name for shard in self._hub.shards.reachable for name in shard.devices}
-                found = releases(step.values["signals"], known)
+                found = releases(step.values["signals"], self._hub.shards.devices)
                 yield from self._await(self._each([self._write(name, one, "force") for name, one in found.items()]))
             case "param":
                 writes = [
@@ -264,7 +267,7 @@ class HubRun(Flow):
     # -- steps that look
 
     def _parts(self, step: Step) -> dict[Shard, list[str]]:
-        """The drives of a step by shard, also by one that is away; the devices of one about devices alone.
+        """The drives of a step by shard, also by one that is away; the devices of one about these alone, or about all.
 
         Raises :class:`ConfigError` for devices of several shards: none could see all of their signals.
         """
@@ -276,25 +279,26 @@ class HubRun(Flow):
             raise ConfigError(f"{several} are devices of several shards, and a condition is of one")
         if found:
             return found
-        for name in self.binding.chosen(step):
-            found.setdefault(self._hub.shards.known(name), []).append(name)
+        devices = self._hub.shards.devices if _of_all(step) else ()
+        for name in (*(self.binding.chosen(step) if self.binding.drives else ()), *devices):
+            found.setdefault(self._hub.shards.known_station(name), []).append(name)
         return found
 
     def _looked(self, step: Step, kind: str, keys: Mapping[str, Any]) -> Generator[int, None, list[dict[str, Any]]]:
         """The records of one step on each shard that has drives of it; of a lost one, a record that says so."""
-        of_devices = bool(self.binding.condition_of(step)[1])
-        if of_devices:
-            yield from self._await(self._devices.look())
+        named = not (self.binding.condition_of(step)[1] or _of_all(step))
         parts = self._parts(step)
         length = step.get("within", DEFAULT_WITHIN_NS if kind == "wait" else 0) + step.get("for", 0)
-        texts = {shard: {kind: keys if of_devices else {**keys, "drive": names}} for shard, names in parts.items()}
-        return (yield from self._await(self._all_parts(texts, length)))
+        texts = {shard: {kind: {**keys, "drive": names} if named else keys} for shard, names in parts.items()}
+        return (yield from self._await(self._all_parts(texts, length, parts)))
 
-    async def _all_parts(self, steps: Mapping[Shard, Mapping[str, Any]], length_ns: int) -> list[dict[str, Any]]:
+    async def _all_parts(
+        self, steps: Mapping[Shard, Mapping[str, Any]], length_ns: int, parts: Mapping[Shard, list[str]]
+    ) -> list[dict[str, Any]]:
         answers = await self._hub.each(steps, lambda shard: self._part(shard, steps[shard], length_ns))
         found = list(answers.good.values())
         for shard, why in answers.away.items():
-            drives = next(iter(steps[shard].values())).get("drive", [])
+            drives = parts.get(shard, [])
             found.append({"verdict": "lost", "cases": [], "lost": str(why), "drives": drives, "lateness": None})
         return found
 
@@ -330,7 +334,7 @@ class HubRun(Flow):
     def _wait_until(self, step: Step) -> Life:
         begin = self._now
         keys = {"until": step.values["until"], "within": format_duration(step.get("within", DEFAULT_WITHIN_NS))}
-        if step.values["until"] == ALL_CONNECTED:
+        if step.values["until"] == ALL_CONNECTED and not _of_all(step):
             keys["until"] = "connected"
         records = yield from self._looked(step, "wait", keys)
         if all(one["verdict"] == "passed" for one in records):
@@ -406,7 +410,7 @@ class HubRun(Flow):
         # meanwhile each shard watches its own lateness
         length = max(1_000_000, step.get("for", 0))
         waits = {shard: {"wait": {"for": format_duration(length)}} for shard in self._hub.shards.reachable}
-        records = yield from self._await(self._all_parts(waits, length))
+        records = yield from self._await(self._all_parts(waits, length, {}))
         value = measured(asked, before, (yield from self._read_metric(metric)))
         bound = step.values[asked]
         shown, wanted = show_comparison(metric.name, value, bound)

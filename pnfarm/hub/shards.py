@@ -52,9 +52,8 @@ class Shard:
     #: Its drives by name as they were seen last, and the rest of that answer.
     drives: dict[str, dict[str, Any]] = field(default_factory=dict)
     view: dict[str, Any] = field(default_factory=dict)
-    #: Names of its devices, and the run of which they are.
-    devices: tuple[str, ...] = ()
-    devices_of: str = ""
+    #: Its devices by name, and what `model:` means each by; the same for its whole run.
+    devices: dict[str, tuple[str, ...]] = field(default_factory=dict)
     #: Its faults by id as they were seen last.
     faults: dict[str, dict[str, Any]] = field(default_factory=dict)
     errors: Counter[str] = field(default_factory=Counter)
@@ -113,6 +112,7 @@ class Shards:
     def __init__(self) -> None:
         self._all: dict[str, Shard] = {}
         self._owners: dict[str, list[Shard]] = {}
+        self._device_owners: dict[str, list[Shard]] = {}
         self._order: tuple[str, ...] = ()
         #: Counts changes of the list of drives.
         self.layout = 0
@@ -173,21 +173,25 @@ class Shards:
             self._index()
         return was_asked is not shard.asked
 
-    def take(self, shard: Shard, view: Mapping[str, Any]) -> None:
-        """Its answer to ``GET drives``."""
+    def take(self, shard: Shard, view: Mapping[str, Any], devices: Iterable[Mapping[str, Any]] | None = None) -> None:
+        """Its answer to ``GET drives``, and in a new run its ``devices``."""
         drives = {str(one["name"]): one for one in view["drives"]}
-        same = drives.keys() == shard.drives.keys()
-        shard.drives = drives
+        known = shard.devices if devices is None else {str(one["name"]): tuple(one["models"]) for one in devices}
+        same = drives.keys() == shard.drives.keys() and known == shard.devices
+        shard.drives, shard.devices = drives, known
         shard.view = {key: value for key, value in view.items() if key != "drives"}
         if not same:
             self._index()
 
     def _index(self) -> None:
         owners: dict[str, list[Shard]] = {}
+        device_owners: dict[str, list[Shard]] = {}
         for shard in self._all.values():
             for name in shard.drives:
                 owners.setdefault(name, []).append(shard)
-        self._owners = _present(owners)
+            for name in shard.devices:
+                device_owners.setdefault(name, []).append(shard)
+        self._owners, self._device_owners = _present(owners), _present(device_owners)
         order = tuple(sorted(self._owners, key=natural))
         if order != self._order:
             self._order = order
@@ -201,6 +205,17 @@ class Shards:
         return self._order
 
     @property
+    def devices(self) -> dict[str, tuple[str, ...]]:
+        """Every device, in natural order of the names, and what `model:` means it by."""
+        found = {name: models for shard in self._all.values() for name, models in shard.devices.items()}
+        return {name: found[name] for name in sorted(self._device_owners, key=natural)}
+
+    @property
+    def stations(self) -> tuple[str, ...]:
+        """Every drive, then every device."""
+        return (*self._order, *self.devices)
+
+    @property
     def views(self) -> dict[str, dict[str, Any]]:
         """Every drive as it was seen last, of several shards that claim it at the first of them."""
         found: dict[str, dict[str, Any]] = {}
@@ -211,8 +226,9 @@ class Shards:
 
     @property
     def known_as(self) -> dict[str, KnownDrive]:
-        """Every drive, as globs see it."""
-        return {name: KnownDrive(_names(view), _models(str(view["model"]))) for name, view in self.views.items()}
+        """Every drive and device, as globs see it."""
+        drives = {name: KnownDrive(_names(view), _models(str(view["model"]))) for name, view in self.views.items()}
+        return {**drives, **{name: KnownDrive((name,), models) for name, models in self.devices.items()}}
 
     def own_name(self, name: str) -> str:
         """A drive's name in its farm file.  Raises as :meth:`known`."""
@@ -258,13 +274,21 @@ class Shards:
             )
         return found[0]
 
+    def known_device(self, name: str) -> Shard:
+        """The shard that has a device; as :meth:`known`."""
+        return self._one_of("device", name, self._device_owners)
+
+    def known_station(self, name: str) -> Shard:
+        """The shard that has a drive or a device; as :meth:`known`."""
+        return self.known_device(name) if name in self._device_owners and name not in self._owners else self.known(name)
+
     def device_owner(self, name: str) -> Shard:
         """The shard that has a device; raises as :meth:`owner`."""
-        owners: dict[str, list[Shard]] = {}
-        for shard in self._all.values():
-            for one in shard.devices:
-                owners.setdefault(one, []).append(shard)
-        return self._asked(name, self._one_of("device", name, _present(owners)))
+        return self._asked(name, self.known_device(name))
+
+    def station_owner(self, name: str) -> Shard:
+        """The shard that has a drive or a device; raises as :meth:`owner`."""
+        return self._asked(name, self.known_station(name))
 
     def owner(self, name: str) -> Shard:
         """As :meth:`known`; raises :class:`AwayError` for one that cannot be asked."""

@@ -146,7 +146,7 @@ class Farm(FarmFace[Drive, Device]):
         return [injection.id for injection in ended]
 
     def trace(self, on: str | Sequence[str], signals: Sequence[str] | str, **fields: Any) -> FarmTrace:
-        """Record signals of drives around a trigger; use it with ``async with`` (docs/trace.md).
+        """Record signals of drives and devices around a trigger; use it with ``async with`` (docs/trace.md).
 
         ``fields`` are the others of a trace: ``trigger="fault 702", pre="200ms", length="2s"``.
         """
@@ -161,7 +161,8 @@ class Farm(FarmFace[Drive, Device]):
         if scenario.overrides:
             raise ConfigError(f"{path}: with: sets keys of a farm file, and this farm runs already; leave it out")
         models = {station.configured_name: station.model for station in self.core.axes}
-        binding = bind_scenario(scenario, models, fault_kinds(), self.core.signals())
+        kinds = {name: device.kinds for name, device in self.core.devices.items()}
+        binding = bind_scenario(scenario, models, fault_kinds(), self.core.signals(), kinds)
         return ScenarioResult(await self._passing.carry_out(binding))
 
     # -- what happened

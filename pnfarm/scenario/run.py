@@ -18,7 +18,7 @@ from pnfarm.scenario.definition.steps import DEFAULT_WITHIN_NS, QUANTILES
 from pnfarm.scenario.flow import EndedError, Flow, Life, Tell
 from pnfarm.scenario.measures import check_metric, measured, read_metric, show_comparison
 from pnfarm.scenario.report.record import Case, Verdict
-from pnfarm.scenario.report.trace_excerpts import TraceExcerpts, named_drives
+from pnfarm.scenario.report.trace_excerpts import TraceExcerpts, named_signals, named_stations
 from pnfarm.scenario.watch import Watch, as_text
 from pnfarm.signals.device_signal import note_forces, releases
 from pnfarm.station.events import ConnectionEstablished, ConnectionLost, StateChanged, WatchdogExpired
@@ -83,7 +83,7 @@ class ScenarioRun(Flow):
                 self._check_metric(step, "metric", step.values["metric"], _asked(step))
             if "measure" in step.values:
                 self._check_metric(step, "measure", step.values["measure"].metric, step.values["measure"].asked)
-        self._moments = TraceExcerpts(core, named_drives(binding), now) if traced else None
+        self._moments = TraceExcerpts(core, named_stations(binding), named_signals(binding), now) if traced else None
         # what the farm lost before may not be back yet
         for name in self._stations:
             for entry in core.log.entries(name):

@@ -17,7 +17,7 @@ from pnfarm.scenario.run import ScenarioRun
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine, Mapping
+    from collections.abc import Callable, Coroutine, Mapping, Sequence
 
     from pnfarm.drives.description.model import Model
     from pnfarm.farm.core import FarmCore
@@ -92,6 +92,10 @@ class KeptScenarios(ABC):
         return None
 
     @abstractmethod
+    def _models(self) -> Mapping[str, Sequence[str]]:
+        """What the models of all devices are called, by the devices' names."""
+
+    @abstractmethod
     def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
         """A run, and what carries it out."""
 
@@ -103,7 +107,7 @@ class KeptScenarios(ABC):
         scenario = parse_scenario(text, variables=variables)
         if scenario.overrides:
             raise ConfigError(f"with: sets keys of a farm file, and {self.RUNNING} already; leave it out")
-        binding = bind_scenario(scenario, self._drives(), fault_kinds(), self._devices())
+        binding = bind_scenario(scenario, self._drives(), fault_kinds(), self._devices(), self._models())
         at_work = [found.id for found in self._kept.values() if not found.run.finished and found.part is part]
         if len(at_work) >= (MOST_PARTS_AT_WORK if part else MOST_AT_WORK):
             raise ConfigError(f"{len(at_work)} scenarios are at work ({', '.join(at_work)}); end one of them first")
@@ -160,6 +164,9 @@ class RunningScenarios(KeptScenarios):
 
     def _devices(self) -> Mapping[str, Mapping[str, Signal]] | None:
         return self._core.signals()
+
+    def _models(self) -> Mapping[str, Sequence[str]]:
+        return {name: device.kinds for name, device in self._core.devices.items()}
 
     def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
         now = self._now()

@@ -30,7 +30,7 @@ from pnfarm.vocabulary.conditions import (
     parse_condition,
 )
 from pnfarm.vocabulary.problem import Problem
-from pnfarm.vocabulary.quantities import show_quantity
+from pnfarm.vocabulary.quantities import in_unit, show_quantity
 from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 
 if TYPE_CHECKING:
@@ -45,16 +45,6 @@ __all__ = ["Condition", "bind"]
 
 AnySignal: TypeAlias = DriveSignal | DeviceSignal | DeviceFact
 
-#: Units of numbers: unit of the signal -> unit as written -> factor.
-_UNITS: Mapping[str, Mapping[str, float]] = {
-    "rpm": {"rpm": 1.0},
-    "revolutions": {"revolutions": 1.0, "rev": 1.0, "deg": 1 / 360, "°": 1 / 360},
-    "A": {"A": 1.0, "mA": 1e-3},
-    "V": {"V": 1.0, "mV": 1e-3},
-    "Nm": {"Nm": 1.0},
-    "1": {"%": 0.01},
-    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0},
-}
 _EQUAL = frozenset({"==", "!="})
 
 
@@ -261,14 +251,10 @@ class _Binder:
             raise ConditionError(f"{signal.name} is a number", side.column, _example(signal))
         if signal.form == "bit" and (side.unit or side.value not in {0.0, 1.0}):
             raise ConditionError(f"{signal.name} is never {side.written}", side.column, "0, 1, true or false")
-        if not side.unit:
-            return side
-        units = _UNITS.get(signal.unit) or ({signal.unit: 1.0} if signal.unit else {})
-        factor = units.get(side.unit)
-        if factor is None:
-            allowed = "a number in " + ", ".join(units) if units else "a plain number"
-            raise ConditionError(f"{signal.name} is not measured in {side.unit}", side.column, allowed)
-        return Number(side.value * factor, "", side.column, side.written)
+        try:
+            return Number(in_unit(side.value, side.unit, signal.unit), "", side.column, side.written)
+        except Problem as problem:
+            raise ConditionError(f"{signal.name} {problem.what}", side.column, problem.allowed) from problem
 
 
 def _example(signal: AnySignal) -> str:

@@ -74,6 +74,13 @@ class StationSignals:
         """Every value; those of one direction are of one time."""
         return {signal.name: value for signal, value, _ in self.readings()}
 
+    def whereabouts(self, name: str) -> tuple[int, int]:
+        """The row of plain data of its direction, and its first octet there; raises as :meth:`signal`."""
+        signal = self.signal(name)
+        row = self._outputs if signal.direction == "output" else self._inputs
+        assert row is not None
+        return row.number, self._places[signal.slot, signal.subslot, signal.direction] + signal.octet
+
     def good(self, name: str) -> bool:
         """Whether the provider status of its data is GOOD; raises :class:`SignalError` for an unknown name."""
         return self._is_good(self.signal(name), self._copies())

@@ -28,6 +28,9 @@ class PlainSignals(Protocol):
 
     def get(self, name: str) -> Value: ...
 
+    def whereabouts(self, name: str) -> tuple[int, int]:
+        """Where the engine finds it: the row of plain data, and its first octet there."""
+
     def good(self, name: str) -> bool:
         """Whether the provider status of its data is GOOD."""
 

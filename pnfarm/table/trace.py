@@ -42,6 +42,10 @@ SOURCE_AXIS_REAL = 0  # a field f8 of the axis table
 SOURCE_AXIS_INTEGER = 1  # a whole number in it
 SOURCE_IMAGE_INTEGER = 2  # a whole number in the image table
 SOURCE_IMAGE_AGE = 3  # the time since the time in a field of the image table, ns
+SOURCE_PLAIN_UNSIGNED = 4  # from here on in plain data: a whole number, or bits of it
+SOURCE_PLAIN_SIGNED = 5  # a whole number with a sign
+SOURCE_PLAIN_REAL = 6  # an IEEE 754 number of 4 or 8 octets
+SOURCE_PLAIN_FLAG = 7  # 1 where any bit is set
 #: That time if the field is 0: none; -1 s.
 NO_AGE = -1e9
 
@@ -59,6 +63,7 @@ TRACE = Layout(
         Field("interval_ns", "i8", "ns", "station", "time between samples: the first tick at or after each multiple"),
         Field("length_ns", "i8", "ns", "station", "how long it samples from the trigger on"),
         Field("trigger", "u1", "", "station", "how it is triggered: TRIGGER_*"),
+        Field("plain", "u1", "", "station", "1 = some of its probes read plain data"),
         Field("level", "f8", "", "station", "level of the trigger, in the probes' unit"),
         Field("fire_ns", "i8", "ns", "station", "when the event happened that triggers it, 0 = not yet"),
         Field("started_ns", "i8", "ns", "station", "the times of its samples count from here"),
@@ -73,17 +78,21 @@ TRACE = Layout(
 
 PROBE = Layout(
     "probe",
-    "Where one sampled value comes from: a field of a row, as a place in the table's 64-bit words.",
+    "Where one sampled value comes from: a place in the table's 64-bit words, or octets of plain data.",
     [
         Field("source", "u1", "", "station", "SOURCE_*"),
-        Field("word", "i4", "", "station", "64-bit word of the table that holds the field"),
+        Field("octets", "u1", "octets", "station", "how many it has in plain data"),
+        Field("big", "u1", "", "station", "1 = their first one is the most significant"),
+        Field("received", "u1", "", "station", "1 = plain data that the station receives"),
+        Field("word", "i4", "", "station", "64-bit word of the table with the field; of plain data its first octet"),
+        Field("row", "i4", "", "station", "row of the plain data"),
         Field("less", "i4", "", "station", "word whose number is subtracted (f8 only), -1 = none"),
         Field("shift", "u1", "bits", "station", "lowest bit of the field in the word"),
+        Field("seen", "u1", "", "engine", "1 = before is set"),
         Field("mask", "i8", "", "station", "bits of the field, after the shift"),
         Field("sign", "i8", "", "station", "its sign bit, after the shift; 0 = unsigned"),
         Field("scale", "f8", "", "station", "factor of the field in the unit shown", default=1.0),
         Field("value", "f8", "", "engine", "its value when it was read last"),
         Field("before", "f8", "", "engine", "of a watched probe: its value in the tick before"),
-        Field("seen", "u1", "", "engine", "1 = before is set"),
     ],
 )

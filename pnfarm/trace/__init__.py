@@ -1,4 +1,4 @@
-"""Traces: chosen signals of chosen drives, sampled in the engine's steps, as the drives' own tools record them.
+"""Traces: chosen signals of drives and devices, sampled in the engine's steps, as the drives' own tools record them.
 
 ::
 
@@ -12,7 +12,7 @@
     farm.core.traces.delete(trace.id, now)
 
 The request's fields are described in :class:`.TraceRequest`, triggers in :mod:`pnfarm.trace.trigger`, signals in
-:mod:`pnfarm.trace.signals`.
+:mod:`pnfarm.trace.signals` and :mod:`pnfarm.trace.traced`.
 """
 
 from __future__ import annotations

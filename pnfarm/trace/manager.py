@@ -7,6 +7,7 @@ ends after its ``keep`` time, so that a client that is gone leaves nothing behin
 
 from __future__ import annotations
 
+from collections import defaultdict
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
@@ -17,7 +18,8 @@ from pnfarm.errors import ConfigError
 from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.events import InjectionBegan, InjectionEnded
 from pnfarm.faults.plan import matching
-from pnfarm.station.axis import Axis, axes_by_name
+from pnfarm.signals.device_signal import split_name
+from pnfarm.station.axis import axes_by_name
 from pnfarm.station.events import FaultRaised, WarningChanged
 from pnfarm.table import trace as codes
 from pnfarm.table.segments import Segments
@@ -25,18 +27,24 @@ from pnfarm.trace.events import TraceEnded, TraceTriggered
 from pnfarm.trace.recording import Column, Recording
 from pnfarm.trace.request import TraceError, TraceRequest
 from pnfarm.trace.signals import choose_signals, chooses_any, code_of, is_glob
-from pnfarm.trace.trigger import EVENTS, TRIGGER, EventTrigger, SignalTrigger, read_number
+from pnfarm.trace.traced import TracedAxis, TracedDevice
+from pnfarm.trace.trigger import EVENTS, OF_DRIVES, TRIGGER, EventTrigger, SignalTrigger, read_level, read_number
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.globs import means
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quantities import in_unit
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from pnfarm.engine.columns import Columns
+    from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import EventLog, LogEntry
+    from pnfarm.station.station import Station
     from pnfarm.table.access.places import Place
     from pnfarm.trace.signals import TraceSignal
+    from pnfarm.trace.traced import Traced
 
 __all__ = ["MOST_TRACES", "MOST_VALUES", "Trace", "TraceManager"]
 
@@ -73,9 +81,9 @@ class Trace:
     first_probe: int
     ring_start: int
     columns: tuple[_Chosen, ...]
-    #: Drives whose events and signals trigger.
+    #: Drives and devices whose events and signals trigger.
     watched: frozenset[str]
-    #: Row of a probe that the trigger watches -> its drive.
+    #: Row of a probe that the trigger watches -> its drive or device.
     watched_probes: dict[int, str]
     #: Number of the fault or warning that an event trigger waits for.
     number: int | None
@@ -188,12 +196,19 @@ def _values(chosen: _Chosen, samples: Any) -> Any:
 
 
 class TraceManager:
-    """``columns`` with room for traces; ``log`` takes their events and tells those of the drives."""
+    """``columns`` with room for traces; ``log`` takes their events and tells those of the drives and ``devices``."""
 
-    def __init__(self, stations: Sequence[Axis], columns: Columns, log: EventLog) -> None:
+    def __init__(self, axes: Sequence[Axis], devices: Iterable[Station], columns: Columns, log: EventLog) -> None:
         self.columns = columns
-        self._stations = {station.configured_name: station for station in stations}
-        self._concerned = axes_by_name(stations)
+        self._traced: dict[str, Traced] = {axis.configured_name: TracedAxis(axis) for axis in axes}
+        self._devices: dict[str, Traced] = {device.configured_name: TracedDevice(device) for device in devices}
+        self._concerned: dict[str, list[Traced]] = {
+            **{
+                name: [self._traced[one.configured_name] for one in found] for name, found in axes_by_name(axes).items()
+            },
+            **{name: [device] for name, device in self._devices.items()},
+        }
+        self._traced |= self._devices
         self._log = log
         self._traces: dict[str, Trace] = {}
         #: Rows whose end the engine has not seen -> first probe and part of the ring.
@@ -213,17 +228,17 @@ class TraceManager:
         ``keep_ns``: how long it stays while nobody asks for it, unless ``keep`` says so; None: for ever.
         """
         request = TraceRequest.parse(fields, keep_ns=keep_ns)
-        stations = self._chosen(request)
+        chosen = self._chosen(request)
         if len(self._traces) >= MOST_TRACES:
             raise ConfigError(f"the farm keeps {MOST_TRACES} traces at most: delete one of {', '.join(self._traces)}")
         if request.name is not None and request.name in self._traces:
             raise TraceError([("as", f"there is a trace {request.name} already", "another name")])
-        places: list[tuple[int, Place]] = []
-        columns = tuple(self._columns(request, stations, places))
-        watched, level, number, stations_watched = self._trigger(request, stations)
+        places: list[Place] = []
+        columns = tuple(self._columns(request, chosen, places))
+        watched, level, number, those = self._trigger(request, chosen)
         trace = self._allocate(request, columns, places, watched, now)
         trace.number = number
-        trace.watched = frozenset(station.configured_name for station in stations_watched)
+        trace.watched = frozenset(one.name for one in those)
         row = self.columns.trace[trace.row]
         row.level = level
         row.active = 1
@@ -242,6 +257,10 @@ class TraceManager:
         trace = self._traces[trace_id]
         trace.touched_ns = now
         return trace
+
+    def signals(self, name: str) -> list[TraceSignal]:
+        """Those that a drive or a device of this name has.  Raises :class:`KeyError`."""
+        return list(self._traced[name].signals().values())
 
     def kept(self) -> list[Trace]:
         """Every trace, oldest first."""
@@ -315,86 +334,107 @@ class TraceManager:
         for call in waiting:
             call()
 
-    def _chosen(self, request: TraceRequest) -> list[Axis]:
-        known = {
-            name: (
-                (name, *([station.device.name] if station.device.name else [])),
-                (station.model.name, *station.model.aliases),
-            )
-            for name, station in self._stations.items()
-        }
+    def _chosen(self, request: TraceRequest) -> list[Traced]:
+        known = {name: (one.names, one.kinds) for name, one in self._traced.items()}
         try:
-            return [self._stations[name] for name in matching(request.on, known)]
+            return [self._traced[name] for name in matching(request.on, known)]
         except InjectionError as exc:
             raise TraceError(list(exc.issues)) from exc
 
-    def _columns(
-        self, request: TraceRequest, stations: Sequence[Axis], places: list[tuple[int, Place]]
-    ) -> list[_Chosen]:
-        """The columns; ``places`` (row, place) gets each field that is sampled once, also if several bits are in it."""
-        found: list[_Chosen] = []
-        numbers: dict[tuple[int, Place], int] = {}
-        # words differ from profile to profile: a glob has to choose something on one of the drives
-        elsewhere = {
-            name
-            for name in request.signals
-            if is_glob(name) and any(chooses_any(station, name) for station in stations)
+    def _signals(self, names: Sequence[str], of: Sequence[Traced]) -> list[tuple[Traced, TraceSignal]]:
+        """The signals that names and globs choose ``of`` these, and those of devices whose names are before theirs.
+
+        Raises :class:`ConfigError`.
+        """
+        wanted: dict[str, list[str]] = defaultdict(list)
+        plain = []
+        for name in names:
+            device, signal = split_name(name.strip())
+            if device in self._devices:
+                wanted[device].append(signal)
+            else:
+                plain.append(name)
+        known = {one.name: one.signals() for one in of}
+        has = {
+            name: {
+                what
+                for what in {one.what for one in of}
+                if any(one.what == what and chooses_any(known[one.name], name) for one in of)
+            }
+            for name in plain
         }
-        for station in stations:
-            wanted = [name for name in request.signals if name not in elsewhere or chooses_any(station, name)]
-            with _error_of("signals"):
-                signals = choose_signals(station, wanted)
-            for signal in signals:
-                key = (station.index, signal.place)
-                if key not in numbers:
-                    numbers[key] = len(places)
-                    places.append(key)
-                found.append(_Chosen(station.configured_name, signal, numbers[key]))
+        for one in of:
+            # words differ from profile to profile, and devices are no drives: a glob has to choose something on one of
+            # all, a name on all of one kind
+            wanted[one.name] += [
+                name
+                for name in plain
+                if not (has[name] if is_glob(name) else has[name] - {one.what}) or chooses_any(known[one.name], name)
+            ]
+        found: dict[tuple[str, str], tuple[Traced, TraceSignal]] = {}
+        for name in dict.fromkeys((*known, *wanted)):
+            one = self._traced[name]
+            for signal in choose_signals(name, known.get(name) or one.signals(), wanted[name]):
+                found[name, signal.name] = (one, signal)
             if len(found) > MOST_COLUMNS:
-                what = f"gives more than {MOST_COLUMNS} columns on {len(stations)} drives"
-                raise TraceError([("signals", what, "fewer drives or signals")])
+                what = f"more than {MOST_COLUMNS} signals of {len(of)} drives and devices"
+                raise ConfigError(f"{what}; allowed: fewer of them, or fewer signals")
+        return list(found.values())
+
+    def _columns(self, request: TraceRequest, chosen: Sequence[Traced], places: list[Place]) -> list[_Chosen]:
+        """The columns; ``places`` gets each field that is sampled once, also if several bits are in it."""
+        with _error_of("signals"):
+            signals = self._signals(request.signals, chosen)
+        found: list[_Chosen] = []
+        numbers: dict[Place, int] = {}
+        for one, signal in signals:
+            place = one.place(signal)
+            if place not in numbers:
+                numbers[place] = len(places)
+                places.append(place)
+            found.append(_Chosen(one.name, signal, numbers[place]))
         return found
 
     def _trigger(
-        self, request: TraceRequest, stations: Sequence[Axis]
-    ) -> tuple[list[tuple[Axis, Place]], float, int | None, list[Axis]]:
-        """What the trigger watches: fields of drives, its level, the number of a fault, the drives."""
+        self, request: TraceRequest, chosen: Sequence[Traced]
+    ) -> tuple[list[tuple[Traced, Place]], float, int | None, list[Traced]]:
+        """What the trigger watches: fields of drives and devices, its level, the number of a fault, whose events."""
         trigger = request.trigger
-        watched = list(stations)
+        watched = list(chosen)
         if trigger.on:
-            # not only drives that are traced: what one drive does may be seen at another
-            watched = [
-                station
-                for name, station in self._stations.items()
-                if means(trigger.on, (name, station.device.name or name), (station.model.name, *station.model.aliases))
-            ]
+            # not only those that are traced: what one does may be seen at another
+            watched = [one for one in self._traced.values() if means(trigger.on, one.names, one.kinds)]
             if not watched:
-                what = f"no drive matches {shown(trigger.on)}{did_you_mean(trigger.on, self._stations)}"
-                raise TraceError([("trigger", what, "a drive or a glob behind `on`")])
+                what = f"no drive matches {shown(trigger.on)}{did_you_mean(trigger.on, self._traced)}"
+                raise TraceError([("trigger", what, "a drive, a device or a glob behind `on`")])
         if isinstance(trigger, EventTrigger):
             return [], 0.0, self._fault_number(trigger, watched), watched
         if not isinstance(trigger, SignalTrigger):
             return [], 0.0, None, watched
-        places: list[tuple[Axis, Place]] = []
-        levels: set[float] = set()
-        for station in watched:
-            with _error_of("trigger"):
-                (signal,) = choose_signals(station, [trigger.signal])
-            levels.add(_level(trigger, signal, station))
-            places.append((station, _bit_place(signal)))
+        if trigger.on and split_name(trigger.signal)[0] in self._devices:
+            what = f"{shown(trigger.text)} names two stations"
+            raise TraceError([("trigger", what, "the device before the signal, or behind `on`")])
+        with _error_of("trigger"):
+            signals = self._signals([trigger.signal], watched)
+        levels = {_level(trigger, signal, one) for one, signal in signals}
         if len(levels) > 1:
             what = f"{shown(trigger.text)} is not the same value on all drives"
             raise TraceError([("trigger", what, "drives of one model, or `on DRIVE`")])
-        return places, levels.pop(), None, watched
+        places = [(one, _bit_place(one.place(signal), signal.bit)) for one, signal in signals]
+        return places, levels.pop(), None, [one for one, _ in signals]
 
     @staticmethod
-    def _fault_number(trigger: EventTrigger, stations: Sequence[Axis]) -> int | None:
-        if trigger.event not in {"fault", "warning"} or not trigger.argument:
+    def _fault_number(trigger: EventTrigger, watched: Sequence[Traced]) -> int | None:
+        if trigger.event not in OF_DRIVES:
             return None
-        numbers: set[int] = set()
-        for station in stations:
-            with _error_of("trigger"):
-                numbers.add(station.model.fault(trigger.argument).number)
+        drives = [one for one in watched if isinstance(one, TracedAxis)]
+        if not drives:
+            what = f"{watched[0].name} is a device, and {trigger.event} is an event of a drive"
+            raise TraceError([("trigger", what, "an event such as disconnect or injection, or `on DRIVE`")])
+        if not trigger.argument:
+            return None
+        with _error_of("trigger"):
+            numbers = {one.fault_number(trigger.argument) for one in drives}
         if len(numbers) > 1:
             what = f"{shown(trigger.text)} is not the same fault on all drives"
             raise TraceError([("trigger", what, "drives of one model, or `on DRIVE`")])
@@ -404,8 +444,8 @@ class TraceManager:
         self,
         request: TraceRequest,
         columns: tuple[_Chosen, ...],
-        places: Sequence[tuple[int, Place]],
-        watched: Sequence[tuple[Axis, Place]],
+        places: Sequence[Place],
+        watched: Sequence[tuple[Traced, Place]],
         now: int,
     ) -> Trace:
         """A row, with its probes and its part of the ring; raises :class:`ConfigError` if there is no room."""
@@ -432,19 +472,19 @@ class TraceManager:
             if start is not None:
                 self._ring.release(start)
             raise ConfigError(f"the traces {', '.join(self._traces)} fill the farm's memory for them: delete one")
-        for number, (station_row, place) in enumerate(places, start=first):
-            self._write_probe(number, station_row, place)
-        for number, (station, place) in enumerate(watched, start=first + len(places)):
-            self._write_probe(number, station.index, place)
+        every = [*places, *(place for _, place in watched)]
+        for number, place in enumerate(every, start=first):
+            self._write_probe(number, place)
         table = traces[row]
         table.first_probe, table.probes = first, len(places)
         table.first_watched, table.watched = first + len(places), len(watched)
         table.ring_start, table.capacity = start, capacity
         table.interval_ns, table.length_ns = interval, request.length_ns
+        table.plain = any(place.octets for place in every)
         table.trigger, table.fire_ns, table.started_ns = request.trigger.kind, 0, now
         # the engine sets them in its first step; nobody is to read those of the trace before
         table.head = table.missed = table.trigger_ns = 0
-        probes = {first + len(places) + place: station.configured_name for place, (station, _) in enumerate(watched)}
+        probes = {first + len(places) + number: one.name for number, (one, _) in enumerate(watched)}
         return Trace(
             self,
             self._new_id(request.name),
@@ -460,10 +500,10 @@ class TraceManager:
             now,
         )
 
-    def _write_probe(self, number: int, row: int, place: Place) -> None:
+    def _write_probe(self, number: int, place: Place) -> None:
         probe = self.columns.probe[number]
-        probe.source = place.source
-        probe.word, probe.less = place.of_row(row)
+        probe.source, probe.word, probe.less = place.source, place.word, place.less
+        probe.row, probe.octets, probe.big, probe.received = place.row, place.octets, place.big, place.received
         probe.shift, probe.mask, probe.sign, probe.scale = place.shift, place.mask, place.sign, place.scale
         probe.seen = 0
 
@@ -497,10 +537,10 @@ class TraceManager:
         what = entry.what
         concerned = self._concerned.get(entry.drive, ())
         if isinstance(what, InjectionBegan | InjectionEnded):
-            for axis in concerned:
-                image = axis.handle.image
-                image.injected = max(0, min(255, int(image.injected) + (1 if isinstance(what, InjectionBegan) else -1)))
-        names = {axis.configured_name for axis in concerned}
+            for one in concerned:
+                change = 1 if isinstance(what, InjectionBegan) else -1
+                one.image.injected = max(0, min(255, int(one.image.injected) + change))
+        names = {one.name for one in concerned}
         for trace in self._traces.values():
             trigger = trace.request.trigger
             if not isinstance(trigger, EventTrigger) or names.isdisjoint(trace.watched):
@@ -531,15 +571,12 @@ def _matches(trigger: EventTrigger, number: int | None, what: Any) -> bool:
     return True
 
 
-def _bit_place(signal: TraceSignal) -> Place:
+def _bit_place(place: Place, bit: int | None) -> Place:
     """The place of a signal alone, also of a bit."""
-    if signal.bit is None:
-        return signal.place
-
-    return replace(signal.place, shift=signal.place.shift + signal.bit, mask=1, sign=0)
+    return place if bit is None else replace(place, shift=place.shift + bit, mask=1, sign=0)
 
 
-def _level(trigger: SignalTrigger, signal: TraceSignal, station: Axis) -> float:
+def _level(trigger: SignalTrigger, signal: TraceSignal, of: Traced) -> float:
     """The level in the signal's unit; raises :class:`TraceError`."""
     edge = trigger.kind in {codes.TRIGGER_RISING, codes.TRIGGER_FALLING}
     if trigger.level is None:
@@ -548,16 +585,21 @@ def _level(trigger: SignalTrigger, signal: TraceSignal, station: Axis) -> float:
             raise TraceError([("trigger", what, f"such as `{signal.name} {trigger.text.split()[1]} 100`")])
         # between 0 and 1
         return 0.5
-    if signal.form == "fault":
+    if isinstance(of, TracedAxis) and signal.form == "fault":
         number = read_number(trigger.level)
         if number is not None:
             return number
         with _error_of("trigger"):
-            return float(station.model.fault(trigger.level).number)
+            return float(of.fault_number(trigger.level))
     if (code := code_of(signal.form, trigger.level)) is not None:
         return float(code)
-    value = read_number(trigger.level)
+    value, unit = read_level(trigger.level)
     if value is None:
         what = f"{shown(trigger.level)} is not a value of {signal.name}"
         raise TraceError([("trigger", what, "a number" if signal.is_real else f"a number or a name; {TRIGGER}")])
-    return value
+    try:
+        # a signal's unit may be of two words: N m
+        own = in_unit(value, unit, signal.unit.replace(" ", ""))
+        return of.level(signal, own, exactly=trigger.kind in {codes.TRIGGER_EQUAL, codes.TRIGGER_UNEQUAL})
+    except Problem as problem:
+        raise TraceError([("trigger", f"{signal.name} {problem.what}", problem.allowed)]) from problem

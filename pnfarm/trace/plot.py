@@ -86,11 +86,17 @@ def _span(recording: Recording) -> tuple[float, float]:
 
 
 def _bounds(columns: Sequence[Column]) -> tuple[float, float]:
-    values = [column.values for column in columns if len(column.values)]
+    values = [column.values[found] for column in columns if (found := np.isfinite(column.values)).any()]
     if not values:
         return 0.0, 1.0
     low, high = float(min(map(np.min, values))), float(max(map(np.max, values)))
     return (low, high) if high > low else (low - 0.5, low + 0.5)
+
+
+def _share(value: float, low: float, high: float) -> float:
+    """Where a value is between two, 0 to 1; also of those whose difference is beyond what numbers hold."""
+    room = high / 2 - low / 2
+    return (value / 2 - low / 2) / room if room else 0.5
 
 
 # -- text --------------------------------------------------------------------------------------------------------------
@@ -134,10 +140,11 @@ def _blocks(column: Column, edges: NDArray[Any]) -> str:
     last = " "
     for start, end in zip(edges[:-1], np.maximum(edges[1:], edges[:-1]), strict=True):
         part = column.values[start:end]
+        part = part[np.isfinite(part)]
         if len(part):
             # of bits and codes the largest, so that a short pulse is seen
-            value = float(part.mean() if column.form == "real" else part.max())
-            last = _BLOCKS[1 + round((value - low) / (high - low) * (len(_BLOCKS) - 2))]
+            value = float((part / len(part)).sum() if column.form == "real" else part.max())
+            last = _BLOCKS[1 + round(_share(value, low, high) * (len(_BLOCKS) - 2))]
         cells.append(last)
     return "".join(cells)
 
@@ -210,12 +217,12 @@ def _draw(
             beside = f'x="{left - 6}" y="{base}" text-anchor="end" fill="{colour}"'
             yield f"<text {beside}><title>{title}</title>{name}</text>"
         else:
-            scale = (height - 8) / (high - low)
+            finite = np.isfinite(column.values)
             points = _points(
-                recording.time,
-                column.values,
+                recording.time[finite],
+                column.values[finite],
                 x_of,
-                lambda v, s=scale: top + height - 4 - (v - low) * s,
+                lambda v: top + height - 4 - _share(v, low, high) * (height - 8),
                 steps=column.form != "real",
             )
             at_x, at_y = left + 290 * (number % 3), top + height + 28 + 14 * (number // 3)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,7 @@ _LINES = 512
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One signal of one drive; ``values`` has one for each sample.  ``form`` as of :class:`.TraceSignal`."""
+    """One signal of one drive or device; ``values`` has one for each sample.  ``form`` as of :class:`.TraceSignal`."""
 
     drive: str
     signal: str
@@ -55,7 +56,8 @@ class Column:
         labels = {str(value): label for value, label in self.labels.items()}
         return {
             **{key: getattr(self, key) for key in _OF_COLUMN},
-            "values": np.nan_to_num(self.values).tolist(),
+            # JSON has no numbers that are not finite
+            "values": [value if math.isfinite(value) else None for value in self.values.tolist()],
             **({"labels": labels} if labels else {}),
         }
 
@@ -86,9 +88,12 @@ class Recording:
     columns: tuple[Column, ...]
 
     def column(self, signal: str, drive: str | None = None) -> Column:
-        """The column of a signal; of several drives' the first, or that of ``drive``.  Raises :class:`KeyError`."""
+        """The column of a signal; of several drives' the first, or that of ``drive``.  Raises :class:`KeyError`.
+
+        ``signal`` may be ``STATION.SIGNAL`` as well.
+        """
         for column in self.columns:
-            if column.signal == signal and drive in {None, column.drive}:
+            if signal in {column.signal, f"{column.drive}.{column.signal}"} and drive in {None, column.drive}:
                 return column
         raise KeyError(f"{drive or 'no drive'}: {signal} is not in this trace")
 

@@ -27,7 +27,7 @@ MAX_EVERY = 100_000
 MAX_SIGNALS, MAX_NAME = 256, 100
 MAX_KEEP_NS = 86_400_000_000_000
 
-_SIGNALS = "a list of a drive's signals such as velocity, zsw1.fault_present or stw1.*; `pnfarm trace DRIVES --list`"
+_SIGNALS = "a list of signals such as velocity, stw1.* or island-1.part_present; `pnfarm trace DRIVES --list`"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
@@ -46,7 +46,7 @@ class TraceError(ConfigError):
 
 @dataclass(frozen=True, slots=True)
 class TraceRequest:
-    """``on``: globs over drives; times in ns.
+    """``on``: globs over drives and devices; times in ns.
 
     A sample is due every ``interval_ns``; None: at every ``every``-th step of the engine, which is every millisecond.
     ``keep_ns``: how long the trace stays while nobody asks for it, None for ever.
@@ -114,13 +114,16 @@ class TraceRequest:
             "additionalProperties": False,
             "required": ["on", "signals"],
             "properties": {
-                "on": {**GLOBS_SCHEMA, "description": "Which drives: globs over their names, model:NAME, or all."},
+                "on": {
+                    **GLOBS_SCHEMA,
+                    "description": "Which drives and devices: globs over their names, model:NAME, or all.",
+                },
                 "signals": {
                     "type": "array",
                     "items": {"type": "string"},
                     "minItems": 1,
                     "maxItems": MAX_SIGNALS,
-                    "description": "Signals, or globs over them; GET traces/signals/{drive} lists them.",
+                    "description": "Signals, globs over them, DEVICE.SIGNAL; GET traces/signals/{name} lists them.",
                 },
                 "trigger": {"type": "string", "default": "now", "description": f"When time 0 is: {TRIGGER}."},
                 "pre": {**duration, "default": "0ns", "description": "How much to keep from before the trigger."},

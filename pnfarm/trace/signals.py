@@ -1,4 +1,4 @@
-"""The signals of a drive that a trace can sample, with their units.
+"""The signals of a drive that a trace can sample, with their units; those of a device: :mod:`pnfarm.trace.traced`.
 
 Names are lower-case.  A drive has
 
@@ -30,12 +30,12 @@ from pnfarm.table.trace import SOURCE_IMAGE_AGE, SOURCE_IMAGE_INTEGER
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
 
     from pnfarm.drives.telegrams.telegram import Signal
     from pnfarm.station.axis import Axis
 
-__all__ = ["TraceSignal", "choose_signals", "chooses_any", "code_of", "is_glob", "label_of", "signals_of"]
+__all__ = ["OF_IMAGE", "TraceSignal", "choose_signals", "chooses_any", "code_of", "is_glob", "label_of", "signals_of"]
 
 #: Words of which each bit is a signal, by the name of the word's signal; with the names for a model that has none.
 #: Bits of :data:`pnfarm.station.signals.SIGNALS` that a field has.
@@ -63,7 +63,7 @@ _SIGNED = frozenset(
 
 @dataclass(frozen=True, slots=True)
 class TraceSignal:
-    """One signal of a drive.
+    """One signal of a drive or a device.
 
     ``unit`` is empty for words, codes and counts.  ``bit`` selects a bit of the word at ``place``.  ``form``: ``real``,
     ``word``, ``bit``, or a code: ``state``, ``connection``, ``fault``.
@@ -120,6 +120,29 @@ def _fault_signals() -> Iterator[TraceSignal]:
         yield _of_axis(name, "", doc, "faults.code", "fault", element=slot, mask=NUMBER_MASK)
 
 
+#: Those of the process image, which a device has as well.
+OF_IMAGE: Mapping[str, TraceSignal] = {
+    signal.name: signal
+    for signal in (
+        TraceSignal("connected", "", "1 while a controller in RUN sends valid set points", _image("valid"), "bit"),
+        TraceSignal(
+            "connection", "", "why there are no valid set points, or that there are", _image("lost"), "connection"
+        ),
+        TraceSignal(
+            "frame_age",
+            "s",
+            "time since the last frame with set points; -1 before the first",
+            _image("frame_ns", scale=_NS, source=SOURCE_IMAGE_AGE),
+        ),
+        TraceSignal(
+            "frame_interval",
+            "s",
+            "time between the last two of them, 0 after the first",
+            _image("interval_ns", scale=_NS),
+        ),
+        TraceSignal("injected", "", "number of injected faults in force", _image("injected"), "word"),
+    )
+}
 #: Signals of every drive.
 _ALWAYS: tuple[TraceSignal, ...] = (
     _of_axis("setpoint", "rpm", "velocity that the controller requests", "ramp.setpoint", aliases=("set_velocity",)),
@@ -142,18 +165,7 @@ _ALWAYS: tuple[TraceSignal, ...] = (
     _of_axis("powered", "", "1 while the control supply is on", "powered", "bit"),
     *_fault_signals(),
     _of_axis("warning", "", "active warning, by the manual's number; 0 = none", "warnings.code", "fault"),
-    TraceSignal("connected", "", "1 while a controller in RUN sends valid set points", _image("valid"), "bit"),
-    TraceSignal("connection", "", "why there are no valid set points, or that there are", _image("lost"), "connection"),
-    TraceSignal(
-        "frame_age",
-        "s",
-        "time since the last frame with set points; -1 before the first",
-        _image("frame_ns", scale=_NS, source=SOURCE_IMAGE_AGE),
-    ),
-    TraceSignal(
-        "frame_interval", "s", "time between the last two of them, 0 after the first", _image("interval_ns", scale=_NS)
-    ),
-    TraceSignal("injected", "", "number of injected faults in force", _image("injected"), "word"),
+    *OF_IMAGE.values(),
 )
 
 
@@ -235,33 +247,39 @@ def is_glob(name: str) -> bool:
     return re.search(r"[*?\[]", name) is not None
 
 
-def chooses_any(station: Axis, name: str) -> bool:
-    """Whether a glob chooses any signal of the drive."""
-    return any(fnmatchcase(known, name.strip().lower()) for known in signals_of(station))
+def chooses_any(known: Mapping[str, TraceSignal], name: str) -> bool:
+    """Whether a name or a glob chooses any of the signals."""
+    return bool(_chosen(known, name.strip()))
 
 
-def choose_signals(station: Axis, wanted: Sequence[str]) -> list[TraceSignal]:
-    """The signals that names and globs (``zsw1.*``) choose, in their order, each once.
+def choose_signals(owner: str, known: Mapping[str, TraceSignal], wanted: Iterable[str]) -> list[TraceSignal]:
+    """Those of ``owner`` that names and globs (``zsw1.*``) choose, in their order, each once.
 
-    Raises :class:`ConfigError` for one that the drive does not have, with what it has.
+    Raises :class:`ConfigError` for one that it does not have, with what it has.
     """
-    known = signals_of(station)
-    aliases = {alias: signal for signal in known.values() for alias in signal.aliases}
     chosen: dict[str, TraceSignal] = {}
     for text in wanted:
-        name = text.strip().lower()
-        if is_glob(name):
-            found = [signal for signal in known.values() if fnmatchcase(signal.name, name)]
-        else:
-            one = known.get(name) or aliases.get(name)
-            found = [] if one is None else [one]
+        found = _chosen(known, text.strip())
         if not found:
+            every = [*known, *(alias for signal in known.values() for alias in signal.aliases)]
             raise ConfigError(
-                f"{station.configured_name} has no signal {shown(text)}{did_you_mean(name, [*known, *aliases])}; "
+                f"{owner} has no signal {shown(text)}{did_you_mean(text.strip().lower(), every)}; "
                 f"allowed are {_allowed(known)}"
             )
         chosen |= {signal.name: signal for signal in found}
     return list(chosen.values())
+
+
+def _chosen(known: Mapping[str, TraceSignal], text: str) -> list[TraceSignal]:
+    """What a name or a glob chooses, as it is written, else in small letters."""
+    for name in dict.fromkeys((text, text.lower())):
+        if is_glob(name):
+            found = [signal for signal in known.values() if fnmatchcase(signal.name, name)]
+        else:
+            found = [known[name]] if name in known else [one for one in known.values() if name in one.aliases]
+        if found:
+            return found
+    return []
 
 
 def _allowed(known: Mapping[str, TraceSignal]) -> str:

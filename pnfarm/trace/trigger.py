@@ -2,7 +2,8 @@
 
 ==============================  ==================================================================================
 ``now``                         the first step
-``velocity > 1000``             the first step in which it holds; also ``>=``, ``<``, ``<=``, ``==``, ``!=``
+``velocity > 1000``             the first step in which it holds; also ``>=``, ``<``, ``<=``, ``==``, ``!=``; the number
+                                may have a unit
 ``zsw1.fault_present``          the first step in which a bit is 1, or a code is not 0
 ``velocity rising 1000``        an edge through a level; of a bit or a code also without the level; ``falling`` as well
 ``state changes``               another value than in the step before
@@ -11,7 +12,8 @@
 ``manual``                      a request of the API
 ==============================  ==================================================================================
 
-``... on axis-01`` watches this drive, or these; otherwise any of the drives that are traced triggers.
+``... on axis-01`` watches this drive or device, or these; otherwise any of those that are traced triggers.  The name
+of a device's signal may have the device before it: ``island-1.pressure > 6.5 bar``.
 """
 
 from __future__ import annotations
@@ -44,11 +46,22 @@ if TYPE_CHECKING:
 
     from pnfarm.station.event import Event
 
-__all__ = ["EVENTS", "TRIGGER", "EventTrigger", "SignalTrigger", "Trigger", "parse_trigger"]
+__all__ = [
+    "EVENTS",
+    "OF_DRIVES",
+    "TRIGGER",
+    "EventTrigger",
+    "SignalTrigger",
+    "Trigger",
+    "parse_trigger",
+    "read_level",
+    "read_number",
+]
 
 #: What is allowed, for error messages.
 TRIGGER = (
-    "now, manual, a comparison such as `velocity > 1000`, a bit such as `zsw1.fault_present`, an edge such as "
+    "now, manual, a comparison such as `velocity > 1000` or `island-1.pressure > 6.5 bar`, a bit such as "
+    "`zsw1.fault_present`, an edge such as "
     "`velocity rising 1000` or `state changes`, or an event such as `fault 702`, each also with `on DRIVE`"
 )
 #: Longest text of a trigger, characters.
@@ -69,6 +82,8 @@ EVENTS: Mapping[str, tuple[type[Event], ...]] = {
     "injection": (InjectionBegan,),
     "injection-end": (InjectionEnded,),
 }
+#: Those that a device has not.
+OF_DRIVES = frozenset({"fault", "acknowledged", "warning", "state-change"})
 #: Events that take an argument.
 _WITH_ARGUMENT = frozenset({"fault", "warning", "injection", "injection-end"})
 _OPERATORS = {
@@ -86,15 +101,20 @@ _EDGES = {
     "changes": codes.TRIGGER_CHANGES,
 }
 _ON = re.compile(r"(.*?)\s+on\s+(\S+)")
-_COMPARISON = re.compile(r"([A-Za-z_][\w.]*)\s*(>=|<=|==|!=|=|>|<)\s*(\S+)")
-_EDGE = re.compile(r"([A-Za-z_][\w.]*)\s+(rising|falling|changes)(?:\s+(\S+))?", re.IGNORECASE)
+#: Only before a dot, in the name of a station, may it have a hyphen, which the names of events have.
+_NAME = r"((?:[\w-]+\.)+\w+|[A-Za-z_]\w*)"
+_UNIT = r"[%A-Za-zµμ°]\S*"
+_LEVEL = rf"(\S+(?:\s+{_UNIT})?)"
+_COMPARISON = re.compile(rf"{_NAME}\s*(>=|<=|==|!=|=|>|<)\s*{_LEVEL}")
+_EDGE = re.compile(rf"{_NAME}\s+(rising|falling|changes)(?:\s+{_LEVEL})?", re.IGNORECASE)
 _EVENT = re.compile(r"([A-Za-z][\w-]*)(?:\s+(\S+))?")
-_SIGNAL = re.compile(r"[A-Za-z_][\w.]*")
+_SIGNAL = re.compile(_NAME)
+_WITH_UNIT = re.compile(rf"([-+]?(?:0x[0-9a-f]+|[0-9.]+(?:e[-+]?[0-9]+)?))\s*({_UNIT})", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
 class Trigger:
-    """``on`` is a glob over the traced drives, "" for all; ``kind`` is one of ``TRIGGER_*``."""
+    """``on`` is a glob over drives and devices, "" for those that are traced; ``kind`` is one of ``TRIGGER_*``."""
 
     text: str
     kind: int = codes.TRIGGER_NOW
@@ -129,21 +149,27 @@ def parse_trigger(text: object) -> Trigger:
     if word == "manual":
         return EventTrigger(whole, codes.TRIGGER_EVENT, on, "manual")
     if match := _COMPARISON.fullmatch(body):
-        return SignalTrigger(whole, _OPERATORS[match[2]], on, match[1].lower(), match[3])
+        return SignalTrigger(whole, _OPERATORS[match[2]], on, match[1], match[3])
     if match := _EDGE.fullmatch(body):
         kind = _EDGES[match[2].lower()]
         if kind == codes.TRIGGER_CHANGES and match[3] is not None:
             raise Problem(f"{shown(whole)}: `changes` takes no level", "`state changes`, or `velocity rising 1000`")
-        return SignalTrigger(whole, kind, on, match[1].lower(), match[3])
+        return SignalTrigger(whole, kind, on, match[1], match[3])
     if (match := _EVENT.fullmatch(body)) and match[1].lower() in EVENTS:
         event, argument = match[1].lower(), match[2] or ""
         if argument and event not in _WITH_ARGUMENT:
             raise Problem(f"{shown(whole)}: {event} takes nothing after it but `on DRIVE`", TRIGGER)
         return EventTrigger(whole, codes.TRIGGER_EVENT, on, event, argument)
-    if _SIGNAL.fullmatch(body) and "-" not in body:
-        return SignalTrigger(whole, codes.TRIGGER_UNEQUAL, on, word, "0")
+    if _SIGNAL.fullmatch(body):
+        return SignalTrigger(whole, codes.TRIGGER_UNEQUAL, on, body, "0")
     near = did_you_mean(body.partition(" ")[0], [*EVENTS, "now", "manual"])
     raise Problem(f"{shown(whole)} is not a trigger{near}", TRIGGER)
+
+
+def read_level(text: str) -> tuple[float | None, str]:
+    """A number and its unit, empty without one; None if it begins with no number."""
+    found = _WITH_UNIT.fullmatch(text)
+    return (read_number(found[1]), found[2]) if found else (read_number(text), "")
 
 
 def read_number(text: str) -> float | None:

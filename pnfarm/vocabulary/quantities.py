@@ -1,19 +1,44 @@
-"""Measured values for people: a few digits and the unit, but never so few that a comparison looks other than it is."""
+"""Measured values of people and for people.
+
+Shown with a few digits and the unit, but never so few that a comparison looks other than it is.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
+from pnfarm.vocabulary.problem import Problem
 
-__all__ = ["show_quantity"]
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+__all__ = ["in_unit", "show_quantity"]
 
 #: Significant digits that people read, and those that tell any two numbers apart.
 _FEW, _ALL = 4, 17
 #: Units that are no words behind a number: a ratio, a count.
 _BARE = frozenset({"", "1"})
+#: Units of numbers: unit of the signal -> unit as written -> factor.
+_UNITS: Mapping[str, Mapping[str, float]] = {
+    "rpm": {"rpm": 1.0},
+    "revolutions": {"revolutions": 1.0, "rev": 1.0, "deg": 1 / 360, "°": 1 / 360},
+    "A": {"A": 1.0, "mA": 1e-3},
+    "V": {"V": 1.0, "mV": 1e-3},
+    "Nm": {"Nm": 1.0},
+    "1": {"%": 0.01},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "min": 60.0},
+}
+
+
+def in_unit(value: float, unit: str, own: str) -> float:
+    """A number with a unit, or without one, in a signal's ``own``; raises :class:`Problem` for a unit of others."""
+    if not unit:
+        return value
+    units = _UNITS.get(own) or ({own: 1.0} if own else {})
+    if unit not in units:
+        raise Problem(f"is not measured in {unit}", "a number in " + ", ".join(units) if units else "a plain number")
+    return value * units[unit]
 
 
 def show_quantity(value: float | str | bool, unit: str = "", beside: Iterable[float] = ()) -> str:

@@ -101,6 +101,7 @@ VIEWS = {
     "#/drive/dp-01/connection": "Station address",
     "#/drive/akd-01/modules": "Subslot",
     "#/device/island": "slot1_input_0",
+    "#/device/island/trace": "part_present",
     "#/faults": "sign-of-life-freeze",
     "#/reactions": "Fault until it was acknowledged",
     "#/topology": "LLDP",
@@ -418,6 +419,10 @@ def values(farm, device="island"):
     return {one["name"]: one["value"] for one in call(farm, "GET", f"devices/{device}/signals")["signals"]}
 
 
+def signals_of(farm, device="island"):
+    return call(farm, "GET", f"devices/{device}/signals")["signals"]
+
+
 def submit(page, label):
     page.ask(f"labelled('{label}').form.requestSubmit()")
 
@@ -425,6 +430,7 @@ def submit(page, label):
 @pytest.fixture
 def device(page, farm):
     """The page with the island, whose inputs are zero; what it refuses is not an error of the page."""
+    call(farm, "PATCH", "devices/island/signals?as=force", {"*": None})
     call(farm, "PATCH", "devices/island/signals", {"slot1_input_0": False, "part_present": False, "pressure": 0})
     show(page, "#/device/island")
     page.until("all('button[role=switch]').length === 21")
@@ -490,7 +496,7 @@ def test_a_value_is_typed_in_its_unit_and_a_refused_one_says_why_beside_it(devic
     device.ask("type('pressure', '7')")
     device.ask("labelled('pressure').focus()")
     device.key("Escape")
-    device.until("labelled('pressure').value === '6.5' && all('table.values button').length === 0")
+    device.until("labelled('pressure').value === '6.5' && all('table.values button', 'Write').length === 0")
     device.until("type('slot4_safety_trailer_in', '01 ff')")
     submit(device, "slot4_safety_trailer_in")
     device.until("labelled('slot4_safety_trailer_in').value === '01 ff 00 00'")
@@ -503,7 +509,7 @@ def test_what_another_wrote_meanwhile_is_not_overwritten(device, farm):
     call(farm, "PATCH", "devices/island/signals", {"slot1_input_0": True})
     device.until("all('.bit.on').some(one => one.textContent.includes('slot1_input_0'))")
     submit(device, "pressure")
-    device.until("labelled('pressure').value === '2' && all('table.values button').length === 0")
+    device.until("labelled('pressure').value === '2' && all('table.values button', 'Write').length === 0")
     assert values(farm)["pressure"] == 2
     device.until("type('pressure', '3')")
     call(farm, "PATCH", "devices/island/signals", {"pressure": 9})
@@ -513,7 +519,7 @@ def test_what_another_wrote_meanwhile_is_not_overwritten(device, farm):
     # who has read that may write over it
     device.until("farmNow().values.states.get('pressure').shown === '9'")
     submit(device, "pressure")
-    device.until("labelled('pressure').value === '3' && all('table.values button').length === 0")
+    device.until("labelled('pressure').value === '3' && all('table.values button', 'Write').length === 0")
     assert values(farm)["pressure"] == 3
 
 
@@ -550,6 +556,62 @@ def test_a_fault_on_a_signal_is_made_marked_and_cleared(device, farm):
     device.until(f"press('button', 'Clear signal-stuck, {fault['id']}')")
     device.until("!text('main').includes('signal-stuck on') && all('.bit.on').length === 0")
     assert call(farm, "GET", "faults")["faults"] == []
+
+
+def test_a_bit_is_forced_by_the_keyboard_flipped_and_released(device, farm):
+    device.ask("labelled('Force part_present').focus()")
+    device.key("Enter")
+    device.until("all('.bit').some(one => /part_present.*forced/.test(one.textContent))")
+    assert [one for one in signals_of(farm) if one["forced"] is not None] == [
+        one for one in signals_of(farm) if one["name"] == "part_present" and one["forced"] is False
+    ]
+    # what is written waits
+    device.ask("all('button[role=switch]').find(one => one.textContent.includes('part_present')).click()")
+    device.until("text('li [role=alert]') === 'waits: a force has the signal'")
+    device.until("press('button', 'Force 1 part_present')")
+    device.until("all('.bit.on').some(one => /part_present.*forced/.test(one.textContent))")
+    assert values(farm)["part_present"] is True
+    device.until("press('button', 'Force 0 part_present')")
+    device.until("!all('.bit.on').length")
+    device.ask("labelled('Release part_present').focus()")
+    device.key("Enter")
+    # the switch was on beneath
+    device.until("all('.bit.on').length === 2 && !text('.bit').includes('forced') && !labelled('Release part_present')")
+
+
+def test_a_value_is_forced_as_it_is_or_as_it_is_typed_and_all_are_released_together(device, farm):
+    forced = "labelled('pressure').closest('tr').textContent.includes('forced')"
+    device.until("press('button', 'Force pressure')")
+    device.until(forced)
+    device.until("type('pressure', 'much')")
+    device.until("press('button', 'Force pressure')")
+    device.until("labelled('pressure').getAttribute('aria-invalid') === 'true'")
+    device.until("type('pressure', '4.5')")
+    device.until("press('button', 'Force pressure')")
+    device.until("labelled('pressure').value === '4.5' && all('table.values button', 'Write').length === 0")
+    assert values(farm)["pressure"] == 4.5
+    device.until("press('button', 'Force slot1_input_0')")
+    device.until("press('button', 'release 2 forces')")
+    device.until(f"!{forced} && labelled('pressure').value === '0' && !text('.bar').includes('forces')")
+    assert all(one["forced"] is None for one in signals_of(farm))
+
+
+def test_signals_of_a_device_are_traced_on_a_trigger(device, farm):
+    show(device, "#/device/island/trace")
+    device.until("all('.checks input:checked').length === 6")
+    device.until("press('.checks input', undefined) && type('Trigger', 'pressure > 6.5 bar')")
+    device.until("type('a sample every', '1ms') && type('after it', '200ms') && type('before it', '50ms')")
+    device.ask("all('.checks label', 'pressure')[0].control.checked || press('.checks label', 'pressure')")
+    device.until("press('button', 'Start')")
+    device.until("text('form').includes('waiting')")
+    call(farm, "PATCH", "devices/island/signals", {"pressure": 7})
+    device.until("text('form').includes('complete') && text('form').includes('triggered by island')")
+    device.until("all('.plot .uplot').length >= 2")
+    show(device, "#/device/scanner/trace")
+    device.until("type('Find a signal', 'octet_63_')")
+    device.until(
+        "all('.checks label').some(one => one.textContent.includes('octet_63_7')) && text('form').includes('8 signals')"
+    )
 
 
 def test_a_thousand_signals_are_there_when_they_are_asked_for(page, farm):
@@ -726,6 +788,7 @@ def test_a_guarded_farm_asks_a_person_for_its_token_and_a_reader_changes_nothing
         browser.until("all('button[role=switch]').length > 0 && all('table.values input').length > 0")
         assert browser.ask("all('button[role=switch]').every(one => one.disabled)")
         assert browser.ask("all('table.values input').every(one => one.readOnly)")
+        assert browser.ask("all('.force').length") == 0
 
 
 def test_the_page_loads_its_own_files_only():

@@ -9,6 +9,7 @@ from typing import Any
 
 import httpx
 import pytest
+from device_cell import DRIVES, ONE, Cell
 from virtual_line import VirtualLine
 
 from pnfarm.api import make_app
@@ -17,9 +18,8 @@ from pnfarm.api import make_app
 class Farm:
     """Stands for ``httpx.Client``; ``sleep`` and ``monotonic`` are the farm's."""
 
-    def __init__(self) -> None:
-        self.line = VirtualLine(2)
-        self.line.enable()
+    def __init__(self, line: Any = None) -> None:
+        self.line = line or VirtualLine(2)
         self.app = make_app(
             self.line.farm,
             now=lambda: self.line.world.now,
@@ -47,7 +47,7 @@ class Farm:
     def sleep(self, seconds: float) -> None:
         if self.next:
             self.next.pop(0)()
-        self.line.run(seconds)
+        self.line.world.run(seconds)
 
     def monotonic(self) -> float:
         return self.line.world.now / 1e9
@@ -58,8 +58,10 @@ class Farm:
 
 
 @pytest.fixture
-def farm(monkeypatch):
-    farm = Farm()
+def farm(monkeypatch, request):
+    farm = Farm(getattr(request, "param", None) and request.param())
+    if isinstance(farm.line, VirtualLine):
+        farm.line.enable()
     monkeypatch.setattr("httpx.Client", farm.client)
     monkeypatch.setattr("pnfarm.cli.commands.trace.time", farm)
     return farm
@@ -103,6 +105,26 @@ def test_the_signals_are_listed_with_their_units(farm, pnfarm):
     assert {one["drive"] for one in json.loads(pnfarm("trace", "all", "--list", "--format", "json").out)["drives"]} == {
         "axis-01", "axis-02",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("farm", [lambda: Cell(DRIVES + ONE)], indirect=True)
+def test_signals_of_a_device_are_listed_traced_and_written_beside_a_drives(farm, pnfarm, tmp_path):
+    listed = pnfarm("trace", "island", "--list").out.splitlines()
+    assert ["island", "pressure", "bar", "input", "3.1.0,", "int16"] in [line.split() for line in listed]
+    both = json.loads(pnfarm("trace", "all", "--list", "--format", "json").out)["drives"]
+    assert [one["drive"] for one in both] == ["axis-1", "axis-2", "island"]
+    farm.next = [lambda: None, lambda: farm.line.signals().set({"pressure": 7, "part_present": True})]
+    done = pnfarm(
+        "trace", "axis-1", "-s", "velocity,island.pressure,island.part_present", "--trigger",
+        "island.pressure > 6.5 bar", "--length", "5ms", "-o", tmp_path / "run.csv",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    assert "trigger island.pressure > 6.5 bar (island)" in done.out
+    head, first, *_ = (tmp_path / "run.csv").read_text().splitlines()
+    assert head == "time [s],axis-1 velocity [rpm],island pressure [bar],island part_present"
+    assert first == "0.000000000,0,7,1"
+    wrong = pnfarm("trace", "island", "-s", "pressure", "--trigger", "pressure > 6 rpm")
+    assert (wrong.code, "pressure is not measured in rpm; allowed: a number in bar" in wrong.err) == (2, True)
 
 
 @pytest.mark.parametrize(

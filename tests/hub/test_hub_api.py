@@ -226,7 +226,7 @@ def test_a_trace_is_on_drives_of_one_shard(world):
     assert len(world.get(f"traces/{trace}").json()["columns"]) == 2
     assert [one["id"] for one in world.get("traces").json()["traces"]] == [trace]
     assert world.get("traces/signals/pump-01").json()["drive"] == "pump-01"
-    assert_problem(world.post("traces", {**body, "on": "all"}), 422, "drives of 2 shards", "drives of one shard")
+    assert_problem(world.post("traces", {**body, "on": "all"}), 422, "stations of 2 shards", "stations of one shard")
     assert world.request("DELETE", f"traces/{trace}").status_code == 200
     assert_problem(world.get(f"traces/{trace}"), 404, trace)
     world.lose(2)

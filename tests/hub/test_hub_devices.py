@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import httpx
 import pytest
 from api_world import assert_problem
+from cell_file import DEVICES
 from device_world import add_island
 from hub_world import HubWorld
 from plain_station import controller_sends
@@ -23,6 +24,8 @@ SIGNALS = "devices/island-2/signals"
 def world():
     world = HubWorld(("axis-{n:02}", 2), ("pump-{n:02}", 1))
     world.islands = [add_island(world[number].farm, f"island-{number}") for number in (1, 2)]
+    # a farm has its devices from the beginning
+    world.restart_hub()
     return world
 
 
@@ -75,6 +78,7 @@ def test_a_device_of_a_shard_that_is_away_is_unreachable(world):
 
 def test_a_device_that_two_shards_have_is_refused(world):
     add_island(world[1].farm, "island-2")
+    world.restart_hub()
     assert_problem(world.get("devices/island-2"), 409, "claimed by s1:8702 and s2:8702")
 
 
@@ -133,6 +137,81 @@ steps:
     ]
     assert [island.signals.get("pressure") for island in world.islands] == [0, 1]
     assert not any(island.signals.forced for island in world.islands)
+
+
+# -- real ones, with their controllers
+
+
+@pytest.fixture(scope="module")
+def cells():
+    devices = DEVICES.replace("island-1", "island-NUMBER").replace("10.77.0.41", "10.77.NET.41")
+    world = HubWorld(("axis-{n:02}", 1), ("pump-{n:02}", 1), controller=True, devices=devices)
+    world.run(3.0)
+    return world
+
+
+HEAD = "scenario: s\nsteps:\n  - wait: {until: all-connected, within: 10s}\n"
+
+
+def test_all_connected_waits_for_the_devices_of_all_shards(cells):
+    assert carried_out(cells, HEAD)["verdict"] == "passed"
+    cut = cells.post("faults", {"kind": "link-down", "on": "island-2", "as": "cut"})
+    assert (cut.status_code, cut.json()["hit"]) == (201, ["island-2"])
+    cells.run(2.0)
+    found = carried_out(cells, HEAD.replace("10s", "500ms"))
+    assert found["verdict"] == "failed"
+    assert "island-2" in found["cases"][0]["message"]
+    assert carried_out(cells, HEAD.replace("within", "drive: all, within"))["verdict"] == "passed"
+    cells.request("DELETE", "faults/cut")
+    assert carried_out(cells, HEAD)["verdict"] == "passed"
+
+
+def test_a_scenarios_fault_on_a_device_goes_to_its_shard_and_ends_with_it(cells):
+    steps = """  - fault: {kind: signal-stuck, on: island-2, params: {signal: part_present, value: true}}
+  - expect: {that: island-2.part_present, within: 1s}
+  - fault: {kind: link-down, on: "model:EX-ISL-100", as: cut}
+  - wait: {until: not island-1.connected, within: 2s}
+  - clear: cut
+  - wait: {until: all-connected, within: 10s}
+"""
+    found = carried_out(cells, HEAD + steps)
+    assert found["verdict"] == "passed", found["cases"]
+    assert [list(one["drives"]) for one in found["faults"]] == [["island-2"], ["island-1", "island-2"]]
+    assert cells.get("faults").json()["faults"] == []
+
+
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [
+        ("{kind: link-down, on: island-3}", "no drive matches 'island-3', did you mean island-"),
+        ("{kind: link-down, on: 'model:EX-ISL-1'}", "did you mean EX-ISL-100"),
+    ],
+)
+def test_a_fault_on_a_device_that_no_shard_has_is_refused_before_the_scenario_begins(cells, fault, sentence):
+    assert_problem(cells.post("scenarios", {"text": f"{HEAD}  - fault: {fault}\n"}), 422, sentence)
+
+
+def test_a_wrong_signal_of_a_fault_is_refused_by_the_shard_when_the_step_is_due(cells):
+    found = carried_out(cells, HEAD + "  - fault: {kind: signal-stuck, on: island-1, params: {signal: part_presnt}}\n")
+    assert found["verdict"] == "error"
+    assert "did you mean part_present" in str(found["cases"])
+
+
+def test_a_trace_is_of_the_devices_of_one_shard(cells):
+    body = {"on": "axis-01", "signals": ["velocity", "island-1.part_present"], "length": "20ms"}
+    trace = cells.post("traces", {**body, "trigger": "island-1.part_present"}).json()["id"]
+    cells.request("PATCH", "devices/island-1/signals", json={"part_present": True})
+    cells.run(0.2)
+    found = cells.get(f"traces/{trace}").json()
+    assert (found["state"], found["triggered_by"], found["columns"][1]["values"][0]) == ("complete", "island-1", 1)
+    assert cells.get("traces/signals/island-2").json()["drive"] == "island-2"
+    cells.request("DELETE", f"traces/{trace}")
+    for wrong in (
+        {"on": "all"},
+        {"signals": ["velocity", "island-2.part_present"]},
+        {"trigger": "island-2.pressure > 6"},
+    ):
+        assert_problem(cells.post("traces", {**body, **wrong}), 422, "stations of 2 shards")
 
 
 # -- their signals as they change

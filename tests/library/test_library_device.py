@@ -56,6 +56,19 @@ def test_an_input_is_written_by_assignment_and_reaches_the_controller(running):
     running(work)
 
 
+def test_a_signal_is_traced_beside_a_drives_and_triggers(running):
+    async def work(farm):
+        signals = ["velocity", "island-1.pressure"]
+        async with farm.trace("axis-01", signals, trigger="island-1.pressure > 6 bar", length="10ms") as trace:
+            farm.device("island-1").signals["pressure"] = 6.5
+            recording = await trace.complete(within=1)
+        assert recording.triggered_by == "island-1"
+        assert recording.at(0.01, "island-1.pressure") == recording.values("pressure")[0] == 6.5
+        farm.device("island-1").signals["pressure"] = 0
+
+    running(work)
+
+
 def test_several_are_written_all_or_none(running):
     async def work(farm):
         signals = farm.device("island-1").signals

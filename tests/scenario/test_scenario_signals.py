@@ -245,3 +245,26 @@ def test_a_running_farm_carries_out_a_scenario_about_its_device():
     assert "did you mean valve_1?" in refused.text
     assert found["verdict"] == "passed"
     assert found["cases"][0]["shown"]["island-1"]["island-1.speed"] == "7"
+
+
+def test_a_report_shows_the_signals_of_devices_that_steps_name(tmp_path):
+    (tmp_path / "cell.pnfarm.yml").write_text(CELL)
+    path = tmp_path / "signals.scenario.yml"
+    path.write_text("""scenario: signals
+farm: cell.pnfarm.yml
+steps:
+  - wait: {until: all-connected, within: 10s}
+  - fault: {kind: signal-flicker, on: island-1, params: {signal: part_present, period: 100ms}, for: 400ms}
+  - wait: 2s
+  - set: {island-1.pressure: 2.5}
+  - expect: {that: island-1.pressure > 6.5 bar, within: 100ms}
+  - wait: 2s
+  - expect: {drive: axis-01, that: velocity > 5000}
+""")
+    record, _ = asyncio.run(run_virtual(*bound(load_scenario(path)), traced=True))
+    flicker, low, fast = record["traces"]
+    assert (flicker["drives"], low["drives"], fast["drives"]) == (["island-1"], ["island-1"], ["axis-01"])
+    (bit,) = [column for column in flicker["trace"]["columns"] if column["signal"] == "part_present"]
+    assert set(bit["values"]) == {0, 1}
+    (pressure,) = [column for column in low["trace"]["columns"] if column["signal"] == "pressure"]
+    assert (set(pressure["values"]), pressure["unit"]) == ({0.0, 2.5}, "bar")

@@ -102,8 +102,8 @@ class Browser:
         self._call("Emulation.setEmulatedMedia", features=features)
 
     def key(self, text: str) -> None:
-        """A key is pressed and released: a letter, or one by its name such as Escape."""
-        typed = {"text": text} if len(text) == 1 else {}
+        """A key is pressed and released: a letter, or one by its name such as Escape or Enter."""
+        typed = {"text": text} if len(text) == 1 else {"text": "\r"} if text == "Enter" else {}
         for kind in ("keyDown", "keyUp"):
             self._call("Input.dispatchKeyEvent", type=kind, key=text, **(typed if kind == "keyDown" else {}))
 

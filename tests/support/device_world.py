@@ -9,6 +9,7 @@ from api_world import ApiWorld
 from plain_station import island
 
 from pnfarm.station.description import ModuleDescription, StationDescription, SubmoduleDescription
+from pnfarm.trace.traced import TracedDevice
 
 DESCRIPTION = StationDescription(
     title="Example island",
@@ -27,7 +28,8 @@ def island_station(signals: Any, name: str = "island-1") -> Any:
         name=name, view=lambda now: {"station_name": name, "ip": "10.77.1.41/24"}, connection=lambda: None, details=dict
     )
     return SimpleNamespace(
-        configured_name=name, names=(name,), axes=(), bus="profinet", device=device, signals=signals, powered=True,
+        configured_name=name, names=(name,), kinds=("ISL-8",), axes=(), bus="profinet", device=device,
+        signals=signals, powered=True, index=0, image=SimpleNamespace(injected=0),
         description=DESCRIPTION, port=SimpleNamespace(index=9, mac=bytes(5) + b"\x09"),
     )  # fmt: skip
 
@@ -36,6 +38,8 @@ def add_island(farm: Any, name: str = "island-1", **more: Any) -> Any:
     """Put an island into a farm; the station."""
     found = island_station(island(**more), name)
     farm.stations.append(found)
+    # its samples are zeros: its rows are not the farm's
+    farm.traces._traced[name] = farm.traces._devices[name] = TracedDevice(found)
     settle = farm.settle
     # no bus carries its data
     farm.settle = lambda station, now: None if station is found else settle(station, now)

@@ -81,7 +81,10 @@ class MemoryShard(httpx.AsyncBaseTransport):
 
 
 class HubWorld:
-    """``shards`` by name: each is (name of its drives, how many); ``names`` as ``axis-{n:02}`` or one without."""
+    """``shards`` by name: each is (name of its drives, how many); ``names`` as ``axis-{n:02}`` or one without.
+
+    ``devices`` are those of each of them, with its number for NUMBER, and that of its network for NET.
+    """
 
     #: How long an answer may take; of real time.
     request_seconds = REQUEST_SECONDS
@@ -92,6 +95,7 @@ class HubWorld:
         farms: tuple[str, ...] = (),
         controller: bool = False,
         skews: tuple[float, ...] = (),
+        devices: str = "",
         **tokens: Any,
     ) -> None:
         self.clock_ns = 1_000_000_000
@@ -99,6 +103,7 @@ class HubWorld:
         for place, (name, count) in enumerate(drives):
             farm = farms[place] if farms else "line"
             text = (FILE + (CONTROLLER if controller else "")).format(farm=farm, name=name, count=count, net=2 * place)
+            text += devices.replace("NUMBER", str(place + 1)).replace("NET", str(2 * place))
             skew = round(skews[place] * 1e9) if skews else 0
             self.shards[f"http://s{place + 1}:8702"] = MemoryShard(self, text, skew)
         self.tokens = tokens

@@ -75,7 +75,7 @@ def test_the_forms_of_a_trigger() -> None:
         "state == S4 on axis-0*", codes.TRIGGER_EQUAL, "axis-0*", "state", "S4"
     )
     assert parse_trigger("ZSW1.fault_present") == SignalTrigger(
-        "ZSW1.fault_present", codes.TRIGGER_UNEQUAL, "", "zsw1.fault_present", "0"
+        "ZSW1.fault_present", codes.TRIGGER_UNEQUAL, "", "ZSW1.fault_present", "0"
     )
     assert parse_trigger("fault 32-1 on axis-01") == EventTrigger(
         "fault 32-1 on axis-01", codes.TRIGGER_EVENT, "axis-01", "fault", "32-1"

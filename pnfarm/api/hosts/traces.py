@@ -8,7 +8,6 @@ import anyio.to_thread
 from starlette.responses import Response
 
 from pnfarm.api.paths.traces import KEEP_NS
-from pnfarm.trace.signals import signals_of
 from pnfarm.web.bodies import Json
 from pnfarm.web.errors import named_by_path
 
@@ -44,9 +43,9 @@ class FarmTraces:
         return self._changed(self._traces.start(fields, self._context.now(), keep_ns=KEEP_NS))
 
     async def signals(self, name: str) -> dict[str, Any]:
-        station = self._context.axis(name)
-        signals = [signal.as_dict() for signal in signals_of(station).values()]
-        return {"drive": station.configured_name, "signals": signals}
+        found = self._context.station(name)
+        own = found.configured_name if not found.axes else self._context.axis(name).configured_name
+        return {"drive": own, "signals": [signal.as_dict() for signal in self._traces.signals(own)]}
 
     async def read(self, trace_id: str, form: Form) -> Response:
         trace = self._found(trace_id)

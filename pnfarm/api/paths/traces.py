@@ -60,7 +60,7 @@ class TraceColumn(Schema):
     signal: str
     unit: str
     form: str
-    values: list[float]
+    values: list[float | None] = Field(description="None: not a finite number.")
     labels: dict[str, str] = Field(default={}, description="Of a code: its names by value; left out without.")
 
 
@@ -91,7 +91,7 @@ class TracesHost(Protocol):
     async def start(self, fields: Mapping[str, Any]) -> dict[str, Any]: ...
 
     async def signals(self, name: str) -> dict[str, Any]:
-        """Those of a drive."""
+        """Those of a drive or a device."""
 
     async def read(self, trace_id: str, form: Form) -> Response:
         """One, with its samples unless ``form`` is status."""
@@ -132,7 +132,7 @@ def add_traces(path: Paths, traces: TracesHost) -> None:
 
     @path("GET traces/signals/{name}", SignalsView)
     async def get_signals(name: str) -> Json:
-        """The signals of a drive, with their units."""
+        """The signals of a drive or a device, with their units."""
         return Json(await traces.signals(name))
 
     @path(

@@ -29,6 +29,7 @@ class StationView(Schema):
     kind: Literal["drive", "device"]
     bus: str
     model: str | None = Field(description="Of a drive.")
+    models: list[str] = Field(description="What `model:NAME` means it by.")
     description: str | None = Field(description="What its maker's file calls it.")
     axes: list[str] = Field(description="Names of its axes.")
     mac: str

@@ -3,7 +3,7 @@ import {html, render, useEffect, useState} from "./lib/html.js";
 import {linkOf, loadDevices, look} from "./lib/live.js";
 import {Problem, Toasts, useFarm, useLoaded} from "./lib/ui.js";
 import {clock, plural} from "./lib/words.js";
-import {Device} from "./views/device.js";
+import {TABS as DEVICE_TABS, Device} from "./views/device.js";
 import {Drive, TABS} from "./views/drive.js";
 import {Faults} from "./views/faults.js";
 import {Health} from "./views/health.js";
@@ -24,7 +24,7 @@ function View({parts, query}) {
   switch (parts[0]) {
     case "": return html`<${Overview}/>`;
     case "drive": return TABS.some(([id]) => id === (parts[2] || "live")) ? html`<${Drive} name=${parts[1]} tab=${parts[2] || "live"}/>` : html`<${Unknown} parts=${parts}/>`;
-    case "device": return parts.length === 2 ? html`<${Device} key=${parts[1]} name=${parts[1]}/>` : html`<${Unknown} parts=${parts}/>`;
+    case "device": return DEVICE_TABS.some(([id]) => id === (parts[2] || "signals")) ? html`<${Device} key=${parts[1]} name=${parts[1]} tab=${parts[2] || "signals"}/>` : html`<${Unknown} parts=${parts}/>`;
     case "faults": return html`<${Faults} on=${query.get("on") || ""} kind=${query.get("kind") || ""}/>`;
     case "reactions": return html`<${Reactions}/>`;
     case "topology": return html`<${Topology}/>`;

@@ -48,8 +48,9 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     check_impairments(config)
     check_program(config)
     drives = {drive.name: model_of(drive) for drive in expand(config)}
-    devices = {device.name: device.known_signals for device in expand_devices(config)}
-    return bind_scenario(scenario, drives, fault_kinds(), devices), config
+    devices = expand_devices(config)
+    signals = {device.name: device.known_signals for device in devices}
+    return bind_scenario(scenario, drives, fault_kinds(), signals, {one.name: one.kinds for one in devices}), config
 
 
 def run(

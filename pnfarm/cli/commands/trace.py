@@ -31,18 +31,24 @@ _FORMS = (".csv", ".json", ".svg", ".html")
 def trace(
     drives: Annotated[
         list[str],
-        typer.Argument(metavar="DRIVES", help="Drives: names or globs, model:NAME, or all.", show_default=False),
+        typer.Argument(
+            metavar="DRIVES", help="Drives and devices: names or globs, model:NAME, or all.", show_default=False
+        ),
     ],
     signals: Annotated[
         list[str] | None,
         typer.Option(
-            "--signals", "-s", metavar="A,B", help="Signals or globs, such as velocity,zsw1.*; repeatable.  See --list."
+            "--signals",
+            "-s",
+            metavar="A,B",
+            help="Signals or globs, such as velocity,zsw1.*,island-1.part_present; repeatable.  See --list.",
         ),
     ] = None,
     trigger: Annotated[
         str,
         typer.Option(
             help="When time 0 is: now, manual, `velocity > 1000`, `velocity rising 1000`, zsw1.fault_present, "
+            "`island-1.pressure > 6.5 bar`, "
             "`state changes`, fault, `fault 702`, connect, disconnect, watchdog, power-off, `injection KIND`; "
             "each also with `on DRIVE`."
         ),
@@ -62,12 +68,14 @@ def trace(
         list[Path] | None,
         typer.Option("--output", "-o", metavar="FILE", help="Write to FILE: .csv, .json, .svg or .html.  Repeatable."),
     ] = None,
-    listed: Annotated[bool, typer.Option("--list", help="List the signals of the drives with their units.")] = False,
+    listed: Annotated[
+        bool, typer.Option("--list", help="List the signals of the drives and devices with their units.")
+    ] = False,
     output: FormatOption = Format.TABLE,
     api: ApiOption = DEFAULT_URL,
     token: TokenOption = None,
 ) -> None:
-    """Record signals of drives of the running farm, cycle by cycle, around a trigger."""
+    """Record signals of drives and devices of the running farm, cycle by cycle, around a trigger."""
     for file in files or []:
         _check_file(file)
     most = _seconds(within)
@@ -136,10 +144,11 @@ def _recorded(farm: client.FarmClient, body: dict[str, Any], most: float | None)
 def _list(farm: client.FarmClient, drives: list[str], output: Format) -> None:
     from pnfarm.vocabulary.globs import means
 
-    known = farm.get("drives")["drives"]
-    names = [d["name"] for d in known if any(means(glob, (d["name"],), (d["model"],)) for glob in drives)]
+    known = {one["name"]: (one["model"],) for one in farm.get("drives")["drives"]}
+    known |= {one["name"]: tuple(one["models"]) for one in farm.get("devices")["devices"]}
+    names = [name for name, models in known.items() if any(means(glob, (name,), models) for glob in drives)]
     if not names:
-        raise ConfigError(f"no drive matches {' '.join(drives)}; there are {', '.join(d['name'] for d in known)}")
+        raise ConfigError(f"no drive matches {' '.join(drives)}; there are {', '.join(known)}")
     found = [farm.get("traces", "signals", name) for name in names]
     print_found({"drives": found}, output, _print_signals)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from pnfarm.engine.memory_order import acquire, release
 from pnfarm.table.channel import IOXS_BAD, IOXS_GOOD
 from pnfarm.table.compiling.compiled import compiled
 from pnfarm.table.plain_data import NO_STATUS, NOT_TAKEN, PlainRows
 
-__all__ = ["put_pieces", "spoil_pieces", "take_pieces"]
+__all__ = ["plain_number", "put_pieces", "spoil_pieces", "take_pieces"]
 
 
 @compiled
@@ -83,3 +85,21 @@ def put_pieces(provider: Any, pieces: Any, stored: PlainRows, frame: Any, good: 
         acquire()
         if row.sequence == before:
             return
+
+
+@compiled
+def plain_number(stored: PlainRows, number: int, place: int, length: int, big: int) -> Any:
+    """Up to eight octets of a row as a whole number, of 64 bits without a sign, as they were at one time; 0 of none."""
+    row, octets = stored.rows[number], stored.octets
+    while True:
+        before = row.sequence
+        acquire()
+        source = _half(row, int(before)) + place
+        bits = np.uint64(0)
+        if 0 <= place <= int(row.length) - length:
+            for i in range(length):
+                octet = octets[source + i] if big else octets[source + length - 1 - i]
+                bits = (bits << np.uint64(8)) | np.uint64(octet)
+        acquire()
+        if row.sequence == before:
+            return bits

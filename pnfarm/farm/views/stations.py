@@ -39,6 +39,7 @@ def station_snapshot(station: Station, now: int) -> dict[str, Any]:
         "kind": "drive" if station.axes else "device",
         "bus": station.bus,
         "model": station.axes[0].model.name if station.axes else None,
+        "models": list(station.kinds),
         "description": None if station.description is None else station.description.title,
         "axes": [axis.configured_name for axis in station.axes],
         "mac": format_mac(station.port.mac),

@@ -6,21 +6,18 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from fastapi import FastAPI, Request
+from fastapi import FastAPI
 
 from pnfarm.api.paths.devices import add_device
 from pnfarm.errors import ConfigError
 from pnfarm.hub.hosts.passing import Passing
 from pnfarm.hub.hub import read, refusal
-from pnfarm.hub.shards import AwayError
 from pnfarm.web.paths import Paths
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.hub.client import Answer
     from pnfarm.hub.hub import Hub
-    from pnfarm.hub.shards import Shard
 
 __all__ = ["HubDevices"]
 
@@ -50,34 +47,14 @@ class HubDevices(Passing):
         add_device(Paths(farm, "devices"), nobody)
         self.add(app, farm)
 
-    async def asked(self, request: Request) -> tuple[Shard, Answer]:
-        await self.look()
-        return await super().asked(request)
-
     async def write(self, name: str, values: Mapping[str, Any], *, how: str = "value") -> dict[str, str]:
         """Write or force (``how``) signals of a device; those that somebody stronger has, and who.
 
-        Raises :class:`ConfigError` with the shard's refusal, or :class:`AwayError`.
+        Raises :class:`ConfigError` with the shard's refusal, or :class:`pnfarm.hub.shards.AwayError`.
         """
-        await self.look()
         shard = self._hub.shards.device_owner(name)
         path = f"devices/{quote(name, safe='')}/signals"
         answer = await self._hub.ask(shard, "PATCH", path, body=values, query={"as": how})
         if answer.status == HTTPStatus.UNPROCESSABLE_ENTITY:
             raise ConfigError(f"{name}: {refusal(answer)}")
         return dict(read(shard, answer, "overruled")["overruled"])
-
-    async def look(self) -> None:
-        """Ask the shards that run anew which devices they have; they are the same for the whole run."""
-        hub = self._hub
-
-        async def listed(shard: Shard) -> tuple[str, ...]:
-            found = read(shard, await hub.ask(shard, "GET", "devices"), "devices")
-            try:
-                return tuple(str(one["name"]) for one in found["devices"])
-            except (KeyError, TypeError) as exc:
-                raise AwayError(f"{shard.label} lists devices as no farm does", slug="garbage") from exc
-
-        unknown = [shard for shard in hub.shards.reachable if shard.devices_of != shard.instance]
-        for shard, devices in (await hub.each(unknown, listed)).good.items():
-            shard.devices, shard.devices_of = devices, shard.instance

@@ -1,4 +1,4 @@
-"""Faults on drives of any shards.
+"""Faults on drives and devices of any shards.
 
 A fault has one name, which the hub makes up unless the user gives one, and which each shard takes as its own id
 (``as``).  So the shards themselves keep what belongs together: a hub that was restarted, or another one, finds it by
@@ -78,7 +78,7 @@ class HubFaults:
         at: dict[Shard, list[str]] = {}
         gone: dict[Shard, list[str]] = {}
         for name in names:
-            shard = hub.shards.known(name)
+            shard = hub.shards.known_station(name)
             (at if shard.asked else gone).setdefault(shard, []).append(name)
         return _Plan(spec, at, gone, left_out)
 
@@ -103,7 +103,7 @@ class HubFaults:
             "dry_run": True,
             "kind": plan.spec.kind.name,
             "spec": plan.spec.as_dict(),
-            "drives": [name for name in hub.shards.names if name in able],
+            "drives": [name for name in hub.shards.stations if name in able],
             "cannot": cannot + [one for answer in answers.good.values() for one in answer["cannot"]],
             "left_out": plan.left_out,
             **hub.partial(answers),
@@ -170,7 +170,7 @@ class HubFaults:
         await hub.sleep(max(0.0, (start - hub.now()) / 1e9) + SETTLE_SECONDS)
         await self._look(name, answers.good)
         reached_drives = {drive for shard in answers.good for drive in plan.at[shard]}
-        hit = [name for name in hub.shards.names if name in reached_drives]
+        hit = [name for name in hub.shards.stations if name in reached_drives]
         return {**self._joined(name), "partial": bool(not_hit), "hit": hit, "not_hit": not_hit}, not not_hit
 
     def _start(self, shards: Iterable[Shard]) -> int:
@@ -308,7 +308,7 @@ class HubFaults:
             for shard in hub.shards
             if own in shard.faults and (not label or shard.label == label)
         ]
-        order = {name: place for place, name in enumerate(hub.shards.names)}
+        order = {name: place for place, name in enumerate(hub.shards.stations)}
         return {**joined_fault(parts, hub.specs.get(fault_id), order), "id": fault_id}
 
 

@@ -11,7 +11,7 @@ from pnfarm.hub.scenario import HubRun
 from pnfarm.scenario.running import KeptScenarios, RunningScenario
 
 if TYPE_CHECKING:
-    from collections.abc import Coroutine, Mapping
+    from collections.abc import Coroutine, Mapping, Sequence
 
     from pnfarm.drives.description.model import Model
     from pnfarm.hub.hosts.faults import HubFaults
@@ -44,6 +44,9 @@ class HubScenarios(KeptScenarios):
 
     def _drives(self) -> Mapping[str, Model]:
         return {name: model_by_name(str(view["model"])) for name, view in self._hub.shards.views.items()}
+
+    def _models(self) -> Mapping[str, Sequence[str]]:
+        return self._hub.shards.devices
 
     def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
         del part

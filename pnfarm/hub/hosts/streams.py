@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Mapping
 
     from pnfarm.api.paths.streams import Chosen
-    from pnfarm.hub.hosts.devices import HubDevices
     from pnfarm.hub.hub import Hub
     from pnfarm.hub.live import HubLive
 
@@ -21,9 +20,8 @@ __all__ = ["HubStreams"]
 class HubStreams:
     """As :class:`~pnfarm.api.paths.streams.StreamsHost`."""
 
-    def __init__(self, hub: Hub, devices: HubDevices, views: HubLive) -> None:
+    def __init__(self, hub: Hub, views: HubLive) -> None:
         self._hub = hub
-        self._devices = devices
         self._views = views
 
     def events(self, begin: str | None, drive: str | None, *, follow: bool) -> AsyncIterator[str]:
@@ -34,7 +32,6 @@ class HubStreams:
         if chosen.drive is not None:
             self._hub.shards.known(chosen.drive)
         if chosen.devices and ALL not in chosen.devices:
-            await self._devices.look()
             for name in chosen.devices:
                 self._hub.shards.device_owner(name)
         return self._views.stream(scope, chosen)

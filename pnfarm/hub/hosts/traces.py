@@ -1,4 +1,4 @@
-"""Traces at the hub: each is on the drives of one shard, because the samples of one trace have one engine's time."""
+"""Traces at the hub: each is on drives and devices of one shard, because its samples have the time of one engine."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from pnfarm.api.paths.traces import KEEP_NS
 from pnfarm.faults.plan import matching
 from pnfarm.hub.hub import passed_on
 from pnfarm.hub.shards import AwayError, no_steps
+from pnfarm.signals.device_signal import split_name
 from pnfarm.trace import TraceRequest
+from pnfarm.trace.trigger import SignalTrigger
 from pnfarm.web.errors import NotFoundError, RequestError
 
 if TYPE_CHECKING:
@@ -40,14 +42,16 @@ class HubTraces:
         self._hub = hub
 
     def _chosen(self, wanted: TraceRequest) -> tuple[Shard, list[str]]:
-        """The one shard, and its drives."""
+        """The one shard, and its drives and devices."""
         hub = self._hub
         hub.check_any()
         names = matching(wanted.on, hub.shards.known_as)
-        shards = {hub.shards.owner(name): None for name in names}
+        trigger = [wanted.trigger.signal] if isinstance(wanted.trigger, SignalTrigger) else []
+        devices = {split_name(name)[0] for name in (*wanted.signals, *trigger)} & hub.shards.devices.keys()
+        shards = {hub.shards.station_owner(name): None for name in (*names, *sorted(devices))}
         if len(shards) > 1:
-            what = f"means drives of {len(shards)} shards ({', '.join(shard.label for shard in shards)})"
-            allowed = "drives of one shard: the samples of a trace have the time of one engine; start a trace for each"
+            what = f"means stations of {len(shards)} shards ({', '.join(shard.label for shard in shards)})"
+            allowed = "stations of one shard: the samples of a trace have the time of one engine; start a trace for each"
             raise RequestError(
                 f"trace.on: {what}; allowed: {allowed}", [{"field": "on", "what": what, "allowed": allowed}]
             )
@@ -85,7 +89,9 @@ class HubTraces:
         return await self._hub.asked(shard, "POST", "traces", "id", body=named)
 
     async def signals(self, name: str) -> dict[str, Any]:
-        return await self._hub.asked(self._hub.shards.owner(name), "GET", f"traces/signals/{quote(name, safe='')}")
+        return await self._hub.asked(
+            self._hub.shards.station_owner(name), "GET", f"traces/signals/{quote(name, safe='')}"
+        )
 
     async def read(self, trace_id: str, form: Form) -> Response:
         shard = await self._holder(trace_id)

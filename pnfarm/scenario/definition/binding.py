@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.parameters.parameter import ParameterError
@@ -42,12 +42,14 @@ MAX_ISSUES = 100
 class Binding:
     """A scenario and its farm's drives (name and model, in the farm's order).
 
-    ``devices``: the signals of each; None where they are not known before the scenario runs.
+    ``devices``: the signals of each; None where they are not known before the scenario runs.  ``models``: what the
+    models of devices are called, also then.
     """
 
     scenario: Scenario
     drives: Mapping[str, Model]
     devices: KnownDevices | None = None
+    models: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def chosen(self, step: Step, key: str = "drive") -> list[str]:
         """Names of the drives that a key of a step means; all without the key."""
@@ -59,20 +61,15 @@ class Binding:
         return matching(globs, known)
 
     def hit(self, globs: Sequence[str]) -> list[str]:
-        """Names of the drives and devices that a fault hits.  Raises :class:`InjectionError`.
-
-        Of what models the devices are is not known.
-        """
-        if not self.devices:
-            return self.matching(globs)
+        """Names of the drives and devices that a fault hits.  Raises :class:`InjectionError`."""
         known = {name: ((name,), (model.name, *model.aliases)) for name, model in self.drives.items()}
-        known |= {name: ((name,), ()) for name in self.devices}
-        return matching([glob for glob in globs if not glob.startswith("model:")], known)
+        known |= {name: ((name,), tuple(self.models.get(name, ()))) for name in (self.devices or self.models)}
+        return matching(globs, known)
 
-    def matching_or_none(self, globs: Any) -> list[str]:
-        """Names of the drives that a fault's `on` means; none if it is not valid."""
+    def hit_or_none(self, globs: Any) -> list[str]:
+        """As :meth:`hit` for a fault's `on`; none if it is not valid."""
         try:
-            return self.matching(read_globs(globs))
+            return self.hit(read_globs(globs))
         except (InjectionError, Problem):
             return []
 
@@ -112,6 +109,7 @@ def bind_scenario(
     drives: Mapping[str, Model],
     kinds: Catalogue,
     devices: KnownDevices | None = None,
+    models: Mapping[str, Sequence[str]] | None = None,
 ) -> Binding:
     """Check every step against the farm; of a matrix, one run at a time.
 
@@ -122,7 +120,7 @@ def bind_scenario(
             "matrix: repeats the whole scenario, with a farm for each run, and this farm runs already; "
             "use `repeat: {for: ...}` in the steps, or `pnfarm run` with a farm file"
         )
-    binding = Binding(scenario, drives, devices)
+    binding = Binding(scenario, drives, devices, models or {})
     issues: dict[FileIssue, None] = {}
     names: set[str] = set()
     for step in scenario.every_step():
@@ -189,14 +187,14 @@ def _fault_errors(binding: Binding, given: Mapping[str, Any], kinds: Catalogue) 
     devices = [name for name in names if name not in binding.drives]
     if spec.when is not None and binding.knows(spec.when):
         subjects: list[tuple[Model | None, str]] = [(model, "") for model in models.values()]
-        for model, own in subjects + [(None, name) for name in devices]:
+        for model, own in subjects + [(None, name) for name in devices if binding.devices is not None]:
             try:
                 bind(spec.when, model, binding.devices, own)
             except ConditionError as error:
                 yield "when", f"column {error.column}: {error.what}", error.allowed
-    if SIGNALS in spec.kind.effect.needs:
+    if SIGNALS in spec.kind.effect.needs and binding.devices is not None:
         for name in devices:
-            known = (binding.devices or {}).get(name, {})
+            known = binding.devices.get(name, {})
             if (wanted := spec.values()["signal"]) not in known:
                 yield "params.signal", *_no_signal(name, wanted, known)
     if spec.kind.name in {"drive-fault", "drive-warning"}:

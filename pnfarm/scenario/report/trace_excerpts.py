@@ -1,7 +1,7 @@
 """Traces around what a reader of the report wants to see: each failure, and each fault that the scenario injects.
 
-One trace of the drives that the scenario names runs all the time, in the engine; at a moment of interest it is
-triggered, and once it is complete it is kept, thinned, and started anew.  Number and size are bounded.
+One trace of the drives and devices that the scenario names runs all the time, in the engine; at a moment of interest it
+is triggered, and once it is complete it is kept, thinned, and started anew.  Number and size are bounded.
 """
 
 from __future__ import annotations
@@ -11,59 +11,93 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pnfarm.errors import ConfigError
+from pnfarm.signals.device_signal import device_of
 from pnfarm.station.signals import profile_words
 from pnfarm.trace.recording import Column, Recording
+from pnfarm.vocabulary.conditions import names_in, parse_condition
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from pnfarm.farm.core import FarmCore
     from pnfarm.scenario.definition.binding import Binding
+    from pnfarm.scenario.definition.steps import Step
     from pnfarm.trace import Trace
 
-__all__ = ["TraceExcerpts", "named_drives"]
+__all__ = ["TraceExcerpts", "named_signals", "named_stations"]
 
 #: Time that is kept before and after a moment.
 BEFORE, BEFORE_NS = "500ms", 500_000_000
 AFTER, AFTER_NS = "1s", 1_000_000_000
 #: Signals of any drive; to these come the bits of the words of its profile.
-SIGNALS = ("state", "setpoint", "velocity", "fault", "connected")
+SIGNALS = ("state", "setpoint", "velocity", "fault")
+#: Of any drive or device; to these come the signals of devices that the scenario names.
+CONNECTED = "connected"
 #: Bits that are shown even if nothing changes: the drive has a fault, the controller asks for operation.
 _TELLING = frozenset({"zsw1.fault_present", "stw1.enable_operation", "status_1.general_fault", "control.enable"})
-#: Drives that are traced, and those that one picture shows.
+#: Drives and devices that are traced, and those that one picture shows.
 MAX_TRACED, MAX_SHOWN = 32, 3
 #: Pictures; no more than half of them are of injected faults, so that there is room for failures.
 MAX_PICTURES = 16
+#: Signals of devices that are traced.
+MAX_SIGNALS = 64
 #: Samples that a picture keeps of a quantity; of words, bits and codes it keeps every change.
 MAX_SAMPLES = 300
 #: Marks of one picture.
 MAX_MARKS = 12
 
 
-def named_drives(binding: Binding) -> list[str]:
-    """The drives that steps name: those of faults first."""
+def named_signals(binding: Binding) -> list[tuple[str, str]]:
+    """Station and name of each signal of a device that steps name."""
+    found: dict[tuple[str, str], None] = {}
+    for step in binding.scenario.every_step():
+        found.update(dict.fromkeys(_signals_of(step, binding)))
+    return list(found)
+
+
+def _signals_of(step: Step, binding: Binding) -> Iterator[tuple[str, str]]:
+    spec = step.values["spec"] if step.kind == "fault" else {}
+    if step.kind in {"set", "force"}:
+        yield from ((station, name) for station, values in step.values["signals"].items() for name in values)
+    if isinstance(wanted := (spec.get("params") or {}).get("signal"), str):
+        yield from ((station, wanted) for station in binding.hit_or_none(spec.get("on")))
+    text = spec.get("when") if spec else step.get("that") or step.get("until")
+    for name in names_in(parse_condition(text)) if text else ():
+        if station := device_of(name, binding.devices or ()):
+            yield station, name.name.removeprefix(f"{station}.")
+
+
+def named_stations(binding: Binding) -> list[str]:
+    """The drives and devices that steps name: those of faults first; all drives behind them where no drive is named."""
     found: dict[str, None] = {}
     steps = list(binding.scenario.every_step())
     for step in steps:
         if step.kind == "fault":
-            found.update(dict.fromkeys(binding.matching_or_none(step.values["spec"].get("on"))))
+            found.update(dict.fromkeys(binding.hit_or_none(step.values["spec"].get("on"))))
     for step in steps:
         if step.kind in {"expect", "wait"} and step.get("drive"):
             found.update(dict.fromkeys(binding.chosen(step)))
-    return list(found or binding.drives)
+    found.update(dict.fromkeys(station for station, _ in named_signals(binding) if station in (binding.devices or ())))
+    return list(found if binding.drives.keys() & found.keys() else {**found, **dict.fromkeys(binding.drives)})
 
 
 class TraceExcerpts:
-    """``drives`` in the order of their importance; without room for one more trace, :attr:`note` says so."""
+    """``drives`` and devices in the order of their importance, and ``signals`` of devices.
 
-    def __init__(self, core: FarmCore, drives: Sequence[str], now: int) -> None:
+    Without room for one more trace, :attr:`note` says so.
+    """
+
+    def __init__(self, core: FarmCore, drives: Sequence[str], signals: Sequence[tuple[str, str]], now: int) -> None:
         self._core = core
         self._drives = list(drives)[:MAX_TRACED]
         models = [station.model for station in core.axes if station.configured_name in self._drives]
         words = dict.fromkeys(word for model in models for word in profile_words(model))
-        self._signals = [*SIGNALS, *(f"{word}.*" for word in words)]
+        known = {name: {one.name for one in core.traces.signals(name)} for name in self._drives if name in core.devices}
+        self._signals = [CONNECTED, *(SIGNALS if models else ()), *(f"{word}.*" for word in words)]
+        # octets and texts have no trace
+        self._signals += [f"{name}.{signal}" for name, signal in signals if signal in known.get(name, ())][:MAX_SIGNALS]
         self._origin_ns = now
         self._trace: Trace | None = None
         self._started_ns = self._fired_ns = 0

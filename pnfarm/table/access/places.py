@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import InternalError
@@ -20,9 +20,9 @@ WORD_OCTETS = 8
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Fields of :data:`pnfarm.table.trace.PROBE`, for the drive in row 0; :meth:`of_row` gives any other's.
+    """Fields of :data:`pnfarm.table.trace.PROBE`, for the drive in row 0; :meth:`in_row` gives any other's.
 
-    ``row_words`` are the 64-bit words of one row.
+    ``row_words`` are the 64-bit words of one row, 0 of a place in plain data, whose row is ``row``.
     """
 
     source: int
@@ -33,11 +33,15 @@ class Place:
     mask: int = -1
     sign: int = 0
     scale: float = 1.0
+    row: int = 0
+    octets: int = 0
+    big: bool = False
+    received: bool = False
 
-    def of_row(self, row: int) -> tuple[int, int]:
-        """``word`` and ``less`` of the drive in this row."""
+    def in_row(self, row: int) -> Place:
+        """The same field of the drive in this row, which is then the only one that it means."""
         base = row * self.row_words
-        return self.word + base, self.less if self.less < 0 else self.less + base
+        return replace(self, word=self.word + base, less=self.less if self.less < 0 else self.less + base, row_words=0)
 
 
 def place_of(

@@ -1,11 +1,14 @@
-// One device: its identity, and its modules with their signals live; inputs of the controller can be written.
+// One device: its identity, and its modules with their signals live; inputs of the controller can be written and forced.
 import {call, get, path} from "../lib/api.js";
 import {html, useMemo, useRef, useState} from "../lib/html.js";
-import {farm as live, takeWritten} from "../lib/live.js";
-import {Act, Problem, act, inject, useFarm, useLoaded} from "../lib/ui.js";
+import {farm as live, linkOf, takeWritten} from "../lib/live.js";
+import {Act, Problem, Tabs, act, inject, useFarm, useLoaded} from "../lib/ui.js";
 import {hex, plural, time} from "../lib/words.js";
 import {DeviceState, deviceController} from "./devices.js";
 import {Entry, Facts, Relation} from "./drive.js";
+import {Trace} from "./trace.js";
+
+export const TABS = [["signals", "Signals"], ["trace", "Trace"]];
 
 /** Signals that are shown before a module is opened: more of them make a page slow. */
 const SHOWN = 200;
@@ -14,18 +17,21 @@ const PART = 64;
 const EVENTS = 20;
 const WIDE = 24;
 
+const signalsOf = device => path("devices", device, "signals");
+
 /**
- * Write an input that the reader saw as `seen`: {tag, shown}; who overrules it, if somebody does.  The tag is of all
- * signals of the device: if it is not the present one, the input itself may still be as it was seen.
+ * Write an input that the reader saw as `seen`: {tag, shown}, or force it, if `how` is so; null releases it, however it
+ * is.  Who overrules it, if somebody does.  The tag is of all signals of the device: if it is not the present one, the
+ * input itself may still be as it was seen.
  */
-async function write(device, name, value, seen) {
-  const where = path("devices", device, "signals"), of = found => found.signals.find(one => one.name === name);
+async function write(device, name, value, seen, how = "value") {
+  const where = `${signalsOf(device)}?as=${how}`, of = found => found.signals.find(one => one.name === name);
   let done;
   try {
-    done = await call("PATCH", where, {[name]: value}, {"If-Match": seen.tag});
+    done = await call("PATCH", where, {[name]: value}, value === null ? {} : {"If-Match": seen.tag});
   } catch (problem) {
     if (problem.status !== 412) throw problem;
-    const now = of(await get(where));
+    const now = of(await get(signalsOf(device)));
     if (!now || now.shown !== seen.shown) throw new Error(`${name} is ${now ? now.shown : "no signal"} meanwhile; nothing was written`);
     done = await call("PATCH", where, {[name]: value});
   }
@@ -36,9 +42,9 @@ async function write(device, name, value, seen) {
 /** What became of the last write of a signal: [a sentence about it, how to write]; the sentence is empty if all is well. */
 function useWrite(device, name) {
   const [told, setTold] = useState({text: "", kind: ""});
-  const send = async (value, seen) => {
+  const send = async (value, seen, how) => {
     try {
-      const overruled = await write(device, name, value, seen);
+      const overruled = await write(device, name, value, seen, how);
       setTold({text: overruled ? `waits: a ${overruled} has the signal` : "", kind: "warn"});
       return true;
     } catch (problem) {
@@ -61,6 +67,13 @@ function Marks({state, of}) {
   return html`${state.good ? null : html` <span class="bad" title="the provider status of its data is BAD">bad</span>`}${OWNERS[state.owner] ? html` <span class="warn" title=${of ? `under the fault ${of.id}` : null}>${of ? of.kind : OWNERS[state.owner]}</span>` : null}`;
 }
 
+/** Forces an input to `value`, unless that is null, and releases a forced one; `text` is what the first of the buttons says. */
+function Force({signal, state, value, text, force}) {
+  if (!live.writes) return null;
+  const button = (does, what, of) => html`<button type="button" aria-label=${`${what[0].toUpperCase()}${what.slice(1)} ${signal.name}`} title=${does} onClick=${() => force(of)}>${what}</button>`;
+  return html`<span class="force">${value === null ? null : button("over what is written, until it is released", text, value)}${state.forced === null ? null : button("what was written last has the signal again", "release", null)}</span>`;
+}
+
 /** One bit: a lamp, or a switch if it is an input. */
 function Bit({device, signal, state, of}) {
   const [told, send] = useWrite(device, signal.name);
@@ -69,6 +82,7 @@ function Bit({device, signal, state, of}) {
   return html`<li>${signal.direction === "input"
     ? html`<button type="button" role="switch" class=${"bit" + (on ? " on" : "")} aria-checked=${String(on)} aria-describedby=${told.text ? id : null} disabled=${!writes} title=${writes ? null : "this token may read only"} onClick=${() => send(!on, seenNow(state))}>${text}<strong aria-hidden="true">${on ? 1 : 0}</strong></button>`
     : html`<span class=${"bit" + (on ? " on" : "")}>${text}<strong>${on ? 1 : 0}</strong></span>`}
+    ${signal.direction === "input" ? html`<${Force} signal=${signal} state=${state} value=${state.forced === null ? on : !state.forced} text=${state.forced === null ? "force" : `force ${state.forced ? 0 : 1}`} force=${value => send(value, seenNow(state), "force")}/>` : null}
     <${Told} id=${id} told=${told}/></li>`;
 }
 
@@ -77,10 +91,10 @@ function Value({device, signal, state, of}) {
   const [edit, setEdit] = useState(null);
   const [told, send, forget] = useWrite(device, signal.name);
   const {writes} = live, id = "why-" + signal.name, changed = edit && edit.text !== edit.seen.shown;
-  const submit = async event => {
+  const submit = async (event, how) => {
     event.preventDefault();
     if (!edit) return;
-    const written = await send(edit.text, edit.seen);
+    const written = await send(edit.text, edit.seen, how);
     // who has read what another wrote meanwhile may write over it
     setEdit(written ? null : {...edit, seen: seenNow(live.values.states.get(signal.name) || state)});
   };
@@ -90,7 +104,8 @@ function Value({device, signal, state, of}) {
     <td class="text">${signal.direction === "input"
       ? html`<form class="edit" onSubmit=${submit}><input class=${state.shown.length > WIDE ? "wide" : ""} aria-label=${signal.name} value=${edit ? edit.text : state.shown} readonly=${!writes} title=${writes ? "" : "this token may read only"} spellcheck="false" autocomplete="off"
           aria-invalid=${told.kind === "bad" ? "true" : null} aria-describedby=${told.text ? id : null} onFocus=${event => writes && !edit && type(event.target.value)} onInput=${event => type(event.target.value)} onBlur=${() => { if (edit && !changed) leave(); }} onKeyDown=${event => { if (event.key === "Escape") leave(); }}/>
-          ${changed ? html`<button type="submit">Write</button>` : null}</form>`
+          ${changed ? html`<button type="submit">Write</button>` : null}
+          <${Force} signal=${signal} state=${state} value=${changed || state.forced === null ? state.shown : null} text="force" force=${value => changed && value !== null ? submit(new Event("force"), "force") : send(value, seenNow(state), "force")}/></form>`
       : html`<output aria-label=${signal.name}>${state.shown || "–"}</output>`}
       <${Told} id=${id} told=${told}/></td>
     <td>${signal.unit}</td><td>${state.good ? html`<span class="dim">good</span>` : null}<${Marks} state=${state} of=${of}/></td></tr>`;
@@ -146,7 +161,7 @@ function openAtFirst(modules) {
   return found;
 }
 
-export function Device({name}) {
+export function Device({name, tab}) {
   const farm = useFarm();
   const row = farm.deviceByName.get(name);
   const [view, error] = useLoaded(() => row ? get(path("devices", name)) : Promise.resolve(null), [name, row !== undefined, farm.begun, row && row.connected]);
@@ -165,6 +180,7 @@ export function Device({name}) {
   const mine = active ? active.faults.filter(one => name in one.drives && one.drives[name].state !== "ended") : [];
   const faults = new Map(mine.filter(one => one.drives[name].state === "active" && (one.spec.params || {}).signal).map(one => [one.spec.params.signal, one]));
   const states = farm.values.device === name ? farm.values.states : new Map();
+  const forced = signals.filter(one => (states.get(one.name) || one).forced !== null).length;
   const toggle = (slot, open) => { if ((opened[slot] ?? first.has(slot)) !== open) setOpened({...opened, [slot]: open}); };
   const all = open => setOpened(Object.fromEntries(modules.map(one => [one.module.slot, open])));
   const add = async fields => { await inject({...fields, ...on}); again(); };
@@ -175,6 +191,7 @@ export function Device({name}) {
       <span class=${row.connected ? "good" : "dim"}>${connection.state}${controller ? ` with ${deviceController(row)}, ${time(connection.cycle_seconds)}` : ""}</span></div>
     <div class="bar">
       ${mine.map(one => html`<span key=${one.id} class="warn" title=${one.id}>${one.kind}${(one.spec.params || {}).signal ? ` on ${one.spec.params.signal}` : ""}${one.drives[name].state === "active" ? "" : ` (${one.drives[name].state})`} <${Act} title="end this fault" label=${`Clear ${one.kind}, ${one.id}`} onClick=${async () => { await act(() => call("DELETE", path("faults", one.id)), `${one.id} cleared`); again(); }}>clear<//></span>`)}
+      ${forced ? html`<${Act} title="what was written last has the signals again" onClick=${() => act(() => call("PATCH", signalsOf(name) + "?as=force", {"*": null}), "no signal is forced")}>release ${plural(forced, "force")}<//>` : null}
       <span class="gap"></span>
       <div class="bar" role="group" aria-label="Usual faults">
       <${Act} kind="hot" title="fall silent until the controller's watchdog has expired" onClick=${() => add({kind: "timeout"})}>timeout<//>
@@ -183,7 +200,8 @@ export function Device({name}) {
       <a class="button" href=${"#/faults?on=" + encodeURIComponent(name)}>other fault…</a></div>
     </div>
     <${Problem} text=${error || problem}/>
-    ${view ? html`<details class="panel"><summary><strong>Identity</strong> <span class="dim">${[view.identity.vendor, view.identity.order_number, view.access_point, row.ip].filter(Boolean).join(" · ")}</span></summary>
+    <${Tabs} label="Views of the device" tabs=${TABS} chosen=${tab} link=${which => `${linkOf(name)}/${which}`}/>
+    ${tab === "trace" ? html`<${Trace} key=${name} name=${name}/>` : view ? html`<details class="panel"><summary><strong>Identity</strong> <span class="dim">${[view.identity.vendor, view.identity.order_number, view.access_point, row.ip].filter(Boolean).join(" · ")}</span></summary>
       <${Facts} pairs=${[["Access point", view.access_point], ...Object.entries(view.identity).map(([key, value]) => [title(key), typeof value === "number" ? `${value} (${hex(value)})` : value]), ["Station name", row.station_name], ["Bus", row.bus],
         ["IP address", row.ip], ["Station address", row.station_address], ["MAC address", row.mac], ["Controller", controller && [controller.name, controller.ip, controller.mac].filter(Boolean).join(", ")],
         ["Cycle", controller && time(connection.cycle_seconds)], ["Watchdog", controller && time(connection.watchdog_seconds)]]}/>

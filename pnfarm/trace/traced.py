@@ -1,0 +1,150 @@
+"""What a trace samples: axes and devices, each with its signals by name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Protocol
+
+from pnfarm.signals.device_signal import DeviceSignal
+from pnfarm.table.access.places import Place
+from pnfarm.table.trace import (
+    SOURCE_PLAIN_FLAG,
+    SOURCE_PLAIN_REAL,
+    SOURCE_PLAIN_SIGNED,
+    SOURCE_PLAIN_UNSIGNED,
+)
+from pnfarm.trace.signals import OF_IMAGE, TraceSignal, signals_of
+
+if TYPE_CHECKING:
+    from pnfarm.signals.signal import Signal
+    from pnfarm.station.axis import Axis
+    from pnfarm.station.station import Station
+
+__all__ = ["Traced", "TracedAxis", "TracedDevice"]
+
+_SOURCES = {
+    "bool": SOURCE_PLAIN_FLAG,
+    "uint": SOURCE_PLAIN_UNSIGNED,
+    "int": SOURCE_PLAIN_SIGNED,
+    "float": SOURCE_PLAIN_REAL,
+}
+#: Octets of whole numbers that a sample, a number of double precision, holds exactly.
+_EXACT = 6
+
+
+class Traced(Protocol):
+    """``names`` and ``kinds`` are what globs find it by, as of :func:`pnfarm.vocabulary.globs.means`."""
+
+    #: ``drive`` or ``device``.
+    what: str
+    name: str
+    #: Its process image.
+    image: Any
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def kinds(self) -> tuple[str, ...]: ...
+
+    def signals(self) -> dict[str, TraceSignal]:
+        """By name, as they are now."""
+
+    def place(self, signal: TraceSignal) -> Place:
+        """Where the engine finds one of them."""
+
+    def level(self, signal: TraceSignal, value: float, *, exactly: bool) -> float:
+        """The number that a sample has for a value; raises :class:`Problem` for one that it never has."""
+
+
+class TracedAxis:
+    """An axis of a drive."""
+
+    what = "drive"
+
+    def __init__(self, axis: Axis) -> None:
+        self.name = axis.configured_name
+        self.image = axis.handle.image
+        self._axis = axis
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.name, self._axis.device.name or self.name)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        return (self._axis.model.name, *self._axis.model.aliases)
+
+    def signals(self) -> dict[str, TraceSignal]:
+        return signals_of(self._axis)
+
+    def place(self, signal: TraceSignal) -> Place:
+        return signal.place.in_row(self._axis.index)
+
+    def level(self, signal: TraceSignal, value: float, *, exactly: bool) -> float:
+        del signal, exactly
+        return value
+
+    def fault_number(self, fault: str) -> int:
+        """Of one by number or name; raises :class:`ConfigError`."""
+        return self._axis.model.fault(fault).number
+
+
+class TracedDevice:
+    """A station without axes: its signals of plain data that are numbers or bits, and those of its connection."""
+
+    what = "device"
+
+    def __init__(self, station: Station) -> None:
+        self.name = station.configured_name
+        self.image = station.image
+        self._station = station
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.name, self._station.device.name or self.name)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        return self._station.kinds
+
+    def signals(self) -> dict[str, TraceSignal]:
+        signals = self._station.signals
+        if signals is None:
+            return OF_IMAGE
+        own = {name: signals.signal(name) for name in signals.names}
+        return {
+            **{
+                name: _traced(signal, *signals.whereabouts(name))
+                for name, signal in own.items()
+                if signal.type.kind in _SOURCES
+            },
+            **{name: one for name, one in OF_IMAGE.items() if name not in own},
+        }
+
+    def place(self, signal: TraceSignal) -> Place:
+        return signal.place.in_row(self._station.index)
+
+    def level(self, signal: TraceSignal, value: float, *, exactly: bool) -> float:
+        known = self._station.signals
+        if known is None or signal.place.source < SOURCE_PLAIN_UNSIGNED:
+            return value
+        return DeviceSignal(self.name, known.signal(signal.name)).number(value, exactly=exactly)
+
+
+def _traced(signal: Signal, row: int, octet: int) -> TraceSignal:
+    """A signal of a device, whose data begin at ``octet`` of its ``row``."""
+    kind = signal.type
+    is_bit = signal.bit is not None
+    place = Place(
+        SOURCE_PLAIN_UNSIGNED if is_bit else _SOURCES[kind.kind],
+        octet,
+        0,
+        scale=signal.scale,
+        row=row,
+        octets=kind.octets,
+        big=signal.order == "big",
+        received=signal.direction == "output",
+    )
+    whole = kind.kind in {"int", "uint"} and signal.scale == 1 and kind.octets <= _EXACT
+    form = "bit" if kind.kind == "bool" else "word" if whole else "real"
+    doc = f"{signal.direction} {signal.place}, {kind.name}"
+    return TraceSignal(signal.name, signal.unit, doc, place, form, signal.bit)
