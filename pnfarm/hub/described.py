@@ -66,7 +66,7 @@ class NotHit(Schema):
 
 
 class HubFault(Fault):
-    """A fault on drives of any shards; seconds are those of the hub's clock."""
+    """A fault on drives and devices of any shards; seconds are those of the hub's clock."""
 
     unreachable: list[str] = Field(description="Its drives whose shards do not answer: as they were seen last.")
     partial: bool = Field(default=False, description="Only of a new fault: not all of its drives were hit.")
@@ -141,7 +141,7 @@ DESCRIBED = {
     "get_devices": Described("Every device of every shard", {200: HubDevices}),
     "get_faults": Described("Pending and active faults on all shards, with their evidence", {200: HubFaults}),
     "post_fault": Described(
-        "Inject a fault into drives of any shards at one moment; with dry_run only list the drives",
+        "Inject a fault into drives and devices of any shards at one moment; with dry_run only list them",
         {
             **_whole_or_not(HubFault, "Some shards did not answer: `hit` and `not_hit` have the drives.", 201),
             200: HubReach,

@@ -374,8 +374,8 @@ class TraceManager:
         found: dict[tuple[str, str], tuple[Traced, TraceSignal]] = {}
         for name in dict.fromkeys((*known, *wanted)):
             one = self._traced[name]
-            for signal in choose_signals(name, known.get(name) or one.signals(), wanted[name]):
-                found[name, signal.name] = (one, signal)
+            for chosen in choose_signals(name, known.get(name) or one.signals(), wanted[name]):
+                found[name, chosen.name] = (one, chosen)
             if len(found) > MOST_COLUMNS:
                 what = f"more than {MOST_COLUMNS} signals of {len(of)} drives and devices"
                 raise ConfigError(f"{what}; allowed: fewer of them, or fewer signals")

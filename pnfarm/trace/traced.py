@@ -15,6 +15,8 @@ from pnfarm.table.trace import (
 from pnfarm.trace.signals import OF_IMAGE, TraceSignal, signals_of
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pnfarm.signals.signal import Signal
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
@@ -45,7 +47,7 @@ class Traced(Protocol):
     @property
     def kinds(self) -> tuple[str, ...]: ...
 
-    def signals(self) -> dict[str, TraceSignal]:
+    def signals(self) -> Mapping[str, TraceSignal]:
         """By name, as they are now."""
 
     def place(self, signal: TraceSignal) -> Place:
@@ -106,7 +108,7 @@ class TracedDevice:
     def kinds(self) -> tuple[str, ...]:
         return self._station.kinds
 
-    def signals(self) -> dict[str, TraceSignal]:
+    def signals(self) -> Mapping[str, TraceSignal]:
         signals = self._station.signals
         if signals is None:
             return OF_IMAGE

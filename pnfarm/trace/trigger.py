@@ -103,7 +103,7 @@ _EDGES = {
 _ON = re.compile(r"(.*?)\s+on\s+(\S+)")
 #: Only before a dot, in the name of a station, may it have a hyphen, which the names of events have.
 _NAME = r"((?:[\w-]+\.)+\w+|[A-Za-z_]\w*)"
-_UNIT = r"[%A-Za-zµμ°]\S*"
+_UNIT = r"[%A-Za-zµμ°].*"
 _LEVEL = rf"(\S+(?:\s+{_UNIT})?)"
 _COMPARISON = re.compile(rf"{_NAME}\s*(>=|<=|==|!=|=|>|<)\s*{_LEVEL}")
 _EDGE = re.compile(rf"{_NAME}\s+(rising|falling|changes)(?:\s+{_LEVEL})?", re.IGNORECASE)
@@ -167,9 +167,11 @@ def parse_trigger(text: object) -> Trigger:
 
 
 def read_level(text: str) -> tuple[float | None, str]:
-    """A number and its unit, empty without one; None if it begins with no number."""
-    found = _WITH_UNIT.fullmatch(text)
-    return (read_number(found[1]), found[2]) if found else (read_number(text), "")
+    """A number and its unit, without blanks, empty without one; None if it begins with no number."""
+    number, found = read_number(text), _WITH_UNIT.fullmatch(text)
+    if number is not None or found is None:
+        return number, ""
+    return read_number(found[1]), "".join(found[2].split())
 
 
 def read_number(text: str) -> float | None:

@@ -17,7 +17,7 @@ from pnfarm.table import trace as codes
 from pnfarm.table.segments import Segments
 from pnfarm.trace import Column, Recording, TraceError, TraceRequest
 from pnfarm.trace.plot import as_html, as_svg, as_text
-from pnfarm.trace.trigger import EVENTS, EventTrigger, SignalTrigger, parse_trigger, read_number
+from pnfarm.trace.trigger import EVENTS, EventTrigger, SignalTrigger, parse_trigger, read_level, read_number
 from pnfarm.vocabulary.problem import Problem
 
 JSON = st.recursive(
@@ -27,7 +27,8 @@ JSON = st.recursive(
 )
 WORDS = st.sampled_from(
     ["velocity", "zsw1.fault_present", "rising", "falling", "changes", ">", "<=", "==", "1000", "-3.5", "0x10", "S4",
-     "on", "axis-*", "fault", "702", "connect", "injection", "now", "manual", "nan", "1e999", "\n", "é"]
+     "on", "axis-*", "fault", "702", "connect", "injection", "now", "manual", "nan", "1e999", "\n", "é", "bar",
+     "6.5bar", "island-1.pressure", "island-1.", "1/min"]
 )  # fmt: skip
 
 
@@ -65,8 +66,16 @@ def test_any_request_is_read_or_refused_field_by_field(data: dict[str, Any]) -> 
 
 @given(st.text(max_size=20))
 def test_a_level_is_a_finite_number_or_nothing(text: str) -> None:
-    value = read_number(text)
-    assert value is None or np.isfinite(value)
+    for value in (read_number(text), read_level(text)[0]):
+        assert value is None or np.isfinite(value)
+
+
+@given(st.floats(-1e9, 1e9), st.sampled_from(["", "bar", "rpm", "%", "°", "m/s", "N m"]), st.sampled_from(["", " "]))
+def test_a_level_is_read_with_its_unit(number: float, unit: str, between: str) -> None:
+    assert read_level(f"{number}{between}{unit}".rstrip()) == (number, unit.replace(" ", ""))
+    trigger = parse_trigger(f"2nd-island.x > {number}{between}{unit}")
+    assert isinstance(trigger, SignalTrigger)
+    assert trigger.signal == "2nd-island.x"
 
 
 def test_the_forms_of_a_trigger() -> None:

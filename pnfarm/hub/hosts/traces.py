@@ -51,7 +51,9 @@ class HubTraces:
         shards = {hub.shards.station_owner(name): None for name in (*names, *sorted(devices))}
         if len(shards) > 1:
             what = f"means stations of {len(shards)} shards ({', '.join(shard.label for shard in shards)})"
-            allowed = "stations of one shard: the samples of a trace have the time of one engine; start a trace for each"
+            allowed = (
+                "stations of one shard: the samples of a trace have the time of one engine; start a trace for each"
+            )
             raise RequestError(
                 f"trace.on: {what}; allowed: {allowed}", [{"field": "on", "what": what, "allowed": allowed}]
             )
