@@ -11,6 +11,7 @@ import pytest
 from device_cell import CONFIGS, HEAD, Cell
 from wide_device import wide_file, wide_group
 
+from pnfarm.buses.profinet.controller import plan
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
 from pnfarm.controller.line import VirtualLine
 from pnfarm.errors import ConfigError
@@ -227,14 +228,20 @@ def test_what_the_file_does_not_allow_is_a_sentence(tmp_path, more, slots, input
         WideCell(tmp_path, slots, more, ", watchdog_factor: 5", inputs=inputs, outputs=outputs)
 
 
+def test_more_crs_than_there_are_frame_ids_are_a_sentence(tmp_path, monkeypatch):
+    monkeypatch.setattr(plan, "RTC1_UNICAST", range(0x8000, 0x8001))
+    with pytest.raises(ConfigError, match="the devices need 2 input CRs, there are 1 frame ids"):
+        WideCell(tmp_path, {1: "720_720", 2: "720_720"})
+
+
 def test_a_foreign_device_may_have_cycles_too(tmp_path):
     path = wide_file(tmp_path)
     foreign = f"{{name: wide, gsdml: {path}, modules: {{1: 8_8, 2: 8_8}}, cycles: {{2: 64ms}}}}"
     text = HEAD + f"devices:\n  - {{name: other, gsdml: {path}, ip: 10.77.0.42/24}}\n"
     text += f"controller: {{name: plc, ip: 10.77.0.1/24, devices: [{foreign}]}}\n"
     line = asyncio.run(VirtualLine.create(parse_farm(text, CONFIGS / "cell.pnfarm.yml")))
-    (plan,) = [one for one in line.plc.devices if one.name == "wide"]
-    assert (plan.input_crs, plan.output_crs) == (2, 2)
+    (planned,) = [one for one in line.plc.devices if one.name == "wide"]
+    assert (planned.input_crs, planned.output_crs) == (2, 2)
     with pytest.raises(ConfigError, match=r"device wide.*slot 3 in `cycles` has no module"):
         asyncio.run(VirtualLine.create(parse_farm(text.replace("{2: 64ms}", "{3: 64ms}"), CONFIGS / "cell.pnfarm.yml")))
 

@@ -21,6 +21,7 @@ from pnfarm.protocols.profinet.cm.controller.frames import divide
 from pnfarm.protocols.profinet.cm.controller.plan import ParameterRecord, PlannedSubmodule
 from pnfarm.protocols.profinet.gsdml.planning import from_gsdml, plan_station
 from pnfarm.protocols.profinet.gsdml.texts import DescribedDiagnosis
+from pnfarm.protocols.profinet.wire.frame_id import RTC1_UNICAST
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.globs import means
 
@@ -278,4 +279,7 @@ def plan_controller(
     """The controller and what it expects; arguments and errors as those of :func:`plan_devices`."""
     others = [*(one.ip for one in drives), *(one.ip for one in own), *(one.ip for one in section.devices)]
     address = own_address(section.ip, others)
-    return ProfinetPlan(section.name, address, tuple(plan_devices(section, drives, models, folder, own)))
+    devices = tuple(plan_devices(section, drives, models, folder, own))
+    if (crs := sum(device.input_crs for device in devices)) > len(RTC1_UNICAST):
+        raise ConfigError(f"the devices need {crs} input CRs, there are {len(RTC1_UNICAST)} frame ids for them")
+    return ProfinetPlan(section.name, address, devices)
