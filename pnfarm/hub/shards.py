@@ -113,6 +113,8 @@ class Shards:
         self._all: dict[str, Shard] = {}
         self._owners: dict[str, list[Shard]] = {}
         self._device_owners: dict[str, list[Shard]] = {}
+        #: Every device, in natural order of the names, and what `model:` means it by.
+        self.devices: dict[str, tuple[str, ...]] = {}
         self._order: tuple[str, ...] = ()
         #: Counts changes of the list of drives.
         self.layout = 0
@@ -192,6 +194,7 @@ class Shards:
             for name in shard.devices:
                 device_owners.setdefault(name, []).append(shard)
         self._owners, self._device_owners = _present(owners), _present(device_owners)
+        self.devices = {name: device_owners[name][0].devices[name] for name in sorted(device_owners, key=natural)}
         order = tuple(sorted(self._owners, key=natural))
         if order != self._order:
             self._order = order
@@ -203,12 +206,6 @@ class Shards:
     def names(self) -> tuple[str, ...]:
         """Every drive, in natural order of the names."""
         return self._order
-
-    @property
-    def devices(self) -> dict[str, tuple[str, ...]]:
-        """Every device, in natural order of the names, and what `model:` means it by."""
-        found = {name: models for shard in self._all.values() for name, models in shard.devices.items()}
-        return {name: found[name] for name in sorted(self._device_owners, key=natural)}
 
     @property
     def stations(self) -> tuple[str, ...]:
