@@ -7,42 +7,33 @@ ends after its ``keep`` time, so that a client that is gone leaves nothing behin
 
 from __future__ import annotations
 
-from collections import defaultdict
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pnfarm.errors import ConfigError
-from pnfarm.faults.errors import InjectionError
 from pnfarm.faults.events import InjectionBegan, InjectionEnded
-from pnfarm.faults.plan import matching
-from pnfarm.signals.device_signal import split_name
-from pnfarm.station.axis import axes_by_name
 from pnfarm.station.events import FaultRaised, WarningChanged
 from pnfarm.table import trace as codes
 from pnfarm.table.segments import Segments
+from pnfarm.trace.choosing import TracedStations
 from pnfarm.trace.events import TraceEnded, TraceTriggered
 from pnfarm.trace.recording import Column, Recording
 from pnfarm.trace.request import TraceError, TraceRequest
-from pnfarm.trace.signals import choose_signals, chooses_any, code_of, is_glob
-from pnfarm.trace.traced import TracedAxis, TracedDevice
-from pnfarm.trace.trigger import EVENTS, OF_DRIVES, TRIGGER, EventTrigger, SignalTrigger, read_level, read_number
+from pnfarm.trace.trigger import EVENTS, EventTrigger
 from pnfarm.vocabulary.durations import format_duration
-from pnfarm.vocabulary.globs import means
-from pnfarm.vocabulary.problem import Problem
-from pnfarm.vocabulary.quantities import in_unit
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from pnfarm.engine.columns import Columns
     from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import EventLog, LogEntry
     from pnfarm.station.station import Station
     from pnfarm.table.access.places import Place
+    from pnfarm.trace.choosing import ColumnPlace
     from pnfarm.trace.signals import TraceSignal
     from pnfarm.trace.traced import Traced
 
@@ -52,22 +43,11 @@ __all__ = ["MOST_TRACES", "MOST_VALUES", "Trace", "TraceManager"]
 MOST_TRACES = 16
 #: Numbers in the ring for one trace: a quarter of it.
 MOST_VALUES = codes.RING_VALUES // 4
-#: Columns of one trace.
-MOST_COLUMNS = 2048
 #: Time that the event loop may need to pass an event on to the engine; so much more is kept from before the trigger.
 EVENT_NS = 250_000_000
 #: When to look again whether the engine has seen that a trace is over.
 SEEN_NS = 10_000_000
 _STATES = {codes.IDLE: "waiting", codes.ARMED: "waiting", codes.TRIGGERED: "running", codes.ENDED: "complete"}
-
-
-@dataclass(frozen=True, slots=True)
-class _Chosen:
-    """A column: where its value is among the probes, counted from the trace's first."""
-
-    drive: str
-    signal: TraceSignal
-    probe: int
 
 
 @dataclass(slots=True)
@@ -80,7 +60,7 @@ class Trace:
     row: int
     first_probe: int
     ring_start: int
-    columns: tuple[_Chosen, ...]
+    columns: tuple[ColumnPlace, ...]
     #: Drives and devices whose events and signals trigger.
     watched: frozenset[str]
     #: Row of a probe that the trigger watches -> its drive or device.
@@ -186,7 +166,7 @@ class Trace:
         return copied[places >= overwritten]
 
 
-def _values(chosen: _Chosen, samples: Any) -> Any:
+def _values(chosen: ColumnPlace, samples: Any) -> Any:
     """A column of the samples."""
     values = samples[:, 1 + chosen.probe]
     if chosen.signal.is_real:
@@ -200,15 +180,7 @@ class TraceManager:
 
     def __init__(self, axes: Sequence[Axis], devices: Iterable[Station], columns: Columns, log: EventLog) -> None:
         self.columns = columns
-        self._traced: dict[str, Traced] = {axis.configured_name: TracedAxis(axis) for axis in axes}
-        self._devices: dict[str, Traced] = {device.configured_name: TracedDevice(device) for device in devices}
-        self._concerned: dict[str, list[Traced]] = {
-            **{
-                name: [self._traced[one.configured_name] for one in found] for name, found in axes_by_name(axes).items()
-            },
-            **{name: [device] for name, device in self._devices.items()},
-        }
-        self._traced |= self._devices
+        self._stations = TracedStations(axes, devices)
         self._log = log
         self._traces: dict[str, Trace] = {}
         #: Rows whose end the engine has not seen -> first probe and part of the ring.
@@ -228,14 +200,14 @@ class TraceManager:
         ``keep_ns``: how long it stays while nobody asks for it, unless ``keep`` says so; None: for ever.
         """
         request = TraceRequest.parse(fields, keep_ns=keep_ns)
-        chosen = self._chosen(request)
+        chosen = self._stations.chosen(request)
         if len(self._traces) >= MOST_TRACES:
             raise ConfigError(f"the farm keeps {MOST_TRACES} traces at most: delete one of {', '.join(self._traces)}")
         if request.name is not None and request.name in self._traces:
             raise TraceError([("as", f"there is a trace {request.name} already", "another name")])
         places: list[Place] = []
-        columns = tuple(self._columns(request, chosen, places))
-        watched, level, number, those = self._trigger(request, chosen)
+        columns = tuple(self._stations.columns(request, chosen, places))
+        watched, level, number, those = self._stations.trigger(request, chosen)
         trace = self._allocate(request, columns, places, watched, now)
         trace.number = number
         trace.watched = frozenset(one.name for one in those)
@@ -260,7 +232,7 @@ class TraceManager:
 
     def signals(self, name: str) -> list[TraceSignal]:
         """Those that a drive or a device of this name has.  Raises :class:`KeyError`."""
-        return list(self._traced[name].signals().values())
+        return list(self._stations.by_name[name].signals().values())
 
     def kept(self) -> list[Trace]:
         """Every trace, oldest first."""
@@ -334,116 +306,10 @@ class TraceManager:
         for call in waiting:
             call()
 
-    def _chosen(self, request: TraceRequest) -> list[Traced]:
-        known = {name: (one.names, one.kinds) for name, one in self._traced.items()}
-        try:
-            return [self._traced[name] for name in matching(request.on, known)]
-        except InjectionError as exc:
-            raise TraceError(list(exc.issues)) from exc
-
-    def _signals(self, names: Sequence[str], of: Sequence[Traced]) -> list[tuple[Traced, TraceSignal]]:
-        """The signals that names and globs choose ``of`` these, and those of devices whose names are before theirs.
-
-        Raises :class:`ConfigError`.
-        """
-        wanted: dict[str, list[str]] = defaultdict(list)
-        plain = []
-        for name in names:
-            device, signal = split_name(name.strip())
-            if device in self._devices:
-                wanted[device].append(signal)
-            else:
-                plain.append(name)
-        known = {one.name: one.signals() for one in of}
-        has = {
-            name: {
-                what
-                for what in {one.what for one in of}
-                if any(one.what == what and chooses_any(known[one.name], name) for one in of)
-            }
-            for name in plain
-        }
-        for one in of:
-            # words differ from profile to profile, and devices are no drives: a glob has to choose something on one of
-            # all, a name on all of one kind
-            wanted[one.name] += [
-                name
-                for name in plain
-                if not (has[name] if is_glob(name) else has[name] - {one.what}) or chooses_any(known[one.name], name)
-            ]
-        found: dict[tuple[str, str], tuple[Traced, TraceSignal]] = {}
-        for name in dict.fromkeys((*known, *wanted)):
-            one = self._traced[name]
-            for chosen in choose_signals(name, known.get(name) or one.signals(), wanted[name]):
-                found[name, chosen.name] = (one, chosen)
-            if len(found) > MOST_COLUMNS:
-                what = f"more than {MOST_COLUMNS} signals of {len(of)} drives and devices"
-                raise ConfigError(f"{what}; allowed: fewer of them, or fewer signals")
-        return list(found.values())
-
-    def _columns(self, request: TraceRequest, chosen: Sequence[Traced], places: list[Place]) -> list[_Chosen]:
-        """The columns; ``places`` gets each field that is sampled once, also if several bits are in it."""
-        with _error_of("signals"):
-            signals = self._signals(request.signals, chosen)
-        found: list[_Chosen] = []
-        numbers: dict[Place, int] = {}
-        for one, signal in signals:
-            place = one.place(signal)
-            if place not in numbers:
-                numbers[place] = len(places)
-                places.append(place)
-            found.append(_Chosen(one.name, signal, numbers[place]))
-        return found
-
-    def _trigger(
-        self, request: TraceRequest, chosen: Sequence[Traced]
-    ) -> tuple[list[tuple[Traced, Place]], float, int | None, list[Traced]]:
-        """What the trigger watches: fields of drives and devices, its level, the number of a fault, whose events."""
-        trigger = request.trigger
-        watched = list(chosen)
-        if trigger.on:
-            # not only those that are traced: what one does may be seen at another
-            watched = [one for one in self._traced.values() if means(trigger.on, one.names, one.kinds)]
-            if not watched:
-                what = f"no drive matches {shown(trigger.on)}{did_you_mean(trigger.on, self._traced)}"
-                raise TraceError([("trigger", what, "a drive, a device or a glob behind `on`")])
-        if isinstance(trigger, EventTrigger):
-            return [], 0.0, self._fault_number(trigger, watched), watched
-        if not isinstance(trigger, SignalTrigger):
-            return [], 0.0, None, watched
-        if trigger.on and split_name(trigger.signal)[0] in self._devices:
-            what = f"{shown(trigger.text)} names two stations"
-            raise TraceError([("trigger", what, "the device before the signal, or behind `on`")])
-        with _error_of("trigger"):
-            signals = self._signals([trigger.signal], watched)
-        levels = {_level(trigger, signal, one) for one, signal in signals}
-        if len(levels) > 1:
-            what = f"{shown(trigger.text)} is not the same value on all drives"
-            raise TraceError([("trigger", what, "drives of one model, or `on DRIVE`")])
-        places = [(one, _bit_place(one.place(signal), signal.bit)) for one, signal in signals]
-        return places, levels.pop(), None, [one for one, _ in signals]
-
-    @staticmethod
-    def _fault_number(trigger: EventTrigger, watched: Sequence[Traced]) -> int | None:
-        if trigger.event not in OF_DRIVES:
-            return None
-        drives = [one for one in watched if isinstance(one, TracedAxis)]
-        if not drives:
-            what = f"{watched[0].name} is a device, and {trigger.event} is an event of a drive"
-            raise TraceError([("trigger", what, "an event such as disconnect or injection, or `on DRIVE`")])
-        if not trigger.argument:
-            return None
-        with _error_of("trigger"):
-            numbers = {one.fault_number(trigger.argument) for one in drives}
-        if len(numbers) > 1:
-            what = f"{shown(trigger.text)} is not the same fault on all drives"
-            raise TraceError([("trigger", what, "drives of one model, or `on DRIVE`")])
-        return numbers.pop()
-
     def _allocate(
         self,
         request: TraceRequest,
-        columns: tuple[_Chosen, ...],
+        columns: tuple[ColumnPlace, ...],
         places: Sequence[Place],
         watched: Sequence[tuple[Traced, Place]],
         now: int,
@@ -535,7 +401,7 @@ class TraceManager:
     def _happened(self, entry: LogEntry) -> None:
         """An entry of the farm's log: count the injections on a drive, and trigger what waits for it."""
         what = entry.what
-        concerned = self._concerned.get(entry.drive, ())
+        concerned = self._stations.concerned.get(entry.drive, ())
         if isinstance(what, InjectionBegan | InjectionEnded):
             for one in concerned:
                 change = 1 if isinstance(what, InjectionBegan) else -1
@@ -552,15 +418,6 @@ class TraceManager:
                 row.fire_ns = max(entry.now_ns, int(row.started_ns))
 
 
-@contextmanager
-def _error_of(field: str) -> Iterator[None]:
-    """What a drive cannot is wrong with this field of the request."""
-    try:
-        yield
-    except ConfigError as exc:
-        raise TraceError([(field, str(exc), "")]) from exc
-
-
 def _matches(trigger: EventTrigger, number: int | None, what: Any) -> bool:
     if trigger.event not in EVENTS or not isinstance(what, EVENTS[trigger.event]):
         return False
@@ -569,37 +426,3 @@ def _matches(trigger: EventTrigger, number: int | None, what: Any) -> bool:
     if isinstance(what, InjectionBegan | InjectionEnded):
         return trigger.argument in {"", what.kind, what.id}
     return True
-
-
-def _bit_place(place: Place, bit: int | None) -> Place:
-    """The place of a signal alone, also of a bit."""
-    return place if bit is None else replace(place, shift=place.shift + bit, mask=1, sign=0)
-
-
-def _level(trigger: SignalTrigger, signal: TraceSignal, of: Traced) -> float:
-    """The level in the signal's unit; raises :class:`TraceError`."""
-    edge = trigger.kind in {codes.TRIGGER_RISING, codes.TRIGGER_FALLING}
-    if trigger.level is None:
-        if edge and signal.is_real:
-            what = f"{signal.name} needs a level in {signal.unit or 'its unit'}"
-            raise TraceError([("trigger", what, f"such as `{signal.name} {trigger.text.split()[1]} 100`")])
-        # between 0 and 1
-        return 0.5
-    if isinstance(of, TracedAxis) and signal.form == "fault":
-        number = read_number(trigger.level)
-        if number is not None:
-            return number
-        with _error_of("trigger"):
-            return float(of.fault_number(trigger.level))
-    if (code := code_of(signal.form, trigger.level)) is not None:
-        return float(code)
-    value, unit = read_level(trigger.level)
-    if value is None:
-        what = f"{shown(trigger.level)} is not a value of {signal.name}"
-        raise TraceError([("trigger", what, "a number" if signal.is_real else f"a number or a name; {TRIGGER}")])
-    try:
-        # a signal's unit may be of two words: N m
-        own = in_unit(value, unit, signal.unit.replace(" ", ""))
-        return of.level(signal, own, exactly=trigger.kind in {codes.TRIGGER_EQUAL, codes.TRIGGER_UNEQUAL})
-    except Problem as problem:
-        raise TraceError([("trigger", f"{signal.name} {problem.what}", problem.allowed)]) from problem
