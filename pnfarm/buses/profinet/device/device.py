@@ -86,8 +86,6 @@ class ProfinetDevice:
         """``io_controllers``: how many can be connected at once; ``crs``: the most of one direction of each."""
         self.station = station
         self.kind = kind
-        self.index = station.index
-        self.port = cast("Port", station.port)
         self._services = services
         self._uuids = uuid_source(services.seed + station.port.mac)
         #: Frames dropped by reason, before any machine saw them.
@@ -149,12 +147,11 @@ class ProfinetDevice:
         self.neighbours = StationNeighbours(mac, self.index, self.description, enabled=self._services.lldp)
         self.neighbours.update(self.dcp.name, self.dcp.address, self.dcp.gateway, 0)
         prefix, *version = own.im0.software_revision
-        self._object_uuid = object_uuid(own.instance, own.device_id, own.vendor_id)
         self.rpc = RpcServer(
             RpcServerConfig(
                 endpoints=(
                     Endpoint(
-                        self._object_uuid,
+                        object_uuid(own.instance, own.device_id, own.vendor_id),
                         annotation(
                             own.station_type,
                             own.im0.order_id,
@@ -205,6 +202,16 @@ class ProfinetDevice:
         if not name or check_station_name(name) is None:
             kept["name"] = name
         self.station.save()
+
+    @property
+    def index(self) -> int:
+        """The station's in the farm."""
+        return self.station.index
+
+    @property
+    def port(self) -> Port:
+        """Its interface."""
+        return cast("Port", self.station.port)
 
     @property
     def config(self) -> DeviceConfig:
@@ -297,8 +304,7 @@ class ProfinetDevice:
         """Have another address from the next power-on, as after a change of the hardware; the supply is off."""
         if self.powered:
             raise InternalError(f"{self.configured_name} cannot change its MAC address while it is on")
-        self.port = replace(self.port, mac=mac)
-        self.station.port = self.port
+        self.station.port = replace(self.port, mac=mac)
         self.station.image.mac = mac_to_int(mac)
         self.channels.move(self.port)
 

@@ -28,7 +28,6 @@ __all__ = ["DeviceParts"]
 class DeviceParts(Protocol):
     """See the module's docstring; the machines are recreated at each power-on."""
 
-    port: Port
     kind: Kind
     description: DeviceDescription
     dcp: DcpDevice
@@ -39,6 +38,10 @@ class DeviceParts(Protocol):
     traffic: PortTraffic
     snmp_texts: dict[SystemText, str]
     neighbour_rows: NeighbourRows
+
+    @property
+    def port(self) -> Port:
+        """Its interface."""
 
     @property
     def name(self) -> str:
