@@ -72,7 +72,7 @@ class EventLog:
         self.quiet = quiet
         self._sequence = 0
         self._farm: deque[LogEntry] = deque(maxlen=FARM_ENTRIES)
-        self._drives: dict[str, deque[LogEntry]] = {}
+        self._drives: dict[str, list[LogEntry]] = {}
         self._subscribers: list[Callable[[LogEntry], None]] = []
 
     def record(self, now: int, drive: str, event: Event) -> LogEntry:
@@ -81,7 +81,9 @@ class EventLog:
         entry = LogEntry(self._sequence, now, time.time(), drive, event)
         self._farm.append(entry)
         if drive:
-            self._drives.setdefault(drive, deque(maxlen=DRIVE_ENTRIES)).append(entry)
+            entries = self._drives.setdefault(drive, [])
+            entries.append(entry)
+            del entries[:-DRIVE_ENTRIES]
         if not self.quiet:
             getattr(logger, event.level)(event.text, **({"drive": drive} if drive else {}), **event.details())
         for subscriber in list(self._subscribers):

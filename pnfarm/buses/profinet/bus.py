@@ -66,14 +66,13 @@ class Profinet(ImportingBus, ProjectBus, SearchBus):
 
     def described_device(self, station: Station, services: DeviceServices) -> ProfinetDevice:
         from pnfarm.buses.profinet.described.kind import DescribedKind
-        from pnfarm.buses.profinet.described.summary import station_description
         from pnfarm.buses.profinet.device.device import ProfinetDevice
 
         kind = DescribedKind(
             station, cast("DescribedSettings", station.config), services.channels.columns, services.plain_row
         )
         station.signals = kind.signals
-        station.description = station_description(kind.described.plugged)
+        station.description = kind.described.description
         plugged = kind.described.plugged
         return ProfinetDevice(station, services, kind, plugged.number_of_ars, plugged.relations.crs)
 

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 
 __all__ = ["ClosedChannels"]
 
+#: Of stations that closed no channel, which are most.
+_NO_DISCARDS = np.zeros(len(DISCARDS), np.int64)
+_NO_INTERVALS = np.zeros(INTERVAL_BUCKETS, np.int64)
+_NO_JITTERS = np.zeros(JITTER_BUCKETS, np.int64)
+
 
 class ClosedChannels:
     """Sums over all channels of one station that were closed; fields as in the channel tables."""
@@ -39,10 +44,10 @@ class ClosedChannels:
         self.sent = 0
         self.suppressed = 0
         self.received = 0
-        self.discarded: Any = np.zeros(len(DISCARDS), np.int64)
-        self.intervals: Any = np.zeros(INTERVAL_BUCKETS, np.int64)
+        self.discarded: Any = _NO_DISCARDS
+        self.intervals: Any = _NO_INTERVALS
         self.interval_sum_ns = 0
-        self.jitters: Any = np.zeros(JITTER_BUCKETS, np.int64)
+        self.jitters: Any = _NO_JITTERS
         self.jitter_sum_ns = 0
         self.missed = 0
         self.late = 0
@@ -58,10 +63,10 @@ class ClosedChannels:
         """Add the counters of a consumer that is closed already."""
         consumer = channels.columns.cpm[row]
         self.received += int(consumer.received)
-        self.discarded += consumer.discarded
-        self.intervals += consumer.intervals
+        self.discarded = self.discarded + consumer.discarded
+        self.intervals = self.intervals + consumer.intervals
         self.interval_sum_ns += int(consumer.interval_sum_ns)
-        self.jitters += consumer.jitters
+        self.jitters = self.jitters + consumer.jitters
         self.jitter_sum_ns += int(consumer.jitter_sum_ns)
         self.missed += int(consumer.missed)
         self.late += int(consumer.late)

@@ -46,8 +46,10 @@ class ImpairmentTable:
         self._rows = plain(columns.impairment)
         self._tables: Mapping[Direction, Any] = {"in": plain(columns.cpm), "out": plain(columns.ppm)}
         self._chains: dict[tuple[int, Direction], list[int]] = {}
-        self._channels: dict[tuple[int, Direction], set[int]] = {}
-        self._free = deque(range(columns.impairment.shape[0] - 1, -1, -1))
+        self._channels: dict[tuple[int, Direction], tuple[int, ...]] = {}
+        #: Rows that were never in use begin here; those that were wait for their turn.
+        self._fresh = 0
+        self._free: deque[int] = deque()
         self._owner: dict[int, tuple[int, Direction]] = {}
 
     def add(
@@ -70,9 +72,13 @@ class ImpairmentTable:
 
         Raises :class:`InternalError` when all rows are in use.
         """
-        if not self._free:
+        if self._fresh < self._columns.impairment.shape[0]:
+            number = self._fresh
+            self._fresh += 1
+        elif self._free:
+            number = self._free.popleft()
+        else:
             raise InternalError(f"all {self._columns.impairment.shape[0]} impairment rows are in use")
-        number = self._free.pop()
         row = self._rows[number]
         row["threshold"] = threshold(probability)
         for name, value in {**_AS_NEW, **(settings or {})}.items():
@@ -101,7 +107,7 @@ class ImpairmentTable:
         row["uses"] = (int(row["uses"]) + 1) & 0xFFFFFFFF
         engine = self._columns.engine[0]
         engine.ended = (int(engine.ended) + 1) & 0xFFFFFFFF
-        self._free.appendleft(number)
+        self._free.append(number)
         return evidence
 
     def has(self, station: int, direction: Direction, kind: int) -> bool:
@@ -134,12 +140,13 @@ class ImpairmentTable:
 
     def channel_opened(self, station: int, direction: Direction, row: int) -> None:
         """A provider (``out``) or consumer (``in``) of this station now runs in ``row``."""
-        self._channels.setdefault((station, direction), set()).add(row)
+        self._channels[station, direction] = (*self._channels.get((station, direction), ()), row)
         self._link(station, direction)
 
     def channel_closed(self, station: int, direction: Direction, row: int) -> None:
         self._tables[direction][row]["impairment"] = 0
-        self._channels.get((station, direction), set()).discard(row)
+        others = (other for other in self._channels.get((station, direction), ()) if other != row)
+        self._channels[station, direction] = tuple(others)
 
     def _link(self, station: int, direction: Direction) -> None:
         """Rewrite the chain and its heads; a reader in the middle of it sees the old or the new order."""

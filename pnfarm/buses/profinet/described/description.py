@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.gsdml.station import PluggedModule, PluggedStation, PluggedSubmodule
     from pnfarm.protocols.profinet.gsdml.values import Numbers
 
-__all__ = ["describe_plugged"]
+__all__ = ["describe_modules", "describe_plugged"]
 
 #: I&M1 to I&M3 where the file names no record that can be written: it is older than the key, and every device must
 #: store these since V2.31 of the specification (assumed).
@@ -105,16 +105,22 @@ def _within(numbers: Numbers, known: Iterable[int]) -> tuple[int, ...]:
     return tuple(number for number in known if number in numbers)
 
 
-def describe_plugged(station: PluggedStation, mac: bytes, *, strict: bool) -> DeviceDescription:
-    """The device with this address; without ``strict`` it takes every cycle."""
-    head, *modules = station.modules
-    dap = station.dap
+def describe_modules(station: PluggedStation) -> tuple[ModuleDescription, ...]:
+    """The access point's and the others, which are the same for each device of a group."""
+    return tuple(map(_module, station.modules))
+
+
+def describe_plugged(
+    station: PluggedStation, modules: tuple[ModuleDescription, ...], mac: bytes, *, strict: bool
+) -> DeviceDescription:
+    """The device with this address and :func:`describe_modules`; without ``strict`` it takes every cycle."""
+    head, dap = station.modules[0], station.dap
     return DeviceDescription(
         vendor_id=station.vendor_id,
         device_id=station.device_id,
         station_type=_station_type(station),
-        dap=_module(head),
-        modules=tuple(_module(module) for module in modules),
+        dap=modules[0],
+        modules=modules[1:],
         instance=dap.instance,
         own_records=frozenset(record.index for submodule in station.submodules for record in submodule.records),
         min_device_interval=station.min_device_interval if strict else 1,

@@ -68,7 +68,7 @@ class DescribedKind:
     def describe(self, mac: bytes) -> DeviceDescription:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self.records = DescribedRecords(self.described, self._station.note, strict=self._strict)
-        return describe_plugged(self.described.plugged, mac, strict=self._strict)
+        return describe_plugged(self.described.plugged, self.described.modules, mac, strict=self._strict)
 
     @property
     def diagnoses(self) -> DiagnosisCatalogue:

@@ -7,12 +7,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.plain_layout import PlainLayout, plain_layout, signal_places
+from pnfarm.buses.profinet.described.description import describe_modules
+from pnfarm.buses.profinet.described.summary import station_description
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.protocols.profinet.description import ModuleDescription
     from pnfarm.protocols.profinet.gsdml.station import PluggedStation
     from pnfarm.signals.signal import Direction, Signal
+    from pnfarm.station.description import StationDescription
 
 __all__ = ["NO_SAFETY", "DescribedStation"]
 
@@ -33,6 +37,16 @@ class DescribedStation:
         """What it is called in place of a model: the access point's ID and order number, the device's name."""
         found = (self.plugged.dap.id, self.plugged.order_number, self.plugged.name)
         return tuple(dict.fromkeys(name for name in found if name))
+
+    @cached_property
+    def modules(self) -> tuple[ModuleDescription, ...]:
+        """For the machines of each device: the access point's first."""
+        return describe_modules(self.plugged)
+
+    @cached_property
+    def description(self) -> StationDescription:
+        """For views."""
+        return station_description(self.plugged)
 
     @cached_property
     def inputs(self) -> PlainLayout:

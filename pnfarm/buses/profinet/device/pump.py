@@ -25,7 +25,6 @@ from pnfarm.protocols.profinet.wire.snmp.message import SNMP_PORT
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
 
     from pnfarm.buses.profinet.device.config import DeviceConfig
     from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
@@ -71,10 +70,6 @@ class DevicePump:
         self._calls: dict[int, int] = {}
         #: A reset that restarts the drive was requested, and its response is still to be sent.
         self._reboot_due = False
-        self._steps: tuple[Callable[[int], bool], ...] = (
-            self._dcp, self._neighbours, self._ip, self._rpc, self._context_management, self._snmp,
-            device.station.pump_drive,
-        )  # fmt: skip
 
     def forget_calls(self) -> None:
         """The machines are recreated: no open call is left."""
@@ -89,8 +84,9 @@ class DevicePump:
         moved = True
         while moved:
             moved = False
-            for step in self._steps:
-                moved = step(now) or moved
+            for step in self._STEPS:
+                moved = step(self, now) or moved
+            moved = device.station.pump_drive(now) or moved
         for datagram in (*device.rpc.to_send(now), *device.client.to_send(now), *device.snmp.to_send(now)):
             device.ip.send(datagram.local_port, datagram.peer.ip, datagram.peer.port, datagram.data, now)
         frames = device.dcp.to_send(now)
@@ -260,3 +256,5 @@ class DevicePump:
             else:
                 device.cm.diagnosis.remove(entry)
         return bool(notes)
+
+    _STEPS = (_dcp, _neighbours, _ip, _rpc, _context_management, _snmp)

@@ -35,9 +35,10 @@ class Offer:
 
     def __init__(self, interfaces: Iterable[Interface], endpoints: Iterable[Endpoint], boot_time: int) -> None:
         self._interfaces = {interface.uuid: interface for interface in interfaces}
-        self._objects: dict[UUID, set[UUID]] = {}
+        self._objects: dict[UUID, tuple[UUID, ...]] = {}
         for endpoint in endpoints:
-            self._objects.setdefault(endpoint.interface, set()).add(endpoint.object_uuid)
+            known = self._objects.get(endpoint.interface, ())
+            self._objects[endpoint.interface] = (*known, endpoint.object_uuid)
         self._boot_time = boot_time
 
     def refusal(self, pdu: RpcPdu) -> NcaStatus | None:

@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from ipaddress import IPv4Address
+from operator import attrgetter
 from typing import Final
 
 from pnfarm.errors import DecodeError
@@ -84,6 +85,15 @@ __all__ = [
 
 NO_ADDRESS: Final = IPv4Address(0)
 #: Flags of an answer in one PDU.
+#: How long an activity may stay in a state.
+_WAITS: Final = {
+    ServerState.IDLE: attrgetter("idle_ns"),
+    ServerState.RECEIVING: attrgetter("reassembly_ns"),
+    ServerState.EXECUTING: attrgetter("execution_ns"),
+    ServerState.ORPHANED: attrgetter("execution_ns"),
+    ServerState.REPLYING: attrgetter("fragment_retry_ns"),
+    ServerState.REPLIED: attrgetter("reply_ns"),
+}
 _WHOLE: Final = int(Flags1.NO_FACK | Flags1.LAST_FRAGMENT)
 
 
@@ -100,14 +110,6 @@ class RpcServer:
         own = () if self._mapper is None else (Interface(UUID_EPM, self._mapper.opnums, self._mapper.version),)
         self._offer = Offer((*config.interfaces, *own), config.endpoints, config.boot_time)
         self._activities = ActivityTable(config.activities_max, config.held_octets_max, self.dropped)
-        self._waits: dict[ServerState, int] = {
-            ServerState.IDLE: config.idle_ns,
-            ServerState.RECEIVING: config.reassembly_ns,
-            ServerState.EXECUTING: config.execution_ns,
-            ServerState.ORPHANED: config.execution_ns,
-            ServerState.REPLYING: config.fragment_retry_ns,
-            ServerState.REPLIED: config.reply_ns,
-        }
         self._out: list[Datagram] = []
         self._events: list[ServerEvent] = []
         self.late: LateAnswers | None = None
@@ -319,7 +321,7 @@ class RpcServer:
             self._activities.move(activity, state)
         elif state is ServerState.EXECUTING or state is ServerState.ORPHANED or state is ServerState.REPLYING:
             return
-        activity.deadline = now + self._waits[state]
+        activity.deadline = now + _WAITS[state](self.config)
 
     # receiving
 

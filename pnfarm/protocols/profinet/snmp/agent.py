@@ -61,6 +61,8 @@ MAXIMUM_MESSAGE = 1472
 #: The communities of a PROFINET device: to read, and to read and write.
 PUBLIC = b"public"
 PRIVATE = b"private"
+#: What every station shows.
+_SCALARS, _TABLES = (*SYSTEM_SCALARS, *LLDP_SCALARS), (*INTERFACE_TABLES, *LLDP_TABLES)
 
 #: Octets around the list of variables, at most: three long headers, version, the community's header, three numbers.
 _ENVELOPE = 3 * 4 + 3 + 4 + 3 * 6
@@ -117,7 +119,7 @@ class SnmpAgent:
     ) -> None:
         self.dropped: Counter[str] = Counter()
         self.statistics: Counter[int] = Counter()
-        self.mib = Mib(view, (*SYSTEM_SCALARS, *LLDP_SCALARS), (*INTERFACE_TABLES, *LLDP_TABLES))
+        self.mib = Mib(view, _SCALARS, _TABLES)
         self._writers = {read_community: False, write_community: True}
         self._maximum_size = maximum_size
         self._outbox: list[Datagram] = []
