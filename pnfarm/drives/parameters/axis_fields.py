@@ -78,6 +78,8 @@ _CHANGED_BY = {
     "ramp.acceleration": DRV_ACC,
     "ramp.deceleration": DRV_DEC,
 }
+#: ``opmode`` of a telegram whose operation mode a parameter sets and that brings XERR and KPC.
+POSITION_MODE = 2
 #: Bits of ``home_signals``.
 _HOME_SIGNALS = {HOME_MODE: 0x1, HOME_DIST: 0x2}
 #: A ramp whose time is zero, rpm/s.
@@ -200,7 +202,7 @@ class AxisFields:
             settings.task_form = TASKS_TABLE
         settings.torque_signals = (TORQUE_LIMIT_POSITIVE in slots) | (TORQUE_LIMIT_NEGATIVE in slots) << 1
         settings.jog_signals = (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1
-        axis.interpolation.settings.servo_control = XERR in slots and KPC in slots
+        axis.interpolation.settings.servo_control = (telegram.opmode or POSITION_MODE) if {XERR, KPC} <= slots else 0
         settings.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
         settings.feedrate_signal = MT_FEEDRATE in slots
         settings.spare_acceleration = self.fallback(MDI_ACC)
