@@ -153,7 +153,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 **_picked(fault, "number label name"),
                 "kind": "warning" if fault.warning else "fault",
                 "reaction": "" if fault.warning else ("coast", "quick-stop")[fault.reaction],
-                **_picked(fault, "cause word action source note"),
+                **_picked(fault, "cause word action namur source note"),
             }
             for fault in described.faults.values()
         ],

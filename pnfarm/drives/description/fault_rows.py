@@ -67,9 +67,12 @@ def _fault(
     word = integer(row.get("word", ""), where, "word", 0)
     if not 0 <= word <= 0xFFFF or (word and number >= FAULT_WORDS):
         raise ConfigError(f"{where}, word: {word} does not fit in 16 bits, or its fault is above {FAULT_WORDS - 1}")
+    namur = integer(row.get("namur", ""), where, "namur", 0)
+    if not 0 <= namur <= 15 or (namur and number >= FAULT_WORDS):
+        raise ConfigError(f"{where}, namur: {namur} is not within 0..15, or its fault is above {FAULT_WORDS - 1}")
     action = _action(row, where, parameters, numbers)
     reaction = REACTIONS.get(row["reaction"], 0)
-    return Fault(number, row["name"], warning, reaction, row["cause"], row["source"], row["note"], word, action)
+    return Fault(number, row["name"], warning, reaction, row["cause"], row["source"], row["note"], word, action, namur)
 
 
 def _action(row: Mapping[str, str], where: str, parameters: Mapping[int, Parameter], numbers: ParameterNumbers) -> int:
