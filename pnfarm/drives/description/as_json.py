@@ -126,7 +126,7 @@ def as_json(described: Model) -> dict[str, Any]:
             {
                 **_picked(telegram, "number name opmode"),
                 "tasks": TASK_FORMS[telegram.tasks],
-                **_picked(telegram, "pulses_enabled free_mapping parameter_words falls_back"),
+                **_picked(telegram, "pulses_enabled free_mapping own_words parameter_words falls_back"),
                 **_module_json(telegram.module),
                 "other_modules": _others_json(telegram),
                 "identifiers": telegram.identifiers.hex(" ") or None,
