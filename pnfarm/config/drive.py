@@ -81,8 +81,9 @@ class DriveGroup(Section):
         "and docs/behaviour.md list them.",
         examples=[{"control-by-plc": "hold"}],
     )
-    words: dict[Literal["output", "input"], Annotated[list[str], Field(max_length=64)]] = Field(
+    words: dict[str, Annotated[list[str], Field(max_length=64)]] = Field(
         default_factory=dict,
+        max_length=2,
         description="Words of the free telegram, `output` from the controller and `input` to it, by the names of the "
         "model's signals; `-` is a word without one, a double word is named once.",
         examples=[{"output": ["STW1", "NSOLL_B"], "input": ["ZSW1", "NIST_B", "MIST_GLATT"]}],

@@ -250,6 +250,7 @@ def operating_display(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
     """r0002 of SINAMICS drives: what operation waits for, of several the highest number."""
     axis = drive.handle.axis
     state, word = int(axis.drive.state), int(axis.profidrive.stw1)
+    waits: tuple[tuple[int, bool], ...]
     if state == 1:
         waits = (
             (45, bool(axis.faults.code[0])), (44, bool(int(axis.drive.lacks) & LACKS_ENABLE)), (43, not word & 0x0004),
