@@ -4,24 +4,13 @@ from __future__ import annotations
 
 import pytest
 from hand_plc import HandPlc
+from profidrive_plc import ACKNOWLEDGED, FULL, MOVE, REACHED, RUN, TASK, running
 from virtual_line import VirtualLine
 
 from pnfarm.drives.catalogue import model
 from pnfarm.table.signals import ACTUAL_SLOTS
 
-RUN, TASK, MOVE = 0x047F, 0x043F, 0x047F
-FULL = 0x4000
-REACHED, HOMED, ACKNOWLEDGED = 0x0400, 0x0800, 0x1000
-
 PROFILE = model("profidrive").profidrive
-
-
-def running(telegram: int, **setpoints: int) -> HandPlc:
-    plc = HandPlc("profidrive", telegram)
-    plc.put(**setpoints)
-    plc.switch_on(operation=RUN)
-    plc.wait_for(lambda: bool(plc["ZSW1"] & REACHED))
-    return plc
 
 
 def test_a_drive_walks_through_the_states_of_the_profile():

@@ -6,7 +6,7 @@ import pytest
 from hand_plc import HandPlc
 from hypothesis import given
 from hypothesis import strategies as st
-from test_farm_profidrive import FULL, RUN, running
+from profidrive_plc import FULL, RUN, running
 
 from pnfarm.drives.catalogue import model
 from pnfarm.drives.telegrams.own_words import with_words

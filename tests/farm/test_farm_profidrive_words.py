@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from hand_plc import HandPlc
-from test_farm_profidrive import ACKNOWLEDGED, FULL, MOVE, REACHED, TASK, running
+from profidrive_plc import ACKNOWLEDGED, FULL, MOVE, REACHED, TASK, running
 
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
