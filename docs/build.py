@@ -283,7 +283,10 @@ PAGES = {
     "commands.md": command_page.page,
     "drives/index.md": drive_pages.index,
     **{f"drives/{name}.md": partial(drive_pages.page, name) for name in sorted(models())},
-    **{f"parameters/{name}.md": partial(model_pages.parameters, name) for name in manual_coverage.MANUALS},
+    **{
+        f"parameters/{name}.md": partial(model_pages.parameters, name)
+        for name in sorted(models().keys() - drive_pages.SHARED.keys())
+    },
 }
 
 

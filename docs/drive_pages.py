@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import assembly_types
+import manual_coverage
 
 from pnfarm.buses.registry import BUSES
 from pnfarm.drives.catalogue import model, models
@@ -16,7 +17,7 @@ from pnfarm.drives.description.as_json import as_json
 from pnfarm.drives.profiles.cip.part import CIP
 from pnfarm.vocabulary.durations import format_duration
 
-__all__ = ["index", "page"]
+__all__ = ["SHARED", "index", "page"]
 
 NOTES = Path(__file__).resolve().parent / "drives" / "notes"
 #: Bus -> the option of the farm file, the command that writes a description file, its kind.
@@ -72,7 +73,28 @@ def _telegrams(described: dict[str, Any]) -> list[str]:
         lines.append(row)
     told = f"The drive starts with telegram {described['default_telegram']}, and takes what the controller plugs or its"
     more = "parameters select; `telegram:` of a drive in the farm file names another one."
-    return [*lines, "", told, more, ""]
+    return [*lines, "", told, more, "", *_sources(described)]
+
+
+def _sources(described: dict[str, Any]) -> list[str]:
+    """Where the telegrams and their words come from, and the bits by name."""
+    lines = ["| telegram | source |", "|---:|---|"]
+    lines += [f"| {one['number']} | {_told(one)} |" for one in described["telegrams"]]
+    lines += ["", "| word | bits | source | names of its bits, from 0 |", "|---|---:|---|---|"]
+    for one in described["signals"]:
+        words = [bits for bits in described["bits"] if bits["word"] == one["name"]]
+        names = "; ".join(
+            f"{'in ' + ', '.join(map(str, bits['telegrams'])) + ': ' if bits['telegrams'] else ''}"
+            + ", ".join(f"{bit} {name}" for bit, name in enumerate(bits["names"]) if name)
+            for bits in words
+        )
+        lines.append(f"| {one['name']} | {one['bits']} | {_told(one)} | {_cell(names)} |")
+    return [*lines, ""]
+
+
+def _told(fact: dict[str, Any]) -> str:
+    """A source and its note."""
+    return _cell(" ".join(filter(None, (fact["source"], f"({fact['note']})" if fact["note"] else ""))))
 
 
 def _identity(described: dict[str, Any]) -> list[str]:
@@ -93,12 +115,12 @@ def _identity(described: dict[str, Any]) -> list[str]:
             continue
         value = identity[key]
         source = sources.get(key, {})
-        told = " ".join(filter(None, (source.get("source", ""), f"({source['note']})" if source.get("note") else "")))
+        told = _told({"source": "", "note": ""} | source)
         if isinstance(value, int):
             shown = f"`{_hexadecimal(value)}` ({value})"
         else:
             shown = f"`{'.'.join(map(str, value))}`" if isinstance(value, list | tuple) else f"`{value}`"
-        lines.append(f"| {title} | {shown} | {_cell(told)} |")
+        lines.append(f"| {title} | {shown} | {told} |")
     dap = described.get("dap")
     if dap:
         lines.append(f"| access point, module ident | `0x{dap['module_ident']:X}` | {_cell(dap['module_source'])} |")
@@ -128,6 +150,8 @@ def page(name: str) -> str:
     bus = described["bus"]
     command, kind = FILES[bus]
     parameters = SHARED.get(name, name)
+    manual = parameters in manual_coverage.MANUALS
+    covered = f" [coverage of its manual](../coverage.md#{parameters})," if manual else ""
     lines = [
         f"# {described['title']}",
         "",
@@ -136,7 +160,7 @@ def page(name: str) -> str:
         f"`model: {name}` in a farm file; also {', '.join(f'`{alias}`' for alias in described['aliases'])}.",
         f"After {described['manual']}, {described['edition']}. Bus: {BUSES[bus].title}.",
         "",
-        f"Its [parameters](../parameters/{parameters}.md), [coverage of its manual](../coverage.md#{parameters}),",
+        f"Its [parameters](../parameters/{parameters}.md),{covered}",
         f"[what the manual leaves open](../behaviour.md#{name}).",
         "",
         (NOTES / f"{name}.md").read_text(encoding="utf-8").strip(),

@@ -10,6 +10,7 @@ from pydantic import Field
 from pnfarm.config.axis import Load, Motor
 from pnfarm.config.impairment import Impairment
 from pnfarm.config.machine import Machine
+from pnfarm.config.own_faults import MAX_FAULTS, OwnFault
 from pnfarm.config.realism import DriveRealism, Realism
 from pnfarm.config.section import Section
 from pnfarm.config.tasks import Task, drive_task
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pnfarm.drives.description.model import Model
+    from pnfarm.drives.description.parts import Fault
     from pnfarm.drives.motion_tasks import MotionTask
 
 __all__ = ["MAX_AXES", "MAX_DRIVES", "AxisConfig", "AxisGroup", "Claim", "DriveConfig", "DriveGroup"]
@@ -78,6 +80,18 @@ class DriveGroup(Section):
         description="Behaviour where the manual leaves it open, a reading for each point; `pnfarm models MODEL` "
         "and docs/behaviour.md list them.",
         examples=[{"control-by-plc": "hold"}],
+    )
+    words: dict[str, Annotated[list[str], Field(max_length=64)]] = Field(
+        default_factory=dict,
+        max_length=2,
+        description="Words of the free telegram, `output` from the controller and `input` to it, by the names of the "
+        "model's signals; `-` is a word without one, a double word is named once.",
+        examples=[{"output": ["STW1", "NSOLL_B"], "input": ["ZSW1", "NIST_B", "MIST_GLATT"]}],
+    )
+    faults: list[OwnFault] = Field(
+        default_factory=list,
+        max_length=MAX_FAULTS,
+        description="Faults and warnings beside the model's, which `drive-fault` and `drive-warning` raise.",
     )
     impair: list[Impairment] = Field(default_factory=list, description="Faults that are active from the start.")
 
@@ -153,6 +167,8 @@ class DriveConfig:
     impair: tuple[Impairment, ...]
     motion_tasks: tuple[MotionTask, ...] = ()
     behaviour: Mapping[str, str] = field(default_factory=dict)
+    words: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    faults: tuple[Fault, ...] = ()
     realism: Realism = field(default_factory=Realism)
     realism_by_source: bool = False
     listed: Model | None = None

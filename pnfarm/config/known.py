@@ -19,6 +19,7 @@ from pnfarm.drives.description.motor_kinds import ROTARY, with_motor
 from pnfarm.drives.parameters.given_values import raw_number
 from pnfarm.drives.parameters.parameter import Form, ParameterError
 from pnfarm.drives.parameters.user_list import read_parameter_list
+from pnfarm.drives.telegrams.own_words import with_words
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.axis import AXIS
 from pnfarm.vocabulary.quoting import did_you_mean, shown
@@ -88,6 +89,9 @@ class ModelFacts(Protocol):
 
     def behaviour_complaints(self, behaviour: Mapping[str, str]) -> list[Complaint]:
         """What is wrong with the ``behaviour`` of a group."""
+
+    def words_complaints(self, words: Mapping[str, Sequence[str]]) -> list[Complaint]:
+        """What is wrong with the ``words`` of a group."""
 
     def motor_complaints(self, kind: str | None, pitch: float | None) -> list[Complaint]:
         """What is wrong with the kind and the pitch of a group's ``motor``."""
@@ -186,6 +190,14 @@ class InstalledModel:
                 what = f"has no reading {shown(reading)}{did_you_mean(reading, points[name].readings)}"
                 complaints.append((name, what, ", ".join(points[name].readings)))
         return complaints
+
+    def words_complaints(self, words: Mapping[str, Sequence[str]]) -> list[Complaint]:
+        try:
+            with_words(self.model, words)
+        except ConfigError as error:
+            place, _, what = str(error).partition(": ")
+            return [(place.removeprefix("words").removeprefix("."), what, f"signals of `pnfarm models {self.name}`")]
+        return []
 
     def motor_complaints(self, kind: str | None, pitch: float | None) -> list[Complaint]:
         kinds = (ROTARY, *self.model.motor_kinds)

@@ -22,8 +22,10 @@ from pnfarm.config.links import TapLink as TapSection
 from pnfarm.config.links import VethLink as VethSection
 from pnfarm.drives.catalogue import model as model_by_name
 from pnfarm.drives.description.behaviour import with_behaviour
+from pnfarm.drives.description.fault_rows import with_faults
 from pnfarm.drives.description.identity import with_identity
 from pnfarm.drives.description.motor_kinds import with_motor
+from pnfarm.drives.telegrams.own_words import with_words
 from pnfarm.engine.realtime import RealTimeSettings
 from pnfarm.errors import ConfigError, EnvironmentError_
 from pnfarm.farm.capture import CaptureSettings, FarmCapture
@@ -78,17 +80,18 @@ __all__ = ["Farm", "make_link", "model_of", "realtime_settings"]
 
 
 def model_of(config: DriveConfig) -> Model:
-    """A drive's model with the list of parameters, the motor, the behaviour and the identity of the farm file."""
+    """A drive's model with what the farm file changes: parameters, motor, behaviour, faults, words, identity."""
     described = model_by_name(config.model) if config.listed is None else config.listed
     asked = config.motor.kind, config.motor.pitch, *config.behaviour.items()
     # a value of an identity may be a map: its text is the key
-    key = id(described), asked, repr(config.identity)
+    key = id(described), asked, config.faults, repr((config.words, config.identity))
     if key not in _models:
         if len(_models) >= MOST_MODELS:
             _models.clear()
         fitted = with_motor(described, config.motor.kind, config.motor.pitch)
+        fitted = with_words(with_faults(with_behaviour(fitted, config.behaviour), config.faults), config.words)
         # described is kept, so that no other one gets its id
-        _models[key] = described, with_identity(with_behaviour(fitted, config.behaviour), config.identity)
+        _models[key] = described, with_identity(fitted, config.identity)
     return _models[key][1]
 
 

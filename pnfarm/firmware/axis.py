@@ -27,7 +27,7 @@ from pnfarm.firmware.records.positioning import POSITIONING_RECORD
 from pnfarm.firmware.records.profidrive import PROFIDRIVE_RECORD
 from pnfarm.firmware.records.profile_generator import PROFILE_RECORD
 from pnfarm.firmware.records.ramp import RAMP_RECORD
-from pnfarm.firmware.records.sensor_interface import SENSOR_RECORD
+from pnfarm.firmware.records.sensor_interface import SENSOR_2_RECORD, SENSOR_RECORD
 from pnfarm.firmware.records.service_motion import SERVICE_RECORD
 from pnfarm.firmware.records.sign_of_life import LIFE_RECORD
 from pnfarm.firmware.records.state_machine import DRIVE_RECORD
@@ -79,6 +79,7 @@ AXIS = Layout(
         INTERPOLATION_RECORD,
         SERVICE_RECORD,
         SENSOR_RECORD,
+        SENSOR_2_RECORD,
         MEASUREMENT_RECORD,
         DRIVING_SETS_RECORD,
         MOTION_TASKS_RECORD,

@@ -72,6 +72,12 @@ TORQUE_LIMIT_NEGATIVE = 27
 #: Velocities of jogging in the drive's own units.
 JOG_SPEED_1 = 28
 JOG_SPEED_2 = 29
+#: By how much the torque limits are reduced.
+MOMRED = 30
+G2_STW = 31
+M_ADD1 = 32
+M_LIMIT_POS = 33
+M_LIMIT_NEG = 34
 
 # Both directions, before all others: the parameter channel (:mod:`pnfarm.drives.profiles.profidrive.pkw`).
 #: Identifier, subindex and length.
@@ -112,6 +118,17 @@ A_DIGITAL = 20
 ACT_CURRENT = 21
 #: The torque in the unit of the drive's torque signals.
 ACT_TORQUE = 22
+# Smoothed values, and the share of the torque that is allowed.
+NIST_A_GLATT = 23
+IAIST_GLATT = 24
+MIST_GLATT = 25
+PIST_GLATT = 26
+AIST_GLATT = 27
+MELD_NAMUR = 28
+M_ACT = 29
+G2_ZSW = 30
+G2_XIST1 = 31
+G2_XIST2 = 32
 #: First slot of the set points that are sent back as received: one slot for each of :data:`SENT_BACK`.
 FIRST_SENT_BACK = 38
 #: First slot of the stored parameters that a mapping shows.
@@ -151,6 +168,14 @@ SETPOINT_SLOTS: dict[str, int] = {
     "TORQUE_LIMIT_NEGATIVE": TORQUE_LIMIT_NEGATIVE,
     "JOG_SPEED_1": JOG_SPEED_1,
     "JOG_SPEED_2": JOG_SPEED_2,
+    "MOMRED": MOMRED,
+    "G2_STW": G2_STW,
+    "M_ADD1": M_ADD1,
+    "M_LIMIT_POS": M_LIMIT_POS,
+    "M_LIMIT_NEG": M_LIMIT_NEG,
+    # of encoders, and of another telegram of the positioner
+    "STW2_ENC": STW2,
+    "POS_STW": POS_STW2,
     "PKW_HEAD": PKW_HEAD,
     "PKW_VALUE": PKW_VALUE,
 }
@@ -183,6 +208,18 @@ ACTUAL_SLOTS: dict[str, int] = {
     "A_DIGITAL": A_DIGITAL,
     "ACT_CURRENT": ACT_CURRENT,
     "ACT_TORQUE": ACT_TORQUE,
+    "NIST_A_GLATT": NIST_A_GLATT,
+    "IAIST_GLATT": IAIST_GLATT,
+    "MIST_GLATT": MIST_GLATT,
+    "PIST_GLATT": PIST_GLATT,
+    "AIST_GLATT": AIST_GLATT,
+    "MELD_NAMUR": MELD_NAMUR,
+    "M_ACT": M_ACT,
+    "G2_ZSW": G2_ZSW,
+    "G2_XIST1": G2_XIST1,
+    "G2_XIST2": G2_XIST2,
+    "ZSW2_ENC": ZSW2,
+    "POS_ZSW": POS_ZSW2,
     "PKW_HEAD": PKW_HEAD,
     "PKW_VALUE": PKW_VALUE,
     **{

@@ -165,6 +165,7 @@ def jogger(name: str, behaviour: str, *, positions: bool) -> Plc:
         "akd-profinet-2012": f"{{1004: 273, 1005: 137, 930: {2 if positions else 1}}}",
         "hiwin-e1": "{Pt533: 100}",
         "moog-msd": "{P-1268: 100, P-1269: 50}",
+        "profidrive": "{p2585: 1000, p2586: 500}",
     }[kind(name)]
     plc = (
         task_plc(name, behaviour, homed=False, params=params)
@@ -213,8 +214,8 @@ def both_jog_bits(name: str, behaviour: str) -> object:
     {"throughout": (100, 0, 0), "at-start": (100, 100, 0), "none": (100, 100, 0), "task-bits-zero": (0, 100, 0)},
 )
 def jog_prerequisite(name: str, behaviour: str) -> object:
-    """rpm of a jog: AKD with STW1.4 to 6 at 0, then set; E1 the other way round; then without its bit."""
-    if name == "hiwin-e1":
+    """rpm of a jog: AKD with STW1.4 to 6 at 0, then set; E1 and profile the other way round; then without its bit."""
+    if name in {"hiwin-e1", "profidrive"}:
         plc = jogger(name, behaviour, positions=True)
         words = (READY | JOG_1, JOGGING | JOG_1, JOGGING)
         return tuple(rpm_of(plc, word) for word in words)

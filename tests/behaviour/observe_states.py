@@ -16,7 +16,8 @@ JOGGING = 0x040F
 def set_point(name: str, rpm: float) -> dict[str, int]:
     if name == "hiwin-e1":
         return {"NSOLL_B": round(rpm / 3000 * 0x40000000)}
-    return {"NSOLL_A": round(rpm / (1.0 if kind(name) == "moog-msd" else 12000 / 2**15))}
+    step = {"moog-msd": 1.0, "profidrive": 3000 / 0x4000}.get(kind(name), 12000 / 2**15)
+    return {"NSOLL_A": round(rpm / step)}
 
 
 def turning(name: str, behaviour: str, *, params: str | None = None, **options) -> Plc:
@@ -109,7 +110,7 @@ def fault_acknowledge(name: str, behaviour: str) -> object:
 )
 def sign_of_life(name: str, behaviour: str) -> object:
     """Whether a count that stops raises a fault, and whether the drive counts itself."""
-    watches = kind(name) in {"hiwin-e1", "moog-msd"}
+    watches = kind(name) in {"hiwin-e1", "moog-msd", "profidrive"}
     plc = Plc(name, behaviour, 3 if watches else 9, params="{925: 2}" if watches else "{}")
     plc.wait(60)
     before = plc["ZSW2"] >> 12

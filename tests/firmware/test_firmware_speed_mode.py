@@ -8,7 +8,8 @@ from from_python import called
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pnfarm.firmware.profidrive.telegram import from_setpoints, message_word, to_actuals
+from pnfarm.firmware.profidrive.messages import message_word
+from pnfarm.firmware.profidrive.telegram import from_setpoints, to_actuals
 from pnfarm.table.axis_codes import CMD_CLEAR_HISTORY, CMD_RAISE_FAULT, RAMP_ABSENT, VELOCITY_NSOLL_A, VELOCITY_NSOLL_B
 from pnfarm.table.signals import FAULT_CODE, G1_XIST1, G1_XIST2, MELDW, NIST_A, NIST_B, NSOLL_A, NSOLL_B, WARN_CODE
 

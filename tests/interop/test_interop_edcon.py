@@ -43,18 +43,23 @@ class Case:
 #: 2^32 are 12000 rpm in MDI_VELOCITY of the AKD, and 2^30 are 3000 rpm in NSOLL_B of HIWIN and Moog.
 LONG = 600 * 2**32 // 12000
 AKD_JOG = "1004: 273, 1005: -273"  # 5.12.1: 100 rpm
+PROFILE_JOG = "{2585: 1000, 2586: -1000}"  # tenths of an rpm
 SPEED = [
     Case("akd-profinet", 1, 16, 1638, "5.12.1"),
     Case("akd-profinet-2012", 1, 8, 1638, "5.12.1"),
     Case("hiwin-e1", 3, 4, LONG, "6.1, with Pt317 = 3000"),
     Case("moog-msd", 1, 4, 600, "13.2"),
     Case("moog-msd", 3, 4, LONG, "10.7, with P-0338 = 3000"),
+    Case("profidrive", 1, 4, 600 * 0x4000 // 3000, "PNU 2000 = 3000"),
+    Case("profidrive", 102, 4, LONG, "PNU 2000 = 3000"),
 ]
 POSITION = [
     Case("akd-profinet", 9, 16, LONG, "5.12.1 to 5.12.3", 2**16, 26, params=f"{{DRV.OPMODE: 2, {AKD_JOG}}}"),
     Case("akd-profinet-2012", 9, 8, LONG, "5.12.1 to 5.12.3", 2**16, 26, params=f"{{930: 2, {AKD_JOG}}}"),
     Case("hiwin-e1", 9, 4, 600 * 2**23 // 1000, "6.6.1, 6.8", 2**23, 0x4000, 600.0),
     Case("hiwin-e1", 111, 4, 600 * 2**23 // 1000, "6.6.1, 6.8", 2**23, 0x4000, 600.0),
+    Case("profidrive", 9, 4, 6000, "10000 length units", 10_000, 0x4000, params=PROFILE_JOG),
+    Case("profidrive", 111, 4, 6000, "10000 length units", 10_000, 0x4000, params=PROFILE_JOG),
     # bit 6 of P-1267 has the task start with the rising edge, as edcon does (table 10.6)
     Case("moog-msd", 9, 4, 600, "13.2", 2**16, params="{1267: 0x40, 1268: 100, 1269: -100}"),
 ]
@@ -93,7 +98,7 @@ DIFFERENCES = {
         "jogs only while STW1.4 to 6 are 0",
     ),
     "ramps": Difference(
-        ("akd-profinet-9", "akd-profinet-2012-9", "hiwin-e1-9"),
+        ("akd-profinet-9", "akd-profinet-2012-9", "hiwin-e1-9", "profidrive-9"),
         "AKD M and B 5.10.2; HIWIN E1 6.6.1",
         "leaves MDI_ACC and MDI_DEC of telegram 9 at zero, if its user does",
         "takes its ramps from them; what cannot be executed is not acknowledged",
@@ -105,19 +110,19 @@ DIFFERENCES = {
         "has no MDI_MOD; STW1.12 = 1 is a relative position",
     ),
     "fault texts": Difference(
-        ("hiwin-e1-111",),
+        ("hiwin-e1-111", "profidrive-111"),
         "HIWIN E1 5.1",
         "looks FAULT_CODE up in Festo's list and ends with a KeyError for every other number",
         "FAULT_CODE is the code of table 5.1.1",
     ),
     "set-up mode": Difference(
-        ("hiwin-e1-111",),
+        ("hiwin-e1-111", "profidrive-111"),
         "HIWIN E1 3.12",
         "runs a velocity with POS_STW1.14",
         "POS_STW1.9 to 14 are reserved: what starts is a task to MDI_TARPOS",
     ),
     "reference here": Difference(
-        ("hiwin-e1-111",),
+        ("hiwin-e1-111", "profidrive-111"),
         "HIWIN E1 3.13, 3.14",
         "waits for POS_ZSW1.11, homing active, after it set POS_STW2.1",
         "takes the place for the home position at once; POS_ZSW1.11 belongs to the procedure of STW1.11",
@@ -462,11 +467,11 @@ def test_edcon_begins_no_move_of_an_axis_that_is_not_enabled(open_line, case):
 
 @of("fault texts")
 def test_edcon_reads_the_fault_code_of_telegram_111(open_line, case):
-    """HIWIN E1 5.1, table 5.1.1: AL.400 is 0x400.  Difference "fault texts"."""
+    """HIWIN E1 5.1, table 5.1.1: AL.400 is 0x400; of the profile it is fault class 4.  Difference "fault texts"."""
     line = open_line(case)
     line.farm.axes[0].raise_fault("overvoltage", hold=False)
     line.run(0.1)
-    assert line.handler.current_fault_code() == 0x400
+    assert line.handler.current_fault_code() == {"hiwin-e1": 0x400, "profidrive": 4}[case.model]
     del line.handler.fault_string
     with pytest.raises(KeyError):
         line.handler.fault_string()

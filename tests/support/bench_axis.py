@@ -31,6 +31,8 @@ def configure(axis: Any) -> None:
     axis.motor.settings.max_velocity = 12000.0
     axis.drive.settings.opmode = 1
     axis.profidrive.settings.velocity_step = VELOCITY_STEP
+    axis.profidrive.settings.message_bits = 0x38C2
+    axis.profidrive.settings.message_set = 0x0100
     axis.travel.settings.position_step = 1 / 65536
     axis.ramp.settings.acceleration = 10_000.0
     axis.ramp.settings.deceleration = 5_000.0

@@ -31,6 +31,9 @@ class Model:
     def parameter_complaints(self, params):
         return [(key, "is no parameter", "DRV.OPMODE") for key in params if key != "DRV.OPMODE"]
 
+    def words_complaints(self, words):
+        return []
+
     def behaviour_complaints(self, behaviour):
         return [(key, "is not an open point", "none") for key in behaviour]
 

@@ -24,8 +24,8 @@ from pnfarm.protocols.profibus.wire.dpv1 import ErrorCode1
 from pnfarm.protocols.profinet.cm.controller.events import RecordRead
 
 #: Telegrams of speed and of positions, and control words with operation enabled, of each model.
-SPEED = {"akd-profinet": 1, "akd-profinet-2012": 1, "hiwin-e1": 3, "moog-msd": 1}
-TASKS = {"akd-profinet": 9, "akd-profinet-2012": 9, "hiwin-e1": 9, "moog-msd": 9}
+SPEED = {"akd-profinet": 1, "akd-profinet-2012": 1, "hiwin-e1": 3, "moog-msd": 1, "profidrive": 1}
+TASKS = {"akd-profinet": 9, "akd-profinet-2012": 9, "hiwin-e1": 9, "moog-msd": 9, "profidrive": 9}
 #: Of the E1: increments to a revolution.
 COUNTS_E1 = 1 << 23
 #: Record index of base mode parameter access.

@@ -24,6 +24,8 @@ drives:
     load: {load}
     machine: {machine}
     behaviour: {behaviour}
+    words: {words}
+    faults: {faults}
     realism: {realism}
     ip: 10.77.0.11/23
     limits: {limits}
@@ -55,7 +57,7 @@ class VirtualLine:
                  startup: str = "legacy", telegram: int = 1, model: str = "akd-profinet", controller: bool = True,
                  memory: VolatileMemory | None = None, params: str = "{}", tasks: str = "[]",
                  motor: str = "{}", load: str = "{}", machine: str = "{}", behaviour: str = "{}", realism: str = "{}",
-                 top: str = "", identity: str = "{}",
+                 top: str = "", identity: str = "{}", words: str = "{}", faults: str = "[]",
                  program: str = "{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}") -> None:  # fmt: skip
         #: Whether it is a line, with a master.
         self.is_on_line = catalogue.model(model).bus == "profibus"
@@ -78,6 +80,8 @@ class VirtualLine:
             machine=machine,
             behaviour=behaviour,
             realism=realism,
+            words=words,
+            faults=faults,
             program=program,
         )
         if not controller:

@@ -126,7 +126,7 @@ def as_json(described: Model) -> dict[str, Any]:
             {
                 **_picked(telegram, "number name opmode"),
                 "tasks": TASK_FORMS[telegram.tasks],
-                **_picked(telegram, "pulses_enabled free_mapping parameter_words falls_back"),
+                **_picked(telegram, "pulses_enabled free_mapping own_words parameter_words falls_back"),
                 **_module_json(telegram.module),
                 "other_modules": _others_json(telegram),
                 "identifiers": telegram.identifiers.hex(" ") or None,
@@ -153,7 +153,7 @@ def as_json(described: Model) -> dict[str, Any]:
                 **_picked(fault, "number label name"),
                 "kind": "warning" if fault.warning else "fault",
                 "reaction": "" if fault.warning else ("coast", "quick-stop")[fault.reaction],
-                **_picked(fault, "cause word action source note"),
+                **_picked(fault, "cause word action namur source note"),
             }
             for fault in described.faults.values()
         ],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.description.files import integer, place_of, rows
@@ -11,13 +12,14 @@ from pnfarm.errors import ConfigError
 from pnfarm.table.axis_codes import FAULT_ACTIONS, FAULT_WORDS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from pnfarm.drives.description.files import ModelFiles, Where
+    from pnfarm.drives.description.model import Model
     from pnfarm.drives.parameters.numbers import ParameterNumbers
     from pnfarm.drives.parameters.parameter import Parameter
 
-__all__ = ["number_of_fault", "read_faults"]
+__all__ = ["number_of_fault", "read_faults", "with_faults"]
 
 FILE = "faults.csv"
 
@@ -52,6 +54,17 @@ def read_faults(
     return faults
 
 
+def with_faults(model: Model, own: Sequence[Fault]) -> Model:
+    """The model with these faults beside its own; one of the same number keeps what causes it, and its codes."""
+    known = model.faults
+    added = {fault.number: _in_place(known[fault.number], fault) if fault.number in known else fault for fault in own}
+    return replace(model, faults=dict(known) | added) if own else model
+
+
+def _in_place(known: Fault, own: Fault) -> Fault:
+    return replace(known, name=own.name, warning=own.warning, reaction=own.reaction, source=own.source, note=own.note)
+
+
 def _fault(
     number: int, row: Mapping[str, str], where: str, parameters: Mapping[int, Parameter], numbers: ParameterNumbers
 ) -> Fault:
@@ -67,9 +80,12 @@ def _fault(
     word = integer(row.get("word", ""), where, "word", 0)
     if not 0 <= word <= 0xFFFF or (word and number >= FAULT_WORDS):
         raise ConfigError(f"{where}, word: {word} does not fit in 16 bits, or its fault is above {FAULT_WORDS - 1}")
+    namur = integer(row.get("namur", ""), where, "namur", 0)
+    if not 0 <= namur <= 15 or (namur and number >= FAULT_WORDS):
+        raise ConfigError(f"{where}, namur: {namur} is not within 0..15, or its fault is above {FAULT_WORDS - 1}")
     action = _action(row, where, parameters, numbers)
     reaction = REACTIONS.get(row["reaction"], 0)
-    return Fault(number, row["name"], warning, reaction, row["cause"], row["source"], row["note"], word, action)
+    return Fault(number, row["name"], warning, reaction, row["cause"], row["source"], row["note"], word, action, namur)
 
 
 def _action(row: Mapping[str, str], where: str, parameters: Mapping[int, Parameter], numbers: ParameterNumbers) -> int:

@@ -191,6 +191,7 @@ class Model:
         for fault in self.faults.values():
             if fault.number < FAULT_WORDS:
                 axis.profidrive.settings.fault_words[fault.number] = fault.word
+                axis.profidrive.settings.namur_bits[fault.number] = 1 << fault.namur if fault.namur else 0
             if fault.cause in SWITCH_CAUSES:
                 axis.warnings.settings.switch[SWITCH_CAUSES.index(fault.cause)] = fault.number
             if fault.cause in MESSAGE_CAUSES:

@@ -337,6 +337,8 @@ class Fault:
     #: The code in PNU 945 and the signal FAULT_CODE, 0 where the manual has none.
     word: int = 0
     action: int = 0
+    #: Its bit of MELD_NAMUR, 0 for that of other faults.
+    namur: int = 0
 
     @property
     def label(self) -> str:

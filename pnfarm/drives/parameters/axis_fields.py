@@ -23,20 +23,34 @@ from pnfarm.table.axis_codes import (
     VELOCITY_REF_SPEED,
 )
 from pnfarm.table.signals import (
+    AIST_GLATT,
     DRV_ACC,
     DRV_DEC,
     FIRST_SHOWN,
     HOME_DIST,
     HOME_MODE,
+    IAIST_GLATT,
     JOG_SPEED_1,
     JOG_SPEED_2,
     KPC,
+    M_ACT,
+    M_ADD1,
+    M_LIMIT_POS,
     MDI_ACC,
+    MELD_NAMUR,
+    MIST_GLATT,
+    MOMRED,
     MT_FEEDRATE,
+    NIST_A_GLATT,
     NSOLL_B,
+    OVERRIDE,
+    PIST_GLATT,
+    POS_STW2,
     REF_SPEED,
     SATZANW,
     SETPOINT_SLOTS,
+    STW1,
+    STW2,
     TARPOS_A,
     TORQUE_LIMIT_NEGATIVE,
     TORQUE_LIMIT_POSITIVE,
@@ -78,6 +92,12 @@ _CHANGED_BY = {
     "ramp.acceleration": DRV_ACC,
     "ramp.deceleration": DRV_DEC,
 }
+#: ``opmode`` of a telegram whose operation mode a parameter sets and that brings XERR and KPC.
+POSITION_MODE = 2
+#: Set points by their bits of ``torque_signals``.
+_TORQUE_SIGNALS = (TORQUE_LIMIT_POSITIVE, TORQUE_LIMIT_NEGATIVE, MOMRED, M_LIMIT_POS, M_ADD1)
+#: Actual values that the firmware computes for telegrams that have one of them.
+_SMOOTHED = frozenset({NIST_A_GLATT, IAIST_GLATT, MIST_GLATT, PIST_GLATT, AIST_GLATT, MELD_NAMUR, M_ACT})
 #: Bits of ``home_signals``.
 _HOME_SIGNALS = {HOME_MODE: 0x1, HOME_DIST: 0x2}
 #: A ramp whose time is zero, rpm/s.
@@ -198,9 +218,11 @@ class AxisFields:
         settings.task_form = telegram.tasks
         if telegram.tasks == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
             settings.task_form = TASKS_TABLE
-        settings.torque_signals = (TORQUE_LIMIT_POSITIVE in slots) | (TORQUE_LIMIT_NEGATIVE in slots) << 1
+        settings.torque_signals = sum((slot in slots) << bit for bit, slot in enumerate(_TORQUE_SIGNALS))
+        settings.encoder_only = STW2 in slots and STW1 not in slots
+        settings.position_words = {OVERRIDE, POS_STW2} <= slots
         settings.jog_signals = (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1
-        axis.interpolation.settings.servo_control = XERR in slots and KPC in slots
+        axis.interpolation.settings.servo_control = (telegram.opmode or POSITION_MODE) if {XERR, KPC} <= slots else 0
         settings.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1
         settings.feedrate_signal = MT_FEEDRATE in slots
         settings.spare_acceleration = self.fallback(MDI_ACC)
@@ -216,7 +238,8 @@ class AxisFields:
         values, settings = self._values, self._handle.axis.profidrive.settings
         shown = {signal for signal in self._selection.mapping(setpoint=False) if signal is not None}
         stored = [signal for signal in shown if signal.stored]
-        settings.shows = any(signal.readable for signal in shown) | bool(stored) << 1
+        smoothed = any(signal.slot in _SMOOTHED for signal in shown)
+        settings.shows = any(signal.readable for signal in shown) | bool(stored) << 1 | smoothed << 2
         for signal in stored:
             parameter = values.model.parameters[signal.number]
             raw = values.array(parameter)[signal.element] if parameter.elements else values.raw(signal.number)

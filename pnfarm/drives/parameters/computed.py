@@ -53,6 +53,8 @@ ENCODER_TYPE = 0x80000000
 ENCODER_LINEAR = 0x00000001
 #: Revolutions of an absolute multi-turn encoder: a usual one has 12 bits.
 EVERY_REVOLUTION = 4096
+#: r0002 in S5 by ``drive.stop``: ramp stop, quick stop, fault.
+_BRAKING = {1: 16, 2: 17, 3: 18}
 #: ``opmode``.
 VELOCITY_MODE = 1
 
@@ -237,6 +239,28 @@ def fault(drive: DriveView, parameter: Parameter) -> Sequence[int]:
 def warning(drive: DriveView, parameter: Parameter) -> Sequence[int]:
     """One of the active warnings, the first of which the warning word shows; 0 for none."""
     return [int(drive.handle.axis.warnings.active[parameter.index])]
+
+
+def warning_numbers(drive: DriveView, parameter: Parameter) -> Sequence[int]:
+    """All active warnings."""
+    return _fill([int(number) for number in drive.handle.axis.warnings.active if number], parameter)
+
+
+def operating_display(drive: DriveView, _parameter: Parameter) -> Sequence[int]:
+    """r0002 of SINAMICS drives: what operation waits for, of several the highest number."""
+    axis = drive.handle.axis
+    state, word = int(axis.drive.state), int(axis.profidrive.stw1)
+    waits: tuple[tuple[int, bool], ...]
+    if state == 1:
+        waits = (
+            (45, bool(axis.faults.code[0])), (44, bool(int(axis.drive.lacks) & LACKS_ENABLE)), (43, not word & 0x0004),
+            (42, not word & 0x0002), (41, True),
+        )  # fmt: skip
+    elif state == 4:
+        waits = ((13, not word & 0x0010), (12, not word & 0x0020), (10, not word & 0x0040), (0, True))
+    else:
+        waits = (({0: 70, 2: 31, 3: 21, 5: _BRAKING.get(int(axis.drive.stop), 16)}[state], True),)
+    return [next(number for number, waiting in waits if waiting)]
 
 
 def bus_warnings(drive: DriveView, _parameter: Parameter) -> Sequence[int]:

@@ -126,6 +126,7 @@ def _telegram(
         pulses_enabled=_choice(table, "pulses_enabled", range(12)),
         falls_back=_falls_back(table),
         identifiers=_identifiers(table),
+        own_words=_flag(table, "own_words"),
     )
 
 
@@ -164,6 +165,14 @@ def _identifiers(table: Table) -> bytes:
         return bytes.fromhex(text)
     except (TypeError, ValueError):
         raise table.wrong("identifiers", f"{text!r} are no octets in hexadecimal") from None
+
+
+def _flag(table: Table, key: str) -> bool:
+    """An optional true or false."""
+    value = table.get(key, False)
+    if type(value) is not bool:
+        raise table.wrong(key, f"{value!r} is neither true nor false")
+    return value
 
 
 def _choice(table: Table, key: str, allowed: range) -> int | None:

@@ -132,6 +132,7 @@ class Telegram:
     ``tasks`` is how it selects traversing tasks (``TASKS_*`` of the axis).
     ``pulses_enabled`` is the bit of ZSW2 for enabled pulses in this telegram, None without one.
     ``falls_back`` names set points whose parameter applies while the telegram's word is 0.
+    ``own_words``: a farm file may give the words (:mod:`pnfarm.drives.telegrams.own_words`).
     ``identifiers`` are the octets by which a master configures it, empty on a bus without.
     """
 
@@ -153,6 +154,7 @@ class Telegram:
     settings: Mapping[int, int] = field(default_factory=dict)
     falls_back: tuple[str, ...] = ()
     identifiers: bytes = b""
+    own_words: bool = False
 
     @property
     def modules(self) -> tuple[Module, ...]:

@@ -216,6 +216,12 @@ def _check_model(at: Location, group: DriveGroup, model: ModelFacts, report: Rep
         report((*at, "identity", key) if key else (*at, "identity"), what, allowed)
     for key, what, allowed in model.behaviour_complaints(group.behaviour):
         report((*at, "behaviour", key), what, allowed)
+    for key, what, allowed in model.words_complaints(group.words):
+        report((*at, "words", key) if key else (*at, "words"), what, allowed)
+    numbers = [fault.number for fault in group.faults]
+    for index, number in enumerate(numbers):
+        if number in numbers[:index]:
+            report((*at, "faults", index, "number"), f"{number} is given twice", "each number once")
     for key, what, allowed in model.motor_complaints(group.motor.kind, group.motor.pitch):
         report((*at, "motor", key), what, allowed)
     if not model.moves_straight(group.motor.kind):

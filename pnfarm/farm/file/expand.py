@@ -10,6 +10,7 @@ from pnfarm.config.device import DeviceConfig
 from pnfarm.config.drive import DriveConfig
 from pnfarm.config.ip import IpController, Macs, auto_mac
 from pnfarm.config.links import MemoryLink
+from pnfarm.config.own_faults import drive_fault
 from pnfarm.config.tasks import drive_task
 from pnfarm.config.values import expand_name
 from pnfarm.farm.file.choice import bus_of, bus_of_controller, bus_of_devices, device_part
@@ -67,6 +68,8 @@ def expand_sections(sections: FarmSections, known: Known) -> Iterator[DriveConfi
                 impair=tuple(group.impair),
                 motion_tasks=tuple(drive_task(task) for task in group.motion_tasks),
                 behaviour=group.behaviour,
+                words=group.words,
+                faults=tuple(drive_fault(fault) for fault in group.faults),
                 realism=group.realism,
                 realism_by_source=real_link and group.limits == "strict",
                 listed=model.described if model is not None and model.name in known.listed else None,

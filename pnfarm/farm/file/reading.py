@@ -302,7 +302,7 @@ _ESSENTIAL = frozenset(("name", "model", "start"))
 
 
 #: Keys of a group that only its model can judge; its bus has others.
-_JUDGED_BY_MODEL = frozenset({"params", "identity", "realism", "behaviour"})
+_JUDGED_BY_MODEL = frozenset({"params", "identity", "realism", "behaviour", "words"})
 
 
 def _without_model(group: dict[str, Any], model: str, part: FarmFilePart[Any, Any]) -> None:

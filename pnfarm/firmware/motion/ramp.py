@@ -137,7 +137,10 @@ def _advance_ramp(axis: Any, seconds: float) -> None:
             positioning_command(axis.motor, axis.positioning, axis.profile, axis.interpolation, seconds),
         )
         return
-    if axis.interpolation.settings.servo_control and axis.drive.settings.opmode == 2:
+    if (
+        axis.interpolation.settings.servo_control
+        and axis.interpolation.settings.servo_control == axis.drive.settings.opmode
+    ):
         _servo(axis, ramped)
         return
     if axis.drive.settings.opmode != 1:

@@ -277,11 +277,15 @@ def _controlled(axis: Any, constants: Constants, omega: float, noise: float) -> 
         axis.motor.speed_integral
         + _fed_forward(constants, axis.motor, axis.positioning, axis.profile)
         + axis.torque.settings.additive
+        + axis.torque.added
     )
     led = torque_controlled(axis.orders, axis.drive, axis.brake)
     if led:
         given = _within_limits(
-            axis.foldback, axis.motor, constants, axis.torque.setpoint + axis.torque.settings.additive
+            axis.foldback,
+            axis.motor,
+            constants,
+            axis.torque.setpoint + axis.torque.settings.additive + axis.torque.added,
         )
         action = 0.0
         per_inertia = constants.per_damped
@@ -318,7 +322,7 @@ def _controlled(axis: Any, constants: Constants, omega: float, noise: float) -> 
     resting = omega == 0.0 and following == 0.0 and abs(axis.ramp.reference) <= RESTING * axis.ramp.settings.standstill
     if led:
         # speed control continues from the present torque
-        axis.motor.speed_integral = torque - axis.torque.settings.additive
+        axis.motor.speed_integral = torque - axis.torque.settings.additive - axis.torque.added
     # at a limit the integral part is frozen, unless it would lead away from the limit
     elif not resting and (not limited or error * wanted < 0.0):
         axis.motor.speed_integral += constants.integral * error

@@ -28,7 +28,7 @@ from pnfarm.table.axis_readings import (
 )
 from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
-from pnfarm.table.signals import STW1
+from pnfarm.table.signals import STW1, STW2
 
 __all__ = ["forget_control_word", "take_control_word"]
 
@@ -44,6 +44,8 @@ FAULT_ACKNOWLEDGE = 0x0080
 JOG_SHIFT = 8
 JOG_BITS = 0x3
 HOME = 0x0800
+#: Those that STW2_ENC has, too: acknowledge and control by PLC (encoder profile 4.1).
+OF_ENCODERS = FAULT_ACKNOWLEDGE | CONTROL_BY_PLC
 
 
 @inlined
@@ -82,7 +84,8 @@ def _take_word(axis: Any, image: Any, now: int) -> None:
         axis.profidrive.telegram_ns = 0
         raise_fault(axis.faults, axis.faults.settings.loss_fault, now)
     axis.profidrive.image_valid = valid
-    word = image.received[STW1] & 0xFFFF
+    encoder = axis.profidrive.settings.encoder_only
+    word = image.received[STW2] & OF_ENCODERS if encoder else image.received[STW1] & 0xFFFF
     axis.profidrive.setpoints = _setpoints(axis.profidrive, image, word)
     if axis.profidrive.setpoints == SETPOINTS_NONE:
         # no controller: the axis coasts, or stops as with STW1.0 = 0

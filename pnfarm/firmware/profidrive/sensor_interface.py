@@ -33,9 +33,13 @@ from pnfarm.firmware.transitions import as_array, possible
 from pnfarm.table.axis_codes import SENSOR_PARKING
 from pnfarm.table.axis_readings import SETPOINTS_NONE, SETPOINTS_TAKEN
 from pnfarm.table.compiling.compiled import compiled, inlined
-from pnfarm.table.signals import G1_STW, G1_XIST1, G1_XIST2, G1_ZSW
+from pnfarm.table.signals import G1_XIST1, G1_XIST2, G1_ZSW, G2_XIST1, G2_XIST2, G2_ZSW
 
-__all__ = ["PRIORITY", "TRANSITIONS", "step_sensor"]
+__all__ = ["ENCODER_1", "ENCODER_2", "PRIORITY", "TRANSITIONS", "step_sensor"]
+
+#: Slots of each encoder's status and positions; arrays, because indexing a tuple in compiled code copies it.
+ENCODER_1 = np.array((G1_ZSW, G1_XIST1, G1_XIST2), np.int64)
+ENCODER_2 = np.array((G2_ZSW, G2_XIST1, G2_XIST2), np.int64)
 
 
 # States (``sensor.state``); 0 while the drive boots.
@@ -354,7 +358,7 @@ def _second_value(motor: Any, sensor: Any, measurement: Any, word: int) -> int:
 
 
 @inlined
-def _control_word(profidrive: Any, sensor: Any, image: Any) -> int:
+def _control_word(profidrive: Any, sensor: Any, received: int) -> int:
     """G1_STW in force: 0 without valid set points, the last one while set points are held."""
     if profidrive.setpoints == SETPOINTS_NONE:
         return 0
@@ -363,7 +367,7 @@ def _control_word(profidrive: Any, sensor: Any, image: Any) -> int:
         or profidrive.settings.control_location != profidrive.settings.bus_location
     ):
         return int(sensor.stw)
-    return int(image.received[G1_STW]) & int(sensor.settings.bits)
+    return received & int(sensor.settings.bits)
 
 
 @inlined
@@ -380,41 +384,40 @@ def _watch_encoder(faults: Any, sensor: Any) -> None:
 
 
 @inlined
-def step_sensor(axis: Any, image: Any) -> None:
-    """Once in each firmware step, after the motor: carry out G1_STW, and update G1_ZSW and the positions."""
-    if axis.sensor.settings.bits == 0:
+def step_sensor(axis: Any, sensor: Any, image: Any, received: int, slots: Any) -> None:
+    """Once in each firmware step, after the motor: carry out an encoder's control word, update status and positions.
+
+    ``received`` is its control word, ``slots`` are those of G1_ZSW, G1_XIST1 and G1_XIST2, or of encoder 2.
+    """
+    if sensor.settings.bits == 0:
         # no sensor interface: positions only
-        if axis.sensor.settings.step > 0.0:
-            image.sent[G1_XIST1] = _count(
-                axis.sensor, measured_position(axis.motor, axis.measurement), axis.sensor.settings.step
-            )
-        if axis.sensor.settings.step_2 > 0.0:
-            image.sent[G1_XIST2] = _count(
-                axis.sensor, measured_position(axis.motor, axis.measurement), axis.sensor.settings.step_2
+        if sensor.settings.step > 0.0:
+            image.sent[slots[1]] = _count(sensor, measured_position(axis.motor, axis.measurement), sensor.settings.step)
+        if sensor.settings.step_2 > 0.0:
+            image.sent[slots[2]] = _count(
+                sensor, measured_position(axis.motor, axis.measurement), sensor.settings.step_2
             )
         return
     if axis.drive.state == 0:
-        axis.sensor.state = START
-        axis.sensor.stw = 0
-        axis.sensor.error = 0
-        _forget(axis.sensor)
-    before = int(axis.sensor.stw)
-    word = _control_word(axis.profidrive, axis.sensor, image)
-    axis.sensor.stw = word
-    _watch_encoder(axis.faults, axis.sensor)
-    _cancel(axis.sensor, word)
-    trouble = _trouble(axis.drive, axis.sensor, word)
-    _advance(axis.sensor, _held(axis.drive, axis.sensor, word, trouble), word, before, trouble)
-    look_for_marks(axis.machine, axis.motor, axis.sensor)
-    axis.sensor.position = axis.motor.measured_position
-    axis.sensor.inputs = axis.machine.inputs
-    image.sent[G1_ZSW] = _status(axis.machine, axis.sensor, word)
-    if axis.sensor.state == PARKING:
-        image.sent[G1_XIST1] = 0
-        image.sent[G1_XIST2] = 0
+        sensor.state = START
+        sensor.stw = 0
+        sensor.error = 0
+        _forget(sensor)
+    before = int(sensor.stw)
+    word = _control_word(axis.profidrive, sensor, received)
+    sensor.stw = word
+    _watch_encoder(axis.faults, sensor)
+    _cancel(sensor, word)
+    trouble = _trouble(axis.drive, sensor, word)
+    _advance(sensor, _held(axis.drive, sensor, word, trouble), word, before, trouble)
+    look_for_marks(axis.machine, axis.motor, sensor)
+    sensor.position = axis.motor.measured_position
+    sensor.inputs = axis.machine.inputs
+    image.sent[slots[0]] = _status(axis.machine, sensor, word)
+    if sensor.state == PARKING:
+        image.sent[slots[1]] = 0
+        image.sent[slots[2]] = 0
         return
-    step = axis.sensor.settings.step
-    image.sent[G1_XIST1] = (
-        _count(axis.sensor, measured_position(axis.motor, axis.measurement), step) if step > 0.0 else 0
-    )
-    image.sent[G1_XIST2] = _second_value(axis.motor, axis.sensor, axis.measurement, word)
+    step = sensor.settings.step
+    image.sent[slots[1]] = _count(sensor, measured_position(axis.motor, axis.measurement), step) if step > 0.0 else 0
+    image.sent[slots[2]] = _second_value(axis.motor, sensor, axis.measurement, word)

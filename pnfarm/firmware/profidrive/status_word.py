@@ -14,6 +14,8 @@ __all__ = ["second_status_word", "status_word"]
 
 #: Bit offset of the sign of life in ZSW2.
 LIFE_SHIFT = 12
+#: Bits of ZSW1 that ZSW2_ENC has, too: fault, warning, control requested (encoder profile 4.1).
+OF_ENCODERS = 0x0288
 
 
 @inlined
@@ -69,6 +71,8 @@ def second_status_word(axis: Any) -> int:
     HIWIN E1 manual 3.6; Moog MSD manual, table 10.17.
     """
     word = int(axis.life.sent) << LIFE_SHIFT
+    if axis.profidrive.settings.encoder_only:
+        return word | (int(axis.profidrive.zsw1) & OF_ENCODERS)
     if axis.profidrive.settings.status_form == STATUS_MOOG:
         return word | second_status_msd(axis)
     if axis.drive.state >= 4:

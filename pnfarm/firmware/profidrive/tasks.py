@@ -225,10 +225,15 @@ def _set_reference(axis: Any) -> None:
 
 @inlined
 def _take_position_words(axis: Any, image: Any) -> None:
-    """POS_STW1, POS_STW2 and OVERRIDE (HIWIN E1 manual 3.9 and 3.10): telegram 111."""
+    """POS_STW1 (HIWIN E1 manual 3.12): telegram 111."""
     axis.asked.relative = 0 if image.received[POS_STW1] & POS_ABSOLUTE else 1
-    axis.asked.override = (image.received[OVERRIDE] & 0xFFFF) / WHOLE
     axis.asked.mdi = 1 if image.received[POS_STW1] & MDI_SELECTED else 0
+
+
+@inlined
+def _take_override(axis: Any, image: Any) -> None:
+    """OVERRIDE, and the reference point by POS_STW or POS_STW2."""
+    axis.asked.override = (image.received[OVERRIDE] & 0xFFFF) / WHOLE
     word = image.received[POS_STW2] & 0xFFFF
     if word & ~axis.asked.pos_stw2 & HERE:
         _set_reference(axis)
@@ -257,6 +262,8 @@ def _take_signals(axis: Any, image: Any, step: float) -> None:
         _take_position_words(axis, image)
     elif form == TASKS_MDI:
         _take_mode(axis.asked, image)
+    if form == TASKS_POS_STW or axis.profidrive.settings.position_words:
+        _take_override(axis, image)
     if axis.profidrive.settings.feedrate_signal:
         axis.asked.override = (image.received[MT_FEEDRATE] & 0xFFFF) / axis.asked.settings.feedrate_whole
     if _take_command(axis.commands, axis.asked, axis.motion_tasks) or axis.asked.mdi:

@@ -9,8 +9,7 @@ import numpy as np
 from pnfarm.firmware.causes import NUMBER_MASK
 from pnfarm.firmware.motion.travel import position_number
 from pnfarm.firmware.motor.measurement import measured_current, measured_position, measured_torque, measured_velocity
-from pnfarm.firmware.motor.torque_limits import torque_limited
-from pnfarm.firmware.own_warnings import warned
+from pnfarm.firmware.profidrive.messages import message_word
 from pnfarm.firmware.profidrive.position_status import (
     actual_task,
     first_position_word,
@@ -56,14 +55,15 @@ __all__ = [
     "clamp16",
     "clamp32",
     "clamp_unsigned",
+    "current_step",
     "from_setpoints",
     "long_step",
-    "message_word",
     "nearest",
     "no_setpoints",
     "signed16",
     "signed32",
     "to_actuals",
+    "torque_step",
 ]
 
 
@@ -123,25 +123,6 @@ def clamp_unsigned(value: float) -> int:
     return min(0xFFFF, max(0, nearest(value)))
 
 
-@inlined
-def message_word(axis: Any) -> int:
-    """MELDW (HIWIN E1 manual 3.16); bit 8 is always set there."""
-    word = 0x0100
-    if not warned(axis.warnings, int(axis.warnings.settings.thermal[0])):
-        word |= 0x0040  # no motor overload warning
-    if not warned(axis.warnings, int(axis.warnings.settings.thermal[1])):
-        word |= 0x0080  # no i2t warning
-    if not torque_limited(axis):
-        word |= 0x0002
-    if axis.drive.state == 4:
-        word |= 0x0800  # controller enabled
-    if axis.drive.state >= 2:
-        word |= 0x1000  # drive ready
-    if axis.drive.state >= 4:
-        word |= 0x2000  # pulses enabled
-    return word
-
-
 @compiled
 def long_step(short: float, own: float) -> float:
     """rpm of one increment of NSOLL_B and NIST_B, where one of NSOLL_A is ``short``.
@@ -152,13 +133,20 @@ def long_step(short: float, own: float) -> float:
 
 
 @inlined
-def _torque_step(profidrive: Any, motor: Any) -> float:
+def torque_step(profidrive: Any, motor: Any) -> float:
     """N m of one increment of torque signals: its own, or that of currents (AKD PROFINET manual 5.12.4)."""
     return (
         profidrive.settings.torque_step
         if profidrive.settings.torque_step > 0.0
         else motor.settings.torque_constant * motor.settings.peak_current / N2_FULL
     )
+
+
+@inlined
+def current_step(profidrive: Any, motor: Any) -> float:
+    """A of one increment of current signals: its own, or by the peak current (AKD PROFINET manual 5.12.4)."""
+    own = profidrive.settings.current_step
+    return own if own > 0.0 else motor.settings.peak_current / N2_FULL
 
 
 @inlined
@@ -187,7 +175,7 @@ def from_setpoints(axis: Any, image: Any) -> None:
     else:
         axis.ramp.setpoint = signed16(image.received[NSOLL_A]) * axis.profidrive.settings.velocity_step
     axis.ramp.setpoint *= axis.ramp.settings.speed_override
-    axis.torque.setpoint = signed16(image.received[TORQUE_SETPOINT]) * _torque_step(axis.profidrive, axis.motor)
+    axis.torque.setpoint = signed16(image.received[TORQUE_SETPOINT]) * torque_step(axis.profidrive, axis.motor)
     if axis.drive.settings.setpoint_ignored:
         axis.ramp.setpoint = 0.0
         axis.torque.setpoint = (
@@ -230,7 +218,7 @@ def to_actuals(axis: Any, image: Any) -> None:
     )
     image.sent[WARN_CODE] = int(axis.warnings.code) & 0xFFFF
     current = measured_current(axis.motor, axis.measurement)
-    image.sent[ITIST_GLATT] = clamp16(current / axis.motor.settings.peak_current * N2_FULL)
+    image.sent[ITIST_GLATT] = clamp16(current / current_step(axis.profidrive, axis.motor))
     if axis.profidrive.settings.torque_step > 0.0:
         image.sent[ACT_TORQUE] = clamp16(
             measured_torque(axis.motor, axis.measurement) / axis.profidrive.settings.torque_step

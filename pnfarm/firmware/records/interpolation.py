@@ -11,7 +11,9 @@ INTERPOLATION_RECORD = subject(
     "Cyclic set points: positions (class 5) and dynamic servo control (class 4).",
     settings=[
         Field("cycle_ns", "i8", "ns", "station", "cycle of the connection that brings set points, 0 = not known"),
-        Field("servo_control", "u1", "", "parameter", "1 = the telegram brings XERR and KPC"),
+        Field(
+            "servo_control", "u1", "", "parameter", "drive.opmode in which XERR and KPC of the telegram act, 0 = none"
+        ),
     ],
     state=[
         Field("frames_ns", "i8", "ns", "firmware", "when the last set point frame was taken, 0 = none yet"),

@@ -23,6 +23,7 @@ TORQUE_RECORD = subject(
     ],
     state=[
         Field("setpoint", "f8", "N m", "firmware", "torque that the controller requests"),
+        Field("added", "f8", "N m", "firmware", "additional torque of the telegram"),
         Field("shares_in_force", "f8", "", "firmware", "shares in force", (2,), default=1.0),
     ],
 )
