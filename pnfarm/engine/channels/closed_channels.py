@@ -21,6 +21,8 @@ __all__ = ["ClosedChannels"]
 _NO_DISCARDS = np.zeros(len(DISCARDS), np.int64)
 _NO_INTERVALS = np.zeros(INTERVAL_BUCKETS, np.int64)
 _NO_JITTERS = np.zeros(JITTER_BUCKETS, np.int64)
+for _shared in (_NO_DISCARDS, _NO_INTERVALS, _NO_JITTERS):
+    _shared.flags.writeable = False
 
 
 class ClosedChannels:

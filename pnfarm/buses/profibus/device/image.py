@@ -10,6 +10,8 @@ import struct
 from bisect import bisect_left
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from pnfarm.buses.profibus.device import fast_path
 from pnfarm.engine.channels.closed_channels import ClosedChannels
 from pnfarm.table.access.record_fields import field_views, row_number
@@ -77,6 +79,7 @@ class CyclicImage:
         self._row = row_number(image)
         self._counts = ClosedChannels()
         #: Of NumPy, whose own way to one element takes three times as long.
+        self._counts.intervals = np.zeros_like(self._counts.intervals)
         self._intervals = memoryview(self._counts.intervals)
         #: What the fast path works on as well (:mod:`pnfarm.buses.profibus.device.fast_path`).
         self.cells: Any = [0] * fast_path.CELLS

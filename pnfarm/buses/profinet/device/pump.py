@@ -25,7 +25,6 @@ from pnfarm.protocols.profinet.wire.snmp.message import SNMP_PORT
 from pnfarm.wire.ethernet import ETHERTYPE_PROFINET, EthernetFrame, emit_ethernet
 
 if TYPE_CHECKING:
-
     from pnfarm.buses.profinet.device.config import DeviceConfig
     from pnfarm.buses.profinet.device.connect_budget import ConnectBudget
     from pnfarm.buses.profinet.device.connections import StationConnections
