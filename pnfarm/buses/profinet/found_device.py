@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.imports import DescriptionFile, FoundDevice, FoundStation
-from pnfarm.buses.profinet.described.description import describe_modules, describe_plugged
+from pnfarm.buses.profinet.described.description import describe_plugged, with_serial_number
 from pnfarm.buses.profinet.seen_device import few, seen_device
 from pnfarm.buses.profinet.seen_gsdml import describe_seen, file_name
 from pnfarm.errors import ConfigError
@@ -94,7 +94,7 @@ def _described(
         if slot != device.head
     }
     plugged = plug_station(gsdml, modules=there)
-    described = describe_plugged(plugged, describe_modules(plugged), seen.mac, strict=not device.lax)
+    described = with_serial_number(describe_plugged(plugged, strict=not device.lax), seen.mac)
     refused = [f"the farm's device refuses {why}" for one in connections if (why := _refusal(one, described))]
     keys: dict[str, Any] = {"access_point": f"0x{dap.ident:08X}"}
     return emit_gsdml(gsdml), keys | ({"slots": there} if there else {}), refused

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.binding import EVERY_RATIO, serial_number
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.gsdml.station import PluggedModule, PluggedStation, PluggedSubmodule
     from pnfarm.protocols.profinet.gsdml.values import Numbers
 
-__all__ = ["describe_modules", "describe_plugged"]
+__all__ = ["describe_plugged", "with_serial_number"]
 
 #: I&M1 to I&M3 where the file names no record that can be written: it is older than the key, and every device must
 #: store these since V2.31 of the specification (assumed).
@@ -74,7 +75,7 @@ def _supported(submodules: Iterable[PluggedSubmodule]) -> int:
     return sum(1 << number for number in _IM if any(number in one.writeable_im for one in submodules))
 
 
-def _carriers(station: PluggedStation, mac: bytes) -> tuple[ImCarrier, ...]:
+def _carriers(station: PluggedStation) -> tuple[ImCarrier, ...]:
     """The access point's first submodule for the device, and that of each module with an order number."""
     head, *modules = station.modules
     found = [ImCarrier(head.slot, head.submodules[0].subslot, module=True, device=True)]
@@ -82,7 +83,7 @@ def _carriers(station: PluggedStation, mac: bytes) -> tuple[ImCarrier, ...]:
         if module.info.order_number and module.submodules:
             im0 = Im0Description(
                 order_id=_visible(module.info.order_number),
-                serial_number=serial_number(mac),
+                serial_number="",
                 hardware_revision=_hardware(module.info.hardware_release),
                 software_revision=_software(module.info.software_release),
                 im_supported=_supported(module.submodules),
@@ -105,22 +106,16 @@ def _within(numbers: Numbers, known: Iterable[int]) -> tuple[int, ...]:
     return tuple(number for number in known if number in numbers)
 
 
-def describe_modules(station: PluggedStation) -> tuple[ModuleDescription, ...]:
-    """The access point's and the others, which are the same for each device of a group."""
-    return tuple(map(_module, station.modules))
-
-
-def describe_plugged(
-    station: PluggedStation, modules: tuple[ModuleDescription, ...], mac: bytes, *, strict: bool
-) -> DeviceDescription:
-    """The device with this address and :func:`describe_modules`; without ``strict`` it takes every cycle."""
-    head, dap = station.modules[0], station.dap
+def describe_plugged(station: PluggedStation, *, strict: bool) -> DeviceDescription:
+    """What the devices of a group have in common; without ``strict`` they take every cycle."""
+    head, *modules = station.modules
+    dap = station.dap
     return DeviceDescription(
         vendor_id=station.vendor_id,
         device_id=station.device_id,
         station_type=_station_type(station),
-        dap=modules[0],
-        modules=modules[1:],
+        dap=_module(head),
+        modules=tuple(map(_module, modules)),
         instance=dap.instance,
         own_records=frozenset(record.index for submodule in station.submodules for record in submodule.records),
         min_device_interval=station.min_device_interval if strict else 1,
@@ -128,7 +123,7 @@ def describe_plugged(
         reduction_ratios=_within(station.reduction_ratios, EVERY_RATIO) if strict else EVERY_RATIO,
         im0=Im0Description(
             order_id=_visible(station.order_number),
-            serial_number=serial_number(mac),
+            serial_number="",
             hardware_revision=_hardware(station.hardware_release),
             software_revision=_software(station.software_release),
             im_supported=_supported(head.submodules) or _USUAL_IM,
@@ -140,5 +135,15 @@ def describe_plugged(
             max_input_crs=station.relations.input_crs,
             max_output_crs=station.relations.output_crs,
         ),
-        im_carriers=_carriers(station, mac),
+        im_carriers=_carriers(station),
     )
+
+
+def with_serial_number(group: DeviceDescription, mac: bytes) -> DeviceDescription:
+    """The device with this address, of those that :func:`describe_plugged` describes."""
+    number = serial_number(mac)
+    carriers = (
+        one if one.im0 is None else replace(one, im0=replace(one.im0, serial_number=number))
+        for one in group.im_carriers
+    )
+    return replace(group, im0=replace(group.im0, serial_number=number), im_carriers=tuple(carriers))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-from pnfarm.buses.profinet.described.description import describe_plugged
+from pnfarm.buses.profinet.described.description import with_serial_number
 from pnfarm.buses.profinet.described.records import DescribedRecords
 from pnfarm.buses.profinet.frame_layout import frame_layout
 from pnfarm.errors import InternalError
@@ -68,7 +68,7 @@ class DescribedKind:
     def describe(self, mac: bytes) -> DeviceDescription:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self.records = DescribedRecords(self.described, self._station.note, strict=self._strict)
-        return describe_plugged(self.described.plugged, self.described.modules, mac, strict=self._strict)
+        return with_serial_number(self.described.devices[self._strict], mac)
 
     @property
     def diagnoses(self) -> DiagnosisCatalogue:

@@ -7,13 +7,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.plain_layout import PlainLayout, plain_layout, signal_places
-from pnfarm.buses.profinet.described.description import describe_modules
+from pnfarm.buses.profinet.described.description import describe_plugged
 from pnfarm.buses.profinet.described.summary import station_description
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.protocols.profinet.description import ModuleDescription
+    from pnfarm.protocols.profinet.description import DeviceDescription
     from pnfarm.protocols.profinet.gsdml.station import PluggedStation
     from pnfarm.signals.signal import Direction, Signal
     from pnfarm.station.description import StationDescription
@@ -39,9 +39,9 @@ class DescribedStation:
         return tuple(dict.fromkeys(name for name in found if name))
 
     @cached_property
-    def modules(self) -> tuple[ModuleDescription, ...]:
-        """For the machines of each device: the access point's first."""
-        return describe_modules(self.plugged)
+    def devices(self) -> Mapping[bool, DeviceDescription]:
+        """What the machines of its devices have in common, by ``limits: strict``."""
+        return {strict: describe_plugged(self.plugged, strict=strict) for strict in (False, True)}
 
     @cached_property
     def description(self) -> StationDescription:
