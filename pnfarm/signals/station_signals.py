@@ -39,8 +39,8 @@ class StationSignals:
         inputs: ProvidedData | None,
         outputs: ConsumedData | None,
     ) -> None:
-        self._signals = dict(signals)
-        self._places = dict(places)
+        self._signals = signals
+        self._places = places
         self._inputs = inputs
         self._outputs = outputs
         numbers: dict[str, int] = {}

@@ -58,7 +58,7 @@ class DescribedStation:
         """What comes from it."""
         return plain_layout((one.slot, one.subslot, one.output_octets) for one in self.plugged.submodules)
 
-    @property
+    @cached_property
     def signal_places(self) -> dict[tuple[int, int, Direction], int]:
         """The first octet of each submodule's data, in the order of their statuses."""
         return signal_places(self.inputs, self.outputs)
