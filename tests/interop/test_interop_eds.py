@@ -15,6 +15,8 @@ pytest.importorskip("cpppo", reason="needs the package cpppo")
 
 DRIVES = ["{name: axis, model: akd-ethernetip, ip: 10.77.0.11/22}"]
 ADDRESS = "10.77.0.61"
+#: Of a device that no scanner connects to: its outputs stay as they were at first.
+UNCONNECTED = "10.77.0.62"
 #: The assemblies that the scanners ask for: 64 octets each way, the bit that they wait for in the inputs' first octet.
 EDS = """
 [Device] VendCode = 65534; ProdType = 43; ProdCode = 7; MajRev = 1; MinRev = 2; ProdName = "Sixty-four";
@@ -39,10 +41,13 @@ PATIENT = 6
 def farm(lab, tmp_path_factory):
     folder = tmp_path_factory.mktemp("farm")
     (folder / "device.eds").write_text(EDS)
-    rest = f"devices:\n  - {{name: device, eds: device.eds, ip: {ADDRESS}/22}}\n"
+    addresses = {"device": ADDRESS, "unconnected": UNCONNECTED}
+    devices = [f"  - {{name: {name}, eds: device.eds, ip: {ip}/22}}" for name, ip in addresses.items()]
+    rest = "\n".join(["devices:", *devices, ""])
     with running(lab, folder, DRIVES, rest=rest) as worker:
-        # it looks for a second whether its address is free
-        worker.until(lambda _: ADDRESS in lab.run("farm", "ip", "-o", "address").stdout, "process")
+        # they look for a second whether their addresses are free
+        for address in addresses.values():
+            worker.until(lambda _, ip=address: ip in lab.run("farm", "ip", "-o", "address").stdout, "process")
         yield worker
 
 
@@ -102,6 +107,6 @@ def test_an_explicit_client_reads_and_writes_what_the_file_describes(lab, farm, 
         "no such object": ([0x99, 1, 1], 22),
     }
     said = lab.peer_json(
-        "peer_explicit.py", client, ADDRESS, json.dumps({name: one for name, (one, _) in wanted.items()})
+        "peer_explicit.py", client, UNCONNECTED, json.dumps({name: one for name, (one, _) in wanted.items()})
     )
     assert said == {name: answer for name, (_, answer) in wanted.items()}
