@@ -90,13 +90,13 @@ function Bit({device, signal, state, of}) {
 function Value({device, signal, state, of}) {
   const [edit, setEdit] = useState(null);
   const [told, send, forget] = useWrite(device, signal.name);
-  const {writes} = live, id = "why-" + signal.name, changed = edit && edit.text !== edit.seen.shown;
+  const {writes} = live, id = "why-" + signal.name, changed = edit && (!edit.seen || edit.text !== edit.seen.shown);
   const submit = async (event, how) => {
     event.preventDefault();
     if (!edit) return;
-    const written = await send(edit.text, edit.seen, how);
-    // who has read what another wrote meanwhile may write over it
-    setEdit(written ? null : {...edit, seen: seenNow(live.values.states.get(signal.name) || state)});
+    const written = await send(edit.text, edit.seen || seenNow(live.values.states.get(signal.name) || state), how);
+    // who has read what another wrote meanwhile may write over it: what the page shows then counts
+    setEdit(written ? null : {...edit, seen: null});
   };
   const type = text => setEdit({text, seen: edit ? edit.seen : seenNow(state)});
   const leave = () => { setEdit(null); forget(); };
