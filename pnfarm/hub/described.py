@@ -40,7 +40,7 @@ class HubDrive(Drive):
 
 class HubFarmView(FarmView, _Partial):
     model_config = ConfigDict(title="HubFarmView")
-    drives: list[HubDrive]  # type: ignore[assignment]  # a list of more
+    drives: list[HubDrive]  # type: ignore[assignment]  # with more than a farm's
 
 
 class HubStation(StationView):
@@ -48,7 +48,7 @@ class HubStation(StationView):
 
 
 class HubStations(StationsView, _Partial):
-    stations: list[HubStation]  # type: ignore[assignment]  # a list of more
+    stations: list[HubStation]  # type: ignore[assignment]  # with more than a farm's
 
 
 class HubDevice(DeviceRow):
@@ -56,7 +56,7 @@ class HubDevice(DeviceRow):
 
 
 class HubDevices(DevicesView, _Partial):
-    devices: list[HubDevice]  # type: ignore[assignment]  # a list of more
+    devices: list[HubDevice]  # type: ignore[assignment]  # with more than a farm's
 
 
 class NotHit(Schema):
@@ -75,7 +75,7 @@ class HubFault(Fault):
 
 
 class HubFaults(Faults, _Partial):
-    faults: list[HubFault]  # type: ignore[assignment]  # a list of more
+    faults: list[HubFault]  # type: ignore[assignment]  # with more than a farm's
 
 
 class HubReach(Targets, _Partial):

@@ -69,7 +69,7 @@ async def test_pyprofibus_runs_the_axes_of_a_line(tmp_path, gsd, count):
             assert slave.dropped.total() == 0
         # the master has gone without a word: each watchdog notices, and raises error 32-1
         async with asyncio.timeout(5):
-            while {int(station.handle.axis.faults.code[0]) & 0xFFFF for station in stations} != {32}:  # noqa: ASYNC110
+            while {int(station.handle.axis.faults.code[0]) & 0xFFFF for station in stations} != {32}:  # noqa: ASYNC110  # the engine's
                 await asyncio.sleep(0.02)
         assert {station.device.watchdog_expirations for station in stations} == {1}
         assert not any(station.device.connected for station in stations)

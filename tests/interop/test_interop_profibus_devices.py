@@ -140,7 +140,7 @@ async def test_a_diagnosis_that_is_raised_is_read_by_pyprofibus_and_data_go_on(t
             peer("peer_pyprofibus_devices.py", tmp_path / "line", 20, slaves(tmp_path, **waiting))
         )
         async with asyncio.timeout(15):
-            while not all(one.device.connected for one in running.core.stations):  # noqa: ASYNC110
+            while not all(one.device.connected for one in running.core.stations):  # noqa: ASYNC110  # a device has no event for it
                 await asyncio.sleep(0.02)
         running.inject({"kind": "diagnosis-request", "on": "modular", "params": {"code": "Door is open"}})
         where = {"code": "line break", "slot": 1, "channel": 2}

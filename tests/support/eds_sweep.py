@@ -117,7 +117,7 @@ class Sweep:
             self.findings.append(str(exc))
             return
         if not self.sentences:
-            self.sentences = expand_devices(config)[0].described.sentences()  # type: ignore[attr-defined]
+            self.sentences = expand_devices(config)[0].described.sentences()  # type: ignore[attr-defined]  # of EDS
         line = asyncio.run(VirtualLine.create(config, log=EventLog(quiet=True)))
         self._wait(line, line.plc)
         if listeners:
