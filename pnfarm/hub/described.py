@@ -40,7 +40,7 @@ class HubDrive(Drive):
 
 class HubFarmView(FarmView, _Partial):
     model_config = ConfigDict(title="HubFarmView")
-    drives: list[HubDrive]  # type: ignore[assignment]  # with more than a farm's
+    drives: tuple[HubDrive, ...]
 
 
 class HubStation(StationView):
@@ -48,7 +48,7 @@ class HubStation(StationView):
 
 
 class HubStations(StationsView, _Partial):
-    stations: list[HubStation]  # type: ignore[assignment]  # with more than a farm's
+    stations: tuple[HubStation, ...]
 
 
 class HubDevice(DeviceRow):
@@ -56,7 +56,7 @@ class HubDevice(DeviceRow):
 
 
 class HubDevices(DevicesView, _Partial):
-    devices: list[HubDevice]  # type: ignore[assignment]  # with more than a farm's
+    devices: tuple[HubDevice, ...]
 
 
 class NotHit(Schema):
@@ -75,7 +75,7 @@ class HubFault(Fault):
 
 
 class HubFaults(Faults, _Partial):
-    faults: list[HubFault]  # type: ignore[assignment]  # with more than a farm's
+    faults: tuple[HubFault, ...]
 
 
 class HubReach(Targets, _Partial):

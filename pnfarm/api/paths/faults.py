@@ -111,7 +111,7 @@ class Fault(Schema):
 
 
 class Faults(Schema):
-    faults: list[Fault]
+    faults: tuple[Fault, ...]
 
 
 class ClearedFault(Schema):

@@ -40,7 +40,7 @@ class StationView(Schema):
 
 
 class StationsView(Schema):
-    stations: list[StationView]
+    stations: tuple[StationView, ...]
 
 
 class SubmoduleView(Schema):
@@ -80,7 +80,7 @@ class DeviceRow(StationView):
 
 
 class DevicesView(Schema):
-    devices: list[DeviceRow]
+    devices: tuple[DeviceRow, ...]
 
 
 class SignalState(Schema):

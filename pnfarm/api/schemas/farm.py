@@ -78,4 +78,4 @@ class FarmView(Schema):
     link: str
     lines: list[LineView]
     engine: Engine
-    drives: list[Drive]
+    drives: tuple[Drive, ...]
