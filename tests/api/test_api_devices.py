@@ -29,11 +29,11 @@ def still() -> DeviceWorld:
 def values(response) -> dict[str, object]:
     assert response.status_code == 200, response.text
     form = SignalsAnswer if "overruled" in response.json() else SignalsValues
-    return {one.name: one.value for one in form.model_validate(response.json()).signals}
+    return {one.name: one.value for one in form.model_validate_json(response.content).signals}
 
 
 def test_stations_are_drives_with_their_axes_and_devices(world):
-    drive, device = StationsView.model_validate(world.get("/api/v1/stations").json()).stations
+    drive, device = StationsView.model_validate_json(world.get("/api/v1/stations").content).stations
     assert (drive.name, drive.kind, drive.model, drive.axes) == ("axis-01", "drive", "akd-profinet", ["axis-01"])
     assert (drive.bus, drive.description, drive.ip) == ("profinet", None, "10.77.0.11/23")
     assert (device.name, device.kind, device.model, device.axes) == ("island-1", "device", None, [])
@@ -41,13 +41,13 @@ def test_stations_are_drives_with_their_axes_and_devices(world):
 
 
 def test_devices_are_the_stations_without_axes(world):
-    (device,) = DevicesView.model_validate(world.get("/api/v1/devices").json()).devices
+    (device,) = DevicesView.model_validate_json(world.get("/api/v1/devices").content).devices
     assert device.name == "island-1"
     assert ApiWorld(1, controller=False).get("/api/v1/devices").json() == {"devices": []}
 
 
 def test_a_device_shows_identity_modules_connection_and_signals(world):
-    device = DeviceView.model_validate(world.get("/api/v1/devices/island-1").json())
+    device = DeviceView.model_validate_json(world.get("/api/v1/devices/island-1").content)
     assert device.identity["vendor_id"] == 0xFFFF
     assert device.access_point == "DAP 2"
     assert [(module.slot, module.name) for module in device.modules] == [(1, "8DI"), (2, "8DO")]
@@ -62,7 +62,7 @@ def test_an_unknown_device_gets_a_near_name_and_a_drive_is_none(world):
 
 
 def test_signals_have_type_unit_place_value_and_status(world):
-    found = SignalsValues.model_validate(world.get(SIGNALS).json())
+    found = SignalsValues.model_validate_json(world.get(SIGNALS).content)
     by_name = {signal.name: signal for signal in found.signals}
     pressure = by_name["pressure"]
     assert (pressure.direction, pressure.type, pressure.unit, pressure.place) == ("input", "int16", "bar", "3.1.0")
@@ -192,7 +192,7 @@ def test_a_device_on_a_serial_line_is_shown_and_its_signals_reach_the_master():
     cell = SlaveCell(ONE)
     cell.connect()
     world = Served(cell)
-    device = DeviceView.model_validate(world.get("/api/v1/devices/island").json())
+    device = DeviceView.model_validate_json(world.get("/api/v1/devices/island").content)
     assert (device.description, device.identity["ident_number"], device.identity["vendor"]) == (
         "Island DP", 0x1D01, "Example Maker",
     )  # fmt: skip

@@ -21,7 +21,7 @@ def world() -> ApiWorld:
 def modules(response):
     assert response.status_code == 200, response.text
     view = PluggedView if response.request.method == "PUT" else ModulesView
-    return view.model_validate(response.json()).modules
+    return view.model_validate_json(response.content).modules
 
 
 def frame_status(world):

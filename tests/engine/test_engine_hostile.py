@@ -15,7 +15,8 @@ from pnfarm.table.channel import FRAME_SLOT
 from pnfarm.table.compiling.compiled import IS_COMPILED
 
 ROOT = Path(__file__).resolve().parents[2]
-#: What an inner run takes: all but the tests that start one, and one that reads sources, which is the same there.
+#: What an inner run takes: all but the tests that start one, those in real time, which need the machine to themselves,
+#: and one that reads sources, which is the same there.
 PYTEST = (
     "-m",
     "pytest",
@@ -24,7 +25,7 @@ PYTEST = (
     "-p",
     "no:cacheprovider",
     "-m",
-    "not slow",
+    "not slow and not exclusive",
     "-k",
     "not defined_once_in_the_project",
 )

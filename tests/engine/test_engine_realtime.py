@@ -2,7 +2,7 @@
 
 import os
 import socket
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -19,16 +19,13 @@ def threads() -> set[int]:
 def started(settings):
     """An engine at work, and the number of its thread."""
     near, far = socket.socketpair()
-    engine = RealTimeEngine(Pair(drives=1).farm, near, settings)
-    before = threads()
-    engine.start()
-    try:
-        (thread,) = threads() - before
-        yield engine, thread
-    finally:
-        engine.close()
-        near.close()
-        far.close()
+    with near, far:
+        engine = RealTimeEngine(Pair(drives=1).farm, near, settings)
+        with closing(engine):
+            before = threads()
+            engine.start()
+            (thread,) = threads() - before
+            yield engine, thread
 
 
 def niceness(thread: int) -> int:
