@@ -19,7 +19,7 @@ from pnfarm.errors import ConfigError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-__all__ = ["MAX_OCTETS", "CaexElement", "NotCaexError", "is_project", "parse_caex"]
+__all__ = ["MAX_OCTETS", "CaexElement", "CaexProject", "NotCaexError", "is_project", "parse_caex"]
 
 #: Largest file, packed or not; projects of many stations have some 50 MB.
 MAX_OCTETS = 128 << 20
@@ -36,12 +36,18 @@ class NotCaexError(ConfigError):
 
 @dataclass(slots=True)
 class CaexElement:
-    """An InternalElement: its name, its attributes' values, its roles, and the elements in it."""
+    """An InternalElement: its name, its attributes' values, its roles, and the elements in it.
+
+    ``interfaces`` are its ExternalInterfaces, elements with their class as role.
+    """
 
     name: str
+    id: str = ""
     attributes: dict[str, str] = field(default_factory=dict)
     roles: list[str] = field(default_factory=list)
     children: list[CaexElement] = field(default_factory=list)
+    interfaces: list[CaexElement] = field(default_factory=list)
+    parent: CaexElement | None = field(default=None, repr=False, compare=False)
 
     def walk(self) -> Iterator[CaexElement]:
         """This element and all in it, in the file's order."""
@@ -55,14 +61,29 @@ class CaexElement:
         """Whether the last part of one of its roles' paths is this."""
         return any(role.rpartition("/")[2] == name for role in self.roles)
 
+    def around(self) -> Iterator[CaexElement]:
+        """What it is in, from the inside."""
+        outer = self.parent
+        while outer is not None:
+            yield outer
+            outer = outer.parent
+
+
+@dataclass(frozen=True, slots=True)
+class CaexProject:
+    """``root`` is around all InternalElements; ``links`` are pairs of interfaces, each ``ELEMENT-ID:NAME``."""
+
+    root: CaexElement
+    links: tuple[tuple[str, str], ...] = ()
+
 
 def is_project(begin: bytes) -> bool:
     """Whether a file's first octets are those of such a file."""
     return begin.startswith((_ZIP, *_XML))
 
 
-def parse_caex(data: bytes) -> CaexElement:
-    """The root of all InternalElements.  Raises :class:`NotCaexError` for what is none, or too large."""
+def parse_caex(data: bytes) -> CaexProject:
+    """Raises :class:`NotCaexError` for what is none, or too large."""
     if data.startswith(_ZIP):
         data = _unpacked(data)
     if len(data) > MAX_OCTETS:
@@ -87,8 +108,9 @@ class _Reader:
     """Makes the tree while expat reads."""
 
     def __init__(self) -> None:
-        self.root = CaexElement("")
-        self._stack: list[CaexElement] = [self.root]
+        self._root = CaexElement("")
+        self._links: list[tuple[str, str]] = []
+        self._stack: list[CaexElement] = [self._root]
         #: Names of the open XML elements; attributes of attributes have their parents' names in front.
         self._path: list[str] = []
         self._attribute: list[str] = []
@@ -96,7 +118,7 @@ class _Reader:
         self._elements = 0
         self._seen = False
 
-    def read(self, data: bytes) -> CaexElement:
+    def read(self, data: bytes) -> CaexProject:
         parser = expat.ParserCreate()
         parser.StartElementHandler = self._start
         parser.EndElementHandler = self._end
@@ -110,7 +132,7 @@ class _Reader:
             raise NotCaexError(str(exc)) from exc
         if not self._seen:
             raise NotCaexError("there is no CAEXFile in it")
-        return self.root
+        return CaexProject(self._root, tuple(self._links))
 
     @staticmethod
     def _doctype(*_: object) -> None:
@@ -125,10 +147,18 @@ class _Reader:
         match name:
             case "CAEXFile":
                 self._seen = True
-            case "InternalElement":
-                element = CaexElement(attributes.get("Name", "")[:MAX_VALUE])
-                self._stack[-1].children.append(element)
+            case "InternalElement" | "ExternalInterface":
+                outer, named = self._stack[-1], attributes.get("Name", "")[:MAX_VALUE]
+                element = CaexElement(named, attributes.get("ID", "")[:MAX_VALUE], parent=outer)
+                if name == "InternalElement":
+                    outer.children.append(element)
+                else:
+                    element.roles.append(attributes.get("RefBaseClassPath", "")[:MAX_VALUE])
+                    outer.interfaces.append(element)
                 self._stack.append(element)
+            case "InternalLink":
+                one, other = (attributes.get(f"RefPartnerSide{side}", "")[:MAX_VALUE] for side in "AB")
+                self._links.append((one, other))
             case "Attribute":
                 self._attribute.append(attributes.get("Name", ""))
             case "SupportedRoleClass":
@@ -148,7 +178,7 @@ class _Reader:
         name = qualified.rpartition(":")[2]
         self._path.pop()
         match name:
-            case "InternalElement":
+            case "InternalElement" | "ExternalInterface":
                 self._stack.pop()
             case "Attribute":
                 self._attribute.pop()

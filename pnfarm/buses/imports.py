@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.bus import Bus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from pnfarm.buses.caex import CaexElement
+    from pnfarm.buses.caex import CaexProject
+    from pnfarm.buses.description_folders import DescriptionFolders
 
 __all__ = [
     "DescriptionFile", "Found", "FoundDevice", "FoundDrive", "FoundStation", "ImportingBus", "ProjectBus",
@@ -20,10 +21,23 @@ __all__ = [
 
 
 @dataclass(frozen=True, slots=True)
+class DescriptionFile:
+    """``key``: that of a group which names such a file; ``{name}`` in ``name`` is the station's in the farm.
+
+    ``octets`` are to be written into it, None where the file is there.
+    """
+
+    key: str
+    name: str
+    octets: bytes | None
+
+
+@dataclass(frozen=True, slots=True)
 class FoundDrive:
     """A station that a model stands for: keys of its group in a farm file, and what a user should know of each.
 
-    ``line``: of a station on a serial line, the line's name in a farm file.
+    ``line``: of a station on a serial line, the line's name in a farm file.  ``file``: what ``identity`` names, where
+    that has to be written.
     """
 
     name: str
@@ -34,20 +48,12 @@ class FoundDrive:
     #: Of its controller, for the built-in one: its name, cycle and watchdog.
     controller: Mapping[str, Any] = field(default_factory=dict)
     line: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class DescriptionFile:
-    """``key``: that of a group which names such a file; ``{name}`` in ``name`` is the station's in the farm."""
-
-    key: str
-    name: str
-    text: str
+    file: DescriptionFile | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A station that a description file made of what was seen stands for; ``keys`` are the others of its group."""
+    """A station that a description file stands for; ``keys`` are the others of its group."""
 
     name: str
     file: DescriptionFile
@@ -58,11 +64,15 @@ class FoundDevice:
 
 @dataclass(frozen=True, slots=True)
 class FoundStation:
-    """A station that nothing stands for: its name or address, and what was seen of it."""
+    """A station that nothing stands for: its name or address, and what was seen of it.
+
+    ``missing``: the description file that would do, where that is known.
+    """
 
     name: str
     facts: tuple[str, ...]
     line: str = ""
+    missing: str = ""
 
 
 Found = FoundDrive | FoundDevice | FoundStation
@@ -77,13 +87,12 @@ def drives_first(found: Iterable[Found]) -> Iterator[Found]:
 class ProjectBus(Bus):
     """A bus that finds its stations in engineering projects."""
 
-    def of_project(self, root: CaexElement, folders: Sequence[Path], base: Path) -> Iterable[Found]:
+    def of_project(self, project: CaexProject, folders: DescriptionFolders, base: Path) -> Iterable[Found]:
         """The project's stations, drives first.
 
-        Description files are looked for in ``folders``; ``base`` is the folder of the farm file to be.  Raises
-        :class:`~pnfarm.errors.ConfigError` for a folder that cannot be read.
+        Description files are looked for in ``folders``; ``base`` is the folder of the farm file to be.
         """
-        return self._own("project", "of_project")(root, folders, base)
+        return self._own("project.stations", "of_project")(project, folders, base)
 
 
 class ImportingBus(Bus):

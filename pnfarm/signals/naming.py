@@ -20,9 +20,12 @@ if TYPE_CHECKING:
 
     from pnfarm.signals.signal import Direction
 
-__all__ = ["Datum", "identifier", "signal_names"]
+__all__ = ["Datum", "identifier", "plain_letters", "signal_names"]
 
-_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "æ": "ae", "ø": "oe", "å": "aa", "µ": "u"})
+_TWO_LETTERS = {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "æ": "ae", "ø": "oe", "å": "aa", "µ": "u"}
+_UMLAUTS = str.maketrans(
+    _TWO_LETTERS | {one.upper(): two.capitalize() for one, two in _TWO_LETTERS.items() if one not in "ßµ"}
+)
 _OTHER = re.compile(r"[^a-z0-9]+")
 #: Letters of the text's part of a name.
 _LONGEST = 40
@@ -42,10 +45,14 @@ class Datum:
     bit: int | None = None
 
 
+def plain_letters(text: str) -> str:
+    """Umlauts as two letters, without other accents, and without what is not ASCII then."""
+    return unicodedata.normalize("NFKD", text.translate(_UMLAUTS)).encode("ascii", "ignore").decode()
+
+
 def identifier(text: str) -> str:
     """``Druck (Öl), 2`` as ``druck_oel_2``."""
-    plain = unicodedata.normalize("NFKD", text.lower().translate(_UMLAUTS)).encode("ascii", "ignore").decode()
-    return _OTHER.sub("_", plain).strip("_")[:_LONGEST].strip("_") or "data"
+    return _OTHER.sub("_", plain_letters(text.lower())).strip("_")[:_LONGEST].strip("_") or "data"
 
 
 def _name(datum: Datum, word: str, form: int) -> str:

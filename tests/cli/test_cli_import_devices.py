@@ -152,7 +152,7 @@ def test_a_device_made_of_a_capture_is_the_same_when_it_is_captured_again_also_f
     plant.connect((*HEAD, *((0, slot, slot % 7 + 1, 1, slot % 7 + 1, slot % 3, 1) for slot in range(1, 100))))
     plant.write(5, 100, b"\1\2\3")
     (seen,) = check_found(plant.found()).devices
-    (tmp_path / "seen.xml").write_text(seen.file.text)
+    (tmp_path / "seen.xml").write_bytes(seen.file.octets)
     group = {"name": "island", "gsdml": "seen.xml", "ip": "10.77.0.41/24", "slots": seen.keys["slots"]}
     plc = {"name": "plc", "ip": "10.77.0.1/24", "cycle": "1ms"}
     text = yaml.safe_dump({"farm": "one", "link": {"kind": "memory"}, "devices": [group], "controller": plc})
@@ -167,7 +167,7 @@ def test_a_device_made_of_a_capture_is_the_same_when_it_is_captured_again_also_f
     out = farm_of(pnfarm, file, tmp_path)
     assert yaml.safe_load(out.read_text())["devices"][0]["slots"] == seen.keys["slots"]
     (again,) = tmp_path.glob("GSDML-*-pnfarm-island-20010909.xml")
-    assert parse_gsdml(again.read_bytes()).modules == parse_gsdml(seen.file.text.encode()).modules
+    assert parse_gsdml(again.read_bytes()).modules == parse_gsdml(seen.file.octets).modules
 
 
 def test_a_connection_with_several_crs_makes_a_device_that_takes_it_and_runs_at_its_cycles(pnfarm, tmp_path):
@@ -235,7 +235,7 @@ def made(plant, **options):
     check_found(plant.found(**options))
     (one,) = plant.found(**options)
     assert isinstance(one, FoundDevice), one
-    return one, parse_gsdml(one.file.text.encode())
+    return one, parse_gsdml(one.file.octets)
 
 
 def notes(one):
@@ -432,8 +432,8 @@ def test_whatever_was_asked_of_devices_the_farm_file_and_their_files_can_be_read
             plant.write(slot, index, octets, plc=plc, device=device, subslot=data.draw(_SUBSLOTS))
         plant.observed.read(device, data.draw(_SLOTS), 1, 0xAFF0, data.draw(_IM0).emit())
     made_of = check_found(plant.found(models=data.draw(st.booleans())))
-    for text in made_of.files.values():
-        assert parse_gsdml(text.encode()).daps
+    for octets in made_of.files.values():
+        assert parse_gsdml(octets).daps
 
 
 def test_thousands_of_submodules_and_devices_make_files_that_can_be_read_or_are_reported():

@@ -6,63 +6,19 @@ import zipfile
 from xml.sax.saxutils import escape
 
 import pytest
+from aml_project import HIWIN, drive, plc, project
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from imported import check_found
 
 from pnfarm.buses.caex import MAX_DEPTH, NotCaexError, parse_caex
+from pnfarm.buses.description_folders import DescriptionFolders
 from pnfarm.buses.profinet.model_gsdml import describe_model
-from pnfarm.buses.profinet.project import of_project
+from pnfarm.buses.profinet.project.stations import of_project
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, load_farm, parse_farm
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
-
-HIWIN = "GSDML-V2.35-HIWIN-E1-20240101.XML"
-ROLES = "AutomationProjectConfigurationRoleClassLib"
-
-
-def attribute(name, value):
-    return f'<Attribute Name="{name}" AttributeDataType="xs:string"><Value>{value}</Value></Attribute>'
-
-
-def element(name, inside="", role="", **attributes):
-    facts = "".join(attribute(key, value) for key, value in attributes.items())
-    kind = f'<SupportedRoleClass RefRoleClassPath="{ROLES}/{role}"/>' if role else ""
-    return f'<InternalElement ID="{name}-id" Name="{name}">{facts}{inside}{kind}</InternalElement>'
-
-
-def node(ip, name="", router=""):
-    more = {"ProfinetDeviceName": name} if name else {}
-    more |= {"RouterAddress": router} if router else {}
-    inside = element("IE1", role="Node", Type="Ethernet", NetworkAddress=ip, SubnetMask="255.255.255.0", **more)
-    return element("PROFINET interface", inside, role="CommunicationInterface", Label="X1")
-
-
-def drive(name, ip, file=HIWIN, dap="DAP 1", router="", module=("Telegram 111", "ID_T111")):
-    head = element(
-        name, node(ip, name, router), role="DeviceItem", TypeIdentifier=f"GSD:{file}/DAP/{dap}", PositionNumber=0
-    )
-    shown, part = module
-    plugged = element(shown, role="DeviceItem", TypeIdentifier=f"GSD:{file}/M/{part}", PositionNumber=1)
-    return element(f"GSD device {name}", head + plugged, role="Device", TypeIdentifier=f"GSD:{file}/D")
-
-
-def plc():
-    head = element(
-        "PLC_1", node("10.7.0.1", "plc-1"), role="DeviceItem", TypeIdentifier="OrderNumber:6ES7 513-1AL02-0AB0/V2.8"
-    )
-    rack = element("Rack_0", head, TypeIdentifier="System:Rack.S71500", PositionNumber=0)
-    return element("S7-1500 station_1", rack, role="Device", TypeIdentifier="System:Device.S71500")
-
-
-def project(*devices, schema="2.15"):
-    names = ' xmlns="http://www.dke.de/CAEX"' if schema == "3.0" else ""
-    whole = element("Project", element("PN/IE_1", role="Subnet", Type="Ethernet") + "".join(devices))
-    return (
-        f'<?xml version="1.0" encoding="utf-8"?><CAEXFile{names} FileName="p.aml" SchemaVersion="{schema}">'
-        f'<InstanceHierarchy Name="Project hierarchy">{whole}</InstanceHierarchy></CAEXFile>'
-    )
 
 
 @pytest.fixture
@@ -157,7 +113,7 @@ def test_a_drive_whose_file_is_not_at_hand_is_told_by_its_maker_s_name(pnfarm, t
     (made,) = expand(parse_farm(text))
     assert (made.name, made.model, dict(made.identity)) == ("axis-1", "hiwin-e1", {})
     assert "not at hand" in text.replace("\n  #  ", "")
-    assert "#   valve: IP 10.7.0.12" in text
+    assert "#   valve: GSDML-V2.3-FESTO-CPX-20200101.XML is not at hand; IP 10.7.0.12" in text
 
 
 def test_names_that_a_farm_file_cannot_have_are_changed_and_told(pnfarm, tmp_path):
@@ -198,7 +154,7 @@ def test_no_damage_of_a_project_has_another_outcome_than_a_decode_error(data):
         place = data.draw(st.integers(0, len(octets) - 1))
         octets[place : place + data.draw(st.integers(0, 8))] = data.draw(st.binary(max_size=8))
     try:
-        root = parse_caex(bytes(octets))
+        root = parse_caex(bytes(octets)).root
     except NotCaexError:
         return
     assert sum(1 for _ in root.walk()) >= 1
@@ -226,7 +182,7 @@ def test_whatever_is_in_a_project_the_farm_file_can_be_read(tmp_path_factory, de
             for name, ip, dap, router, module in devices
         )
     )
-    check_found(of_project(parse_caex(text.encode()), [folder], folder), folder)
+    check_found(of_project(parse_caex(text.encode()), DescriptionFolders([folder], folder), folder), folder)
 
 
 def quoted(text):

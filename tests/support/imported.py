@@ -21,8 +21,8 @@ def check_found(found, folder=Path("/nowhere")):
             for file in folder.iterdir() if folder.exists() else ():
                 if file.is_file():
                     (Path(own) / file.name).write_bytes(file.read_bytes())
-            for name, text in made.files.items():
-                (Path(own) / name).write_text(text, encoding="utf-8")
+            for name, octets in made.files.items():
+                (Path(own) / name).write_bytes(octets)
             assert len(expand_all(parse_farm(made.text, Path(own) / "any.pnfarm.yml"))) == len(played)
     comments = " ".join(made.text.replace("#", " ").split())
     for line in made.left_out:

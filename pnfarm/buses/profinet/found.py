@@ -57,7 +57,7 @@ def found(decoder: ProfinetDecoder, *, models: bool = True) -> Iterator[Found]:
             one = _drive(seen, last, *chosen)
         elif last is not None:
             one = found_device(seen, connections, _address(seen), _facts(seen, last), octets)
-            octets -= len(one.file.text) if isinstance(one, FoundDevice) else 0
+            octets -= len(one.file.octets or b"") if isinstance(one, FoundDevice) else 0
         else:
             one = FoundStation(seen.name or format_mac(seen.mac), tuple(_facts(seen, last)))
         stations.append(one)

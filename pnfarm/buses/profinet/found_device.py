@@ -68,7 +68,7 @@ def found_device(
     keys |= _limits(device, connections, notes)
     return FoundDevice(
         name,
-        DescriptionFile("gsdml", file_name(connections[0].time_ns), text),
+        DescriptionFile("gsdml", file_name(connections[0].time_ns), text.encode()),
         keys,
         (*notes, *device.notes, *_differing(seen, connections), *facts),
     )

@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.description_file import load_description
+from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.safe_xml import MAX_OCTETS
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
 
-__all__ = ["load_gsdml"]
+__all__ = ["load_gsdml", "read_gsdml"]
 
 #: A farm's many groups and a project's many devices have a few files.
 _parsed = lru_cache(maxsize=8)(parse_gsdml)
@@ -23,3 +24,11 @@ _parsed = lru_cache(maxsize=8)(parse_gsdml)
 def load_gsdml(path: Path) -> Gsdml:
     """Raises :class:`~pnfarm.errors.ConfigError`."""
     return load_description("GSDML", path, MAX_OCTETS, lambda data: _parsed(data, path.name))
+
+
+def read_gsdml(data: bytes, name: str) -> Gsdml:
+    """The same of octets, which are a file of this name."""
+    try:
+        return _parsed(data, name)
+    except DecodeError as exc:
+        raise ConfigError(f"{name}, {exc.detail or exc.reason}") from exc

@@ -46,7 +46,8 @@ def importing(
         typer.Option(
             "--gsdml",
             metavar="DIR",
-            help="Folder with a project's GSDML files, beside the project's own.  Repeatable.",
+            help="Folder with a project's GSDML files (below it, and in zip files, too), beside the project's own.  "
+            "Repeatable.",
             show_default=False,
         ),
     ] = None,
@@ -68,7 +69,7 @@ def importing(
         if devices:
             raise ConfigError("--devices is for captures: a project says too little of a station's data")
         # names of files in a farm file are relative to its folder
-        found = _of_project(file, [*(gsdml or []), file.parent], folder)
+        found = _of_project(file, gsdml or [], folder)
     else:
         found = _of_capture(file, models=not devices)
     if not found:
@@ -77,20 +78,24 @@ def importing(
     if output is None:
         found = _listed(found)
     made = write_farm(found, name or farm_name(file.stem), parent, file.name, folder)
-    for line in made.left_out:
+    for line in [*made.left_out, *_missing(found)]:
         typer.echo(f"{file}: {line}", err=True)
     if output is None:
         typer.echo(made.text, nl=False)
         return
-    files = {**{folder / own: text for own, text in made.files.items()}, output: made.text}
+    files = {**{folder / own: octets for own, octets in made.files.items()}, output: made.text.encode()}
     there = [path for path in files if path.exists() and not force]
     if there:
         raise ConfigError(f"{there[0]} is there already: give --force to replace it, or another name")
-    for path, text in files.items():
-        _write(path, text)
+    for path, octets in files.items():
+        _write(path, octets)
     if made.files:
-        beside = counted(len(made.files), "description file")
-        print_line(f"{folder}: {beside} made of the capture; the maker's own in its place gives the data names")
+        whence = (
+            "out of a zip file"
+            if _is_project(file)
+            else "made of the capture; the maker's own in its place gives the data names"
+        )
+        print_line(f"{folder}: {counted(len(made.files), 'description file')} {whence}")
     counts = (len(made.drives), "drive"), (len(made.devices), "device"), (len(made.others), "other station")
     parts = [counted(*one) for one in counts if one[0] or one[1] != "device"]
     print_line(f"{output}: {', '.join(parts)} in comments")
@@ -100,20 +105,35 @@ def importing(
         print_line("next: read its comments, choose a model (`pnfarm models`), and add `drives:`")
 
 
-def _write(path: Path, text: str) -> None:
+def _missing(found: Sequence[Found]) -> list[str]:
+    """Description files that would make devices of stations, each once, with the stations that need it."""
+    from pnfarm.buses.imports import FoundStation
+    from pnfarm.vocabulary.quoting import shortened
+
+    needed: dict[str, list[str]] = {}
+    for one in found:
+        if isinstance(one, FoundStation) and one.missing:
+            needed.setdefault(one.missing, []).append(one.name)
+    return [f"missing: {what}, for {shortened(names)}" for what, names in needed.items()]
+
+
+def _write(path: Path, octets: bytes) -> None:
     try:
-        path.write_text(text, encoding="utf-8")
+        path.write_bytes(octets)
     except OSError as exc:
         raise ConfigError(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
 
 
 def _listed(found: Sequence[Found]) -> list[Found]:
-    """Without a folder for their files, devices are in comments."""
+    """Without a folder for files that are to be written, devices are in comments."""
     from pnfarm.buses.imports import FoundDevice, FoundStation
 
     how = "with `-o FARM` it is a device of the farm, by a description file beside FARM"
     return [
-        FoundStation(one.name, (how, *one.notes), one.line) if isinstance(one, FoundDevice) else one for one in found
+        FoundStation(one.name, (how, *one.notes), one.line)
+        if isinstance(one, FoundDevice) and one.file.octets is not None
+        else one
+        for one in found
     ]
 
 
@@ -130,20 +150,22 @@ def _is_project(file: Path) -> bool:
 def _of_project(file: Path, folders: Sequence[Path], base: Path) -> list[Found]:
     from pnfarm.buses import registry
     from pnfarm.buses.caex import MAX_OCTETS, NotCaexError, parse_caex
+    from pnfarm.buses.description_folders import DescriptionFolders
     from pnfarm.buses.imports import ProjectBus
     from pnfarm.vocabulary.regular_file import read_regular
 
     try:
-        root = parse_caex(read_regular(file, MAX_OCTETS + 1))
+        project = parse_caex(read_regular(file, MAX_OCTETS + 1))
     except OSError as exc:
         raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
     except NotCaexError as exc:
         raise ConfigError(f"{file} is not CAx data: {exc}") from exc
+    at_hand = DescriptionFolders(folders, file.parent)
     return [
         one
         for bus in registry.BUSES.values()
         if isinstance(bus, ProjectBus)
-        for one in bus.of_project(root, folders, base)
+        for one in bus.of_project(project, at_hand, base)
     ]
 
 

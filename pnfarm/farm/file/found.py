@@ -57,7 +57,7 @@ class WrittenFarm:
     devices: list[FoundDevice]
     others: list[FoundStation]
     left_out: list[str]
-    files: Mapping[str, str]
+    files: Mapping[str, bytes]
 
 
 def farm_name(stem: str) -> str:
@@ -75,8 +75,8 @@ def write_farm(found: Sequence[Found], name: str, parent: str, source: str, fold
     others = [one for one in found if isinstance(one, FoundStation)]
     left_out: list[str] = []
     with TemporaryDirectory(prefix="pnfarm-import-") as scratch:
-        for own, text in _files(kept).items():
-            (Path(scratch) / own).write_text(text, encoding="utf-8")
+        for own, octets in _files(kept).items():
+            (Path(scratch) / own).write_bytes(octets)
         for _ in range(_MOST_TIMES if kept else 0):
             text = _text(kept, others, name, parent, source, f"{scratch}/")
             try:
@@ -104,20 +104,21 @@ def _parts(stations: Sequence[_Played]) -> dict[str, list[Any]]:
 
 
 def _with_files(stations: Sequence[_Played]) -> list[_Played]:
-    """The devices with the names of their files: those alike have one."""
-    named: dict[str, str] = {}
+    """The devices with the names of their files that are to be written: those alike have one."""
+    named: dict[bytes, str] = {}
     found: list[_Played] = []
     for number, one in enumerate(stations):
-        if isinstance(one, FoundDevice):
+        if isinstance(one, FoundDevice) and one.file.octets is not None:
             short = one.name if len(one.name) <= _IN_FILE_NAME else f"{one.name[:_IN_FILE_NAME]}-{number}"
-            own = named.setdefault(one.file.text, one.file.name.replace("{name}", short))
+            own = named.setdefault(one.file.octets, one.file.name.replace("{name}", short))
             one = replace(one, file=replace(one.file, name=own))
         found.append(one)
     return found
 
 
-def _files(stations: Sequence[_Played]) -> dict[str, str]:
-    return {one.file.name: one.file.text for one in stations if isinstance(one, FoundDevice)}
+def _files(stations: Sequence[_Played]) -> dict[str, bytes]:
+    files = [one.file for one in stations if one.file is not None]
+    return {file.name: file.octets for file in files if file.octets is not None}
 
 
 # -- what cannot be in the file ----------------------------------------------------------------------------------------
@@ -256,16 +257,29 @@ def _group(station: _Played, room: int, files: str) -> list[str]:
         room -= len(note)
         if room <= 0:
             break
-    first = ("model", station.model) if isinstance(station, FoundDrive) else _file_key(station, files)
-    lines += [f"  - name: {_value(station.name)}", f"    {first[0]}: {_value(first[1])}"]
+    keys: dict[str, Any] = {"name": station.name}
+    own = files if station.file is not None and station.file.octets is not None else ""
+    if isinstance(station, FoundDevice):
+        keys |= {station.file.key: own + station.file.name, **station.keys}
+    else:
+        keys |= {"model": station.model, **station.keys}
+        if own:
+            keys["identity"] = {**keys["identity"], "gsdml": own + keys["identity"]["gsdml"]}
+    begin = "  - "
+    for key, value in keys.items():
+        lines += _entry(begin, key, value)
+        begin = "    "
+    return lines
+
+
+def _entry(begin: str, key: Any, value: Any) -> list[str]:
+    """A key of a group; a long mapping has a line for each of its own."""
     # a number that is no ident, such as a telegram's, is decimal
-    return lines + [
-        f"    {key}: {value if isinstance(value, int) else _value(value)}" for key, value in station.keys.items()
-    ]
-
-
-def _file_key(device: FoundDevice, files: str) -> tuple[str, str]:
-    return device.file.key, files + device.file.name
+    line = f"{begin}{key}: {value if isinstance(value, int) else _value(value)}"
+    if len(line) <= _WIDTH or not isinstance(value, dict):
+        return [line]
+    indent = " " * (len(begin) + 2)
+    return [f"{begin}{key}:", *(f"{indent}{_key(one)}: {_value(inside)}" for one, inside in value.items())]
 
 
 def _value(value: Any) -> str:

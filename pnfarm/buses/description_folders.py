@@ -1,0 +1,109 @@
+"""Makers' description files in folders, with all below them and in zip files there, and beside a file.
+
+Folders are not trusted more than any input: links to folders are not followed, files and octets are bounded, and of a
+zip file's member only the last part of its name counts.
+"""
+
+from __future__ import annotations
+
+import os
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from pnfarm.errors import ConfigError
+from pnfarm.vocabulary.regular_file import read_regular
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+__all__ = ["DescriptionFolders", "FileAtHand"]
+
+#: Of GSDML, EDS and GSD files, the last with letters for languages.
+SUFFIXES = frozenset({".xml", ".eds", ".gsd", ".gse", ".gsg", ".gsf", ".gsi", ".gsp", ".gss"})
+#: Files of all folders, those in zip files among them; engineering tools keep some thousand.
+MOST_FILES = 50_000
+_ZIP_ERRORS = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError, ValueError)
+
+
+@dataclass(frozen=True, slots=True)
+class FileAtHand:
+    """``path`` is the file, or the zip file of which it is ``member``."""
+
+    path: Path
+    member: str = ""
+
+    @property
+    def name(self) -> str:
+        return PurePosixPath(self.member.replace("\\", "/")).name if self.member else self.path.name
+
+    def octets(self, most: int) -> bytes:
+        """Raises :class:`ConfigError` where it cannot be read, or is longer."""
+        try:
+            data = self._member(most) if self.member else read_regular(self.path, most + 1)
+        except _ZIP_ERRORS as exc:
+            why = (exc.strerror or str(exc)).lower() if isinstance(exc, OSError) else str(exc)
+            raise ConfigError(f"{self.name} in {self.path} cannot be read: {why}") from exc
+        if len(data) > most:
+            raise ConfigError(f"{self.name} in {self.path} is longer than {most} octets")
+        return data
+
+    def _member(self, most: int) -> bytes:
+        with zipfile.ZipFile(self.path) as archive, archive.open(self.member) as part:
+            return part.read(most + 1)
+
+
+class DescriptionFolders:
+    """Those of ``folders`` and of what is below them, and those of the folder ``beside`` alone; of two with one name
+    the first counts.
+
+    Raises :class:`ConfigError` for a folder that cannot be read, or too many files.
+    """
+
+    def __init__(self, folders: Sequence[Path], beside: Path) -> None:
+        self._by_name: dict[str, FileAtHand] = {}
+        for folder in (*folders, beside):
+            for one in self._of(folder, deep=folder is not beside):
+                self._by_name.setdefault(one.name.lower(), one)
+                if len(self._by_name) > MOST_FILES:
+                    raise ConfigError(f"{folder} and those before it have more than {MOST_FILES} description files")
+
+    def __iter__(self) -> Iterator[FileAtHand]:
+        return iter(self._by_name.values())
+
+    def named(self, name: str) -> FileAtHand | None:
+        """The file of this name, in upper or lower case."""
+        return self._by_name.get(name.lower())
+
+    def _of(self, folder: Path, *, deep: bool) -> Iterator[FileAtHand]:
+        def refuse(error: OSError) -> None:
+            if error.filename == str(folder):
+                raise ConfigError(
+                    f"the folder {folder} cannot be read: {(error.strerror or str(error)).lower()}"
+                ) from error
+
+        looked = 0
+        for place, below, names in os.walk(folder, onerror=refuse):
+            below[:] = sorted(below) if deep else ()
+            looked += len(names)
+            if looked > MOST_FILES:
+                raise ConfigError(f"{folder} has more than {MOST_FILES} files")
+            for name in sorted(names):
+                file = Path(place) / name
+                if file.suffix.lower() in SUFFIXES:
+                    yield FileAtHand(file)
+                elif file.suffix.lower() == ".zip":
+                    yield from self._in_zip(file)
+
+    def _in_zip(self, file: Path) -> Iterator[FileAtHand]:
+        """Those of a zip file; one that is damaged has none."""
+        try:
+            with zipfile.ZipFile(file) as archive:
+                members = archive.namelist()[:MOST_FILES]
+        except _ZIP_ERRORS:
+            return
+        for member in members:
+            if PurePosixPath(member.replace("\\", "/")).suffix.lower() in SUFFIXES:
+                yield FileAtHand(file, member)

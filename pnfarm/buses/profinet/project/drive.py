@@ -1,0 +1,113 @@
+"""A device of a project as a drive of a farm file: by its GSDML file, or by its maker's name, that of a drive model."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.buses.imports import FoundDrive
+from pnfarm.buses.profinet.decode.identity import numbers_of
+from pnfarm.buses.profinet.maker_identity import identity_of, numbers_in
+from pnfarm.buses.profinet.project.parts import address_keys, facts, name_of, type_of
+from pnfarm.drives.catalogue import model, models, models_on
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pnfarm.buses.caex import CaexElement
+    from pnfarm.buses.imports import DescriptionFile
+    from pnfarm.buses.profinet.project.parts import PartType
+    from pnfarm.drives.description.model import Model
+    from pnfarm.protocols.profinet.gsdml.document import Gsdml
+
+__all__ = ["drive_by_file", "drive_by_name"]
+
+
+def drive_by_file(device: CaexElement, head: PartType, document: Gsdml, file: DescriptionFile) -> FoundDrive | None:
+    """By vendor and device number, else by the vendor."""
+    notes: list[str] = []
+    drive_model = _model_of(document, notes)
+    if drive_model is None:
+        return None
+    keys = address_keys(device)
+    own: dict[str, Any] = {"gsdml": file.name}
+    ident = _ident(document, head.id)
+    keys["identity"] = own if ident is None else {**own, "dap": ident}
+    number = _telegram(device, document, drive_model, ident, head.file, notes)
+    if number is not None:
+        keys["telegram"] = number
+    own_file = None if file.octets is None else file
+    return FoundDrive(name_of(device), drive_model.name, keys, (*notes, *facts(device)), file=own_file)
+
+
+def drive_by_name(device: CaexElement, file: str) -> FoundDrive | None:
+    """By the maker's name in that of a file which is not at hand: ``GSDML-V2.3-MAKER-family-date.xml``."""
+    words = re.split(r"[^a-z0-9]+", file.lower())
+    for entry in models().values():
+        if entry.bus == "profinet" and entry.maker.split()[0].lower() in words:
+            notes = [f"chosen by its maker's name: {file} is not at hand, so that the idents are the model's own"]
+            keys = address_keys(device)
+            number = _telegram_by_name(device, model(entry.name), notes)
+            if number is not None:
+                keys["telegram"] = number
+            return FoundDrive(name_of(device), entry.name, keys, (*notes, *facts(device)))
+    return None
+
+
+def _ident(document: Gsdml, dap_id: str) -> int | None:
+    """The ident of one of several access points."""
+    if len(document.daps) < 2:
+        return None
+    return next((dap.ident for dap in document.daps if dap.id.lower() == dap_id.lower()), None)
+
+
+def _modules(device: CaexElement) -> Iterator[tuple[CaexElement, str]]:
+    """The modules of a device, with their ids in its description file."""
+    for one in device.walk():
+        found = type_of(one)
+        if found.part == "M" and found.id:
+            yield one, found.id
+
+
+def _telegram(
+    device: CaexElement, document: Gsdml, drive_model: Model, dap_ident: int | None, file: str, notes: list[str]
+) -> int | None:
+    """The first telegram among the project's modules, as the drive's identity matches them."""
+    idents = {module.id.lower(): module.ident for module in document.modules}
+    numbers: dict[int, int] = {}
+    for number, own in identity_of(document, drive_model, dap_ident).overrides.get("telegrams", {}).items():
+        for ident in (own, *own.get("others", {}).values()):
+            if "module" in ident:
+                numbers.setdefault(ident["module"], number)
+    first: int | None = None
+    for module, module_id in _modules(device):
+        ident = idents.get(module_id.lower())
+        if ident is None:
+            notes.append(f"{file} has no module {module_id!r}, which the project plugs")
+        elif ident not in numbers:
+            notes.append(f"module {module.name or module_id} (0x{ident:X}) is not a known telegram")
+        else:
+            notes.append(f"telegram {numbers[ident]}: {module.name or module_id}")
+            first = numbers[ident] if first is None else first
+    return first
+
+
+def _telegram_by_name(device: CaexElement, drive_model: Model, notes: list[str]) -> int | None:
+    """The same where the description file is not at hand: by a number in a module's name."""
+    for module, _ in _modules(device):
+        known = [number for number in numbers_in(module.name) if number in drive_model.profidrive.telegrams]
+        if len(known) == 1:
+            notes.append(f"telegram {known[0]} by the name of its module, {module.name}")
+            return known[0]
+    return None
+
+
+def _model_of(document: Gsdml, notes: list[str]) -> Model | None:
+    known, ids = models_on("profinet"), (document.vendor_id, document.device_id)
+    same = [one for one in known if numbers_of(one) == ids]
+    if same:
+        return same[0]
+    of_vendor = [one for one in known if numbers_of(one)[0] == ids[0]]
+    if of_vendor:
+        notes.append(f"chosen by its vendor: device number 0x{ids[1]:04X} is none of a model")
+    return of_vendor[0] if of_vendor else None

@@ -1,0 +1,109 @@
+"""GSDML files of a project's devices: by name, or by the order number of an access point."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.imports import DescriptionFile
+from pnfarm.buses.profinet.gsdml_file import load_gsdml, read_gsdml
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.gsdml.safe_xml import MAX_OCTETS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pnfarm.buses.description_folders import DescriptionFolders, FileAtHand
+    from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml
+
+__all__ = ["GsdmlFiles", "OrderedDap", "is_of_version", "plain_number"]
+
+_ORDER_NUMBER = re.compile(rb'OrderNumber\s+Value\s*=\s*"([^"]{1,60})"')
+#: Files with one order number that are read; makers have one for each firmware version.
+_MOST_ALIKE = 20
+
+
+def plain_number(order_number: str) -> str:
+    """Without blanks, which makers set differently."""
+    return "".join(order_number.split()).upper()
+
+
+def is_of_version(version: str, *texts: str) -> bool:
+    """Whether a text names a firmware version, such as ``V3.3`` or a longer number that begins so."""
+    digits = version.strip().lstrip("Vv")
+    return bool(digits) and any(re.search(rf"(?<![\d.]){re.escape(digits)}(?!\d)", text) for text in texts)
+
+
+@dataclass(frozen=True, slots=True)
+class OrderedDap:
+    """An access point by its order number; ``exact``: of the firmware version, too."""
+
+    file: FileAtHand
+    dap: Dap
+    exact: bool
+
+
+class GsdmlFiles:
+    """Files in ``folders``; a farm file that names one is in ``base``."""
+
+    def __init__(self, folders: DescriptionFolders, base: Path) -> None:
+        self._folders = folders
+        self._base = base
+        self._known: dict[FileAtHand, Gsdml] = {}
+
+    def named(self, name: str) -> FileAtHand | None:
+        """The file of this name, in upper or lower case."""
+        return self._folders.named(name)
+
+    def document(self, file: FileAtHand) -> Gsdml:
+        """Raises :class:`ConfigError`."""
+        if not file.member:
+            return load_gsdml(file.path)
+        if file not in self._known:
+            self._known[file] = read_gsdml(file.octets(MAX_OCTETS), file.name)
+        return self._known[file]
+
+    def for_farm(self, file: FileAtHand) -> DescriptionFile:
+        """How the farm file names it; one of a zip file is written beside the farm file."""
+        if file.member:
+            return DescriptionFile("gsdml", file.name, file.octets(MAX_OCTETS))
+        near = file.path.is_relative_to(self._base)
+        return DescriptionFile("gsdml", str(file.path.relative_to(self._base) if near else file.path.resolve()), None)
+
+    def ordered(self, order_number: str, version: str) -> OrderedDap | None:
+        """The access point with this order number: of the version, else of the file that is last by name."""
+        first: OrderedDap | None = None
+        wanted = plain_number(order_number)
+        for file in self._by_number.get(wanted, ())[:_MOST_ALIKE]:
+            try:
+                document = self.document(file)
+            except ConfigError:
+                # another file may have it: the caller says what is missing
+                continue
+            for dap in reversed(document.daps):
+                if plain_number(dap.info.order_number) != wanted:
+                    continue
+                exact = is_of_version(version, dap.info.software_release, dap.info.name, dap.id)
+                found = OrderedDap(file, dap, exact)
+                if exact:
+                    return found
+                first = first or found
+        return first
+
+    @cached_property
+    def _by_number(self) -> dict[str, list[FileAtHand]]:
+        """By order number without blanks, the last by name first."""
+        found: dict[str, list[FileAtHand]] = {}
+        for file in sorted(self._folders, key=lambda one: one.name.lower(), reverse=True):
+            if not file.name.lower().startswith("gsdml"):
+                continue
+            try:
+                data = file.octets(MAX_OCTETS)
+            except ConfigError:
+                # not at hand, after all
+                continue
+            for number in {plain_number(one.decode("latin-1")) for one in _ORDER_NUMBER.findall(data)}:
+                found.setdefault(number, []).append(file)
+        return found

@@ -1,0 +1,108 @@
+"""The PROFINET stations of an engineering project: drives, devices by their GSDML files, and what is neither."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pnfarm.buses.imports import FoundStation, drives_first
+from pnfarm.buses.profinet.project.device import project_device
+from pnfarm.buses.profinet.project.drive import drive_by_file, drive_by_name
+from pnfarm.buses.profinet.project.files import GsdmlFiles
+from pnfarm.buses.profinet.project.parts import devices, facts, head_of, name_of, plc_of, type_of
+from pnfarm.buses.tags import tags_of
+from pnfarm.errors import ConfigError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from pnfarm.buses.caex import CaexElement, CaexProject
+    from pnfarm.buses.description_folders import DescriptionFolders, FileAtHand
+    from pnfarm.buses.imports import Found
+    from pnfarm.buses.profinet.project.parts import PartType
+    from pnfarm.buses.tags import Tag
+    from pnfarm.protocols.profinet.gsdml.document import Dap
+
+__all__ = ["of_project"]
+
+
+def of_project(project: CaexProject, folders: DescriptionFolders, base: Path) -> Iterator[Found]:
+    """Drives first, then devices, then stations that nothing stands for.
+
+    GSDML files are looked for in ``folders``; a farm file that names one is in ``base``.
+    """
+    found = _Stations(project, GsdmlFiles(folders, base))
+    return drives_first(found.of(device) for device in devices(project.root))
+
+
+class _Stations:
+    def __init__(self, project: CaexProject, files: GsdmlFiles) -> None:
+        self._project = project
+        self._files = files
+        self._tags: dict[str, tuple[Tag, ...]] = {}
+        plcs = [one for one in project.root.walk() if one.has_role("TagTable")]
+        #: The element with all tables, where the project says of no device which PLC it belongs to.
+        self._only = project.root if len({self._owner(one).id for one in plcs}) == 1 else None
+
+    @staticmethod
+    def _owner(table: CaexElement) -> CaexElement:
+        return next((outer for outer in table.around() if outer.has_role("Device")), table)
+
+    def of(self, device: CaexElement) -> Found:
+        head = head_of(device, self._project)
+        if head is None:
+            return FoundStation(name_of(device), tuple(facts(device)))
+        kind = type_of(head)
+        return self._by_file(device, head, kind) if kind.file else self._by_number(device, head, kind)
+
+    def _by_file(self, device: CaexElement, head: CaexElement, kind: PartType) -> Found:
+        file = self._files.named(kind.file)
+        missing = f"{kind.file}, of {_maker(kind.file)}"
+        if file is None:
+            return drive_by_name(device, kind.file) or self._nothing(device, f"{kind.file} is not at hand", missing)
+        try:
+            document = self._files.document(file)
+        except ConfigError as exc:
+            return drive_by_name(device, kind.file) or self._nothing(device, str(exc), missing)
+        drive = drive_by_file(device, kind, document, self._files.for_farm(file))
+        if drive is not None:
+            return drive
+        dap = next((one for one in document.daps if one.id.lower() == kind.id.lower()), None)
+        if dap is None:
+            return self._nothing(device, f"{file.name} has no access point {kind.id!r}", missing)
+        return self._device(device, head, file, dap)
+
+    def _by_number(self, device: CaexElement, head: CaexElement, kind: PartType) -> Found:
+        """A device of Siemens' that the project names by order number."""
+        named = f"{kind.order_number} {kind.version}".strip()
+        found = self._files.ordered(kind.order_number, kind.version)
+        if found is None:
+            return self._nothing(device, f"no GSDML file at hand has {named}", f"a GSDML file with {named}, of Siemens")
+        remark = f"{found.file.name} has no version {kind.version}: {found.dap.info.name or found.dap.id} is taken"
+        return self._device(device, head, found.file, found.dap, () if found.exact else (remark,))
+
+    def _device(
+        self, device: CaexElement, head: CaexElement, file: FileAtHand, dap: Dap, remarks: Sequence[str] = ()
+    ) -> Found:
+        plc = plc_of(device, self._project) or self._only
+        document = self._files.document(file)
+        made = project_device(device, head, document, dap, self._files.for_farm(file), self._tags_of(plc))
+        return replace(made, notes=(*remarks, *made.notes))
+
+    def _tags_of(self, plc: CaexElement | None) -> tuple[Tag, ...]:
+        if plc is None:
+            return ()
+        if plc.id not in self._tags:
+            self._tags[plc.id] = tags_of(plc)
+        return self._tags[plc.id]
+
+    @staticmethod
+    def _nothing(device: CaexElement, why: str, missing: str) -> FoundStation:
+        return FoundStation(name_of(device), (why, *facts(device)), missing=missing)
+
+
+def _maker(file: str) -> str:
+    """``GSDML-V2.3-MAKER-family-date.xml``."""
+    parts = file.split("-")
+    return parts[2] if len(parts) > 3 else "an unknown maker"
