@@ -1,7 +1,7 @@
 """``python -m tests.public_aml --out FOLDER``: CAx data of public projects, and what ``pnfarm import`` makes of them.
 
-The files are others' and stay out of this repository: ``cli/aml_public.csv`` has repository, commit, path and SHA-256 of
-each, with those GSDML files of their devices that are public.  A farm file is made of each project, and read; the
+The files are others' and stay out of this repository: ``cli/aml_public.csv`` has repository, commit, path and SHA-256
+of each, with those GSDML files of their devices that are public.  A farm file is made of each project, and read; the
 built-in controller brings its devices to data exchange, in memory.  A table says how many stations a project has, how
 many became drives and devices, how many lack a file, and how many did not exchange data.  The exit code is 1 where a
 file could not be had, or a device did not exchange data.

@@ -313,7 +313,7 @@ _FILES = st.builds(
     DescriptionFile,
     st.just("gsdml"),
     st.just("GSDML-V2.35-pnfarm-{name}-20260101.xml"),
-    st.sampled_from([ISLAND.read_text(), "", "<a/>"]),
+    st.sampled_from([ISLAND.read_bytes(), b"", b"<a/>"]),
 )
 _DEVICE = st.builds(
     FoundDevice,
