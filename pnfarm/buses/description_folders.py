@@ -19,13 +19,25 @@ from pnfarm.vocabulary.regular_file import read_regular
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-__all__ = ["DescriptionFolders", "FileAtHand"]
+__all__ = ["DescriptionFile", "DescriptionFolders", "FileAtHand"]
 
 #: Of GSDML, EDS and GSD files, the last with letters for languages.
 SUFFIXES = frozenset({".xml", ".eds", ".gsd", ".gse", ".gsg", ".gsf", ".gsi", ".gsp", ".gss"})
 #: Files of all folders, those in zip files among them; engineering tools keep some thousand.
 MOST_FILES = 50_000
 _ZIP_ERRORS = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError, ValueError)
+
+
+@dataclass(frozen=True, slots=True)
+class DescriptionFile:
+    """``key``: that of a group which names such a file; ``{name}`` in ``name`` is the station's in the farm.
+
+    ``octets`` are to be written into it, None where the file is there.
+    """
+
+    key: str
+    name: str
+    octets: bytes | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +61,13 @@ class FileAtHand:
         if len(data) > most:
             raise ConfigError(f"{self.name} in {self.path} is longer than {most} octets")
         return data
+
+    def for_farm(self, key: str, base: Path, most: int) -> DescriptionFile:
+        """How a farm file in the folder ``base`` names it; one of a zip file is to be written beside that."""
+        if self.member:
+            return DescriptionFile(key, self.name, self.octets(most))
+        near = self.path.is_relative_to(base)
+        return DescriptionFile(key, str(self.path.relative_to(base) if near else self.path.resolve()), None)
 
     def _member(self, most: int) -> bytes:
         with zipfile.ZipFile(self.path) as archive, archive.open(self.member) as part:

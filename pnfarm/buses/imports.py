@@ -12,24 +12,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.buses.caex import CaexProject
-    from pnfarm.buses.description_folders import DescriptionFolders
+    from pnfarm.buses.description_folders import DescriptionFile, DescriptionFolders
 
 __all__ = [
-    "DescriptionFile", "Found", "FoundDevice", "FoundDrive", "FoundStation", "ImportingBus", "ProjectBus",
+    "Found", "FoundDevice", "FoundDrive", "FoundStation", "ImportingBus", "ProjectBus",
     "drives_first",
 ]  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class DescriptionFile:
-    """``key``: that of a group which names such a file; ``{name}`` in ``name`` is the station's in the farm.
-
-    ``octets`` are to be written into it, None where the file is there.
-    """
-
-    key: str
-    name: str
-    octets: bytes | None
 
 
 @dataclass(frozen=True, slots=True)

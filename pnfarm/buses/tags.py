@@ -54,12 +54,16 @@ class IoRange:
 
 @dataclass(frozen=True, slots=True)
 class DataPlace:
-    """Where such octets are in a device; ``has_inputs``: the submodule, whichever direction this one is."""
+    """Where such octets are in a device, from ``octet`` of a submodule's data of that direction.
+
+    ``has_inputs``: the submodule has, whichever direction this one is.
+    """
 
     range: IoRange
     slot: int
     subslot: int
     has_inputs: bool
+    octet: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +114,7 @@ def signals_of(tags: Sequence[Tag], places: Iterable[DataPlace]) -> tuple[dict[s
             taken.add(name)
             if name != tag.name:
                 notes.append(f"the signal {name} is the tag {tag.name!r}")
-            at = f"{place.slot}.{place.subslot}.{tag.octet - begin}"
+            at = f"{place.slot}.{place.subslot}.{place.octet + tag.octet - begin}"
             setting: dict[str, Any] = {"at": at if tag.bit is None else f"{at}.{tag.bit}"}
             if tag.bit is None:
                 setting["type"] = tag.type.name

@@ -25,6 +25,15 @@ def node(ip, name="", router=""):
     return element("PROFINET interface", inside, role="CommunicationInterface", Label="X1")
 
 
+def slave(name, address, file, *modules):
+    """A PROFIBUS station with the number of an address."""
+    inside = element("N1", role="Node", Type="Profibus", NetworkAddress=address)
+    interface = element(f"{name}-if", inside, role="CommunicationInterface").replace(f"{name}-if-id", f"{name}-if")
+    head = element(name, interface, role="DeviceItem", TypeIdentifier=f"GSD:{file}/DAP", PositionNumber=0)
+    rack = element("Rack", head + "".join(modules), TypeIdentifier=f"GSD:{file}/R", PositionNumber=0)
+    return element(name, rack, role="Device", TypeIdentifier=f"GSD:{file}/D")
+
+
 def drive(name, ip, file=HIWIN, dap="DAP 1", router="", module=("Telegram 111", "ID_T111")):
     head = element(
         name, node(ip, name, router), role="DeviceItem", TypeIdentifier=f"GSD:{file}/DAP/{dap}", PositionNumber=0

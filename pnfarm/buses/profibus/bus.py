@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, cast
 
-from pnfarm.buses.imports import ImportingBus
+from pnfarm.buses.imports import ImportingBus, ProjectBus
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["PROFIBUS", "Profibus"]
 
 
-class Profibus(ImportingBus):
+class Profibus(ImportingBus, ProjectBus):
     """See the module's docstring."""
 
     name = "profibus"

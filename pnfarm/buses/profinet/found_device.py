@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.imports import DescriptionFile, FoundDevice, FoundStation
+from pnfarm.buses.description_folders import DescriptionFile
+from pnfarm.buses.imports import FoundDevice, FoundStation
 from pnfarm.buses.profinet.described.description import describe_plugged, with_serial_number
 from pnfarm.buses.profinet.seen_device import few, seen_device
 from pnfarm.buses.profinet.seen_gsdml import describe_seen, file_name

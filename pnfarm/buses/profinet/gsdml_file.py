@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.description_file import load_description
-from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.buses.description_file import load_description, read_description
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.safe_xml import MAX_OCTETS
 
@@ -28,7 +27,4 @@ def load_gsdml(path: Path) -> Gsdml:
 
 def read_gsdml(data: bytes, name: str) -> Gsdml:
     """The same of octets, which are a file of this name."""
-    try:
-        return _parsed(data, name)
-    except DecodeError as exc:
-        raise ConfigError(f"{name}, {exc.detail or exc.reason}") from exc
+    return read_description(name, data, lambda octets: _parsed(octets, name))

@@ -41,13 +41,14 @@ def importing(
     parent: Annotated[
         str, typer.Option("--parent", metavar="IF", help="Network interface of the farm's macvlan link.")
     ] = "eth1",
-    gsdml: Annotated[
+    folders: Annotated[
         list[Path] | None,
         typer.Option(
             "--gsdml",
+            "--gsd",
             metavar="DIR",
-            help="Folder with a project's GSDML files (below it, and in zip files, too), beside the project's own.  "
-            "Repeatable.",
+            help="Folder with the GSDML and GSD files of a project's devices (below it, and in zip files, too), beside "
+            "the project's own.  Repeatable.",
             show_default=False,
         ),
     ] = None,
@@ -69,7 +70,7 @@ def importing(
         if devices:
             raise ConfigError("--devices is for captures: a project says too little of a station's data")
         # names of files in a farm file are relative to its folder
-        found = _of_project(file, gsdml or [], folder)
+        found = _of_project(file, folders or [], folder)
     else:
         found = _of_capture(file, models=not devices)
     if not found:

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.imports import FoundDevice
 from pnfarm.buses.profinet.project.files import is_of_version, plain_number
-from pnfarm.buses.profinet.project.parts import address_keys, facts, modules, name_of, place_of, ranges, type_of
+from pnfarm.buses.profinet.project.parts import address_keys, name_of
+from pnfarm.buses.project_parts import facts, modules, octets_of, place_of, ranges, type_of
 from pnfarm.buses.tags import DataPlace, signals_of
 from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pnfarm.buses.caex import CaexElement
-    from pnfarm.buses.imports import DescriptionFile
+    from pnfarm.buses.description_folders import DescriptionFile
     from pnfarm.buses.tags import IoRange, Tag
     from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml, ModuleItem
     from pnfarm.protocols.profinet.gsdml.station import PluggedStation, PluggedSubmodule
@@ -91,9 +92,7 @@ class _Slots:
         wanted = plain_number(number)
         found = [one for one in fitting if plain_number(one.info.order_number) == wanted]
         if len(found) > 1:
-            own = [area for one in element.walk() for area in ranges(one)]
-            lengths = tuple(sum(area.octets for area in own if area.direction == way) for way in ("input", "output"))
-            found = [one for one in found if _lengths(one) == lengths] or found
+            found = [one for one in found if _lengths(one) == octets_of(element)] or found
         if len(found) > 1:
             found = [
                 one for one in found if is_of_version(version, one.info.software_release, one.info.name, one.id)

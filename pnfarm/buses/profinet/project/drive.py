@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.imports import FoundDrive
 from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.maker_identity import identity_of, numbers_in
-from pnfarm.buses.profinet.project.parts import address_keys, facts, name_of, type_of
+from pnfarm.buses.profinet.project.parts import address_keys, name_of
+from pnfarm.buses.project_parts import facts, type_of
 from pnfarm.drives.catalogue import model, models, models_on
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pnfarm.buses.caex import CaexElement
-    from pnfarm.buses.imports import DescriptionFile
-    from pnfarm.buses.profinet.project.parts import PartType
+    from pnfarm.buses.description_folders import DescriptionFile
+    from pnfarm.buses.project_parts import PartType
     from pnfarm.drives.description.model import Model
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.imports import DescriptionFile
 from pnfarm.buses.profinet.gsdml_file import load_gsdml, read_gsdml
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.gsdml.safe_xml import MAX_OCTETS
@@ -15,7 +14,7 @@ from pnfarm.protocols.profinet.gsdml.safe_xml import MAX_OCTETS
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pnfarm.buses.description_folders import DescriptionFolders, FileAtHand
+    from pnfarm.buses.description_folders import DescriptionFile, DescriptionFolders, FileAtHand
     from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml
 
 __all__ = ["GsdmlFiles", "OrderedDap", "is_of_version", "plain_number"]
@@ -66,11 +65,8 @@ class GsdmlFiles:
         return self._known[file]
 
     def for_farm(self, file: FileAtHand) -> DescriptionFile:
-        """How the farm file names it; one of a zip file is written beside the farm file."""
-        if file.member:
-            return DescriptionFile("gsdml", file.name, file.octets(MAX_OCTETS))
-        near = file.path.is_relative_to(self._base)
-        return DescriptionFile("gsdml", str(file.path.relative_to(self._base) if near else file.path.resolve()), None)
+        """How the farm file names it."""
+        return file.for_farm("gsdml", self._base, MAX_OCTETS)
 
     def ordered(self, order_number: str, version: str) -> OrderedDap | None:
         """The access point with this order number: of the version, else of the file that is last by name."""

@@ -9,8 +9,9 @@ from pnfarm.buses.imports import FoundStation, drives_first
 from pnfarm.buses.profinet.project.device import project_device
 from pnfarm.buses.profinet.project.drive import drive_by_file, drive_by_name
 from pnfarm.buses.profinet.project.files import GsdmlFiles
-from pnfarm.buses.profinet.project.parts import devices, facts, head_of, name_of, plc_of, type_of
-from pnfarm.buses.tags import tags_of
+from pnfarm.buses.profinet.project.parts import head_of, name_of
+from pnfarm.buses.project_parts import devices, facts, is_on_profibus, type_of
+from pnfarm.buses.project_view import ProjectView
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -20,8 +21,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.caex import CaexElement, CaexProject
     from pnfarm.buses.description_folders import DescriptionFolders, FileAtHand
     from pnfarm.buses.imports import Found
-    from pnfarm.buses.profinet.project.parts import PartType
-    from pnfarm.buses.tags import Tag
+    from pnfarm.buses.project_parts import PartType
     from pnfarm.protocols.profinet.gsdml.document import Dap
 
 __all__ = ["of_project"]
@@ -32,22 +32,14 @@ def of_project(project: CaexProject, folders: DescriptionFolders, base: Path) ->
 
     GSDML files are looked for in ``folders``; a farm file that names one is in ``base``.
     """
-    found = _Stations(project, GsdmlFiles(folders, base))
-    return drives_first(found.of(device) for device in devices(project.root))
+    found = _Stations(ProjectView(project), GsdmlFiles(folders, base))
+    return drives_first(found.of(device) for device in devices(project.root) if not is_on_profibus(device))
 
 
 class _Stations:
-    def __init__(self, project: CaexProject, files: GsdmlFiles) -> None:
+    def __init__(self, project: ProjectView, files: GsdmlFiles) -> None:
         self._project = project
         self._files = files
-        self._tags: dict[str, tuple[Tag, ...]] = {}
-        plcs = [one for one in project.root.walk() if one.has_role("TagTable")]
-        #: The element with all tables, where the project says of no device which PLC it belongs to.
-        self._only = project.root if len({self._owner(one).id for one in plcs}) == 1 else None
-
-    @staticmethod
-    def _owner(table: CaexElement) -> CaexElement:
-        return next((outer for outer in table.around() if outer.has_role("Device")), table)
 
     def of(self, device: CaexElement) -> Found:
         head = head_of(device, self._project)
@@ -85,17 +77,9 @@ class _Stations:
     def _device(
         self, device: CaexElement, head: CaexElement, file: FileAtHand, dap: Dap, remarks: Sequence[str] = ()
     ) -> Found:
-        plc = plc_of(device, self._project) or self._only
-        document = self._files.document(file)
-        made = project_device(device, head, document, dap, self._files.for_farm(file), self._tags_of(plc))
+        document, tags = self._files.document(file), self._project.tags(device)
+        made = project_device(device, head, document, dap, self._files.for_farm(file), tags)
         return replace(made, notes=(*remarks, *made.notes))
-
-    def _tags_of(self, plc: CaexElement | None) -> tuple[Tag, ...]:
-        if plc is None:
-            return ()
-        if plc.id not in self._tags:
-            self._tags[plc.id] = tags_of(plc)
-        return self._tags[plc.id]
 
     @staticmethod
     def _nothing(device: CaexElement, why: str, missing: str) -> FoundStation:
