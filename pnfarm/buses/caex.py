@@ -12,9 +12,9 @@ import zipfile
 import zlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
-from xml.parsers import expat
 
 from pnfarm.errors import ConfigError
+from pnfarm.vocabulary.untrusted_xml import read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -119,24 +119,10 @@ class _Reader:
         self._seen = False
 
     def read(self, data: bytes) -> CaexProject:
-        parser = expat.ParserCreate()
-        parser.StartElementHandler = self._start
-        parser.EndElementHandler = self._end
-        parser.CharacterDataHandler = self._characters
-        parser.StartDoctypeDeclHandler = self._doctype
-        try:
-            parser.Parse(data, True)
-        except expat.ExpatError as exc:
-            raise NotCaexError(f"line {exc.lineno}: {expat.ErrorString(exc.code)}") from exc
-        except ValueError as exc:
-            raise NotCaexError(str(exc)) from exc
+        read_xml(data, start=self._start, end=self._end, characters=self._characters, refused=NotCaexError)
         if not self._seen:
             raise NotCaexError("there is no CAEXFile in it")
         return CaexProject(self._root, tuple(self._links))
-
-    @staticmethod
-    def _doctype(*_: object) -> None:
-        raise NotCaexError("a document type is not allowed")
 
     def _start(self, qualified: str, attributes: dict[str, str]) -> None:
         name = qualified.rpartition(":")[2]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pnfarm.buses.bus import Bus
 
@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from pnfarm.buses.caex import CaexProject
     from pnfarm.buses.description_folders import DescriptionFile, DescriptionFolders
 
 __all__ = [
@@ -73,10 +72,12 @@ def drives_first(found: Iterable[Found]) -> Iterator[Found]:
 
 
 class ProjectBus(Bus):
-    """A bus that finds its stations in engineering projects."""
+    """A bus that finds its stations in engineering projects of a kind, ``caex`` or ``l5x``."""
 
-    def of_project(self, project: CaexProject, folders: DescriptionFolders, base: Path) -> Iterable[Found]:
-        """The project's stations, drives first.
+    project_kind: ClassVar[str]
+
+    def of_project(self, project: Any, folders: DescriptionFolders, base: Path) -> Iterable[Found]:
+        """The stations of a project of this kind (:mod:`pnfarm.buses.caex`, :mod:`pnfarm.buses.l5x`), drives first.
 
         Description files are looked for in ``folders``; ``base`` is the folder of the farm file to be.
         """

@@ -16,12 +16,12 @@ from pnfarm.signals.naming import plain_letters
 from pnfarm.wire.value_types import BOOL, ValueType
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Container, Iterable, Sequence
 
     from pnfarm.buses.caex import CaexElement
     from pnfarm.signals.signal import Direction
 
-__all__ = ["DataPlace", "IoRange", "Tag", "signals_of", "tags_of"]
+__all__ = ["DataPlace", "IoRange", "Tag", "signal_name", "signals_of", "tags_of"]
 
 #: I and Q of the international mnemonics, E and A of the German ones.
 _ADDRESS = re.compile(r"%?(?P<area>[IQEA])(?P<size>[XBWDL]?)(?P<octet>[0-9]{1,5})(?:\.(?P<bit>[0-7]))?", re.IGNORECASE)
@@ -100,7 +100,6 @@ def signals_of(tags: Sequence[Tag], places: Iterable[DataPlace]) -> tuple[dict[s
     """The key ``signals`` of a device with these data, and what is to be said of it."""
     signals: dict[str, Any] = {}
     notes: list[str] = []
-    taken: set[str] = set()
     for place in places:
         begin, end = place.range.start, place.range.start + place.range.octets
         for tag in tags:
@@ -110,8 +109,7 @@ def signals_of(tags: Sequence[Tag], places: Iterable[DataPlace]) -> tuple[dict[s
                 why = "its type is no number" if tag.type is None else "it is longer than the module's data"
                 notes.append(f"no signal for the tag {tag.name!r}: {why}")
                 continue
-            name = _name(tag.name, taken)
-            taken.add(name)
+            name = signal_name(tag.name, signals)
             if name != tag.name:
                 notes.append(f"the signal {name} is the tag {tag.name!r}")
             at = f"{place.slot}.{place.subslot}.{place.octet + tag.octet - begin}"
@@ -124,7 +122,8 @@ def signals_of(tags: Sequence[Tag], places: Iterable[DataPlace]) -> tuple[dict[s
     return signals, notes
 
 
-def _name(text: str, taken: set[str]) -> str:
+def signal_name(text: str, taken: Container[str]) -> str:
+    """The name of the signal for a tag, which no other one has."""
     own = text
     if _FITS.fullmatch(text) is None:
         own = _OTHER.sub("_", plain_letters(text)).strip("_")[:_LONGEST] or "tag"

@@ -130,6 +130,7 @@ def test_names_that_a_farm_file_cannot_have_are_changed_and_told(pnfarm, tmp_pat
      (b"<CAEXFile><InstanceHierarchy>", "line 1"),
      (b'<!DOCTYPE x [<!ENTITY a "b">]><CAEXFile/>', "document type"),
      (b"<CAEXFile>" + b"<InternalElement>" * (MAX_DEPTH + 1), "deeper than"),
+     (b'<?xml version="1.0" encoding="TF-8"?><CAEXFile/>', "unknown encoding"),
      (b"PK\x03\x04 but no archive", "container cannot be read")],
 )  # fmt: skip
 def test_a_file_that_is_no_project_is_refused(pnfarm, tmp_path, data, words):

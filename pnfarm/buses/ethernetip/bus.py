@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from pnfarm.buses.imports import ImportingBus
+from pnfarm.buses.imports import ImportingBus, ProjectBus
 from pnfarm.buses.search import SearchBus
 
 if TYPE_CHECKING:
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 __all__ = ["ETHERNETIP", "EthernetIp"]
 
 
-class EthernetIp(ImportingBus, SearchBus):
+class EthernetIp(ImportingBus, ProjectBus, SearchBus):
     """See the module's docstring."""
 
     name = "ethernetip"
+    project_kind = "l5x"
     title = "EtherNet/IP"
     link_kinds = frozenset({"macvlan", "veth", "memory"})
     uses_sockets = True

@@ -27,6 +27,7 @@ class Profibus(ImportingBus, ProjectBus):
     """See the module's docstring."""
 
     name = "profibus"
+    project_kind = "caex"
     title = "PROFIBUS"
     link_kinds = frozenset({"serial", "memory"})
     frame_families = ("cyclic", "dp", "dpv1", "fdl")

@@ -30,6 +30,7 @@ class Profinet(ImportingBus, ProjectBus, SearchBus):
     """See the module's docstring."""
 
     name = "profinet"
+    project_kind = "caex"
     title = "PROFINET"
     link_kinds = frozenset({"macvlan", "veth", "tap", "memory"})
     frame_families = ("cyclic", "dcp", "rpc", "alarm", "lldp", "ptcp", "snmp")

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 __all__ = ["importing"]
 
+#: Octets in which the root of an XML file begins.
+_HEAD = 4096
 #: Frames between two looks at how far the reading is.
 SHOWN_FRAMES = 5000
 
@@ -26,7 +28,9 @@ SHOWN_FRAMES = 5000
 def importing(
     file: Annotated[
         Path,
-        typer.Argument(metavar="FILE", help="Capture (pcap, pcapng), or CAx data (aml, amlx).", show_default=False),
+        typer.Argument(
+            metavar="FILE", help="Capture (pcap, pcapng), CAx data (aml, amlx), or L5X.", show_default=False
+        ),
     ],
     output: Annotated[
         Path | None,
@@ -46,9 +50,10 @@ def importing(
         typer.Option(
             "--gsdml",
             "--gsd",
+            "--eds",
             metavar="DIR",
-            help="Folder with the GSDML and GSD files of a project's devices (below it, and in zip files, too), beside "
-            "the project's own.  Repeatable.",
+            help="Folder with the GSDML, GSD and EDS files of a project's devices (below it, and in zip files, too), "
+            "beside the project's own.  Repeatable.",
             show_default=False,
         ),
     ] = None,
@@ -153,19 +158,23 @@ def _of_project(file: Path, folders: Sequence[Path], base: Path) -> list[Found]:
     from pnfarm.buses.caex import MAX_OCTETS, NotCaexError, parse_caex
     from pnfarm.buses.description_folders import DescriptionFolders
     from pnfarm.buses.imports import ProjectBus
+    from pnfarm.buses.l5x import NotL5xError, is_l5x, parse_l5x
     from pnfarm.vocabulary.regular_file import read_regular
 
     try:
-        project = parse_caex(read_regular(file, MAX_OCTETS + 1))
+        data = read_regular(file, MAX_OCTETS + 1)
+        kind, project = ("l5x", parse_l5x(data)) if is_l5x(data[:_HEAD]) else ("caex", parse_caex(data))
     except OSError as exc:
         raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
     except NotCaexError as exc:
         raise ConfigError(f"{file} is not CAx data: {exc}") from exc
+    except NotL5xError as exc:
+        raise ConfigError(f"{file} is not an L5X file: {exc}") from exc
     at_hand = DescriptionFolders(folders, file.parent)
     return [
         one
         for bus in registry.BUSES.values()
-        if isinstance(bus, ProjectBus)
+        if isinstance(bus, ProjectBus) and bus.project_kind == kind
         for one in bus.of_project(project, at_hand, base)
     ]
 
