@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from pnfarm.buses.profinet.binding import DriveRecords, axis_stride, describe_device
+from pnfarm.buses.profinet.axis_slots import axis_shifts, model_slots
+from pnfarm.buses.profinet.binding import DriveRecords, describe_device
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
@@ -29,10 +30,12 @@ __all__ = ["DriveKind"]
 
 
 class AxisSettings(Protocol):
-    """One axis in the farm file; ``telegram`` None is the model's."""
+    """One axis in the farm file; ``telegram`` None is the model's, ``slot`` None the one behind the axis before."""
 
     @property
     def telegram(self) -> int | None: ...
+    @property
+    def slot(self) -> int | None: ...
 
 
 class DriveSettings(Protocol):
@@ -95,15 +98,19 @@ class DriveKind:
     def describe(self, mac: bytes) -> DeviceDescription:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         strict = self._settings.strict
-        telegrams = [axis.telegram for axis in self._settings.axes]
-        description = describe_device(self.model, mac, strict=strict, telegrams=telegrams)
-        stride = axis_stride(self.model)
-        own = [m.slot for t in self.model.profidrive.telegrams.values() for m in t.modules]
+        shifts = axis_shifts(self.model, [axis.slot for axis in self._settings.axes])
+        description = describe_device(
+            self.model,
+            mac,
+            strict=strict,
+            axes={shift: axis.telegram for shift, axis in zip(shifts, self._settings.axes, strict=True)},
+        )
+        own = model_slots(self.model)
         # the words of a drive with one axis are those of all its submodules
         several = len(self._station.axes) > 1
         self._parts = tuple(
-            _AxisPart(axis, frozenset(slot + axis.number * stride for slot in own), axis.number * stride)
-            for axis in self._station.axes
+            _AxisPart(axis, frozenset(slot + shift for slot in own), shift)
+            for axis, shift in zip(self._station.axes, shifts, strict=True)
         )
         point = next(s for m in description.modules for s in m.submodules)
         slots = {part.first_slot if several else point.slot: part.axis.number for part in self._parts}
