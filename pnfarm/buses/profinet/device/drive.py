@@ -12,7 +12,7 @@ from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
 from pnfarm.protocols.deadlines import earliest
 from pnfarm.station.parameter_words import StationParameterWords
 from pnfarm.station.step_time import SLOWEST_STEP_NS, longest_step_ns
-from pnfarm.table.axis_codes import CMD_RAISE_FAULT
+from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_RAISE_FAULT, CONTROL_BY_PLC, OBJECT_CONTROL_UNIT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -223,10 +223,27 @@ class DriveKind:
     def fault_raised(self, axis: int, number: int) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._parts[axis].diagnosis.raised(number)
+        self._follow_faults()
 
     def faults_cleared(self, axis: int) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._parts[axis].diagnosis.cleared()
+        self._follow_faults(acknowledged=axis)
+
+    def _follow_faults(self, acknowledged: int | None = None) -> None:
+        """A control unit reports the faults of every axis, and without control by the PLC it is acknowledged by theirs.
+
+        SINAMICS S120 Function Manual, 06/2012, table 9-27 (CU_STW1.10) and table 9-30 (CU_ZSW1.10).
+        """
+        rows = [part.axis.handle.axis for part in self._parts]
+        for number, row in enumerate(rows):
+            if int(row.profidrive.settings.object) != OBJECT_CONTROL_UNIT:
+                continue
+            others = any(each.faults.code[0] for each in rows if each is not row)
+            row.profidrive.settings.others_faulty = others
+            controlled = int(row.profidrive.stw1_seen) & CONTROL_BY_PLC
+            if acknowledged not in {None, number} and not others and not controlled:
+                self._parts[number].axis.handle.push_command(CMD_ACKNOWLEDGE)
 
     def parameter_task(self, axis: int, value: int, now: int) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
