@@ -3,6 +3,8 @@
 import pytest
 from axes_line import AxesLine
 
+from pnfarm.protocols.profinet.errors import RecordError
+from pnfarm.station.signals import find_signal
 from pnfarm.table.channel import OPEN
 from pnfarm.table.signals import ACTUAL_SLOTS, SETPOINT_SLOTS
 
@@ -73,4 +75,102 @@ def test_a_fault_of_each_object_is_its_own_and_is_acknowledged_alone(line, name)
     assert others == [4] * len(others)
     line.run(2.0)
     assert not any(faulty(line))
+    assert line.states() == RUNNING
+
+
+def test_an_infeed_closes_its_contactor_charges_and_is_ready_then(line):
+    """E_ZSW1: 0 to 2 the states, 11 precharged, 12 contactor."""
+    state = 0x1847
+    put(line, "s.infeed", E_STW1=0x0402)
+    assert seen(line, "s.infeed", "E_ZSW1") & state == 0x0001, "ready to switch on, no quick stop is asked for"
+    put(line, "s.infeed", E_STW1=0x0403)
+    assert seen(line, "s.infeed", "E_ZSW1") & state == 0x1001, "it charges"
+    line.run(0.2)
+    assert seen(line, "s.infeed", "E_ZSW1") & state == 0x1803
+    put(line, "s.infeed", E_STW1=0x040B)
+    assert seen(line, "s.infeed", "E_ZSW1") == 0x1A17, "control requested, no coast stop"
+    put(line, "s.infeed", E_STW1=0x0409)
+    assert seen(line, "s.infeed", "E_ZSW1") & state == 0x0040, "OFF2: the contactor opens, switching on is inhibited"
+    line.axis("s.infeed").raise_fault(12, hold=False)
+    line.run(0.1)
+    assert seen(line, "s.infeed", "E_ZSW1") & 0x0008
+    put(line, "s.infeed", E_STW1=0x0480)
+    assert not seen(line, "s.infeed", "E_ZSW1") & 0x0008
+
+
+def test_a_fault_of_a_charging_infeed_opens_its_contactor(line):
+    put(line, "s.infeed", E_STW1=0x0402)
+    put(line, "s.infeed", E_STW1=0x0403)
+    line.axis("s.infeed").raise_fault(12, hold=False)
+    line.run(0.1)
+    assert seen(line, "s.infeed", "E_ZSW1") & 0x184F == 0x0048
+
+
+def test_a_control_unit_reports_the_faults_of_every_axis_and_a_running_sign_of_life(line):
+    """CU_ZSW1: 3 fault, 9 to 11 no warning, fault and safety signal."""
+    assert seen(line, "s.cu", "CU_ZSW1") & 0x0FFF == 0x0E00
+    put(line, "s.y", STW1=0x0400)
+    line.axis("s.y").raise_fault(12, hold=False)
+    line.run(0.1)
+    assert seen(line, "s.cu", "CU_ZSW1") & 0x0FFF == 0x0A00
+    lives = set()
+    for _ in range(20):
+        line.run(0.002)
+        lives.add(seen(line, "s.cu", "CU_ZSW1") >> 12)
+    assert lives == set(range(1, 16))
+    line.axis("s.cu").raise_fault(12, hold=False)
+    line.run(0.1)
+    assert seen(line, "s.cu", "CU_ZSW1") & 0x0FFF == 0x0A08
+
+
+def test_without_control_by_the_plc_a_control_unit_is_acknowledged_with_the_axes(line):
+    put(line, "s.cu", CU_STW1=0)
+    line.axis("s.cu").raise_fault(12, hold=False)
+    line.axis("s.y").raise_fault(12, hold=False)
+    line.run(0.1)
+    assert faulty(line) == [True, False, False, True, False]
+    line.run(2.0)
+    assert not any(faulty(line))
+
+
+def test_digital_inputs_are_set_by_a_fault_and_outputs_are_read_as_signals(line):
+    held = line.farm.injections.inject({"kind": "digital-input", "on": "s.cu", "params": {"input": 3}}, line.world.now)
+    put(line, "s.cu", CU_STW1=0x0400, A_DIGITAL=0x8005)
+    assert seen(line, "s.cu", "E_DIGITAL") == 0x0008
+    cu = line.axis("s.cu")
+    names = ("e_digital", "e_digital.3", "a_digital", "a_digital.1")
+    assert [find_signal(cu.model, name).read(cu) for name in names] == [8, True, 0x8005, False]
+    line.farm.injections.clear(held.id, line.world.now)
+    put(line, "s.cu", CU_STW1=0, A_DIGITAL=0)
+    assert (seen(line, "s.cu", "E_DIGITAL"), find_signal(cu.model, "a_digital").read(cu)) == (0, 0x8005)
+    line.farm.injections.inject({"kind": "link-down", "on": "s", "for": "1s"}, line.world.now)
+    line.run(0.5)
+    assert find_signal(cu.model, "a_digital").read(cu) == 0, "a lost controller switches the outputs off"
+
+
+def test_parameters_diagnosis_and_traces_are_of_the_axis_in_its_slot(line):
+    device = line.farm.station("s").device
+    line.axis("s.y").raise_fault(12, hold=True)
+    line.run(0.1)
+    assert [(entry.slot, entry.error_type) for entry in device.cm.diagnosis] == [(7, 0x900B)]
+    records, now = device.kind.records, line.world.now
+    read = bytes((1, 1, 0, 1)) + bytes((0x10, 8)) + (947).to_bytes(2, "big") + bytes(2)
+    codes = []
+    for slot in SLOTS:
+        assert records.write(None, 0x3A00, slot, 1, 0xB02E, read, now) is None
+        codes.append(int.from_bytes(records.read(None, 0x3A00, slot, 1, 0xB02E, 512, now)[6:8], "big"))
+    assert codes == [0, 0, 0, 12, 0]
+    assert isinstance(records.write(None, 0x3A00, 4, 1, 0xB02E, read, now), RecordError), "slot 4 has no axis"
+    trace = line.farm.traces.start(
+        {"signals": ["a_digital", "cu_zsw1.no_group_fault"], "on": ["s.cu"], "length": "20ms"}, line.world.now
+    )
+    line.run(0.1)
+    assert {column.signal.name for column in trace.columns} == {"a_digital", "cu_zsw1.no_group_fault"}
+
+
+def test_a_power_cycle_brings_every_object_back(line):
+    line.farm.injections.inject({"kind": "power-cycle", "on": ["s.y"], "params": {"off": "200ms"}}, line.world.now)
+    line.run(0.1)
+    assert line.states() == [0] * 5, "the supply is the station's"
+    line.run(6.0)
     assert line.states() == RUNNING
