@@ -1,8 +1,14 @@
 """A drive system on one PROFINET connection: control unit, infeed and three axes of different telegrams."""
 
+import asyncio
+
 import pytest
 from axes_line import AxesLine
 
+from pnfarm.buses.registry import decoder as make_decoder
+from pnfarm.captures.reading import FrameReader
+from pnfarm.controller.line import VirtualLine
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.protocols.profinet.errors import RecordError
 from pnfarm.station.signals import find_signal
 from pnfarm.table.channel import OPEN
@@ -174,3 +180,27 @@ def test_a_power_cycle_brings_every_object_back(line):
     assert line.states() == [0] * 5, "the supply is the station's"
     line.run(6.0)
     assert line.states() == RUNNING
+
+
+async def record(path):
+    line = await VirtualLine.create(parse_farm(FILE), pcap=path, epoch_ns=0)
+    assert line.world.run(5.0, until=lambda: line.plc.all_running)
+    line.farm.axis("s.y").raise_fault(12, hold=False)
+    line.world.run(0.5)
+    await line.close()
+
+
+def test_a_capture_shows_each_axis_with_its_slot_and_its_own_words(tmp_path):
+    path = tmp_path / "system.pcapng"
+    asyncio.run(record(path))
+    decoder = make_decoder()
+    lines = [f"{x.description.what} {x.description.text}" for frame in FrameReader(path) for x in decoder.feed(frame)]
+    connect = next(line for line in lines if line.startswith("Connect.req"))
+    assert "slot 2 telegram 390 (module 0x10186), slot 3 telegram 370 (module 0x10172)" in connect
+    begin = next(line for line in lines if line.startswith("cyclic data begin") and "slot 2: CU_ZSW1 0x" in line)
+    assert "; slot 3: E_ZSW1 0x" in begin
+    assert "; slot 9: ZSW1 0x" in begin
+    assert any(line.startswith("E_ZSW1 of slot 3 ") and "line contactor closed set" in line for line in lines)
+    assert any(line.startswith("ZSW1 of slot 7 ") and "fault present set" in line for line in lines)
+    assert any(line.startswith("CU_ZSW1 of slot 2 ") and "no group fault reset" in line for line in lines)
+    assert not any(line.startswith("ZSW1 of slot 8 ") and "fault present" in line for line in lines)
