@@ -308,6 +308,8 @@ def _bits(model: Model, word: str) -> Mapping[str, tuple[tuple[frozenset[int], i
     tables: list[tuple[frozenset[int], Sequence[str]]] = [
         (frozenset(bits.telegrams), bits.names) for bits in model.profidrive.word_bits if bits.word == word.upper()
     ]
+    if infeeds := model.profidrive.infeeds:
+        tables += [(infeeds, bits.names) for bits in model.profidrive.word_bits if bits.word == f"E_{word.upper()}"]
     if not any(not telegrams for telegrams, _ in tables):
         tables.append((frozenset(), profile_words(model)[word].names))
     for telegrams, names in tables:

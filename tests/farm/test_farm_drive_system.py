@@ -4,11 +4,14 @@ import asyncio
 
 import pytest
 from axes_line import AxesLine
+from imported import check_found
 
+from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.reading import FrameReader
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import parse_farm
+from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.protocols.profinet.errors import RecordError
 from pnfarm.station.signals import find_signal
 from pnfarm.table.channel import OPEN
@@ -190,11 +193,17 @@ async def record(path):
     await line.close()
 
 
-def test_a_capture_shows_each_axis_with_its_slot_and_its_own_words(tmp_path):
-    path = tmp_path / "system.pcapng"
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    path = tmp_path_factory.mktemp("capture") / "system.pcapng"
     asyncio.run(record(path))
+    return path
+
+
+def test_a_capture_shows_each_axis_with_its_slot_and_its_own_words(capture):
     decoder = make_decoder()
-    lines = [f"{x.description.what} {x.description.text}" for frame in FrameReader(path) for x in decoder.feed(frame)]
+    frames = FrameReader(capture)
+    lines = [f"{x.description.what} {x.description.text}" for frame in frames for x in decoder.feed(frame)]
     connect = next(line for line in lines if line.startswith("Connect.req"))
     assert "slot 2 telegram 390 (module 0x10186), slot 3 telegram 370 (module 0x10172)" in connect
     begin = next(line for line in lines if line.startswith("cyclic data begin") and "slot 2: CU_ZSW1 0x" in line)
@@ -204,3 +213,22 @@ def test_a_capture_shows_each_axis_with_its_slot_and_its_own_words(tmp_path):
     assert any(line.startswith("ZSW1 of slot 7 ") and "fault present set" in line for line in lines)
     assert any(line.startswith("CU_ZSW1 of slot 2 ") and "no group fault reset" in line for line in lines)
     assert not any(line.startswith("ZSW1 of slot 8 ") and "fault present" in line for line in lines)
+
+
+def test_a_farm_file_of_a_capture_has_the_axes_in_their_slots(capture):
+    decoder = make_decoder()
+    PROFINET.observe(decoder.buses["profinet"])
+    for frame in FrameReader(capture):
+        list(decoder.feed(frame))
+    (drive,) = parse_farm(check_found(PROFINET.found(decoder.buses["profinet"])).text).drives
+    found = [(axis.slot, axis.telegram) for axis in drive.axes]
+    assert found == [(2, 390), (3, 370), (7, 105), (8, 1), (9, 111)]
+    assert drive.limits == "strict"
+
+
+def test_conditions_name_the_bits_of_an_infeed(line):
+    infeed = line.axis("s.infeed")
+    names = ("zsw1.precharging_completed", "zsw1.line_contactor_closed", "stw1.inhibit_motor_operation")
+    assert [find_signal(infeed.model, name).read(infeed) for name in names] == [True, True, False]
+    shown = drive_snapshot(line.farm, infeed, line.world.now)
+    assert shown["zsw1_bits"][-1] == "line_contactor_closed"
