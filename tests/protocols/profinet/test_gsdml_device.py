@@ -60,7 +60,7 @@ DIGESTS = {
     "GSDML-V2.35-pnfarm-moog-msd-20261123.xml": "50ceae05115fd579",
     "GSDML-V2.35-pnfarm-akd-profinet-2012-20261123.xml": "ecdd92587f58fa9a",
     "GSDML-V2.35-pnfarm-hiwin-e1-20261123.xml": "7803ba846ebccf42",
-    "GSDML-V2.35-pnfarm-profidrive-20261128.xml": "5a6ad2aa99d24d4d",
+    "GSDML-V2.35-pnfarm-profidrive-20261128.xml": "d664a9992ec50242",
 }
 
 
