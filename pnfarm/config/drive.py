@@ -198,6 +198,11 @@ class DriveConfig:
         )
         return (own,)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its own, and those of several axes."""
+        return (self.name, *(axis.name for axis in self.several))
+
     def of_axis(self) -> Mapping[str, Any]:
         """Fields of an axis that only its bus has."""
         return {}

@@ -120,9 +120,23 @@ def test_traces_reactions_snapshots_and_metrics_are_of_each_axis(line):
     metrics = {metric.name: metric for metric in collector.collect()}
     assert [sample.labels["drive"] for sample in metrics["pnfarm_axis_velocity_rpm"].samples] == AXES
     assert [sample.labels["drive"] for sample in metrics["pnfarm_ar_state"].samples] == ["alone", "cu"]
+    stations = [(one.labels["drive"], one.labels["station"]) for one in metrics["pnfarm_axis_info"].samples]
+    assert stations == [("cu.x", "cu"), ("cu.y", "cu"), ("cu.z", "cu")], "no series more for a drive with one axis"
     trace = line.farm.traces.start({"signals": ["velocity"], "on": ["cu.*"], "length": "100ms"}, line.world.now)
     line.run(0.5)
     assert {column.drive for column in trace.columns} == {"cu.x", "cu.y", "cu.z"}
+
+
+def test_a_single_axis_of_a_list_is_in_its_slot_and_takes_faults_under_both_names():
+    text = FILE.replace("{name: x}", "{name: x, slot: 3}")
+    text = "\n".join(line for line in text.splitlines() if "{name: y" not in line and "{name: z" not in line)
+    line = AxesLine(text).connected()
+    assert line.states() == [4, 4]
+    for on in ("cu", "cu.x"):
+        wanted = {"kind": "drive-fault", "on": [on], "params": {"fault": 417}}
+        assert list(line.farm.injections.inject(wanted, line.world.now).runs) == ["cu.x"]
+    line.run(0.05)
+    assert bool(line.axis("cu.x").handle.axis.faults.code[0])
 
 
 def test_the_name_of_a_drive_with_several_axes_is_no_axis(line):

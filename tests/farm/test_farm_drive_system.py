@@ -9,8 +9,11 @@ from imported import check_found
 from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.buses.registry import decoder as make_decoder
 from pnfarm.captures.reading import FrameReader
+from pnfarm.cli.farm_file import check_impairments
 from pnfarm.controller.line import VirtualLine
-from pnfarm.farm.file.reading import parse_farm
+from pnfarm.errors import ConfigError
+from pnfarm.farm.file.reading import expand, parse_farm
+from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.protocols.profinet.errors import RecordError
 from pnfarm.station.signals import find_signal
@@ -155,6 +158,17 @@ def test_digital_inputs_are_set_by_a_fault_and_outputs_are_read_as_signals(line)
     line.farm.injections.inject({"kind": "link-down", "on": "s", "for": "1s"}, line.world.now)
     line.run(0.5)
     assert find_signal(cu.model, "a_digital").read(cu) == 0, "a lost controller switches the outputs off"
+
+
+def test_impair_of_the_farm_file_sets_an_input_of_one_axis():
+    file = FILE.replace("    axes:", "    impair: [{kind: digital-input, on: [s.cu], params: {input: 3}}]\n    axes:")
+    check_impairments(parse_farm(file))
+    line = AxesLine(file).connected()
+    add_impairments(line.farm.injections, expand(parse_farm(file)), line.world.now)
+    line.run(0.1)
+    assert [int(axis.handle.axis.machine.inputs) for axis in line.farm.axes] == [8, 0, 0, 0, 0]
+    with pytest.raises(ConfigError, match=r"means no drive of this group: s to s\.z"):
+        check_impairments(parse_farm(file.replace("[s.cu]", "[s.cx]")))
 
 
 def test_parameters_diagnosis_and_traces_are_of_the_axis_in_its_slot(line):

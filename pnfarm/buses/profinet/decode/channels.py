@@ -85,7 +85,9 @@ class Channel(SummedChannel):
 def telegrams_of(modules: Iterable[tuple[int, int]], model: Model | None) -> Telegrams:
     """The telegrams of a drive of this model whose ``modules`` (slot, ident) are expected."""
     found: dict[int, Telegram] = {}
-    for slot, ident in modules if model is not None else ():
+    if model is None:
+        return found
+    for slot, ident in modules:
         telegram = model.profidrive.telegram_by_module(ident)
         if telegram is not None:
             found.setdefault(slot - telegram.module.slot, telegram)
