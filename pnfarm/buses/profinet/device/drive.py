@@ -233,7 +233,7 @@ class DriveKind:
     def _follow_faults(self, acknowledged: int | None = None) -> None:
         """A control unit reports the faults of every axis, and without control by the PLC it is acknowledged by theirs.
 
-        SINAMICS S120 Function Manual, 06/2012, table 9-27 (CU_STW1.10) and table 9-30 (CU_ZSW1.10).
+        SINAMICS S110 Function Manual, 06/2012, table 9-27 (CU_STW1.10) and table 9-30 (CU_ZSW1.10).
         """
         rows = [part.axis.handle.axis for part in self._parts]
         for number, row in enumerate(rows):
