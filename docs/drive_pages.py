@@ -136,6 +136,8 @@ def _limits(described: dict[str, Any]) -> list[str]:
         lines.append(f"- Longest cycle: {format_duration(limits['max_cycle_ns'])}.")
     if described["bus"] == "profinet":
         lines.append(f"- Controllers at one drive: {limits['io_controllers']}. Ports: {limits['ports']}.")
+        if limits["axes"] > 1:
+            lines.append(f"- Axes on one connection (`axes:`): {limits['axes']}.")
     loss = described.get("communication_loss", {}).get("fault")
     if loss:
         number = loss["value"]

@@ -12,7 +12,7 @@ __all__ = ["QUERIES", "page"]
 QUERIES: dict[str, tuple[str, str]] = {
     "Which drives are not in operation?": (
         "pnfarm_axis_state != 4",
-        "PROFIdrive's states as 1 to 5; 4 is operation, 0 a drive that boots or has no supply.",
+        "States as 1 to 5; 4 is operation, 0 boots or has no supply. Encoders and control units stay at 1.",
     ),
     "Which faults are active, and on which model?": (
         "pnfarm_axis_fault_active * on (drive) group_left (model) pnfarm_drive_info > 0",

@@ -10,6 +10,7 @@ from pnfarm.bench.devices import devices
 from pnfarm.bench.enip import enip_64
 from pnfarm.bench.latency import fault_latency
 from pnfarm.bench.load import Load
+from pnfarm.bench.multi_axis import multi_axis
 from pnfarm.bench.page import page_1000
 from pnfarm.bench.profibus import profibus_32
 from pnfarm.bench.result import Result, judged
@@ -88,6 +89,15 @@ BENCHMARKS: dict[str, Benchmark] = {
         (
             *("devices-256", *_figures("devices-256", "drives", "floor", "ratio"), "devices-memory"),
             *_figures("devices-signal", "p50", "p99", "floor-p50", "floor-p99"),
+        ),
+    ),
+    "multi-axis": Benchmark(
+        multi_axis,
+        20.0,
+        (
+            "multi-axis-128",
+            *_figures("multi-axis-128", "single", "ratio"),
+            *_figures("multi-axis", "start", "interpreter"),
         ),
     ),
     "page-1000": Benchmark(

@@ -92,11 +92,22 @@ async def _settled(core: Any, stations: int, seconds: float) -> dict[str, Any]:
     return _counters(core)
 
 
+async def _running(controllers: Any, seconds: float) -> bool:
+    """Whether every axis is in operation within this time."""
+    with anyio.move_on_after(seconds):
+        while not controllers.all_running:  # noqa: ASYNC110 - axes have no events to wait for
+            await anyio.sleep(0.005)
+        return True
+    return False
+
+
 async def _commands(core: Any, stations: int, connected: Any) -> None:
     while line := await anyio.to_thread.run_sync(sys.stdin.readline):
         word, _, argument = line.strip().partition(" ")
         if word == "connected":
             _answer({"connected": await connected(float(argument))})
+        elif word == "running":
+            _answer({"running": await _running(core, float(argument))})
         elif word == "settled":
             _answer(await _settled(core, stations, float(argument)))
         elif word == "measure":

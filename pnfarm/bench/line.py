@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.bench.load import Load
 
 __all__ = [
+    "DRIVES",
     "FARM_CPU",
     "PARENT",
     "PEER",

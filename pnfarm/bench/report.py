@@ -119,6 +119,9 @@ _READING = """\
 - `devices-256-*` compares devices by a GSDML file with drives of the same number and cycle. `devices-signal-*` counts
   from the sending of `PATCH devices/NAME/signals` to the first frame with the value; the floor writes the value that is
   there already.
+- `multi-axis-*` compares 16 drive systems of eight axes with 128 drives of one, each sending every 2 ms: an axis is
+  simulated alike, and eight share a frame. `multi-axis-start` counts from the start of both processes until all axes
+  are in operation.
 - The floor of `virtual-64` copies the frames of both directions and reads their octets: no timers,
   no firmware, no program. The same compiled loop is the floor of `firmware-*`.
 - Beside a loop of the interpreter, `to floor` is how many of its passes the figure takes: to connect a drive, to make

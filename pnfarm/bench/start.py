@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.bench.line import FARM_CPU, PEER, PEER_CPU, SETTLED_SECONDS, Child, farm_file, wire
+from pnfarm.bench.line import DRIVES, FARM_CPU, PEER, PEER_CPU, SETTLED_SECONDS, Child, farm_file, wire
 from pnfarm.bench.loops import interpreter_loop
 from pnfarm.bench.result import Result, Windows
 from pnfarm.errors import InternalError
@@ -15,15 +15,15 @@ from pnfarm.errors import InternalError
 if TYPE_CHECKING:
     from pnfarm.bench.load import Load
 
-__all__ = ["start_64", "start_1024"]
+__all__ = ["start_64", "start_1024", "started"]
 
 #: The start of few drives takes seconds, and is repeated.
 STARTS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class _Start:
-    """Seconds until all drives exchange data.
+class Start:
+    """Seconds until all stations exchange data, or all axes are in operation.
 
     For each connection, from the first question of the controller until nothing more follows from it: milliseconds of
     the farm's event loop, and frames that it received.
@@ -34,23 +34,27 @@ class _Start:
     frames: float
 
 
-def _start(drives: int, load: Load) -> _Start:
+def started(
+    stations: int, load: Load, cycle: str = "16ms", watchdog: int = 16, drives: str = DRIVES, until: str = "connected"
+) -> Start:
+    """The start of so many ``drives`` (a part of a farm file) until they are ``connected``, or ``running``."""
+    files = [farm_file(stations, cycle, watchdog, cpu, stations=drives) for cpu in (FARM_CPU, PEER_CPU)]
     with wire(), ExitStack() as stack, load:
         begin = time.monotonic()
-        farm = Child("farm", FARM_CPU, file=farm_file(drives, "16ms", 16, FARM_CPU))
+        farm = Child("farm", FARM_CPU, file=files[0])
         stack.callback(farm.close)
-        plc = Child("plc", PEER_CPU, file=farm_file(drives, "16ms", 16, PEER_CPU), interface_from_outside=PEER)
+        plc = Child("plc", PEER_CPU, file=files[1], interface_from_outside=PEER)
         stack.callback(plc.close)
         before = farm.answer()
         plc.answer()
-        plc.ask("connected 120")
-        if not plc.answer()["connected"]:
-            raise InternalError(f"{drives} drives did not connect within 120 s")
+        plc.ask(f"{until} 120")
+        if not plc.answer()[until]:
+            raise InternalError(f"{stations} stations were not {until} within 120 s")
         took = time.monotonic() - begin
         farm.ask(f"settled {SETTLED_SECONDS}")
         after = farm.answer()
     spent, heard = (after[key] - before[key] for key in ("loop_cpu", "heard"))
-    return _Start(took, spent / drives * 1e3, heard / drives)
+    return Start(took, spent / stations * 1e3, heard / stations)
 
 
 def start_64(seconds: float, load: Load) -> list[Result]:
@@ -59,7 +63,7 @@ def start_64(seconds: float, load: Load) -> list[Result]:
     took, loops = [], []
     for _ in range(STARTS):
         loops.append(interpreter_loop(3))
-        took.append(_start(64, load).took)
+        took.append(started(64, load).took)
     windows, loop = Windows(took), Windows(loops)
     value = windows.median
     return [
@@ -72,11 +76,11 @@ def start_1024(seconds: float, load: Load) -> list[Result]:
     """Time for 1,024 AKDs to exchange data, and what a connection costs among them and among 64."""
     del seconds
     # the cost of a connection is to be the same among few
-    loops, fews = [interpreter_loop(3)], [_start(64, load)]
+    loops, fews = [interpreter_loop(3)], [started(64, load)]
     loops.append(interpreter_loop(3))
-    many = _start(1024, load)
+    many = started(1024, load)
     loops.append(interpreter_loop(3))
-    fews.append(_start(64, load))
+    fews.append(started(64, load))
     few, loop = Windows(one.spent for one in fews), Windows(loops)
     ratio, low = many.spent / few.median, few.median
     unit = "ms of the event loop's CPU per connection"

@@ -9,17 +9,20 @@ from pnfarm.drives.telegrams.word_bits import STW1_BITS, ZSW1_BITS
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-__all__ = ["Words", "values_text", "word_changes", "word_of", "words_of"]
+__all__ = ["Words", "control_word", "values_text", "word_changes", "word_of", "words_of"]
 
-#: Reported bits of ZSW1, and of STW2 and ZSW2, whose upper four are the sign of life.
-ZSW1_MASK = 0x02FF
-SECOND_MASK = 0x0FFF
+#: Reported bits of control words, of status words with the drive's state, and of words whose upper four bits are the
+#: sign of life.
+CONTROL_MASKS = {"STW1": 0xFFFF, "E_STW1": 0xFFFF}
+STATUS_MASKS = {"ZSW1": 0x02FF, "E_ZSW1": 0x1AFF}
+SECOND_MASKS = dict.fromkeys(("STW2", "ZSW2", "STW2_ENC", "ZSW2_ENC", "CU_STW1", "CU_ZSW1"), 0x0FFF)
 STATE_MASK = 0x0047
 FAULT_PRESENT = 0x0008
 #: Prefixes of the names of words that hold bits, task numbers or codes instead of quantities.
 BIT_WORDS = (
-    "STW", "ZSW", "POS_STW", "POS_ZSW", "G1_STW", "G1_ZSW", "MELDW", "SATZANW", "AKTSATZ", "MDI_MOD", "FAULT_CODE",
-    "WARN_CODE", "DRIVE_INPUTS", "DRIVE_MOTION_STATUS", "E_DIGITAL", "A_DIGITAL", "word",
+    "STW", "ZSW", "E_STW", "E_ZSW", "CU_STW", "CU_ZSW", "POS_STW", "POS_ZSW", "G1_STW", "G1_ZSW", "MELDW",
+    "SATZANW", "AKTSATZ", "MDI_MOD", "FAULT_CODE", "WARN_CODE", "DRIVE_INPUTS", "DRIVE_MOTION_STATUS",
+    "E_DIGITAL", "A_DIGITAL", "word",
 )  # fmt: skip
 #: (name, octet, octets) of each word.
 Words = tuple[tuple[str, int, int], ...]
@@ -70,6 +73,12 @@ def word_of(words: Words, name: str, data: bytes) -> int | None:
     return None if place is None or len(data) < place + 2 else int.from_bytes(data[place : place + 2], "big")
 
 
+def control_word(words: Words, data: bytes) -> int | None:
+    """The word with the bits of STW1, None where the telegram has none."""
+    found = (word_of(words, name, data) for name in CONTROL_MASKS)
+    return next((word for word in found if word is not None), None)
+
+
 def word_changes(
     words: Words, bits: Mapping[str, Sequence[str]], before: bytes, after: bytes, stw1: int | None
 ) -> Iterator[tuple[str, str, dict[str, int]]]:
@@ -77,30 +86,28 @@ def word_changes(
 
     ``bits``: names of bits by word, where they are not the usual ones; ``stw1``: the control word, if it is known.
     """
-    for name in ("STW1", "ZSW1", "STW2", "ZSW2"):
+    for name, mask in (CONTROL_MASKS | STATUS_MASKS | SECOND_MASKS).items():
         old, new = word_of(words, name, before), word_of(words, name, after)
         if old is None or new is None or old == new:
             continue
-        if name == "STW1":
-            text = bits_text(old, new, bits.get(name, STW1_BITS), 0xFFFF)
-        elif name == "ZSW1":
-            text = zsw1_text(old, new, stw1, bits.get(name, ZSW1_BITS))
+        if name in STATUS_MASKS:
+            text = zsw1_text(old, new, stw1, bits.get(name, ZSW1_BITS), mask)
         else:
-            text = bits_text(old, new, bits.get(name, ()), SECOND_MASK)
+            text = bits_text(old, new, bits.get(name, STW1_BITS if name in CONTROL_MASKS else ()), mask)
         if text:
             yield name, f"0x{old:04X} -> 0x{new:04X}: {text}", {"before": old, "after": new}
 
 
-def zsw1_text(old: int, new: int, stw1: int | None, names: Sequence[str]) -> str:
-    """What changed in ZSW1, the drive's state first; empty for nothing of interest."""
-    changed = (old ^ new) & ZSW1_MASK
+def zsw1_text(old: int, new: int, stw1: int | None, names: Sequence[str], mask: int) -> str:
+    """What changed in the bits ``mask`` of ZSW1, the drive's state first; empty for nothing of interest."""
+    changed = (old ^ new) & mask
     if not changed:
         return ""
     texts = []
     if changed & STATE_MASK:
         was, now = drive_state(old, stw1), drive_state(new, stw1)
         texts.append(f"{was.partition(' ')[0] or '?'} -> {now or '?'}")
-    rest = bits_text(old, new, names, ZSW1_MASK & ~STATE_MASK)
+    rest = bits_text(old, new, names, mask & ~STATE_MASK)
     return "; ".join([*texts, *([rest] if rest else [])])
 
 

@@ -101,7 +101,7 @@ def check_impairments(config: FarmConfig) -> None:
         own_devices = [device for device in devices if device.group == group]
         members.append(("devices", group, described_section.impair, [*own_devices], None))
     for key, group, impairments, stations, model in members:
-        names = [one.name for one in stations]
+        names = [name for one in stations for name in one.names]
         kinds = _kinds(stations[0], model)
         for number, impairment in enumerate(impairments):
             found = list(_misfits(impairment, key[:-1], model, kinds, names, known))

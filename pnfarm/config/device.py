@@ -211,6 +211,11 @@ class DeviceConfig:
         return cls(**{each.name: getattr(common, each.name) for each in fields(DeviceConfig)} | own)
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Its own: it has no axes."""
+        return (self.name,)
+
+    @property
     def known_signals(self) -> Mapping[str, Any]:
         """Its signals (:class:`pnfarm.signals.signal.Signal`) by name."""
         return {}

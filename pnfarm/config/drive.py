@@ -115,7 +115,8 @@ Claim = tuple[str, object, str]
 class AxisConfig:
     """One axis of a drive that has several.
 
-    ``name`` is the whole name, with the drive's; ``telegram`` None is the model's default.
+    ``name`` is the whole name, with the drive's; ``telegram`` None is the model's default, ``slot`` None the one behind
+    the axis before.
     """
 
     name: str
@@ -125,6 +126,7 @@ class AxisConfig:
     params: Mapping[str, int | float | str | bool] = field(default_factory=dict)
     motion_tasks: tuple[MotionTask, ...] = ()
     telegram: int | None = None
+    slot: int | None = None
 
     @classmethod
     def of(cls, group: AxisGroup, drive: DriveConfig, **bus: Any) -> Self:
@@ -195,6 +197,11 @@ class DriveConfig:
             **self.of_axis(),
         )
         return (own,)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its own, and those of several axes."""
+        return (self.name, *(axis.name for axis in self.several))
 
     def of_axis(self) -> Mapping[str, Any]:
         """Fields of an axis that only its bus has."""

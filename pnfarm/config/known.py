@@ -74,6 +74,10 @@ class ModelFacts(Protocol):
         """How many motion tasks it stores."""
 
     @property
+    def most_axes(self) -> int:
+        """Most axes on one connection, by its manual."""
+
+    @property
     def aliases(self) -> Iterable[str]:
         """Its other names."""
 
@@ -136,6 +140,7 @@ class InstalledModel:
     telegrams = property(attrgetter("model.profidrive.telegrams"))
     default_telegram = property(attrgetter("model.profidrive.default_telegram"))
     motion_tasks = property(attrgetter("model.limits.motion_tasks"))
+    most_axes = property(attrgetter("model.limits.axes"))
     aliases = property(attrgetter("model.aliases"))
     described = property(attrgetter("model"))
 

@@ -21,6 +21,7 @@ from pnfarm.drives.telegrams.signal_view import Inputs, Outputs
 from pnfarm.firmware.profidrive.axis_program import READY
 from pnfarm.station.event import Event, event
 from pnfarm.table.channel import IDLE, OPEN
+from pnfarm.table.signals import STW2
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,7 +68,11 @@ class _Axis:
         self.name = device.name
         self.signals = device.signals
         self.cycle_ns = device.cycle_ns
-        self.counts_life = device.life and kind.counts_sign_of_life and "stw2" in device.signals.setpoints
+        self.counts_life = (
+            device.life
+            and kind.counts_sign_of_life
+            and any(form.slot == STW2 for form in device.signals.setpoints.values())
+        )
         self.inputs = Inputs(device.signals.actuals)
         self.outputs = Outputs(device.signals.setpoints)
         self.slots = sorted({form.slot for form in device.signals.setpoints.values()})
@@ -111,7 +116,7 @@ class _Axis:
         if self.counts_life:
             self.life = 1 + self.life % 15
         stw1 = self.signals.setpoints["stw1"].slot if "stw1" in self.signals.setpoints else None
-        stw2 = self.signals.setpoints["stw2"].slot if self.counts_life else None
+        stw2 = STW2 if self.counts_life else None
         for slot in self.slots:
             value = (READY if slot == stw1 else 0) if stopped else values[slot]
             image.sent[slot] = value & 0x0FFF | self.life << 12 if slot == stw2 else value

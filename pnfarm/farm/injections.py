@@ -132,4 +132,5 @@ def _within(impairment: Impairment, members: Sequence[DriveConfig | DeviceConfig
     else:
         model = drive_catalogue.model(members[0].model)
         models = (model.name, *model.aliases)
-    return [drive.name for drive in members if any(means(glob, (drive.name,), models) for glob in impairment.on)]
+    names = (name for drive in members for name in drive.names)
+    return [name for name in names if any(means(glob, (name,), models) for glob in impairment.on)]

@@ -33,7 +33,7 @@ def injected_station(
     bus_name: Callable[[], str] | None = None,
     of_axis: Callable[[Axis], Parts] = lambda _: {},
 ) -> list[InjectedDrive]:
-    """The node, then its axes where it has several; arguments as of :class:`InjectedDrive`.
+    """The node, then its axes where they have names of their own; arguments as of :class:`InjectedDrive`.
 
     ``bus_name`` is the station's present name on its bus, if that may change; ``of_axis``: further parts of an axis.
     """
@@ -43,12 +43,13 @@ def injected_station(
         return (name,) if bus_name is None else (name, bus_name())
 
     own = [(axis, {SERVO: Servo(axis, supply), **of_axis(axis)}) for axis in station.axes]
-    alone: Parts = own[0][1] if len(own) == 1 else {}
+    named = any(axis.configured_name != name for axis in station.axes)
+    alone: Parts = own[0][1] if own and not named else {}
     if station.signals is not None:
         alone[SIGNALS] = Signals(station.signals)
     node = InjectedDrive(name, names, station.kinds, {**alone, SUPPLY: supply, **parts}, machines, station.bus)
     drives = [node]
-    if len(own) > 1:
+    if named:
         for axis, axis_parts in own:
             drives.append(node.with_axis(axis.configured_name, axis_parts))
     # behind what the servos send themselves

@@ -186,8 +186,19 @@ class FarmCollector(Collector):
             ("drive", "model", "bus"),
             room=self._room,
         )
+        self._axis_info = Family(
+            "pnfarm_axis_info",
+            "gauge",
+            "The station of an axis with a name of its own, to join on; always 1.",
+            ("drive", "station"),
+            room=self._room,
+        )
         for axis in self._core.axes:
             self._info.add(axis.configured_name, axis.model.name, axis.model.bus)
+        for station in self._core.stations:
+            for axis in station.axes:
+                if axis.configured_name != station.configured_name:
+                    self._axis_info.add(axis.configured_name, station.configured_name)
         self._axis: list[tuple[Family, str]] = [
             (drive(f"axis_{name}", "gauge", documentation), column)
             for name, column, documentation in (
@@ -328,6 +339,7 @@ class FarmCollector(Collector):
         count = len(core.axes)
         axis = core.columns.axis[:count]
         parts: list[tuple[Family, Values]] = [(self._build, [1]), (self._shard, [1]), (self._info, [1] * count)]
+        parts.append((self._axis_info, [1] * len(self._axis_info)))
         parts += [(family, AXIS.read(axis, column).tolist()) for family, column in self._axis]
         observed = core.columns.observed[:count]
         parts += [

@@ -1,8 +1,9 @@
 """Named signals of one drive, for conditions: ``velocity``, ``state``, ``zsw1.fault_present``, ``param("DRV.OPMODE")``.
 
-Every drive has the signals of :data:`SIGNALS`, and the words of its model's profile: ``stw1`` and ``zsw1`` of
-PROFIdrive, ``control``, ``status_1`` and ``status_2`` of CIP's position controller.  Their bits have the names of the
-model's manual (of any telegram of the model), else the profile's; ``zsw1.3`` and ``zsw1.bit_3`` is a bit by its number.
+Every drive has the signals of :data:`SIGNALS`, and the words of its model's profile: ``stw1``, ``zsw1``, digital inputs
+and outputs of PROFIdrive, ``control``, ``status_1`` and ``status_2`` of CIP's position controller.  Their bits have the
+names of the model's manual (of any telegram of the model), else the profile's; ``zsw1.3`` and ``zsw1.bit_3`` is a bit
+by its number.
 What a model's manual does not define, its drives do not have.
 """
 
@@ -88,17 +89,27 @@ _PROFIDRIVE_WORDS = {
     "stw1": ProfileWord("control word 1 in force", ("profidrive", "stw1"), STW1_BITS),
     "zsw1": ProfileWord("status word 1", ("profidrive", "zsw1"), ZSW1_BITS),
 }
+#: Of drives with such a telegram.
+_DIGITAL_WORDS = {
+    "e_digital": ProfileWord("digital inputs", ("machine", "inputs"), ()),
+    "a_digital": ProfileWord("digital outputs, of a control unit", ("machine", "outputs"), ()),
+}
 _CIP_WORDS = {
     "control": ProfileWord("control word in force", ("ethernetip", "word"), CONTROL_BITS, bits=8),
     "status_1": ProfileWord("status word 1", ("ethernetip", "status"), STATUS_1_BITS, bits=8),
     "status_2": ProfileWord("status word 2", ("ethernetip", "status"), STATUS_2_BITS, shift=8, bits=8),
 }
 #: The words of any profile.
-WORDS = frozenset({*_PROFIDRIVE_WORDS, *_CIP_WORDS})
+WORDS = frozenset({*_PROFIDRIVE_WORDS, *_DIGITAL_WORDS, *_CIP_WORDS})
 
 
+@lru_cache(maxsize=64)
 def profile_words(model: Model) -> Mapping[str, ProfileWord]:
-    return _CIP_WORDS if model.profile == CIP else _PROFIDRIVE_WORDS
+    if model.profile == CIP:
+        return _CIP_WORDS
+    known = {(signal.name, signal.setpoint) for signal in model.profidrive.signals.values()}
+    digital = [name for name, setpoint in (("E_DIGITAL", False), ("A_DIGITAL", True)) if (name, setpoint) in known]
+    return _PROFIDRIVE_WORDS | {name.lower(): _DIGITAL_WORDS[name.lower()] for name in digital}
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,6 +308,8 @@ def _bits(model: Model, word: str) -> Mapping[str, tuple[tuple[frozenset[int], i
     tables: list[tuple[frozenset[int], Sequence[str]]] = [
         (frozenset(bits.telegrams), bits.names) for bits in model.profidrive.word_bits if bits.word == word.upper()
     ]
+    if infeeds := model.profidrive.infeeds:
+        tables += [(infeeds, bits.names) for bits in model.profidrive.word_bits if bits.word == f"E_{word.upper()}"]
     if not any(not telegrams for telegrams, _ in tables):
         tables.append((frozenset(), profile_words(model)[word].names))
     for telegrams, names in tables:

@@ -102,6 +102,12 @@ QUICK_STOP_STAYS = 4  # above this: as four below, but the power stage stays on
 JOG_LEVELS = 0  # STW1.8 selects the first velocity, STW1.9 the second, both together none
 JOG_SEQUENCES = 1  # Moog MSD manual, tables 10.10 and 10.11: firmware/jog.py
 
+# What the telegram's control word is of (``profidrive.object``).
+OBJECT_AXIS = 0
+OBJECT_ENCODER = 1  # STW2_ENC
+OBJECT_CONTROL_UNIT = 2  # CU_STW1
+OBJECT_INFEED = 3  # E_STW1
+
 # Which signals bring traversing tasks (``profidrive.task_form``).
 TASKS_NONE = 0
 TASKS_MDI = 1  # SATZANW.15 and MDI_*: telegram 9 of the profile

@@ -66,6 +66,7 @@ PROGRAM = Layout(
         Field("speed_up", "f8", "rpm/s", "station", "acceleration of a command that brings a speed"),
         Field("speed_down", "f8", "rpm/s", "station", "its deceleration"),
         Field("clear_number", "u2", "", "station", "instance of the parameter that clears faults"),
+        Field("object", "u1", "", "station", "what the telegram's control word is of: OBJECT_* of the axis"),
         Field("life", "u1", "", "station", "1 = send a running sign of life in STW2"),
         Field(
             "acknowledge_after_ns",

@@ -78,6 +78,8 @@ G2_STW = 31
 M_ADD1 = 32
 M_LIMIT_POS = 33
 M_LIMIT_NEG = 34
+#: Digital outputs of a control unit; what a drive sends is in the slot of the same name below.
+A_DIGITAL_SET = 35
 
 # Both directions, before all others: the parameter channel (:mod:`pnfarm.drives.profiles.profidrive.pkw`).
 #: Identifier, subindex and length.
@@ -173,8 +175,11 @@ SETPOINT_SLOTS: dict[str, int] = {
     "M_ADD1": M_ADD1,
     "M_LIMIT_POS": M_LIMIT_POS,
     "M_LIMIT_NEG": M_LIMIT_NEG,
-    # of encoders, and of another telegram of the positioner
+    # of encoders, control units and infeeds, and of another telegram of the positioner
     "STW2_ENC": STW2,
+    "CU_STW1": STW2,
+    "E_STW1": STW1,
+    "A_DIGITAL": A_DIGITAL_SET,
     "POS_STW": POS_STW2,
     "PKW_HEAD": PKW_HEAD,
     "PKW_VALUE": PKW_VALUE,
@@ -219,6 +224,8 @@ ACTUAL_SLOTS: dict[str, int] = {
     "G2_XIST1": G2_XIST1,
     "G2_XIST2": G2_XIST2,
     "ZSW2_ENC": ZSW2,
+    "CU_ZSW1": ZSW2,
+    "E_ZSW1": ZSW1,
     "POS_ZSW": POS_ZSW2,
     "PKW_HEAD": PKW_HEAD,
     "PKW_VALUE": PKW_VALUE,

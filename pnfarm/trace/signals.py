@@ -229,7 +229,7 @@ def _bits(station: Axis, word: str, traced: TraceSignal) -> Iterator[TraceSignal
     known = word.removesuffix("_RECEIVED")
     own = profile_words(station.model).get(known.lower())
     names = station.model.profidrive.bit_names(known, station.store.telegram_number) or (own.names if own else ())
-    if not names and not re.search("STW|ZSW", known):
+    if own is None and not names and not re.search("STW|ZSW", known):
         return
     if word == "STW1_RECEIVED":
         names = names or STW1_BITS

@@ -1,16 +1,12 @@
 """A drive with several axes on one PROFINET connection, with the built-in controller, in virtual time."""
 
-import asyncio
-
 import pytest
+from axes_line import AxesLine
 
-from pnfarm.controller import line as controller_line
-from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.views.snapshot import drive_snapshot
 from pnfarm.metrics import FarmCollector
-from pnfarm.station.event_log import EventLog
 from pnfarm.table.channel import OPEN
 
 FILE = """
@@ -36,38 +32,9 @@ controller:
 AXES = ["alone", "cu.x", "cu.y", "cu.z"]
 
 
-class Line:
-    def __init__(self, text=FILE):
-        self.log, self.memory = EventLog(quiet=True), VolatileMemory()
-        self.line = asyncio.run(
-            controller_line.VirtualLine.create(
-                parse_farm(text), memory=self.memory, log=self.log, plc_log=EventLog(quiet=True)
-            )
-        )
-        self.farm, self.world = self.line.farm, self.line.world
-        self.plc = self.line.plc
-
-    def run(self, seconds):
-        self.world.run(seconds)
-
-    def connected(self):
-        self.run(3.0)
-        assert all(station.device.connected for station in self.farm.stations)
-        return self
-
-    def axis(self, name):
-        return self.farm.axis(name)
-
-    def states(self):
-        return [int(axis.handle.axis.drive.state) for axis in self.farm.axes]
-
-    def events(self, name):
-        return [entry.what for entry in self.log.entries(name)]
-
-
 @pytest.fixture
 def line():
-    return Line().connected()
+    return AxesLine(FILE).connected()
 
 
 def test_one_connection_carries_every_axis_and_each_runs(line):
@@ -126,7 +93,7 @@ def test_a_power_cycle_boots_every_axis_with_its_own_memory(line):
 
 
 def test_parameter_access_by_axis_number_reaches_the_axis_and_zero_the_first():
-    line = Line().connected()
+    line = AxesLine(FILE).connected()
     device = line.farm.station("cu").device
     channel = device.kind.records.channels[47]
 
@@ -153,9 +120,23 @@ def test_traces_reactions_snapshots_and_metrics_are_of_each_axis(line):
     metrics = {metric.name: metric for metric in collector.collect()}
     assert [sample.labels["drive"] for sample in metrics["pnfarm_axis_velocity_rpm"].samples] == AXES
     assert [sample.labels["drive"] for sample in metrics["pnfarm_ar_state"].samples] == ["alone", "cu"]
+    stations = [(one.labels["drive"], one.labels["station"]) for one in metrics["pnfarm_axis_info"].samples]
+    assert stations == [("cu.x", "cu"), ("cu.y", "cu"), ("cu.z", "cu")], "no series more for a drive with one axis"
     trace = line.farm.traces.start({"signals": ["velocity"], "on": ["cu.*"], "length": "100ms"}, line.world.now)
     line.run(0.5)
     assert {column.drive for column in trace.columns} == {"cu.x", "cu.y", "cu.z"}
+
+
+def test_a_single_axis_of_a_list_is_in_its_slot_and_takes_faults_under_both_names():
+    text = FILE.replace("{name: x}", "{name: x, slot: 3}")
+    text = "\n".join(line for line in text.splitlines() if "{name: y" not in line and "{name: z" not in line)
+    line = AxesLine(text).connected()
+    assert line.states() == [4, 4]
+    for on in ("cu", "cu.x"):
+        wanted = {"kind": "drive-fault", "on": [on], "params": {"fault": 417}}
+        assert list(line.farm.injections.inject(wanted, line.world.now).runs) == ["cu.x"]
+    line.run(0.05)
+    assert bool(line.axis("cu.x").handle.axis.faults.code[0])
 
 
 def test_the_name_of_a_drive_with_several_axes_is_no_axis(line):
@@ -168,6 +149,10 @@ def test_the_name_of_a_drive_with_several_axes_is_no_axis(line):
     [
         (("limits: lax", "limits: strict"), "has one axis, by its manual"),
         (("{name: z,", "{name: x,"), "x is given twice"),
+        (("{name: z,", "{name: z, slot: 0,"), r"drives\[1\]\.axes\[2\]\.slot"),
+        (("{name: z,", "{name: z, slot: 32768,"), r"drives\[1\]\.axes\[2\]\.slot"),
+        (("{name: z,", "{name: z, slot: 2,"), r"axes\[2\]\.slot: slot 2 is that of axis y; allowed: each slot once"),
+        (("{name: x}", "{name: x, slot: 32767}"), r"y is in slot 32768, akd-profinet has axes in slots 1 to 32767"),
         (("telegram: 350", "telegram: 77"), "has no telegram 77"),
         (("{name: x}", "{name: X_1}"), "axes"),
         (("load: {inertia: 0.002}", "motor: {kind: linear, pitch: 20}"), "another kind"),

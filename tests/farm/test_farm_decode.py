@@ -82,7 +82,8 @@ def test_bits_have_the_names_of_the_drives_model(farm_capture, tmp_path):
     for capture in (farm_capture, path):
         decoder, _ = decoded(capture)
         templates = [channel.template for channel in decoder.buses["profinet"].shared.channels.values()]
-        names.append({t.bits["STW1"][4:7] for t in templates if t is not None and "STW1" in t.bits})
+        axes = [axis for t in templates if t is not None for axis in t.axes]
+        names.append({axis.bits["STW1"][4:7] for axis in axes if "STW1" in axis.bits})
     assert names == [{("enable_ramp_generator", "unfreeze_ramp_generator", "enable_setpoint")}, {("", "", "")}]
 
 

@@ -24,6 +24,8 @@ class Model:
     telegrams: tuple[int, ...] = (1, 7)
     default_telegram: int = 1
     motion_tasks: int = 0
+    most_axes: int = 1
+    described: None = None
     aliases: tuple[str, ...] = ()
     bus: str = "profinet"
     open_points: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.controllers.axis_program import axis_program
 from pnfarm.drives.telegrams.signal_view import axis_signals
 from pnfarm.errors import ConfigError, DecodeError
-from pnfarm.table.axis_codes import TASKS_NONE
+from pnfarm.table.axis_codes import OBJECT_AXIS, TASKS_NONE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -63,7 +63,7 @@ def profidrive_keys(
     Raises :class:`ConfigError` as :func:`telegram_of` does, and for a program that the telegram has no signals for.
     """
     telegram, steps = telegram_of(model, number), known_steps.of(model, drive, number)
-    if section.program.kind == "positions" and steps.task_form == TASKS_NONE:
+    if section.program.kind == "positions" and steps.task_form == TASKS_NONE and steps.object == OBJECT_AXIS:
         raise ConfigError(f"drive {drive.name}: telegram {number} of {model.name} has no signal of a position task")
     return {
         "name": drive.name,

@@ -10,7 +10,7 @@ from pnfarm.drives.parameters.store import ParameterStore
 from pnfarm.drives.telegrams.signal_view import signal_units
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.profidrive.tasks import ramp_step
-from pnfarm.table.axis_codes import TASKS_NONE
+from pnfarm.table.axis_codes import OBJECT_AXIS, TASKS_NONE
 from pnfarm.table.image import IMAGE
 
 if TYPE_CHECKING:
@@ -24,10 +24,14 @@ __all__ = ["KnownSteps", "SignalSteps", "powered_axis", "signal_steps"]
 
 @dataclass(frozen=True, slots=True)
 class SignalSteps:
-    """Size of one increment of each set point in the drive, and how it reads STW1; names as in the axis record."""
+    """Size of one increment of each set point in the drive, and what its control word is.
+
+    Names as in the axis record.
+    """
 
     velocity_step: float = 1.0
     velocity_step_b: float = 0.0
+    object: int = OBJECT_AXIS
     task_form: int = TASKS_NONE
     control_config: int = 0
     target_step: float = 1.0
@@ -71,6 +75,7 @@ def signal_steps(model: Model, drive: DriveConfig, telegram: int) -> SignalSteps
     return SignalSteps(
         velocity_step=float(own.velocity_step),
         velocity_step_b=float(own.velocity_step_b),
+        object=OBJECT_AXIS if known is None else known.object,
         task_form=TASKS_NONE if known is None else known.tasks,
         control_config=int(axis.asked.settings.control_config),
         target_step=float(own.target_step) or float(axis.travel.settings.position_step),

@@ -6,6 +6,7 @@ The only file of this protocol that depends on drives.
 from __future__ import annotations
 
 from functools import lru_cache
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
@@ -30,11 +31,11 @@ if TYPE_CHECKING:
     from pnfarm.drives.telegrams.telegram import Module
     from pnfarm.protocols.profinet.cm.ar import Ar
 
-__all__ = ["EVERY_RATIO", "DriveRecords", "axis_stride", "describe_device", "serial_number"]
+__all__ = ["EVERY_RATIO", "DriveRecords", "describe_device", "serial_number"]
 
 #: A drive with lax limits accepts every defined SendClockFactor and ReductionRatio.
 EVERY_RATIO = range(1, MAX_REDUCTION + 1)
-
+_ONE_AXIS: Mapping[int, int | None] = MappingProxyType({0: None})
 
 #: I&M1 to I&M3, which every device must store since V2.31 of the specification, and I&M4, which is optional.  Assumed:
 #: no manual mentions them, and an engineering tool that writes a signature must be able to read it back.
@@ -79,25 +80,22 @@ def _timing(model: Model) -> tuple[tuple[int, ...], tuple[int, ...]]:
     )
 
 
-def axis_stride(model: Model) -> int:
-    """How many slots an axis's modules are behind those of the axis before it."""
-    slots = [module.slot for telegram in model.profidrive.telegrams.values() for module in telegram.modules]
-    return max(slots) - min(slots) + 1
-
-
-def _axis_modules(model: Model, number: int, telegram: int | None) -> Iterator[ModuleDescription]:
+def _axis_modules(model: Model, shift: int, telegram: int | None) -> Iterator[ModuleDescription]:
     """The modules that the slots of an axis can have; those of ``telegram`` first, default that of the model."""
     first = model.profidrive.default_telegram if telegram is None else telegram
-    shift = number * axis_stride(model) if number else 0
     for each in sorted(model.profidrive.telegrams, key=lambda known: known != first):
         for module in model.profidrive.telegrams[each].modules:
             yield _module(module, shift)
 
 
 def describe_device(
-    model: Model, mac: bytes, *, strict: bool, telegrams: Sequence[int | None] = (None,)
+    model: Model, mac: bytes, *, strict: bool, axes: Mapping[int, int | None] = _ONE_AXIS
 ) -> DeviceDescription:
-    """A drive's device description; ``telegrams`` are plugged at first, one for each axis, None is the model's."""
+    """A drive's device description.
+
+    ``axes``: how far behind the model's the slots of each axis are -> its telegram that is plugged at first, None is
+    the model's.
+    """
     identity = model.profidrive.identity
     prefix, version = identity.software_prefix, identity.software_version
     clocks, ratios = _timing(model) if strict else (SEND_CLOCK_FACTORS, EVERY_RATIO)
@@ -106,7 +104,7 @@ def describe_device(
         device_id=identity.device_id,
         station_type=identity.station_type,
         dap=_module(model.dap),
-        modules=tuple(module for number, each in enumerate(telegrams) for module in _axis_modules(model, number, each)),
+        modules=tuple(module for shift, telegram in axes.items() for module in _axis_modules(model, shift, telegram)),
         min_device_interval=model.limits.min_cycle_ns // SEND_CLOCK_NS if strict else 1,
         send_clocks=clocks,
         reduction_ratios=ratios,

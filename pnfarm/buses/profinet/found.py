@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.imports import Found, FoundDevice, FoundDrive, FoundStation, drives_first
+from pnfarm.buses.profinet.axis_slots import axis_stride
 from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.found_device import MOST_OCTETS, found_device
 from pnfarm.drives.catalogue import models_on
@@ -80,6 +81,10 @@ def _drive(seen: SeenStation, connection: SeenConnection | None, drive_model: Mo
     if identity:
         keys["identity"] = identity
     controller: dict[str, Any] = {}
+    if axes := _axes(drive_model, connection):
+        keys["axes"] = axes
+        if len(axes) > drive_model.limits.axes:
+            keys["limits"] = "lax"
     if connection is not None:
         controller = {
             "name": connection.controller_name,
@@ -115,6 +120,17 @@ def _model(seen: SeenStation, connection: SeenConnection | None) -> tuple[Model,
     chosen = (fitting or of_vendor)[0]
     number = seen.device if seen.device is not None else 0
     return chosen, [f"chosen by its vendor: device number 0x{number:04X} is none of a model"]
+
+
+def _axes(drive_model: Model, connection: SeenConnection | None) -> list[dict[str, Any]]:
+    """The axes of a drive with a telegram in each of several slots."""
+    found: dict[int, int] = {}
+    for api, data in _with_data(connection):
+        if (telegram := _telegram(drive_model, api, data)) is not None:
+            found.setdefault(api.slot, telegram.number)
+    if len(found) < 2 or axis_stride(drive_model) > 1:
+        return []
+    return [{"name": f"axis-{slot}", "slot": slot, "telegram": number} for slot, number in sorted(found.items())]
 
 
 def _with_data(connection: SeenConnection | None) -> list[tuple[ExpectedApi, ExpectedSubmodule]]:

@@ -13,6 +13,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.profinet.axis_slots import axis_shifts
 from pnfarm.buses.profinet.binding import describe_device
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.dcp.rules import RESET_MODES
@@ -242,6 +243,7 @@ def _dap(model: Model, description: DeviceDescription, abilities: Abilities, inf
     im0 = description.im0
     im = Numbers.of(number for number in range(1, 5) if im0.im_supported >> number & 1)
     default = {slot: description.default_module(slot) for slot in description.slots}
+    shifts = _shifts(model)
     return Dap(
         id="DAP",
         ident=description.dap.module_ident,
@@ -268,7 +270,7 @@ def _dap(model: Model, description: DeviceDescription, abilities: Abilities, inf
         modules=tuple(
             ItemRef(
                 _telegram_id(telegram, module),
-                allowed=Numbers.of([telegram.module.slot]),
+                allowed=Numbers.of([telegram.module.slot + shift for shift in shifts]),
                 used=Numbers.of([telegram.module.slot] if default[telegram.module.slot] == module else []),
             )
             for telegram, module in _telegrams(model, description)
@@ -281,6 +283,11 @@ def _dap(model: Model, description: DeviceDescription, abilities: Abilities, inf
         interfaces=interfaces,
         ports=ports,
     )
+
+
+def _shifts(model: Model) -> list[int]:
+    """How far behind each other the slots of all axes are that the model has."""
+    return axis_shifts(model, [None] * model.limits.axes)
 
 
 def _telegrams(model: Model, description: DeviceDescription) -> list[tuple[Telegram, ModuleDescription]]:
@@ -338,7 +345,7 @@ def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
     """
     file = _texts(model)
     # the MAC address makes only the serial number, which such a file does not hold
-    description = describe_device(model, bytes(6), strict=True)
+    description = describe_device(model, bytes(6), strict=True, axes=dict.fromkeys(_shifts(model)))
     im0 = description.im0
     prefix, *version = im0.software_revision
     info = Info(

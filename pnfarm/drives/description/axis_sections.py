@@ -58,6 +58,8 @@ def read_limits(section: Section) -> Limits:
         raise section.wrong("max_cycle_ns", f"{limits.max_cycle_ns} is below min_cycle_ns, {limits.min_cycle_ns}")
     if not 0 <= limits.motion_tasks <= MOTION_TASKS:
         raise section.wrong("motion_tasks", f"{limits.motion_tasks} is not within 0..{MOTION_TASKS}")
+    if type(limits.axes) is not int or limits.axes < 1:
+        raise section.wrong("axes", f"{limits.axes!r} is not a number of axes")
     return limits
 
 

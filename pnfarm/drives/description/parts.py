@@ -101,7 +101,8 @@ NO_IDENTITY = Identity(0, 0, "", "", 0, "V", (0, 0, 0), 0, 0, 0, (0, 0), (0, 0, 
 class Limits:
     """Limits that the manual states: cycle in ns, counts, octets.
 
-    ``max_cycle_ns`` 0: no limit; ``motion_tasks`` is how many a drive keeps, numbered from 0.
+    ``max_cycle_ns`` 0: no limit; ``motion_tasks`` is how many a drive keeps, numbered from 0; ``axes``: most axes on
+    one connection.
 
     Of base mode parameter access: ``max_parameters`` and ``max_elements`` of a request, ``max_response`` octets.  Of
     PROFINET: ``io_controllers``, ``ports``, ``alarms`` (False is a drive that sends none), ``send_clocks`` (in
@@ -118,6 +119,7 @@ class Limits:
     alarms: bool = False
     send_clocks: tuple[int, ...] = SEND_CLOCKS
     motion_tasks: int = 0
+    axes: int = 1
 
 
 @dataclass(frozen=True, slots=True)

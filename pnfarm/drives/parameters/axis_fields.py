@@ -10,6 +10,7 @@ from pnfarm.drives.parameters.control_limits import apply_control_limits
 from pnfarm.drives.parameters.factor_group import apply_factor_group, float_bits, float_of
 from pnfarm.drives.parameters.measured import deviation
 from pnfarm.drives.parameters.parameter import Backing, Parameter
+from pnfarm.drives.telegrams.telegram import object_of
 from pnfarm.firmware.axis import AXIS
 from pnfarm.table.access.fresh_rows import FreshRows, Same
 from pnfarm.table.access.patch import Patch
@@ -49,8 +50,6 @@ from pnfarm.table.signals import (
     REF_SPEED,
     SATZANW,
     SETPOINT_SLOTS,
-    STW1,
-    STW2,
     TARPOS_A,
     TORQUE_LIMIT_NEGATIVE,
     TORQUE_LIMIT_POSITIVE,
@@ -219,7 +218,7 @@ class AxisFields:
         if telegram.tasks == TASKS_TARPOS and telegram.free_mapping and SATZANW in slots and TARPOS_A not in slots:
             settings.task_form = TASKS_TABLE
         settings.torque_signals = sum((slot in slots) << bit for bit, slot in enumerate(_TORQUE_SIGNALS))
-        settings.encoder_only = STW2 in slots and STW1 not in slots
+        settings.object = object_of(self._selection.mapping(setpoint=True))
         settings.position_words = {OVERRIDE, POS_STW2} <= slots
         settings.jog_signals = (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1
         axis.interpolation.settings.servo_control = (telegram.opmode or POSITION_MODE) if {XERR, KPC} <= slots else 0

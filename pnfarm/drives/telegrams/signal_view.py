@@ -26,6 +26,8 @@ __all__ = ["AxisSignals", "Inputs", "Outputs", "SignalForm", "Word", "axis_signa
 
 #: Signals that carry the speed, the finest first.
 _SPEEDS = ("nsoll_b", "ref_speed", "nsoll_a", "nist_b", "act_speed", "nist_a")
+#: Words with a sign of life, to the drive and from it.
+_LIFE_TO, _LIFE_FROM = frozenset({"stw2", "stw2_enc", "cu_stw1"}), frozenset({"zsw2", "zsw2_enc", "cu_zsw1"})
 _LIFE_SHIFT = 12
 
 
@@ -149,7 +151,7 @@ class Word(int):
         if name.startswith("__"):
             raise AttributeError(name)
         now = int(self) if self._owner is None else self._owner[self._form.name]
-        if name == "sign_of_life" and self._form.name in {"stw2", "zsw2"}:
+        if name == "sign_of_life" and self._form.name in _LIFE_FROM | _LIFE_TO:
             return now >> _LIFE_SHIFT & 0xF
         return bool(now >> self._form.bit(name) & 1)
 
@@ -157,9 +159,9 @@ class Word(int):
         if self._owner is None:
             raise AttributeError(f"{self._form.name} comes from the drive: {name!r} cannot be set")
         now = self._owner[self._form.name]
-        if name == "sign_of_life" and self._form.name == "stw2":
+        if name == "sign_of_life" and self._form.name in _LIFE_TO:
             if value not in range(16):
-                raise ValueError(f"stw2.sign_of_life: {shown(value)} is not 0 to 15")
+                raise ValueError(f"{self._form.name}.sign_of_life: {shown(value)} is not 0 to 15")
             self._owner[self._form.name] = now & 0x0FFF | int(value) << _LIFE_SHIFT
             return
         mask = 1 << self._form.bit(name)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
-from pnfarm.table.axis_codes import TASKS_NONE
+from pnfarm.table.axis_codes import OBJECT_AXIS, OBJECT_CONTROL_UNIT, OBJECT_ENCODER, OBJECT_INFEED, TASKS_NONE
 from pnfarm.table.signals import ACTUAL_SLOTS, PART_HIGH, PART_LOW, PART_WORD, SETPOINT_SLOTS, WORD_NONE, word_code
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ __all__ = [
     "Signal",
     "Submodule",
     "Telegram",
+    "object_of",
     "parameter_signals",
     "signal_codes",
     "signal_numbers",
@@ -114,6 +115,9 @@ class Module:
 #: For a drive without modules.
 NO_MODULE = Module(0, ())
 
+#: Control words of objects that are no axis.
+_OBJECTS = {"STW2_ENC": OBJECT_ENCODER, "CU_STW1": OBJECT_CONTROL_UNIT, "E_STW1": OBJECT_INFEED}
+
 #: How a telegram selects traversing tasks: names of ``TASKS_*``, by number.
 TASK_FORMS = ("none", "mdi", "pos-stw", "target-position", "driving-set")
 
@@ -157,9 +161,19 @@ class Telegram:
     own_words: bool = False
 
     @property
+    def object(self) -> int:
+        """What its control word is of (``OBJECT_*``)."""
+        return object_of(self.output)
+
+    @property
     def modules(self) -> tuple[Module, ...]:
         """Every module that carries it, the one to use first."""
         return self.module, *self.others
+
+
+def object_of(set_points: Iterable[Signal | None]) -> int:
+    """What the control word among these set points is of (``OBJECT_*``)."""
+    return next((_OBJECTS[one.name] for one in set_points if one is not None and one.name in _OBJECTS), OBJECT_AXIS)
 
 
 #: For a drive whose profile has no telegrams.

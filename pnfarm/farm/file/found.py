@@ -282,14 +282,16 @@ def _entry(begin: str, key: Any, value: Any) -> list[str]:
     return [f"{begin}{key}:", *(f"{indent}{_key(one)}: {_value(inside)}" for one, inside in value.items())]
 
 
-def _value(value: Any) -> str:
-    """In YAML's flow style; idents as hexadecimal numbers."""
+def _value(value: Any, *, idents: bool = True) -> str:
+    """In YAML's flow style; idents as hexadecimal numbers.  Those in a list are none."""
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{_key(key)}: {_value(one)}" for key, one in value.items()) + "}"
+        return "{" + ", ".join(f"{_key(key)}: {_value(one, idents=idents)}" for key, one in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_value(one, idents=False) for one in value) + "]"
     if value is None:
         return "null"
     if isinstance(value, int):
-        return f"0x{value:X}"
+        return f"0x{value:X}" if idents else str(value)
     text = str(value)
     if not text.isprintable():
         return '"' + _printable(text.replace("\\", "\\\\").replace('"', '\\"')) + '"'

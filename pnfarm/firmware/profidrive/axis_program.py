@@ -8,9 +8,18 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.profidrive.objects import INFEED_CONTROL, STATELESS_CONTROL
 from pnfarm.firmware.profidrive.telegram import clamp16, clamp32, clamp_unsigned, long_step
 from pnfarm.firmware.program_steps import begin_leg, enter, runs, speed_of
-from pnfarm.table.axis_codes import CONFIG_RISING_EDGE, MDI_SELECTED, TASKS_TARPOS
+from pnfarm.table.axis_codes import (
+    CONFIG_RISING_EDGE,
+    MDI_SELECTED,
+    OBJECT_AXIS,
+    OBJECT_CONTROL_UNIT,
+    OBJECT_ENCODER,
+    OBJECT_INFEED,
+    TASKS_TARPOS,
+)
 from pnfarm.table.compiling.compiled import compiled, inlined
 from pnfarm.table.program import (
     ACKNOWLEDGING,
@@ -45,6 +54,7 @@ from pnfarm.table.signals import (
     TARPOS_A,
     VELOCITY_A,
     ZSW1,
+    ZSW2,
 )
 
 __all__ = ["step_program"]
@@ -65,6 +75,8 @@ TASK_ACKNOWLEDGED = 0x1000
 POS_ABSOLUTE = 0x0100
 WHOLE_OVERRIDE = 0x4000
 
+#: Fault and warning.
+STATELESS_STATUS = 0x0088
 #: Bits of ZSW1 that respond to a control word: state (0, 1, 2, 6), fault (3), stops (4, 5).
 STATE_BITS = 0x007F
 #: How long STW1.7 stays set before the next attempt to acknowledge a fault that was not cleared.
@@ -73,6 +85,18 @@ RETRY_NS = 1_000_000_000
 #: After this time without operation the bit is cleared, and set again after the same time.
 EDGE_AFTER_NS = 4_000_000_000
 EDGE_NS = 1_000_000_000
+
+
+@inlined
+def _stateless(program: Any) -> bool:
+    """Whether the axis is an encoder or a control unit, which run as soon as they are there."""
+    return program.object in (OBJECT_ENCODER, OBJECT_CONTROL_UNIT)
+
+
+@inlined
+def _status(program: Any, image: Any) -> int:
+    """ZSW1, or the bits of it that the telegram's status word has."""
+    return image.received[ZSW2] & STATELESS_STATUS if _stateless(program) else image.received[ZSW1] & 0xFFFF
 
 
 @inlined
@@ -142,19 +166,20 @@ def _measure(program: Any, image: Any, stw1: int, zsw1: int, now: int) -> None:
 @compiled
 def _follow(program: Any, image: Any, now: int) -> None:
     """Phase and measures of an axis whose set points a user's program writes."""
-    stw1 = image.sent[STW1] & 0xFFFF
+    stateless = _stateless(program)
+    stw1 = image.sent[STW2] & STATELESS_CONTROL if stateless else image.sent[STW1] & 0xFFFF
     zsw1 = 0
     if not image.valid:
         enter(program, OFFLINE, now)
     else:
-        zsw1 = image.received[ZSW1] & 0xFFFF
+        zsw1 = _status(program, image)
         if zsw1 & 0x0008:
             if program.phase not in (FAULTED, ACKNOWLEDGING):
                 program.faults += 1
                 if program.fault_ns == 0:
                     program.fault_ns = now
             enter(program, ACKNOWLEDGING if stw1 & ACKNOWLEDGE else FAULTED, now)
-        elif zsw1 & 0x0004:
+        elif zsw1 & 0x0004 or stateless:
             if program.phase != RUNNING:
                 runs(program, now)
         elif stw1 & 0x0001:
@@ -176,7 +201,7 @@ def step_program(program: Any, image: Any, now: int) -> None:
         enter(program, OFFLINE, now)
         zsw1 = 0
     else:
-        zsw1 = image.received[ZSW1] & 0xFFFF
+        zsw1 = _status(program, image)
         if zsw1 & 0x0008:
             if program.phase == ACKNOWLEDGING:
                 if now - program.phase_ns < RETRY_NS:
@@ -193,13 +218,13 @@ def step_program(program: Any, image: Any, now: int) -> None:
                 enter(program, ACKNOWLEDGING, now)
         elif not program.enable:
             enter(program, STOPPED, now)
-        elif zsw1 & 0x0004:
+        elif zsw1 & 0x0004 or _stateless(program):
             stw1 = RUN
             if program.phase != RUNNING:
                 begin_leg(program, LEG_HOMING, now)
                 program.start_bit = 0
                 runs(program, now)
-            if program.kind == POSITIONS:
+            if program.kind == POSITIONS and program.object == OBJECT_AXIS:
                 stw1 = _position(program, image, zsw1, now)
             else:
                 speed = speed_of(program, now)
@@ -211,10 +236,18 @@ def step_program(program: Any, image: Any, now: int) -> None:
                 stw1 = POSITION if program.kind == POSITIONS else RUN
             elif zsw1 & 0x0001:
                 stw1 = ON
+    life = (1 + int(image.filled) % 15) << 12 if program.life else 0
+    if _stateless(program):
+        stw1 &= STATELESS_CONTROL
+        _measure(program, image, stw1, zsw1, now)
+        image.sent[STW2] = stw1 | life
+        return
+    if program.object == OBJECT_INFEED:
+        stw1 &= INFEED_CONTROL
     _measure(program, image, stw1, zsw1, now)
     image.sent[STW1] = stw1
     image.sent[NSOLL_A] = clamp16(speed / program.velocity_step) if program.velocity_step > 0.0 else 0
     step = long_step(program.velocity_step, program.velocity_step_b)
     image.sent[NSOLL_B] = clamp32(speed / step) if step > 0.0 else 0
     if program.life:
-        image.sent[STW2] = (1 + int(image.filled) % 15) << 12
+        image.sent[STW2] = life

@@ -9,9 +9,11 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.faults import acknowledge, raise_fault
+from pnfarm.firmware.profidrive.objects import control_bits, take_object
 from pnfarm.firmware.profidrive.telegram import from_setpoints, no_setpoints
 from pnfarm.table.axis_codes import (
     CONTROL_BY_PLC,
+    OBJECT_AXIS,
     POWER_ENABLE,
     POWER_NO_COAST,
     POWER_NO_QUICK_STOP,
@@ -28,7 +30,6 @@ from pnfarm.table.axis_readings import (
 )
 from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.image import LOST_EXPIRED, LOST_STOP
-from pnfarm.table.signals import STW1, STW2
 
 __all__ = ["forget_control_word", "take_control_word"]
 
@@ -44,8 +45,6 @@ FAULT_ACKNOWLEDGE = 0x0080
 JOG_SHIFT = 8
 JOG_BITS = 0x3
 HOME = 0x0800
-#: Those that STW2_ENC has, too: acknowledge and control by PLC (encoder profile 4.1).
-OF_ENCODERS = FAULT_ACKNOWLEDGE | CONTROL_BY_PLC
 
 
 @inlined
@@ -84,8 +83,7 @@ def _take_word(axis: Any, image: Any, now: int) -> None:
         axis.profidrive.telegram_ns = 0
         raise_fault(axis.faults, axis.faults.settings.loss_fault, now)
     axis.profidrive.image_valid = valid
-    encoder = axis.profidrive.settings.encoder_only
-    word = image.received[STW2] & OF_ENCODERS if encoder else image.received[STW1] & 0xFFFF
+    word = control_bits(axis.profidrive, image)
     axis.profidrive.setpoints = _setpoints(axis.profidrive, image, word)
     if axis.profidrive.setpoints == SETPOINTS_NONE:
         # no controller: the axis coasts, or stops as with STW1.0 = 0
@@ -156,6 +154,8 @@ def take_control_word(axis: Any, image: Any, now: int) -> None:
     axis.profidrive.stw1_before = axis.profidrive.stw1
     _take_word(axis, image, now)
     _give_orders(axis.orders, axis.profidrive)
+    if axis.profidrive.settings.object != OBJECT_AXIS:
+        take_object(axis, image, now)
 
 
 @inlined

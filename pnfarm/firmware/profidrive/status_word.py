@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.firmware.profidrive.objects import infeed_status, stateless_status
 from pnfarm.firmware.profidrive.position_status import position_bits
 from pnfarm.firmware.profidrive.speed_status import speed_bits
 from pnfarm.firmware.profidrive.status_msd import second_status_msd, status_msd
-from pnfarm.table.axis_codes import CONTROL_BY_PLC, STATUS_MOOG
+from pnfarm.table.axis_codes import (
+    CONTROL_BY_PLC,
+    OBJECT_CONTROL_UNIT,
+    OBJECT_ENCODER,
+    OBJECT_INFEED,
+    STATUS_MOOG,
+)
 from pnfarm.table.compiling.compiled import compiled, inlined
 
 __all__ = ["second_status_word", "status_word"]
 
 #: Bit offset of the sign of life in ZSW2.
 LIFE_SHIFT = 12
-#: Bits of ZSW1 that ZSW2_ENC has, too: fault, warning, control requested (encoder profile 4.1).
-OF_ENCODERS = 0x0288
 
 
 @inlined
@@ -61,6 +66,8 @@ def _as_in_the_profile(axis: Any) -> int:
 def status_word(axis: Any) -> int:
     """ZSW1."""
     word = _as_in_the_profile(axis)
+    if axis.profidrive.settings.object == OBJECT_INFEED:
+        return infeed_status(axis.profidrive, word, axis.last_ns)
     return status_msd(axis, word) if axis.profidrive.settings.status_form == STATUS_MOOG else word
 
 
@@ -71,8 +78,8 @@ def second_status_word(axis: Any) -> int:
     HIWIN E1 manual 3.6; Moog MSD manual, table 10.17.
     """
     word = int(axis.life.sent) << LIFE_SHIFT
-    if axis.profidrive.settings.encoder_only:
-        return word | (int(axis.profidrive.zsw1) & OF_ENCODERS)
+    if axis.profidrive.settings.object in (OBJECT_ENCODER, OBJECT_CONTROL_UNIT):
+        return word | stateless_status(axis.profidrive)
     if axis.profidrive.settings.status_form == STATUS_MOOG:
         return word | second_status_msd(axis)
     if axis.drive.state >= 4:

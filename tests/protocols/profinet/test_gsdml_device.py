@@ -60,7 +60,7 @@ DIGESTS = {
     "GSDML-V2.35-pnfarm-moog-msd-20261123.xml": "50ceae05115fd579",
     "GSDML-V2.35-pnfarm-akd-profinet-2012-20261123.xml": "ecdd92587f58fa9a",
     "GSDML-V2.35-pnfarm-hiwin-e1-20261123.xml": "7803ba846ebccf42",
-    "GSDML-V2.35-pnfarm-profidrive-20261128.xml": "eee5a5a34ef299fa",
+    "GSDML-V2.35-pnfarm-profidrive-20261128.xml": "d664a9992ec50242",
 }
 
 
@@ -96,7 +96,7 @@ def test_the_file_has_every_module_and_submodule_of_the_device_and_no_other(driv
 
 
 def test_a_new_project_has_the_module_that_is_plugged_at_power_on(drive_model):
-    gsdml, device = described(drive_model)
+    gsdml, device = described(drive_model)[0], describe_device(drive_model, MAC, strict=True)
     plan = from_gsdml(gsdml)
     first = {slot: device.default_module(slot).module_ident for slot in device.slots}
     assert {s.slot: s.module_ident for s in plan.submodules} == first
@@ -159,11 +159,11 @@ def test_a_signal_with_a_sign_is_an_integer_in_the_file():
     assert {item.name for item in items if item.data_type == "Integer16"} == {"MDI_ACC", "MDI_DEC"}
 
 
-def test_the_largest_frames_are_those_of_the_largest_telegram(drive_model):
+def test_the_largest_frames_are_those_of_the_largest_telegram_of_every_axis(drive_model):
     gsdml, _ = described(drive_model)
     sizes = []
     for module in gsdml.modules:
-        frames = plan_frames(plan_of(gsdml, module.id))
+        frames = plan_frames(plan_of(gsdml, module.id, slots=gsdml.daps[0].modules[0].allowed))
         ends = [max([p.iops_offset for p in frame.data] + [p.iocs_offset for p in frame.iocs]) + 1 for frame in frames]
         assert all(frame.data_length == max(end, MIN_C_SDU) for frame, end in zip(frames, ends, strict=True))
         sizes.append(ends)

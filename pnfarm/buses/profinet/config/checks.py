@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.profinet.axis_slots import axis_shifts, axis_stride, model_slots
 from pnfarm.buses.profinet.config.clock import MAX_WATCHDOG_NS
 from pnfarm.buses.profinet.config.send_clock import Clock, clock_key, clock_of, own_cycle_ns
 from pnfarm.config.ip import check_host
+from pnfarm.protocols.profinet.cm.controller.plan import MAX_SLOT
 from pnfarm.protocols.profinet.wire.names import check_station_name
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.vocabulary.quoting import shown
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.config.controller import ProfinetController
     from pnfarm.buses.profinet.config.drive import ProfinetDrives
     from pnfarm.config.known import Known, ModelFacts
+    from pnfarm.drives.description.model import Model
     from pnfarm.vocabulary.issues import Location, Report
 
 __all__ = ["check_controller", "check_devices", "check_model", "check_name"]
@@ -44,8 +47,9 @@ def check_model(at: Location, group: ProfinetDrives, model: ModelFacts, report: 
 
 def _check_axes(at: Location, group: ProfinetDrives, model: ModelFacts, report: Report) -> None:
     """The axes of a drive with several."""
-    if len(group.axes) > 1 and group.limits == "strict":
-        report(at, f"{model.name} has one axis, by its manual", "one, or limits: lax")
+    if len(group.axes) > model.most_axes and group.limits == "strict":
+        most = "one axis" if model.most_axes == 1 else f"at most {model.most_axes} axes"
+        report(at, f"{model.name} has {most}, by its manual", f"{model.most_axes}, or limits: lax")
     seen: set[str] = set()
     for number, axis in enumerate(group.axes):
         here: Location = (*at, number)
@@ -63,6 +67,28 @@ def _check_axes(at: Location, group: ProfinetDrives, model: ModelFacts, report: 
         load = group.load if axis.load is None else axis.load
         for key, what, allowed in model.axis_complaints(load, motor):
             report((*here, key), what, allowed)
+    if model.described is not None:
+        _check_slots(at, group, model.described, report)
+
+
+def _check_slots(at: Location, group: ProfinetDrives, model: Model, report: Report) -> None:
+    """The slots of a drive's axes: each in its own, and within the drive."""
+    first, stride = min(model_slots(model)), axis_stride(model)
+    strict = group.limits == "strict"
+    highest = first + max(model.limits.axes, len(group.axes)) * stride - 1 if strict else MAX_SLOT
+    taken: dict[int, str] = {}
+    for number, (axis, shift) in enumerate(
+        zip(group.axes, axis_shifts(model, [axis.slot for axis in group.axes]), strict=True)
+    ):
+        here: Location = (*at, number) if axis.slot is None else (*at, number, "slot")
+        own = range(first + shift, first + shift + stride)
+        if own[0] < first or own[-1] > highest:
+            what = f"{axis.name} is in slot {own[0]}, {model.name} has axes in slots {first} to {highest}"
+            report(here, what, f"{first} to {highest - stride + 1}" + (", or limits: lax" if strict else ""))
+        for slot in own:
+            if (owner := taken.setdefault(slot, axis.name)) != axis.name:
+                report(here, f"slot {slot} is that of axis {owner}", "each slot once")
+                break
 
 
 def _check_limit(at: Location, group: ProfinetDrives, model: ModelFacts, cycle_ns: int | None, report: Report) -> None:

@@ -11,6 +11,7 @@ from pnfarm.buses.profinet.config.values import Cycle
 from pnfarm.config.drive import MAX_AXES, AxisGroup
 from pnfarm.config.ip import IpDriveConfig, IpDrives
 from pnfarm.config.values import Cidr
+from pnfarm.protocols.profinet.cm.controller.plan import MAX_SLOT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,6 +25,12 @@ class ProfinetAxis(AxisGroup):
     """One axis of a drive on PROFINET."""
 
     telegram: int | None = Field(default=None, ge=0, le=_U16, description="PROFIdrive telegram; left out, the drive's.")
+    slot: int | None = Field(
+        default=None,
+        ge=1,
+        le=MAX_SLOT,
+        description="Slot of its module; left out, the one behind the axis before it.",
+    )
 
 
 class ProfinetDrives(IpDrives):
@@ -37,7 +44,7 @@ class ProfinetDrives(IpDrives):
         default_factory=list,
         max_length=MAX_AXES,
         description="Several axes on one connection, each with a telegram in slots of its own, behind each other. A "
-        "model whose manual has one axis takes more with `limits: lax`.",
+        "model takes more axes than its manual has (`pnfarm models MODEL`) with `limits: lax`.",
         examples=[[{"name": "x"}, {"name": "y"}]],
     )
     hello: bool = Field(

@@ -55,7 +55,9 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
     ) -> ProfinetDriveConfig:
         controller = expansion.controller if isinstance(expansion.controller, ProfinetController) else None
         several = tuple(
-            AxisConfig.of(axis, common, telegram=group.telegram if axis.telegram is None else axis.telegram)
+            AxisConfig.of(
+                axis, common, telegram=group.telegram if axis.telegram is None else axis.telegram, slot=axis.slot
+            )
             for axis in group.axes
         )
         return ProfinetDriveConfig.extending(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from pnfarm.buses.controllers.plan import describing, own_address, profidrive_keys, reconnect_after_ns, telegram_of
 from pnfarm.buses.controllers.signal_steps import KnownSteps
 from pnfarm.buses.plain_layout import plain_layout
-from pnfarm.buses.profinet.binding import axis_stride
+from pnfarm.buses.profinet.axis_slots import axis_shifts, model_slots
 from pnfarm.buses.profinet.config.clock import MAX_WATCHDOG_NS, join_cycle
 from pnfarm.buses.profinet.config.send_clock import clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, PlannedAxis, ProfinetPlan
@@ -39,11 +39,10 @@ if TYPE_CHECKING:
 __all__ = ["plan_controller", "plan_devices"]
 
 
-def _submodules(model: Model, telegrams: Sequence[int]) -> tuple[PlannedSubmodule, ...]:
-    """Those of the access point and of each axis's telegram."""
-    stride = axis_stride(model) if len(telegrams) > 1 else 0
+def _submodules(model: Model, telegrams: Sequence[int], shifts: Sequence[int]) -> tuple[PlannedSubmodule, ...]:
+    """Those of the access point and of each axis's telegram, in slots that are ``shifts`` behind the model's."""
     modules = [(model.dap, 0)]
-    modules += [(telegram_of(model, number).module, axis * stride) for axis, number in enumerate(telegrams)]
+    modules += [(telegram_of(model, number).module, shift) for number, shift in zip(telegrams, shifts, strict=True)]
     return tuple(
         PlannedSubmodule(
             api=s.api,
@@ -195,13 +194,13 @@ def _axis_keys(
     drive: ProfinetDriveConfig,
     model: Model,
     numbers: Sequence[int],
+    shifts: Sequence[int],
     known_steps: KnownSteps,
 ) -> list[dict[str, Any]]:
     """What is planned for each axis, by the fields of ``PlannedDevice``."""
-    stride = axis_stride(model)
-    own = {module.slot for telegram in model.profidrive.telegrams.values() for module in telegram.modules}
+    own = model_slots(model)
     found = []
-    for place, (axis, number) in enumerate(zip(drive.axes, numbers, strict=True)):
+    for axis, number, shift in zip(drive.axes, numbers, shifts, strict=True):
         alone = replace(
             drive,
             name=axis.name,
@@ -214,7 +213,7 @@ def _axis_keys(
         keys = profidrive_keys(section, alone, model, number, known_steps)
         keys["life"] = model.profidrive.sign_of_life is not None
         if len(numbers) > 1:
-            keys["slots"] = frozenset(slot + place * stride for slot in own)
+            keys["slots"] = frozenset(slot + shift for slot in own)
         found.append(keys)
     return found
 
@@ -239,7 +238,8 @@ def plan_devices(
         # without a telegram in the section each model has its own
         usual = section.telegram if "telegram" in section.model_fields_set else model.profidrive.default_telegram
         numbers = [usual if axis.telegram is None else axis.telegram for axis in drive.axes]
-        first, *further = _axis_keys(section, drive, model, numbers, known_steps)
+        shifts = axis_shifts(model, [axis.slot for axis in drive.axes])
+        first, *further = _axis_keys(section, drive, model, numbers, shifts, known_steps)
         clock = clock_of(section, drive.cycle_ns)
         plans.append(
             DevicePlan(
@@ -250,7 +250,7 @@ def plan_devices(
                 assign_ip=section.assign_ip,
                 vendor_id=model.profidrive.identity.vendor_id,
                 device_id=model.profidrive.identity.device_id,
-                submodules=_submodules(model, numbers),
+                submodules=_submodules(model, numbers, shifts),
                 texts=DescribedDiagnosis(*describe_diagnosis(model)),
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from pnfarm.buses.decoding.channel import SummedChannel
 from pnfarm.captures.drive_words import words_of
@@ -16,27 +16,44 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.telegrams.telegram import Telegram
     from pnfarm.protocols.profinet.cm.ar import IocrLayout
-    from pnfarm.protocols.profinet.wire.cm.expected import ExpectedApi
 
-__all__ = ["Channel", "Template", "make_template", "telegram_of"]
+__all__ = ["Channel", "Telegrams", "Template", "make_template", "telegrams_of"]
 
+#: The telegrams of a drive's axes, by how far their slots are behind the model's.
+Telegrams: TypeAlias = "Mapping[int, Telegram]"
 #: PROFIdrive's API: its telegrams begin with STW1 and ZSW1 (PROFIdrive 4.x, standard telegrams).
 PROFIDRIVE_API = 0x3A00
+
+
+@dataclass(frozen=True, slots=True)
+class AxisWords:
+    """One axis's part of a frame: ``words`` are (name, octet in the C_SDU, octets).
+
+    ``place`` is its slot where there are several axes; ``bits`` names of bits by word, where the drive's model has
+    them.
+    """
+
+    place: str
+    telegram: int | None
+    words: tuple[tuple[str, int, int], ...]
+    bits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
 class Template:
     """How to read one channel's frames.
 
-    ``words`` are (name, octet in the C_SDU, octets); ``statuses`` (``IOPS`` or ``IOCS``, slot, subslot, octet);
-    ``bits`` names of bits by word, where the drive's model has them.
+    ``axes``: those with words; ``statuses`` (``IOPS`` or ``IOCS``, slot, subslot, octet).
     """
 
     layout: IocrLayout
-    telegram: int | None
-    words: tuple[tuple[str, int, int], ...]
+    axes: tuple[AxisWords, ...]
     statuses: tuple[tuple[str, int, int, int], ...]
-    bits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def telegram(self) -> int | None:
+        """The number of the only telegram."""
+        return self.axes[0].telegram if len(self.axes) == 1 else None
 
 
 @dataclass(slots=True, eq=False)
@@ -65,36 +82,50 @@ class Channel(SummedChannel):
         return self.figures(f"0x{self.frame_id:04X}", telegram, self.cycle_ns)
 
 
-def telegram_of(expected: Iterable[ExpectedApi], model: Model | None) -> Telegram | None:
-    """The telegram of the module that a Connect expects of a drive of this model."""
+def telegrams_of(modules: Iterable[tuple[int, int]], model: Model | None) -> Telegrams:
+    """The telegrams of a drive of this model whose ``modules`` (slot, ident) are expected."""
+    found: dict[int, Telegram] = {}
     if model is None:
-        return None
-    found = (model.profidrive.telegram_by_module(api.module_ident) for api in expected)
-    return next((telegram for telegram in found if telegram is not None), None)
+        return found
+    for slot, ident in modules:
+        telegram = model.profidrive.telegram_by_module(ident)
+        if telegram is not None:
+            found.setdefault(slot - telegram.module.slot, telegram)
+    return found
 
 
-def make_template(layout: IocrLayout, telegram: Telegram | None, model: Model | None = None) -> Template:
+def make_template(layout: IocrLayout, telegrams: Telegrams, model: Model | None = None) -> Template:
     """Names for the words of ``layout``; without a telegram only those that PROFIdrive defines for all telegrams."""
-    words: list[tuple[str, int, int]] = []
-    is_input = layout.is_input
-    first = "ZSW1" if is_input else "STW1"
-    place = None
-    if telegram is not None:
-        holder = next((s for s in telegram.module.submodules if (s.input_bytes if is_input else s.output_bytes)), None)
-        place = layout.data_of(holder.slot, holder.subslot) if holder is not None else None
-        signals = telegram.input if is_input else telegram.output
-        if place is not None:
-            words = list(words_of((s.name if s is not None else "" for s in signals), place.data_offset))
-            words = [word for word in words if word[1] + word[2] <= place.data_offset + place.data_length]
-    if place is None:
+    axes = [
+        found
+        for shift, telegram in telegrams.items()
+        if (found := _words(layout, telegram, shift, model, several=len(telegrams) > 1)) is not None
+    ]
+    if not axes:
         place = next((d for d in layout.data if d.api == PROFIDRIVE_API and d.data_length >= 2), None)
         if place is not None:
-            count = place.data_length // 2
-            words = [(first if n == 0 else f"word {n + 1}", place.data_offset + 2 * n, 2) for n in range(count)]
+            first = "ZSW1" if layout.is_input else "STW1"
+            names = (first if n == 0 else f"word {n + 1}" for n in range(place.data_length // 2))
+            number = next((telegram.number for telegram in telegrams.values()), None)
+            axes = [AxisWords("", number, words_of(names, place.data_offset))]
     statuses = [("IOPS", d.slot, d.subslot, d.iops_offset) for d in layout.data if d.iops_offset is not None]
     statuses += [("IOCS", c.slot, c.subslot, c.iocs_offset) for c in layout.iocs if c.iocs_offset is not None]
-    number = telegram.number if telegram is not None else None
+    return Template(layout, tuple(axes), tuple(statuses))
+
+
+def _words(
+    layout: IocrLayout, telegram: Telegram, shift: int, model: Model | None, *, several: bool
+) -> AxisWords | None:
+    """An axis's words in this direction, None where its data is not in the frame."""
+    is_input = layout.is_input
+    holder = next((s for s in telegram.module.submodules if (s.input_bytes if is_input else s.output_bytes)), None)
+    place = None if holder is None else layout.data_of(holder.slot + shift, holder.subslot)
+    if place is None:
+        return None
+    signals = telegram.input if is_input else telegram.output
+    words = words_of((s.name if s is not None else "" for s in signals), place.data_offset)
+    words = tuple(word for word in words if word[1] + word[2] <= place.data_offset + place.data_length)
     bits = {}
-    if model is not None and number is not None:
-        bits = {name: found for name, _, _ in words if (found := model.profidrive.bit_names(name, number))}
-    return Template(layout, number, tuple(words), tuple(statuses), bits)
+    if model is not None:
+        bits = {name: found for name, _, _ in words if (found := model.profidrive.bit_names(name, telegram.number))}
+    return AxisWords(f"slot {place.slot}" if several else "", telegram.number, words, bits)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profinet.decode.channels import Channel, make_template, telegram_of
+from pnfarm.buses.profinet.decode.channels import Channel, make_template, telegrams_of
 from pnfarm.buses.profinet.decode.identity import learn_identity
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.cm.ar import IocrLayout, LayoutError, compute_layout, expected_submodules
@@ -95,13 +95,22 @@ def _apis(blocks: Iterable[Block]) -> tuple[ExpectedApi, ...]:
     return tuple(api for b in blocks if isinstance(b, ExpectedSubmoduleBlockReq) for api in b.apis)
 
 
+def _modules(apis: Iterable[ExpectedApi]) -> Iterator[tuple[int, int]]:
+    return ((api.slot, api.module_ident) for api in apis)
+
+
 def _expected(apis: tuple[ExpectedApi, ...], device: bytes, shared: Shared) -> str:
-    telegram = telegram_of(apis, shared.stations.model(device))
-    if telegram is not None:
-        known = {module.ident for module in telegram.modules}
-        ident = next(api.module_ident for api in apis if api.module_ident in known)
-        return f"telegram {telegram.number} (module 0x{ident:X})"
-    modules = [f"slot {api.slot} module 0x{api.module_ident:X}" for api in apis]
+    telegrams = telegrams_of(_modules(apis), shared.stations.model(device))
+    idents = {api.slot: api.module_ident for api in apis}
+    if telegrams:
+        several = len(telegrams) > 1
+        modules = [
+            (f"slot {slot} " if several else "") + f"telegram {telegram.number} (module 0x{idents[slot]:X})"
+            for shift, telegram in telegrams.items()
+            for slot in (telegram.module.slot + shift,)
+        ]
+    else:
+        modules = [f"slot {api.slot} module 0x{api.module_ident:X}" for api in apis]
     shown = modules[:8] + ([f"and {len(modules) - 8} more"] if len(modules) > 8 else [])
     return ", ".join(dict.fromkeys(shown))
 
@@ -151,7 +160,7 @@ def _open(
         shared.channels[key] = channel
         template = channel.template
         # of several channels in a direction, one that has a telegram's words
-        if template is not None and (template.words or template.layout.is_input not in opened):
+        if template is not None and (template.axes or template.layout.is_input not in opened):
             opened[template.layout.is_input] = channel
     if len(opened) == 2:
         opened[True].partner, opened[False].partner = opened[False], opened[True]
@@ -162,10 +171,10 @@ def _channels(
 ) -> Iterator[tuple[tuple[bytes, bytes, int], Channel]]:
     """A channel for each layout, with its key: destination, source, frame id."""
     model = shared.stations.model(device)
-    telegram = telegram_of(apis, model)
+    telegrams = telegrams_of(_modules(apis), model)
     for layout in layouts:
         to, source = (controller, device) if layout.is_input else (device, controller)
-        yield (to, source, layout.frame_id), Channel(layout.frame_id, make_template(layout, telegram, model))
+        yield (to, source, layout.frame_id), Channel(layout.frame_id, make_template(layout, telegrams, model))
 
 
 def _diff(block: ModuleDiffBlock) -> str:

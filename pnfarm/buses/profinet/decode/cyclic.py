@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.decode.channels import Channel
-from pnfarm.captures.drive_words import values_text, word_changes, word_of
+from pnfarm.captures.drive_words import control_word, values_text, word_changes
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.wire.frame_id import classify_frame_id
 from pnfarm.protocols.profinet.wire.rtc import (
@@ -134,7 +134,7 @@ def _first(channel: Channel, size: int) -> str:
     parts.append(f"cycle {channel.cycle_ns / 1e6:g} ms")
     if template.telegram is not None:
         parts.append(f"telegram {template.telegram}")
-    return ", ".join([*parts, status_text(channel.status)]) + (f"; {_values(channel)}" if template.words else "")
+    return ", ".join([*parts, status_text(channel.status)]) + (f"; {_values(channel)}" if template.axes else "")
 
 
 def _values(channel: Channel) -> str:
@@ -142,7 +142,9 @@ def _values(channel: Channel) -> str:
     template = channel.template
     if template is None:
         return channel.data.hex()
-    return values_text(template.words, channel.data)
+    return "; ".join(
+        f"{axis.place}: " * bool(axis.place) + values_text(axis.words, channel.data) for axis in template.axes
+    )
 
 
 def _time(channel: Channel, now: int, counter: int, shared: Shared) -> Iterator[Description]:
@@ -191,11 +193,13 @@ def _changes(channel: Channel, before: bytes, after: bytes) -> Iterator[Descript
     if template is None:
         return
     partner = channel.partner
-    stw1 = None
-    if partner is not None and partner.template is not None:
-        stw1 = word_of(partner.template.words, "STW1", partner.data)
-    for word, text, details in word_changes(template.words, template.bits, before, after, stw1):
-        yield from channel.limited(word, text, **details)
+    for axis in template.axes:
+        stw1 = None
+        if partner is not None and partner.template is not None:
+            words = next((one.words for one in partner.template.axes if one.place == axis.place), ())
+            stw1 = control_word(words, partner.data)
+        for word, text, details in word_changes(axis.words, axis.bits, before, after, stw1):
+            yield from channel.limited(f"{word} of {axis.place}" if axis.place else word, text, **details)
     changed: dict[tuple[str, int, int], list[str]] = {}
     for kind, slot, subslot, offset in template.statuses:
         if before[offset] != after[offset]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.decoding.decoder import FamilyDecoder
 from pnfarm.buses.profinet.decode.alarm import alarm
 from pnfarm.buses.profinet.decode.calls import is_call, rpc
-from pnfarm.buses.profinet.decode.channels import make_template
+from pnfarm.buses.profinet.decode.channels import make_template, telegrams_of
 from pnfarm.buses.profinet.decode.cyclic import cyclic
 from pnfarm.buses.profinet.decode.dcp import dcp
 from pnfarm.buses.profinet.decode.lldp import lldp
@@ -106,8 +106,7 @@ class ProfinetDecoder(FamilyDecoder[Shared]):
         """``plan`` of each drive is a :class:`~pnfarm.buses.profinet.controller.device_plan.DevicePlan`."""
         for drive in drives:
             plan: DevicePlan = drive.plan
-            model, idents = drive.model, {submodule.module_ident for submodule in plan.submodules}
-            telegram = next((t for t in model.profidrive.telegrams.values() if t.module.ident in idents), None)
+            telegrams = telegrams_of(((one.slot, one.module_ident) for one in plan.submodules), drive.model)
             asked = plan.ar_plan(
                 controller_name=controller,
                 controller_mac=mac,
@@ -116,4 +115,4 @@ class ProfinetDecoder(FamilyDecoder[Shared]):
                 session_key=0,
             )
             for layout in plan_frames(asked):
-                self.shared.templates[drive.mac, layout.is_input] = make_template(layout, telegram, model)
+                self.shared.templates[drive.mac, layout.is_input] = make_template(layout, telegrams, drive.model)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from pnfarm.buses.profinet.binding import DriveRecords, axis_stride, describe_device
+from pnfarm.buses.profinet.axis_slots import axis_shifts, model_slots
+from pnfarm.buses.profinet.binding import DriveRecords, describe_device
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
 from pnfarm.protocols.deadlines import earliest
 from pnfarm.station.parameter_words import StationParameterWords
 from pnfarm.station.step_time import SLOWEST_STEP_NS, longest_step_ns
-from pnfarm.table.axis_codes import CMD_RAISE_FAULT
+from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_RAISE_FAULT, CONTROL_BY_PLC, OBJECT_CONTROL_UNIT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -29,10 +30,12 @@ __all__ = ["DriveKind"]
 
 
 class AxisSettings(Protocol):
-    """One axis in the farm file; ``telegram`` None is the model's."""
+    """One axis in the farm file; ``telegram`` None is the model's, ``slot`` None the one behind the axis before."""
 
     @property
     def telegram(self) -> int | None: ...
+    @property
+    def slot(self) -> int | None: ...
 
 
 class DriveSettings(Protocol):
@@ -95,15 +98,19 @@ class DriveKind:
     def describe(self, mac: bytes) -> DeviceDescription:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         strict = self._settings.strict
-        telegrams = [axis.telegram for axis in self._settings.axes]
-        description = describe_device(self.model, mac, strict=strict, telegrams=telegrams)
-        stride = axis_stride(self.model)
-        own = [m.slot for t in self.model.profidrive.telegrams.values() for m in t.modules]
+        shifts = axis_shifts(self.model, [axis.slot for axis in self._settings.axes])
+        description = describe_device(
+            self.model,
+            mac,
+            strict=strict,
+            axes={shift: axis.telegram for shift, axis in zip(shifts, self._settings.axes, strict=True)},
+        )
+        own = model_slots(self.model)
         # the words of a drive with one axis are those of all its submodules
         several = len(self._station.axes) > 1
         self._parts = tuple(
-            _AxisPart(axis, frozenset(slot + axis.number * stride for slot in own), axis.number * stride)
-            for axis in self._station.axes
+            _AxisPart(axis, frozenset(slot + shift for slot in own), shift)
+            for axis, shift in zip(self._station.axes, shifts, strict=True)
         )
         point = next(s for m in description.modules for s in m.submodules)
         slots = {part.first_slot if several else point.slot: part.axis.number for part in self._parts}
@@ -216,10 +223,27 @@ class DriveKind:
     def fault_raised(self, axis: int, number: int) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._parts[axis].diagnosis.raised(number)
+        self._follow_faults()
 
     def faults_cleared(self, axis: int) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         self._parts[axis].diagnosis.cleared()
+        self._follow_faults(acknowledged=axis)
+
+    def _follow_faults(self, acknowledged: int | None = None) -> None:
+        """A control unit reports the faults of every axis, and without control by the PLC it is acknowledged by theirs.
+
+        SINAMICS S110 Function Manual, 06/2012, table 9-27 (CU_STW1.10) and table 9-30 (CU_ZSW1.10).
+        """
+        rows = [part.axis.handle.axis for part in self._parts]
+        for number, row in enumerate(rows):
+            if int(row.profidrive.settings.object) != OBJECT_CONTROL_UNIT:
+                continue
+            others = any(each.faults.code[0] for each in rows if each is not row)
+            row.profidrive.settings.others_faulty = others
+            controlled = int(row.profidrive.stw1_seen) & CONTROL_BY_PLC
+            if acknowledged not in {None, number} and not others and not controlled:
+                self._parts[number].axis.handle.push_command(CMD_ACKNOWLEDGE)
 
     def parameter_task(self, axis: int, value: int, now: int) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""

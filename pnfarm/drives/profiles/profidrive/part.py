@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.drives.description.parts import NO_IDENTITY, Identity
 from pnfarm.drives.telegrams.word_bits import bit_names
+from pnfarm.table.axis_codes import OBJECT_INFEED
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,5 +44,16 @@ class Profidrive:
         )
 
     def bit_names(self, word: str, telegram: int) -> tuple[str, ...]:
-        """The names of a control or status word's bits in a telegram, bit 0 first; empty where no manual names any."""
+        """The names of a control or status word's bits in a telegram, bit 0 first; empty where no manual names any.
+
+        STW1 and ZSW1 of an infeed are E_STW1 and E_ZSW1.
+        """
+        known = self.telegrams.get(telegram) if word in {"STW1", "ZSW1"} else None
+        if known is not None and known.object == OBJECT_INFEED:
+            word = f"E_{word}"
         return bit_names(self.word_bits, word, telegram)
+
+    @property
+    def infeeds(self) -> frozenset[int]:
+        """The telegrams of infeeds."""
+        return frozenset(number for number, one in self.telegrams.items() if one.object == OBJECT_INFEED)

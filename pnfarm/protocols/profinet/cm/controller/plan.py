@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from pnfarm.protocols.profinet.wire.alarms.texts import DiagnosisTexts
 
-__all__ = ["ArPlan", "Clock", "ParameterRecord", "PlannedSubmodule", "ordered"]
+__all__ = ["MAX_SLOT", "ArPlan", "Clock", "ParameterRecord", "PlannedSubmodule", "ordered"]
 
 #: SendClockFactor and ReductionRatio.
 Clock = tuple[int, int]
