@@ -115,7 +115,7 @@ Claim = tuple[str, object, str]
 class AxisConfig:
     """One axis of a drive that has several.
 
-    ``name`` is the whole name, with the drive's; ``telegram`` None is the model's default.
+    ``name`` is the whole name, with the drive's; ``telegram`` None is the model's default, ``supplementary`` none.
     """
 
     name: str
@@ -125,6 +125,7 @@ class AxisConfig:
     params: Mapping[str, int | float | str | bool] = field(default_factory=dict)
     motion_tasks: tuple[MotionTask, ...] = ()
     telegram: int | None = None
+    supplementary: int | None = None
 
     @classmethod
     def of(cls, group: AxisGroup, drive: DriveConfig, **bus: Any) -> Self:

@@ -66,6 +66,10 @@ class ModelFacts(Protocol):
         """The telegrams it has."""
 
     @property
+    def supplements(self) -> Iterable[int]:
+        """Its supplementary telegrams."""
+
+    @property
     def default_telegram(self) -> int:
         """The telegram of a drive for which none is configured."""
 
@@ -134,6 +138,7 @@ class InstalledModel:
     max_cycle_ns = property(attrgetter("model.limits.max_cycle_ns"))
     send_clocks = property(attrgetter("model.limits.send_clocks"))
     telegrams = property(attrgetter("model.profidrive.telegrams"))
+    supplements = property(attrgetter("model.profidrive.supplements"))
     default_telegram = property(attrgetter("model.profidrive.default_telegram"))
     motion_tasks = property(attrgetter("model.limits.motion_tasks"))
     aliases = property(attrgetter("model.aliases"))

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.imports import Found, FoundDrive, FoundStation, drives_first
 from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
-from pnfarm.buses.profinet.maker_identity import identity_of, numbers_in
+from pnfarm.buses.profinet.maker_identity import identity_of
+from pnfarm.buses.profinet.telegram_names import numbers_in
 from pnfarm.drives.catalogue import model, models, models_on
 from pnfarm.errors import ConfigError
 

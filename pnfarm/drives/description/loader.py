@@ -141,7 +141,7 @@ def _profidrive(
         return Profidrive()
     # PROFIBUS has no numbers of modules: a telegram is known by its identifiers
     layout = None if sections.data["bus"] == "profibus" else sections.wanted("telegram_module")
-    signals, telegrams, bits = read_telegrams(files, layout, parameters, numbers)
+    signals, telegrams, supplements, bits = read_telegrams(files, layout, parameters, numbers)
     default = sections.wanted("default_telegram")
     if default not in telegrams:
         raise ConfigError(f"{sections.place('', 'default_telegram')}: there is no telegram {default}")
@@ -149,6 +149,7 @@ def _profidrive(
         identity=sections.section("identity").build(Identity),
         default_telegram=default,
         telegrams=telegrams,
+        supplements=supplements,
         signals=signals,
         word_bits=bits,
         parameter_words=read_parameter_words(sections.section("parameter_words"), telegrams.values()),

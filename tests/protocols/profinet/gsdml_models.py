@@ -36,9 +36,9 @@ def described(drive_model):
     return gsdml, describe_device(drive_model, MAC, strict=True)
 
 
-def plan_of(gsdml, module_id=None, clock=None, **changes):
+def plan_of(gsdml, module_id=None, clock=None, submodules=None, **changes):
     """A plan made of the file alone, at the device's fastest cycle unless ``clock`` (factor, ratio) is given."""
-    device = from_gsdml(gsdml, modules={} if module_id is None else {1: module_id})
+    device = from_gsdml(gsdml, modules={} if module_id is None else {1: module_id}, submodules=submodules or {})
     if clock is None:
         clock = (32, max(1, device.dap.min_device_interval // 32))
     return make_plan(

@@ -60,7 +60,7 @@ DIGESTS = {
     "GSDML-V2.35-pnfarm-moog-msd-20261123.xml": "50ceae05115fd579",
     "GSDML-V2.35-pnfarm-akd-profinet-2012-20261123.xml": "ecdd92587f58fa9a",
     "GSDML-V2.35-pnfarm-hiwin-e1-20261123.xml": "7803ba846ebccf42",
-    "GSDML-V2.35-pnfarm-profidrive-20261128.xml": "eee5a5a34ef299fa",
+    "GSDML-V2.35-pnfarm-profidrive-20261129.xml": "9b10d1d2000a8bdd",
 }
 
 
@@ -163,7 +163,8 @@ def test_the_largest_frames_are_those_of_the_largest_telegram(drive_model):
     gsdml, _ = described(drive_model)
     sizes = []
     for module in gsdml.modules:
-        frames = plan_frames(plan_of(gsdml, module.id))
+        beside = {(1, place): ref.target for ref in module.useable for place in ref.allowed}
+        frames = plan_frames(plan_of(gsdml, module.id, submodules=beside))
         ends = [max([p.iops_offset for p in frame.data] + [p.iocs_offset for p in frame.iocs]) + 1 for frame in frames]
         assert all(frame.data_length == max(end, MIN_C_SDU) for frame, end in zip(frames, ends, strict=True))
         sizes.append(ends)

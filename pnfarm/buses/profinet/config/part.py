@@ -38,7 +38,7 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
     together = MappingProxyType(
         {"ip": ("ip", "gateway"), "cycle": _CLOCK, "send_clock_factor": _CLOCK, "reduction_ratio": _CLOCK}
     )
-    judged_by_model = frozenset({"telegram", "cycle"})
+    judged_by_model = frozenset({"telegram", "supplementary", "cycle"})
     check_name = staticmethod(checks.check_name)
     check_group = staticmethod(check_addresses)
     check_model = staticmethod(checks.check_model)
@@ -55,7 +55,12 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
     ) -> ProfinetDriveConfig:
         controller = expansion.controller if isinstance(expansion.controller, ProfinetController) else None
         several = tuple(
-            AxisConfig.of(axis, common, telegram=group.telegram if axis.telegram is None else axis.telegram)
+            AxisConfig.of(
+                axis,
+                common,
+                telegram=group.telegram if axis.telegram is None else axis.telegram,
+                supplementary=group.supplementary if axis.supplementary is None else axis.supplementary,
+            )
             for axis in group.axes
         )
         return ProfinetDriveConfig.extending(
@@ -65,6 +70,7 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
             ip=nth_ip(group, step),
             gateway=group.gateway,
             telegram=group.telegram,
+            supplementary=group.supplementary,
             hello=group.hello,
             cycle_ns=own_cycle_ns(group, controller, model),
         )

@@ -7,7 +7,14 @@ from ipaddress import IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pnfarm.buses.controllers.plan import describing, own_address, profidrive_keys, reconnect_after_ns, telegram_of
+from pnfarm.buses.controllers.plan import (
+    describing,
+    own_address,
+    profidrive_keys,
+    reconnect_after_ns,
+    supplement_of,
+    telegram_of,
+)
 from pnfarm.buses.controllers.signal_steps import KnownSteps
 from pnfarm.buses.plain_layout import plain_layout
 from pnfarm.buses.profinet.binding import axis_stride
@@ -39,11 +46,17 @@ if TYPE_CHECKING:
 __all__ = ["plan_controller", "plan_devices"]
 
 
-def _submodules(model: Model, telegrams: Sequence[int]) -> tuple[PlannedSubmodule, ...]:
-    """Those of the access point and of each axis's telegram."""
-    stride = axis_stride(model) if len(telegrams) > 1 else 0
-    modules = [(model.dap, 0)]
-    modules += [(telegram_of(model, number).module, axis * stride) for axis, number in enumerate(telegrams)]
+def _submodules(model: Model, axes: Sequence[tuple[int, int | None]]) -> tuple[PlannedSubmodule, ...]:
+    """Those of the access point and of each axis's telegrams."""
+    stride = axis_stride(model) if len(axes) > 1 else 0
+    modules = [(model.dap, model.dap.submodules, 0)]
+    for place, (number, supplementary) in enumerate(axes):
+        module = telegram_of(model, number).module
+        beside = supplement_of(model, supplementary).module.submodules
+        # those without data that are plugged in their places at first go
+        kept = [one for one in module.submodules if one.subslot not in {one.subslot for one in beside}]
+        every = (*kept, *(replace(one, slot=module.slot) for one in beside))
+        modules.append((module, every, place * stride))
     return tuple(
         PlannedSubmodule(
             api=s.api,
@@ -54,8 +67,8 @@ def _submodules(model: Model, telegrams: Sequence[int]) -> tuple[PlannedSubmodul
             input_bytes=s.input_bytes,
             output_bytes=s.output_bytes,
         )
-        for module, shift in modules
-        for s in module.submodules
+        for module, submodules, shift in modules
+        for s in submodules
     )
 
 
@@ -194,14 +207,14 @@ def _axis_keys(
     section: ProfinetController,
     drive: ProfinetDriveConfig,
     model: Model,
-    numbers: Sequence[int],
+    telegrams: Sequence[tuple[int, int | None]],
     known_steps: KnownSteps,
 ) -> list[dict[str, Any]]:
     """What is planned for each axis, by the fields of ``PlannedDevice``."""
     stride = axis_stride(model)
     own = {module.slot for telegram in model.profidrive.telegrams.values() for module in telegram.modules}
     found = []
-    for place, (axis, number) in enumerate(zip(drive.axes, numbers, strict=True)):
+    for place, (axis, (number, beside)) in enumerate(zip(drive.axes, telegrams, strict=True)):
         alone = replace(
             drive,
             name=axis.name,
@@ -211,9 +224,9 @@ def _axis_keys(
             params=axis.params,
             several=(),
         )
-        keys = profidrive_keys(section, alone, model, number, known_steps)
+        keys = profidrive_keys(section, alone, model, number, known_steps, beside)
         keys["life"] = model.profidrive.sign_of_life is not None
-        if len(numbers) > 1:
+        if len(telegrams) > 1:
             keys["slots"] = frozenset(slot + place * stride for slot in own)
         found.append(keys)
     return found
@@ -238,8 +251,8 @@ def plan_devices(
         ip = addresses.of(drive.ip, f"drive {drive.name}")
         # without a telegram in the section each model has its own
         usual = section.telegram if "telegram" in section.model_fields_set else model.profidrive.default_telegram
-        numbers = [usual if axis.telegram is None else axis.telegram for axis in drive.axes]
-        first, *further = _axis_keys(section, drive, model, numbers, known_steps)
+        telegrams = [(usual if axis.telegram is None else axis.telegram, axis.supplementary) for axis in drive.axes]
+        first, *further = _axis_keys(section, drive, model, telegrams, known_steps)
         clock = clock_of(section, drive.cycle_ns)
         plans.append(
             DevicePlan(
@@ -250,7 +263,7 @@ def plan_devices(
                 assign_ip=section.assign_ip,
                 vendor_id=model.profidrive.identity.vendor_id,
                 device_id=model.profidrive.identity.device_id,
-                submodules=_submodules(model, numbers),
+                submodules=_submodules(model, telegrams),
                 texts=DescribedDiagnosis(*describe_diagnosis(model)),
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,

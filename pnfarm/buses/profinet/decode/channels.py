@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.decoding.channel import SummedChannel
 from pnfarm.captures.drive_words import words_of
+from pnfarm.protocols.profinet.cm.device.diff import expected_idents
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
@@ -69,7 +70,8 @@ def telegram_of(expected: Iterable[ExpectedApi], model: Model | None) -> Telegra
     """The telegram of the module that a Connect expects of a drive of this model."""
     if model is None:
         return None
-    found = (model.profidrive.telegram_by_module(api.module_ident) for api in expected)
+    wanted = expected_idents(expected).values()
+    found = (model.profidrive.telegram_by_module(module, idents) for module, idents in wanted)
     return next((telegram for telegram in found if telegram is not None), None)
 
 
@@ -80,12 +82,14 @@ def make_template(layout: IocrLayout, telegram: Telegram | None, model: Model | 
     first = "ZSW1" if is_input else "STW1"
     place = None
     if telegram is not None:
-        holder = next((s for s in telegram.module.submodules if (s.input_bytes if is_input else s.output_bytes)), None)
-        place = layout.data_of(holder.slot, holder.subslot) if holder is not None else None
-        signals = telegram.input if is_input else telegram.output
-        if place is not None:
-            words = list(words_of((s.name if s is not None else "" for s in signals), place.data_offset))
-            words = [word for word in words if word[1] + word[2] <= place.data_offset + place.data_length]
+        holder = telegram.module.data
+        place = layout.data_of(holder.slot, holder.subslot)
+        for each in (telegram, *(model.profidrive.supplements.values() if model is not None else ())):
+            data = layout.data_of(holder.slot, each.module.data.subslot)
+            signals = each.input if is_input else each.output
+            if data is not None:
+                named = words_of((s.name if s is not None else "" for s in signals), data.data_offset)
+                words += [word for word in named if word[1] + word[2] <= data.data_offset + data.data_length]
     if place is None:
         place = next((d for d in layout.data if d.api == PROFIDRIVE_API and d.data_length >= 2), None)
         if place is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from pnfarm.buses.profinet.binding import DriveRecords, axis_stride, describe_device
+from pnfarm.buses.profinet.binding import AxisTelegrams, DriveRecords, axis_stride, describe_device
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
+    from pnfarm.drives.telegrams.telegram import Telegram
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
-    from pnfarm.protocols.profinet.description import DeviceDescription
+    from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
@@ -29,10 +30,12 @@ __all__ = ["DriveKind"]
 
 
 class AxisSettings(Protocol):
-    """One axis in the farm file; ``telegram`` None is the model's."""
+    """One axis in the farm file; ``telegram`` None is the model's, ``supplementary`` None: it has none beside."""
 
     @property
     def telegram(self) -> int | None: ...
+    @property
+    def supplementary(self) -> int | None: ...
 
 
 class DriveSettings(Protocol):
@@ -95,8 +98,8 @@ class DriveKind:
     def describe(self, mac: bytes) -> DeviceDescription:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         strict = self._settings.strict
-        telegrams = [axis.telegram for axis in self._settings.axes]
-        description = describe_device(self.model, mac, strict=strict, telegrams=telegrams)
+        axes = [AxisTelegrams(axis.telegram, axis.supplementary) for axis in self._settings.axes]
+        description = describe_device(self.model, mac, strict=strict, axes=axes)
         stride = axis_stride(self.model)
         own = [m.slot for t in self.model.profidrive.telegrams.values() for m in t.modules]
         # the words of a drive with one axis are those of all its submodules
@@ -133,19 +136,32 @@ class DriveKind:
     diagnoses = None
 
     def follow_modules(self) -> None:
-        """The plugged modules determine the telegrams of the frames."""
+        """The plugged modules determine the telegrams of the frames; a supplementary one counts if it is expected."""
+        expected = {(e.slot, s.subslot) for ar in self._cm.ars for e in ar.expected for s in e.submodules}
         for part in self._parts:
             module = self._cm.plugged.module(part.first_slot)
-            telegram = None if module is None else self.model.profidrive.telegram_by_module(module.module_ident)
-            if module is not None and telegram is not None:
-                part.axis.store.plug_telegram(telegram.number, module.module_ident)
+            telegram = None if module is None else self._telegram_in(module)
+            if module is None or telegram is None:
+                continue
+            places = {s.subslot: s.submodule_ident for s in module.submodules if (s.slot, s.subslot) in expected}
+            beside = (
+                number
+                for number, one in self.model.profidrive.supplements.items()
+                if places.get(one.module.data.subslot) == one.module.data.ident
+            )
+            part.axis.store.plug_telegram(telegram.number, module.module_ident, next(beside, None))
+
+    def _telegram_in(self, module: ModuleDescription) -> Telegram | None:
+        idents = {one.subslot: one.submodule_ident for one in module.submodules}
+        return self.model.profidrive.telegram_by_module(module.module_ident, idents)
 
     def _set_points(self, part: _AxisPart) -> set[tuple[int, int]]:
-        """(slot, subslot) of the submodules whose owner feeds an axis: those with outputs, else all of its slot."""
+        """(slot, subslot) of the submodules whose owner feeds an axis: the first with outputs, else all of its slot."""
         module = self._cm.plugged.module(part.first_slot)
         submodules = module.submodules if module is not None else ()
         slot = part.first_slot
-        return {(slot, s.subslot) for s in submodules if s.output_bytes} or {(slot, s.subslot) for s in submodules}
+        places = [(slot, s.subslot) for s in submodules if s.output_bytes][:1]
+        return set(places or ((slot, s.subslot) for s in submodules))
 
     def feeds(self, ar: ArChannels) -> frozenset[int]:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
@@ -202,13 +218,14 @@ class DriveKind:
         return self._first.store.telegram_number
 
     @property
-    def telegrams(self) -> dict[int, int]:
+    def telegrams(self) -> dict[int, tuple[int, dict[int, int]]]:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
-        return {number: known.module.ident for number, known in self.model.profidrive.telegrams.items()}
+        known = {number: telegram.module for number, telegram in self.model.profidrive.telegrams.items()}
+        return {number: (one.ident, {one.data.subslot: one.data.ident}) for number, one in known.items()}
 
-    def telegram_of(self, module_ident: int) -> int | None:
+    def telegram_of(self, module: ModuleDescription) -> int | None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
-        found = self.model.profidrive.telegram_by_module(module_ident)
+        found = self._telegram_in(module)
         return None if found is None else found.number
 
     # -- events ------------------------------------------------------------------------------------------------------
