@@ -9,6 +9,7 @@ Slots, subslots and the submodules without data beside it (parameter access poin
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.described import AccessPointError, DescribedIdentity
@@ -27,6 +28,8 @@ __all__ = ["identity_of"]
 
 #: Longest order number of I&M0, octets.
 ORDER_NUMBER = 20
+#: Subslots of one submodule, and slots in which telegrams are looked for; makers' files have up to 16.
+PLACES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +145,7 @@ def _matched_in_slot(document: Gsdml, dap: Dap, model: Model) -> tuple[int, _Fou
     """The slot with the most telegrams, the drive's own of several, and the telegrams that it takes."""
     own = model.profidrive.telegrams[model.profidrive.default_telegram].module.slot
     slots = sorted({own, *(place for ref in dap.modules if (place := _place(ref)) is not None)}, key=lambda s: s != own)
-    found = [(slot, _matched(document, dap, slot, model)) for slot in slots]
+    found = [(slot, _matched(document, dap, slot, model)) for slot in slots[:PLACES]]
     return max(found, key=lambda one: len(one[1]))
 
 
@@ -184,12 +187,13 @@ def _modules(document: Gsdml, dap: Dap, slot: int) -> Iterator[ModuleItem]:
 def _offers(document: Gsdml, module: ModuleItem) -> Iterator[_Offer]:
     fixed = [one for one in module.submodules if _has_data(one)]
     plugged = [(ref, one) for ref in module.useable if (one := document.submodule(ref.target)) is not None]
-    beside = {place: one.ident for one in module.submodules if not _has_data(one) for place in one.fixed}
+    empty = (one for one in module.submodules if not _has_data(one))
+    beside = {place: one.ident for one in empty for place in islice(one.fixed, PLACES)}
     takes: dict[int, list[int]] = {}
     for ref, one in plugged:
         if not _has_data(one):
-            beside |= dict.fromkeys((*ref.used, *ref.fixed), one.ident)
-            for place in ref.allowed:
+            beside |= dict.fromkeys(islice(chain(ref.used, ref.fixed), PLACES), one.ident)
+            for place in islice(ref.allowed, PLACES):
                 takes.setdefault(place, []).append(one.ident)
     if len(fixed) == 1:
         own = next(iter(fixed[0].fixed), 1)
