@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from pnfarm.config.axis import axis_complaints
 from pnfarm.config.realism import missing_figures
 from pnfarm.drives import catalogue as drives
+from pnfarm.drives.description.behaviour_sets import SET
 from pnfarm.drives.description.identity import OVERRIDES, overrides_of, with_identity
 from pnfarm.drives.description.motor_kinds import ROTARY, with_motor
 from pnfarm.drives.parameters.given_values import raw_number
@@ -146,7 +147,8 @@ class InstalledModel:
 
     @property
     def open_points(self) -> Mapping[str, Sequence[str]]:
-        return {
+        sets = {SET: sorted(self.model.behaviour_sets, key=lambda name: name != "generic")}
+        return (sets if self.model.behaviour_sets else {}) | {
             point.name: sorted(point.readings, key=lambda name: name != point.default) for point in self.model.behaviour
         }
 
@@ -188,7 +190,12 @@ class InstalledModel:
         points = {point.name: point for point in self.model.behaviour}
         complaints: list[Complaint] = []
         for name, reading in behaviour.items():
-            if name not in points:
+            if name == SET:
+                if reading not in self.model.behaviour_sets:
+                    known = self.model.behaviour_sets
+                    what = f"{self.name} has no set {shown(reading)}{did_you_mean(reading, known)}"
+                    complaints.append((name, what, ", ".join(known) or "none"))
+            elif name not in points:
                 what = f"is not an open point of {self.name}{did_you_mean(name, points)}"
                 complaints.append((name, what, ", ".join(points) or "none"))
             elif reading not in points[name].readings:
