@@ -101,7 +101,7 @@ def test_any_choice_makes_a_model_or_is_refused_with_a_sentence(chosen):
     if all(reading in allowed[name] for name, reading in chosen.items()):
         assert with_behaviour(MODEL, chosen).readings.get("sign-of-life") in {None, "watched", "isochronous-only"}
         return
-    with pytest.raises(ConfigError, match="^profidrive has no (set|behaviour) "):
+    with pytest.raises(ConfigError, match=r"^profidrive has no (set|behaviour) "):
         with_behaviour(MODEL, chosen)
 
 

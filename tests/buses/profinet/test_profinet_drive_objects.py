@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
+from drive_gsdml_sweep import DriveSweep
 from drive_object_gsdml import EMPTY, PROFISAFE, SERVO, VECTOR, drive_object_gsdml
 from hand_plc import HandPlc
 from hypothesis import given
@@ -186,3 +190,18 @@ def test_whatever_submodules_a_controller_expects_the_drive_has_one_in_each_subs
         assert (found is not None and found.submodule_ident == ident) == ((place, ident) in known)
     # what was there before can come back
     assert {(s.subslot, s.submodule_ident) for s in (*taken.submodules, *taken.choices)} == known
+
+
+FILES = sorted(Path(os.environ["PNFARM_GSDML_FILES"]).rglob("*.xml")) if "PNFARM_GSDML_FILES" in os.environ else []
+
+
+@pytest.mark.parametrize("path", [None, *FILES], ids=lambda path: "example" if path is None else path.name)
+def test_a_drive_connects_by_each_access_point_and_telegram_of_a_file(tmp_path, path):
+    """``PNFARM_GSDML_FILES`` names a folder with more files, such as ``python -m tests.public_gsdml`` fetches."""
+    if path is None:
+        path = tmp_path / "maker.xml"
+        path.write_text(drive_object_gsdml())
+    found = DriveSweep(path, parse_gsdml(path.read_bytes(), path.name))
+    assert found.findings == []
+    if path.name == "maker.xml":
+        assert found.counts == {"drives' access points": 2, "telegrams connected": 2 * (2 + 6)}
