@@ -138,7 +138,8 @@ class DeviceDescription:
     can take; the first one of a slot is in it at power-on.  ``send_clocks`` and ``reduction_ratios`` are the
     SendClockFactors and ReductionRatios accepted, which the description file names too.
     ``im_carriers`` are the submodules with I&M data; if none is named, the DAP's first one, for the device.
-    ``own_records`` are indexes that its file names although the standard has no such record.
+    ``own_records`` are indexes that its file names although the standard has no such record; ``ignored_records`` those
+    of records that are accepted, kept and have no effect.
     """
 
     vendor_id: int
@@ -154,6 +155,7 @@ class DeviceDescription:
     limits: Limits = Limits()
     im_carriers: tuple[ImCarrier, ...] = ()
     own_records: frozenset[int] = frozenset()
+    ignored_records: frozenset[int] = frozenset()
 
     @property
     def carriers(self) -> tuple[ImCarrier, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
@@ -61,6 +61,12 @@ class ProfinetDrives(IpDrives):
         "model whose manual has one axis takes more with `limits: lax`.",
         examples=[[{"name": "x"}, {"name": "y"}]],
     )
+    isochronous: Literal["refuse", "ignore"] = Field(
+        default="refuse",
+        description="What becomes of the records with which a controller asks for isochronous operation "
+        "(IsochronousModeData, PDIRData, PDSyncData): ignore takes and keeps them, and the drive runs in RT without "
+        "the clock.",
+    )
     hello: bool = Field(
         default=False,
         description="Whether the drive sends DCP Hello at power-on; a controller's fast start-up record overrides it.",
@@ -75,12 +81,13 @@ class ProfinetDriveConfig(IpDriveConfig):
     """One drive.
 
     ``telegram`` is None where the file leaves it to the model, ``supplementary`` where there is none, ``cycle_ns``
-    where the controller's counts.
+    where the controller's counts.  ``ignores_clock``: a controller may ask for isochronous operation.
     For a foreign device (a file without ``farm:``) ``mac`` means nothing: the controller finds it by name.
     """
 
     telegram: int | None = None
     supplementary: int | None = None
+    ignores_clock: bool = False
     hello: bool = False
     cycle_ns: int | None = None
 

@@ -71,6 +71,7 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
             gateway=group.gateway,
             telegram=group.telegram,
             supplementary=group.supplementary,
+            ignores_clock=group.isochronous == "ignore",
             hello=group.hello,
             cycle_ns=own_cycle_ns(group, controller, model),
         )

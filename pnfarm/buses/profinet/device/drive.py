@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from pnfarm.buses.profinet.binding import AxisTelegrams, DriveRecords, axis_stride, describe_device
@@ -9,6 +10,7 @@ from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
 from pnfarm.protocols.deadlines import earliest
+from pnfarm.protocols.profinet.records.directory import ISOCHRONOUS
 from pnfarm.station.parameter_words import StationParameterWords
 from pnfarm.station.step_time import SLOWEST_STEP_NS, longest_step_ns
 from pnfarm.table.axis_codes import CMD_RAISE_FAULT
@@ -39,10 +41,15 @@ class AxisSettings(Protocol):
 
 
 class DriveSettings(Protocol):
-    """The drive in the farm file; ``strict``: it keeps to its model's limits."""
+    """The drive in the farm file.
+
+    ``strict``: it keeps to its model's limits; ``ignores_clock``: a controller may ask for isochronous operation.
+    """
 
     @property
     def strict(self) -> bool: ...
+    @property
+    def ignores_clock(self) -> bool: ...
     @property
     def axes(self) -> Sequence[AxisSettings]: ...
 
@@ -100,6 +107,8 @@ class DriveKind:
         strict = self._settings.strict
         axes = [AxisTelegrams(axis.telegram, axis.supplementary) for axis in self._settings.axes]
         description = describe_device(self.model, mac, strict=strict, axes=axes)
+        if self._settings.ignores_clock:
+            description = replace(description, ignored_records=ISOCHRONOUS)
         stride = axis_stride(self.model)
         own = [m.slot for t in self.model.profidrive.telegrams.values() for m in t.modules]
         # the words of a drive with one axis are those of all its submodules
