@@ -5,8 +5,9 @@ Both come from the code's own tables, so they cannot say anything else; a test c
 of each manual the drives do (`manual_coverage`), ``behaviour.md`` what the manuals leave open, ``bus.md`` what a bus
 offers (`bus_page`), ``faults.md`` what can be injected (`fault_page`), ``metrics.md``, ``api.md`` and ``commands.md``
 what a farm serves and the program takes, ``gsdml.md`` what is read of makers' files (`gsdml_page`), ``drives/MODEL.md``
-what an engineer needs to know of a drive (`drive_pages`), and ``parameters/MODEL.md`` every parameter with what it does
-(`model_pages`).  ``configs/schema/`` has the JSON Schemas.
+what an engineer needs to know of a drive (`drive_pages`), ``drives/makers.md`` makers' sets of behaviour
+(`maker_page`), and ``parameters/MODEL.md`` every parameter with what it does (`model_pages`).  ``configs/schema/`` has
+the JSON Schemas.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import command_page
 import drive_pages
 import fault_page
 import gsdml_page
+import maker_page
 import manual_coverage
 import metric_page
 import model_pages
@@ -282,6 +284,7 @@ PAGES = {
     "api.md": api_page.page,
     "commands.md": command_page.page,
     "drives/index.md": drive_pages.index,
+    "drives/makers.md": maker_page.page,
     **{f"drives/{name}.md": partial(drive_pages.page, name) for name in sorted(models())},
     **{
         f"parameters/{name}.md": partial(model_pages.parameters, name)

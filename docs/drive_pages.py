@@ -24,7 +24,7 @@ NOTES = Path(__file__).resolve().parent / "drives" / "notes"
 FILES = {"profinet": ("gsdml", "GSDML"), "ethernetip": ("eds", "EDS"), "profibus": ("gsd", "GSD")}
 #: Bus -> what a farm file says where a project holds the maker's file.
 HELD = {
-    "profinet": "`identity: {gsdml: FILE}` of the drive, and no ident is typed",
+    "profinet": "`gsdml: FILE` of the drive, and no ident is typed",
     "ethernetip": "put its idents under `identity:` of the drive",
     "profibus": "put its ident number under `identity: {device: ...}` of the drive",
 }
@@ -71,6 +71,13 @@ def _telegrams(described: dict[str, Any]) -> list[str]:
         if idents:
             row += f" `0x{one['module_ident']:X}` |"
         lines.append(row)
+    beside = [
+        f"Supplementary telegram {one['number']} (`supplementary: {one['number']}`), submodule "
+        f"`0x{one['submodule_ident']:X}` in subslot {one['subslot']} beside any of them: {_words(one['output'])} from "
+        f"the controller, {_words(one['input'])} to it ({_told(one)})."
+        for one in described["supplements"]
+    ]
+    lines += ["", *beside] if beside else []
     told = f"The drive starts with telegram {described['default_telegram']}, and takes what the controller plugs or its"
     more = "parameters select; `telegram:` of a drive in the farm file names another one."
     return [*lines, "", told, more, "", *_sources(described)]

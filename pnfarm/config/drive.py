@@ -115,8 +115,8 @@ Claim = tuple[str, object, str]
 class AxisConfig:
     """One axis of a drive that has several.
 
-    ``name`` is the whole name, with the drive's; ``telegram`` None is the model's default, ``slot`` None the one behind
-    the axis before.
+    ``name`` is the whole name, with the drive's; ``telegram`` None is the model's default, ``supplementary`` none, and
+    ``slot`` None the one behind the axis before.
     """
 
     name: str
@@ -127,6 +127,7 @@ class AxisConfig:
     motion_tasks: tuple[MotionTask, ...] = ()
     telegram: int | None = None
     slot: int | None = None
+    supplementary: int | None = None
 
     @classmethod
     def of(cls, group: AxisGroup, drive: DriveConfig, **bus: Any) -> Self:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from pnfarm.config.axis import axis_complaints
 from pnfarm.config.realism import missing_figures
 from pnfarm.drives import catalogue as drives
+from pnfarm.drives.description.behaviour_sets import SET
 from pnfarm.drives.description.identity import OVERRIDES, overrides_of, with_identity
 from pnfarm.drives.description.motor_kinds import ROTARY, with_motor
 from pnfarm.drives.parameters.given_values import raw_number
@@ -64,6 +65,10 @@ class ModelFacts(Protocol):
     @property
     def telegrams(self) -> Iterable[int]:
         """The telegrams it has."""
+
+    @property
+    def supplements(self) -> Iterable[int]:
+        """Its supplementary telegrams."""
 
     @property
     def default_telegram(self) -> int:
@@ -138,6 +143,7 @@ class InstalledModel:
     max_cycle_ns = property(attrgetter("model.limits.max_cycle_ns"))
     send_clocks = property(attrgetter("model.limits.send_clocks"))
     telegrams = property(attrgetter("model.profidrive.telegrams"))
+    supplements = property(attrgetter("model.profidrive.supplements"))
     default_telegram = property(attrgetter("model.profidrive.default_telegram"))
     motion_tasks = property(attrgetter("model.limits.motion_tasks"))
     most_axes = property(attrgetter("model.limits.axes"))
@@ -146,7 +152,8 @@ class InstalledModel:
 
     @property
     def open_points(self) -> Mapping[str, Sequence[str]]:
-        return {
+        sets = {SET: sorted(self.model.behaviour_sets, key=lambda name: name != "generic")}
+        return (sets if self.model.behaviour_sets else {}) | {
             point.name: sorted(point.readings, key=lambda name: name != point.default) for point in self.model.behaviour
         }
 
@@ -188,7 +195,12 @@ class InstalledModel:
         points = {point.name: point for point in self.model.behaviour}
         complaints: list[Complaint] = []
         for name, reading in behaviour.items():
-            if name not in points:
+            if name == SET:
+                if reading not in self.model.behaviour_sets:
+                    known = self.model.behaviour_sets
+                    what = f"{self.name} has no set {shown(reading)}{did_you_mean(reading, known)}"
+                    complaints.append((name, what, ", ".join(known) or "none"))
+            elif name not in points:
                 what = f"is not an open point of {self.name}{did_you_mean(name, points)}"
                 complaints.append((name, what, ", ".join(points) or "none"))
             elif reading not in points[name].readings:

@@ -428,5 +428,6 @@ def test_a_farm_file_changes_idents_of_the_first_module_and_may_not_give_one_twi
     assert {module.submodules[0].ident for t in changed.profidrive.telegrams.values() for module in t.modules} == {
         0xFFFE
     }
-    with pytest.raises(ConfigError, match="two modules have the same module ident"):
-        with_identity(MSD, {"telegrams": {104: 0x0065}})
+    ident = MSD.profidrive.telegrams[101].module.data.ident
+    with pytest.raises(ConfigError, match="two modules have the same module ident and submodule ident"):
+        with_identity(MSD, {"telegrams": {104: {"module": 0x0065, "submodule": ident}}})

@@ -13,6 +13,7 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from uuid import UUID
 
+from drive_object_gsdml import drive_object_gsdml
 from gsdml_versions import VERSIONS, gsdml_of
 from virtual_line import VirtualLine
 
@@ -386,6 +387,7 @@ def _descriptions() -> Iterator[tuple[str, bytes]]:
         yield "gsdml", emit_gsdml(describe_model(catalogue.model(name))).encode()
     for version in VERSIONS:
         yield "gsdml", gsdml_of(version).encode()
+    yield "gsdml", drive_object_gsdml().encode()
     yield "gsdml", (Path(__file__).parents[1] / "protocols" / "profinet" / "gsdml_miniature.xml").read_bytes()
     for path in sorted((Path(__file__).parents[2] / "configs" / "gsdml").glob("*.xml")):
         yield "gsdml", path.read_bytes()

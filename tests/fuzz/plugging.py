@@ -8,6 +8,10 @@ from pnfarm.buses.ethernetip.described.file_signals import assembly_signals
 from pnfarm.buses.ethernetip.described.kind import offer_of
 from pnfarm.buses.ethernetip.described.station import composed, points_of
 from pnfarm.buses.profinet.file_signals import file_signals
+from pnfarm.buses.profinet.maker_identity import identity_of
+from pnfarm.drives import catalogue
+from pnfarm.drives.description.identity import with_identity
+from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.eds.reader import parse_sheet
 from pnfarm.protocols.profibus.gsd import values as gsd_values
 from pnfarm.protocols.profibus.gsd.reader import parse_gsd_file
@@ -25,9 +29,14 @@ MOST = 4
 def plug_everything(data: bytes) -> None:
     """Raises :class:`DecodeError` where the octets are no description; what cannot be plugged is no error."""
     gsdml = parse_gsdml(data)
-    catalogue = DiagnosisCatalogue(gsdml)
-    for error in catalogue.described:
-        catalogue.texts(error, "de")
+    drive = catalogue.model("profidrive")
+    with suppress(ConfigError):
+        described = with_identity(drive, identity_of(gsdml, drive).overrides)
+        for telegram in described.profidrive.telegrams.values():
+            assert telegram.module.data.output_bytes == 2 * len(telegram.output)
+    diagnoses = DiagnosisCatalogue(gsdml)
+    for error in diagnoses.described:
+        diagnoses.texts(error, "de")
     for dap in gsdml.daps:
         choices: list[dict[int, str]] = [{}]
         for ref in dap.modules[:MOST]:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+from typing import TYPE_CHECKING
 
 from pnfarm.controller import line as controller_line
 from pnfarm.drives import catalogue
 from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.station.event_log import EventLog
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 FILE = """
 farm: virtual
@@ -23,7 +27,7 @@ drives:
     motor: {motor}
     load: {load}
     machine: {machine}
-    behaviour: {behaviour}
+    behaviour: {behaviour}{keys}
     words: {words}
     faults: {faults}
     realism: {realism}
@@ -57,7 +61,7 @@ class VirtualLine:
                  startup: str = "legacy", telegram: int = 1, model: str = "akd-profinet", controller: bool = True,
                  memory: VolatileMemory | None = None, params: str = "{}", tasks: str = "[]",
                  motor: str = "{}", load: str = "{}", machine: str = "{}", behaviour: str = "{}", realism: str = "{}",
-                 top: str = "", identity: str = "{}", words: str = "{}", faults: str = "[]",
+                 top: str = "", identity: str = "{}", words: str = "{}", faults: str = "[]", keys: Sequence[str] = (),
                  program: str = "{kind: constant, speed_rpm: 60, acknowledge_after: 200ms}") -> None:  # fmt: skip
         #: Whether it is a line, with a master.
         self.is_on_line = catalogue.model(model).bus == "profibus"
@@ -79,6 +83,7 @@ class VirtualLine:
             load=load,
             machine=machine,
             behaviour=behaviour,
+            keys="".join(f"\n    {key}" for key in keys),
             realism=realism,
             words=words,
             faults=faults,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.controllers.axis_program import axis_program
 from pnfarm.drives.telegrams.signal_view import axis_signals
+from pnfarm.drives.telegrams.telegram import NO_TELEGRAM
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.table.axis_codes import OBJECT_AXIS, TASKS_NONE
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.telegrams.telegram import Telegram
 
-__all__ = ["describing", "own_address", "profidrive_keys", "reconnect_after_ns", "telegram_of"]
+__all__ = ["describing", "own_address", "profidrive_keys", "reconnect_after_ns", "supplement_of", "telegram_of"]
 
 
 def reconnect_after_ns(section: ControllerSection) -> int | None:
@@ -46,9 +47,18 @@ def own_address(given: IPv4Interface | None, others: Iterable[IPv4Interface | No
     raise ConfigError(f"{network} has no address left for the controller; give it one outside of the drives'")
 
 
-def telegram_of(model: Model, number: int) -> Telegram:
-    """A drive's telegram.  Raises :class:`ConfigError` for one that the model does not have."""
-    telegram = model.profidrive.telegrams.get(number)
+def supplement_of(model: Model, number: int | None) -> Telegram:
+    """A drive's supplementary telegram, one without words for None.  Raises :class:`ConfigError` as the others do."""
+    found = NO_TELEGRAM if number is None else model.profidrive.supplements.get(number)
+    if found is None:
+        known = ", ".join(map(str, model.profidrive.supplements)) or "none"
+        raise ConfigError(f"{model.name} has no supplementary telegram {number}; it has {known}")
+    return found
+
+
+def telegram_of(model: Model, number: int | None) -> Telegram:
+    """A drive's telegram, its usual one for None.  Raises :class:`ConfigError` for one that the model does not have."""
+    telegram = model.profidrive.telegrams.get(model.profidrive.default_telegram if number is None else number)
     if telegram is None:
         known = ", ".join(map(str, model.profidrive.telegrams))
         raise ConfigError(f"{model.name} has no telegram {number}; it has {known}")
@@ -56,13 +66,20 @@ def telegram_of(model: Model, number: int) -> Telegram:
 
 
 def profidrive_keys(
-    section: ControllerSection, drive: DriveConfig, model: Model, number: int, known_steps: KnownSteps
+    section: ControllerSection,
+    drive: DriveConfig,
+    model: Model,
+    number: int,
+    known_steps: KnownSteps,
+    supplementary: int | None = None,
 ) -> dict[str, Any]:
-    """What any plan has of a PROFIdrive drive with this telegram, by the fields of ``PlannedDevice``.
+    """What any plan has of a PROFIdrive drive with these telegrams, by the fields of ``PlannedDevice``.
 
     Raises :class:`ConfigError` as :func:`telegram_of` does, and for a program that the telegram has no signals for.
     """
     telegram, steps = telegram_of(model, number), known_steps.of(model, drive, number)
+    beside = supplement_of(model, supplementary)
+    words = telegram.output + beside.output, telegram.input + beside.input
     if section.program.kind == "positions" and steps.task_form == TASKS_NONE and steps.object == OBJECT_AXIS:
         raise ConfigError(f"drive {drive.name}: telegram {number} of {model.name} has no signal of a position task")
     return {
@@ -70,9 +87,9 @@ def profidrive_keys(
         "model": model.name,
         "program": axis_program(section.program),
         "steps": steps,
-        "signals": axis_signals(model.profidrive, number, steps.units()),
-        "output_words": telegram.output_words,
-        "input_words": telegram.input_words,
+        "signals": axis_signals(model.profidrive, number, steps.units(), words),
+        "output_words": telegram.output_words + beside.output_words,
+        "input_words": telegram.input_words + beside.input_words,
         "described": model,
         "reconnect_after_ns": reconnect_after_ns(section),
     }

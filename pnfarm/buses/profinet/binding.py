@@ -6,8 +6,7 @@ The only file of this protocol that depends on drives.
 from __future__ import annotations
 
 from functools import lru_cache
-from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import DecodeError
@@ -28,14 +27,27 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.parameters.store import ParameterStore
-    from pnfarm.drives.telegrams.telegram import Module
+    from pnfarm.drives.telegrams.telegram import Module, Submodule
     from pnfarm.protocols.profinet.cm.ar import Ar
 
-__all__ = ["EVERY_RATIO", "DriveRecords", "describe_device", "serial_number"]
+__all__ = ["EVERY_RATIO", "AxisPlace", "DriveRecords", "describe_device", "serial_number"]
 
 #: A drive with lax limits accepts every defined SendClockFactor and ReductionRatio.
 EVERY_RATIO = range(1, MAX_REDUCTION + 1)
-_ONE_AXIS: Mapping[int, int | None] = MappingProxyType({0: None})
+
+
+class AxisPlace(NamedTuple):
+    """An axis at power-on: its telegram, None for the model's, and a supplementary one, None for none.
+
+    ``shift``: how far behind the model's its slots are.
+    """
+
+    shift: int = 0
+    telegram: int | None = None
+    supplementary: int | None = None
+
+
+_MODEL_AXIS = AxisPlace()
 
 #: I&M1 to I&M3, which every device must store since V2.31 of the specification, and I&M4, which is optional.  Assumed:
 #: no manual mentions them, and an engineering tool that writes a signature must be able to read it back.
@@ -53,19 +65,21 @@ def _module(module: Module, shift: int = 0) -> ModuleDescription:
     return ModuleDescription(
         slot=module.slot + shift,
         module_ident=module.ident,
-        submodules=tuple(
-            SubmoduleDescription(
-                slot=s.slot + shift,
-                subslot=s.subslot,
-                api=s.api,
-                module_ident=module.ident,
-                submodule_ident=s.ident,
-                input_bytes=s.input_bytes,
-                output_bytes=s.output_bytes,
-                name=s.name,
-            )
-            for s in module.submodules
-        ),
+        submodules=tuple(_submodule(s, module.ident, shift) for s in module.submodules),
+        choices=tuple(_submodule(s, module.ident, shift) for s in module.choices),
+    )
+
+
+def _submodule(own: Submodule, module_ident: int, shift: int) -> SubmoduleDescription:
+    return SubmoduleDescription(
+        slot=own.slot + shift,
+        subslot=own.subslot,
+        api=own.api,
+        module_ident=module_ident,
+        submodule_ident=own.ident,
+        input_bytes=own.input_bytes,
+        output_bytes=own.output_bytes,
+        name=own.name,
     )
 
 
@@ -80,22 +94,26 @@ def _timing(model: Model) -> tuple[tuple[int, ...], tuple[int, ...]]:
     )
 
 
-def _axis_modules(model: Model, shift: int, telegram: int | None) -> Iterator[ModuleDescription]:
-    """The modules that the slots of an axis can have; those of ``telegram`` first, default that of the model."""
-    first = model.profidrive.default_telegram if telegram is None else telegram
+def _axis_modules(model: Model, axis: AxisPlace) -> Iterator[ModuleDescription]:
+    """The modules that the slots of an axis can have; that of its telegram first, with its supplementary one."""
+    first = model.profidrive.default_telegram if axis.telegram is None else axis.telegram
+    supplement = None if axis.supplementary is None else model.profidrive.supplements[axis.supplementary].module.data
+    seen: set[tuple[int, int]] = set()
     for each in sorted(model.profidrive.telegrams, key=lambda known: known != first):
         for module in model.profidrive.telegrams[each].modules:
-            yield _module(module, shift)
+            if (module.slot, module.ident) in seen:
+                continue
+            found = _module(module, axis.shift)
+            if supplement is not None and not seen:
+                found = found.taking({supplement.subslot: supplement.ident})
+            seen.add((module.slot, module.ident))
+            yield found
 
 
 def describe_device(
-    model: Model, mac: bytes, *, strict: bool, axes: Mapping[int, int | None] = _ONE_AXIS
+    model: Model, mac: bytes, *, strict: bool, axes: Sequence[AxisPlace] = (_MODEL_AXIS,)
 ) -> DeviceDescription:
-    """A drive's device description.
-
-    ``axes``: how far behind the model's the slots of each axis are -> its telegram that is plugged at first, None is
-    the model's.
-    """
+    """A drive's device description; the telegrams of ``axes`` are plugged at first."""
     identity = model.profidrive.identity
     prefix, version = identity.software_prefix, identity.software_version
     clocks, ratios = _timing(model) if strict else (SEND_CLOCK_FACTORS, EVERY_RATIO)
@@ -104,7 +122,7 @@ def describe_device(
         device_id=identity.device_id,
         station_type=identity.station_type,
         dap=_module(model.dap),
-        modules=tuple(module for shift, telegram in axes.items() for module in _axis_modules(model, shift, telegram)),
+        modules=tuple(module for axis in axes for module in _axis_modules(model, axis)),
         min_device_interval=model.limits.min_cycle_ns // SEND_CLOCK_NS if strict else 1,
         send_clocks=clocks,
         reduction_ratios=ratios,

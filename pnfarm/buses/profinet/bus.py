@@ -36,12 +36,13 @@ class Profinet(ImportingBus, ProjectBus, SearchBus):
     frame_families = ("cyclic", "dcp", "rpc", "alarm", "lldp", "ptcp", "snmp")
     description_key = "gsdml"
 
-    def described_identity(self, path: Path, model: Model, own: Mapping[str, Any]) -> DescribedIdentity:
+    def described_identity(
+        self, path: Path, model: Model, own: Mapping[str, Any], access_point: str | int | None
+    ) -> DescribedIdentity:
         from pnfarm.buses.profinet.gsdml_file import load_gsdml
         from pnfarm.buses.profinet.maker_identity import identity_of
 
-        dap = own.get("dap")
-        return identity_of(load_gsdml(path), model, dap if isinstance(dap, int) else None)
+        return identity_of(load_gsdml(path), model, own.get("dap") if access_point is None else access_point)
 
     def channel_rows(self, model: Model) -> int:
         from pnfarm.buses.profinet.device.channels import channel_rows

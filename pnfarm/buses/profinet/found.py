@@ -196,11 +196,10 @@ def _identity(
 
 def _telegram(drive_model: Model, api: ExpectedApi, data: ExpectedSubmodule) -> Telegram | None:
     """By the module's ident, else by the lengths; of several, the one whose number an ident ends in."""
-    telegrams = list(drive_model.profidrive.telegrams.values())
-    for telegram in telegrams:
-        if any(module.ident == api.module_ident for module in telegram.modules):
-            return telegram
-    fitting = [telegram for telegram in telegrams if _words(telegram) == _lengths(data)]
+    idents = {one.subslot: one.submodule_ident for one in api.submodules}
+    if (known := drive_model.profidrive.telegram_by_module(api.module_ident, idents)) is not None:
+        return known
+    fitting = [one for one in drive_model.profidrive.telegrams.values() if _words(one) == _lengths(data)]
     if len(fitting) > 1:
         fitting = [t for t in fitting if t.number in {data.submodule_ident & 0xFFFF, api.module_ident & 0xFFF}]
     return fitting[0] if len(fitting) == 1 else None

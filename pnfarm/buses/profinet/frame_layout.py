@@ -64,10 +64,16 @@ def frame_layout(
     for place in sorted(layout.data, key=lambda d: (d.slot, d.subslot)):
         key = (place.api, place.slot, place.subslot)
         kept = None if plain is None else plain.get(key[1:])
+        axis = next(
+            (number for number, one in enumerate(carriers) if one.slots is None or place.slot in one.slots), None
+        )
         if kept is not None and receives and key in unusable:
             pieces.append(Piece(place.data_offset, kept.place, 0, None, kept.status, taken=False))
             continue
         if key in unusable or not place.data_length:
+            if kept is None and axis is not None:
+                # its words are nowhere: those of a submodule behind it stay that one's
+                del waiting[axis][: place.data_length // 2]
             if place.iops_offset is not None:
                 constants.append((place.iops_offset, IOXS_BAD if key in unusable else IOXS_GOOD))
             continue
@@ -82,9 +88,6 @@ def frame_layout(
                 )
             )
             continue
-        axis = next(
-            (number for number, one in enumerate(carriers) if one.slots is None or place.slot in one.slots), None
-        )
         if axis is None:
             if place.iops_offset is not None:
                 constants.append((place.iops_offset, IOXS_GOOD))

@@ -1,46 +1,83 @@
 """A drive's identity out of its maker's GSDML file, so that a project that holds the file connects to the drive.
 
-Vendor, device, order number and the access point's idents are taken as they are.  A telegram's module is the one whose
-data have the telegram's lengths and whose name has its number; where no name has it, the only one with these lengths.
+Vendor, device, order number and the access point's idents are taken as they are.  A telegram is a submodule with the
+telegram's lengths and its number in its name, whether the file has a module for each telegram or one module (a drive
+object) that takes them all; where a file has modules and no name has the number, it is the only one with these lengths.
+Slots, subslots and the submodules without data beside it (parameter access point, placeholders) are the file's.
 """
 
 from __future__ import annotations
 
-import re
+from dataclasses import dataclass
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.described import DescribedIdentity
+from pnfarm.buses.described import AccessPointError, DescribedIdentity
+from pnfarm.buses.profinet.telegram_names import frame_class, is_numbered, numbers_in
+from pnfarm.protocols.profinet.gsdml.choosing import listed, matching, name_of
+from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.telegrams.telegram import Telegram
-    from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml, ModuleItem, SubmoduleItem
+    from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml, ItemRef, ModuleItem, SubmoduleItem
 
-    #: A module, and its submodule with the telegram's data.
-    _Pair = tuple[ModuleItem, SubmoduleItem]
-
-__all__ = ["identity_of", "numbers_in"]
+__all__ = ["identity_of"]
 
 #: Longest order number of I&M0, octets.
 ORDER_NUMBER = 20
-#: Words of a telegram's name before its number, in makers' languages and abbreviations.
-_NUMBERED = re.compile(
-    r"(?:tele?gramm?|tele?gr?\.?|tlg\.?|tel\.?|ppo|dp_?v?\d?|standard|std\.?)[\s_:#-]*0*(\d+)(?![\d.])", re.IGNORECASE
-)
-_ANY_NUMBER = re.compile(r"(?<![\d.])0*(\d+)(?![\d.])")
-#: Makers have a telegram once for each class of frames.
-_CLASS = re.compile(r"\bI?RT\b|isochron|taktsynchron", re.IGNORECASE)
+#: Subslots of one submodule, and slots in which telegrams are looked for; makers' files have up to 16.
+PLACES = 64
 
 
-def identity_of(document: Gsdml, model: Model, dap_ident: int | None = None) -> DescribedIdentity:
-    """What the farm file's ``identity`` would hold; ``dap_ident`` chooses one of several access points.
+@dataclass(frozen=True, slots=True)
+class _Offer:
+    """A module with one submodule with data in ``subslot``; ``beside``: idents of those without data, by subslot, and
+    ``takes``: of others that can be plugged.  ``pluggable``: the module takes several submodules with data."""
 
-    ``notes`` say what the file does not have, or what the drive cannot take from it.
+    module: ModuleItem
+    data: SubmoduleItem
+    subslot: int
+    beside: dict[int, int]
+    takes: dict[int, list[int]]
+    pluggable: bool
+
+    @property
+    def words(self) -> str:
+        own = name_of(self.data) or self.data.id
+        return own if self.pluggable else f"{self.module.info.name} | {own}"
+
+    @property
+    def lengths(self) -> tuple[int, int]:
+        return self.data.input_octets, self.data.output_octets
+
+    def keys(self, slot: int) -> dict[str, Any]:
+        """Its entry of ``identity``."""
+        return {
+            "module": self.module.ident,
+            "submodule": self.data.ident,
+            "slot": slot,
+            "subslot": self.subslot,
+            "api": self.data.api,
+            "beside": self.beside,
+            "takes": self.takes,
+        }
+
+
+#: Of each telegram that is found, by number, what to use for each of the drive's own modules, and further ones.
+_Found = dict[int, list[_Offer | None]]
+
+
+def identity_of(document: Gsdml, model: Model, access_point: str | int | None = None) -> DescribedIdentity:
+    """What the farm file's ``identity`` would hold; ``access_point`` chooses one of several.
+
+    ``notes`` say what the file does not have, or what the drive cannot take from it.  Raises
+    :class:`AccessPointError`.
     """
     notes = [*document.remarks]
-    dap, matched = _access_point(document, model, dap_ident, notes)
+    dap, slot, matched = _access_point(document, model, access_point, notes)
     found: dict[str, Any] = {"vendor": document.vendor_id, "device": document.device_id}
     if dap is None:
         return DescribedIdentity(found, tuple(notes))
@@ -50,141 +87,66 @@ def identity_of(document: Gsdml, model: Model, dap_ident: int | None = None) -> 
         found["order_number"] = order
     elif order:
         notes.append(f"its order number {order[:40]!r} is not one of up to {ORDER_NUMBER} ASCII characters")
-    submodules = _dap_submodules(dap, model, notes)
-    if submodules:
+    if submodules := _dap_submodules(dap, model, notes):
         found["dap_submodules"] = submodules
     telegrams: dict[int, dict[str, Any]] = {}
-    points: dict[int, int] = {}
-    for number, pairs in matched.items():
-        telegram = model.profidrive.telegrams[number]
-        idents = [None if pair is None else {"module": pair[0].ident, "submodule": pair[1].ident} for pair in pairs]
-        others = {place: ident for place, ident in enumerate(idents[1:]) if ident is not None}
-        telegrams[number] = {**(idents[0] or {}), **({"others": others} if telegram.others else {})}
-        for module, data in filter(None, pairs):
-            _check_places(telegram, module, data, notes)
-            without_data = [one for one in module.submodules if not one.input_octets and not one.output_octets]
-            for point in without_data[:1]:
-                points.setdefault(point.ident, number)
+    for number, (first, *more) in matched.items():
+        assert first is not None  # it is the one by which the telegram was found
+        others = {place: offer.keys(slot) for place, offer in enumerate(more) if offer is not None}
+        own = model.profidrive.telegrams[number].others
+        telegrams[number] = {**first.keys(slot), **({"others": others} if own or others else {})}
+    supplements = _supplements(document, model, matched, notes)
     if telegrams:
         found["telegrams"] = telegrams
-    if points:
-        found["access_point"] = next(iter(points))
-        if len(points) > 1:
-            told = ", ".join(f"0x{ident:X} (telegram {number})" for ident, number in points.items())
-            notes.append(f"its modules have several parameter access points, {told}: the first one is taken")
-    missing = [number for number in model.profidrive.telegrams if number not in matched]
-    if missing:
+    if supplements:
+        found["supplements"] = supplements
+    every = (*model.profidrive.telegrams, *model.profidrive.supplements)
+    if missing := [number for number in every if number not in telegrams and number not in supplements]:
         numbers = ", ".join(map(str, missing))
-        notes.append(f"no module of it fits telegram{'s' if len(missing) > 1 else ''} {numbers} by length and name")
-        if shared := _sharing(document, dap):
-            notes.append(
-                f"its {shared[0].info.name or shared[0].id} takes several submodules with data; a drive here has a "
-                "module for each telegram, so that such submodules are not matched"
-            )
+        several, it = ("s", "them") if len(missing) > 1 else ("", "it")
+        what = f"no module of it fits telegram{several} {numbers} by length and name"
+        notes.append(what + (f"; the drive does not have {it}" if telegrams else ""))
+        if telegrams:
+            found["without"] = missing
+    notes += _unplayed(document, matched)
     return DescribedIdentity(found, tuple(notes))
 
 
+# the access point and its slot
+
+
 def _access_point(
-    document: Gsdml, model: Model, wanted: int | None, notes: list[str]
-) -> tuple[Dap | None, dict[int, list[_Pair | None]]]:
+    document: Gsdml, model: Model, wanted: str | int | None, notes: list[str]
+) -> tuple[Dap | None, int, _Found]:
     """The one with the most telegrams and of the drive's submodules, the last of several; and its modules by telegram.
 
     Makers of older files have a second one for controllers that know no interfaces and ports.
     """
-    daps = [dap for dap in document.daps if wanted is None or dap.ident == wanted]
+    daps = document.daps if wanted is None else matching(wanted, document.daps, document.languages)
+    if wanted is not None and len(daps) != 1:
+        problem = "several access points are" if daps else "no access point is"
+        name = f"0x{wanted:X}" if isinstance(wanted, int) else shown(wanted)
+        raise AccessPointError(f"{problem} called {name}; it has {listed(daps or document.daps) or 'none'}")
     if not daps:
-        known = ", ".join(f"0x{dap.ident:X}" for dap in document.daps) or "none"
-        notes.append(f"no access point of it has the ident 0x{wanted or 0:X}; it has {known}")
-        return None, {}
-    found = [(dap, _matched(document, dap, model)) for dap in daps]
+        notes.append("it has no access point")
+        return None, 0, {}
+    found = [(dap, *_matched_in_slot(document, dap, model)) for dap in daps]
     own = {submodule.subslot for submodule in model.dap.submodules}
-    dap, matched = max(reversed(found), key=lambda pair: (len(pair[1]), _in_common(pair[0], own)))
+    dap, slot, matched = max(reversed(found), key=lambda one: (len(one[2]), _in_common(one[0], own)))
     if len(daps) > 1:
         name = dap.info.name or dap.id
-        notes.append(f"of its {len(daps)} access points, {name} (0x{dap.ident:X}) is taken; `dap:` chooses another")
-    return dap, matched
+        notes.append(
+            f"of its {len(daps)} access points, {name} (0x{dap.ident:X}) is taken; `access_point:` chooses another"
+        )
+    return dap, slot, matched
 
 
-def _matched(document: Gsdml, dap: Dap, model: Model) -> dict[int, list[_Pair | None]]:
-    """Of each telegram that is found, the module for each of the drive's modules, the one to use first."""
-    offered = list(_offered(document, dap))
-    found: dict[int, list[_Pair | None]] = {}
-    taken: set[int] = set()
-    for number, telegram in model.profidrive.telegrams.items():
-        lengths = _lengths(telegram)
-        fitting = [pair for pair in offered if pair[0].ident not in taken and _data_lengths(pair[1]) == lengths]
-        named = [pair for pair in fitting if number in _numbers(*pair)]
-        if not named and _is_alone(model, lengths):
-            named = [pair for pair in fitting if not _NUMBERED.search(_words(*pair))]
-        chosen = _variants(telegram, named)
-        if chosen[0] is not None:
-            taken |= {pair[0].ident for pair in chosen if pair is not None}
-            found[number] = chosen
-    return found
-
-
-def _variants(telegram: Telegram, pairs: Sequence[_Pair]) -> list[_Pair | None]:
-    """For each module of the drive's the only one for the same class of frames; for the first, that for RT else."""
-    by_class: dict[str, list[_Pair]] = {}
-    for pair in pairs:
-        by_class.setdefault(_frame_class(_words(*pair)), []).append(pair)
-    only = {name: found[0] for name, found in by_class.items() if len(found) == 1}
-    usual, *others = (_frame_class(module.name) for module in telegram.modules)
-    first = next((name for name in (usual, "RT", *only) if name in only), None)
-    return [None if first is None else only[first], *(only.get(name) if name != first else None for name in others)]
-
-
-def _frame_class(words: str) -> str:
-    found = _CLASS.search(words)
-    return "" if found is None else "RT" if found[0].upper() == "RT" else "IRT"
-
-
-def _offered(document: Gsdml, dap: Dap) -> Iterator[_Pair]:
-    """Modules that the access point takes and that have data in one submodule, with that submodule."""
-    targets = {ref.target for ref in dap.modules}
-    for module in document.modules:
-        if targets and module.id not in targets:
-            continue
-        data = [one for one in module.submodules if one.input_octets or one.output_octets]
-        if len(data) == 1:
-            yield module, data[0]
-
-
-def _sharing(document: Gsdml, dap: Dap) -> list[ModuleItem]:
-    """Modules of the access point whose submodule with data is one of several."""
-    targets = {ref.target for ref in dap.modules}
-    with_data = {one.id for one in document.submodules if one.input_octets or one.output_octets}
-    return [
-        module
-        for module in document.modules
-        if (not targets or module.id in targets) and len({ref.target for ref in module.useable} & with_data) > 1
-    ]
-
-
-def _words(module: ModuleItem, data: SubmoduleItem) -> str:
-    return f"{module.info.name} | {data.info.name}"
-
-
-def numbers_in(words: str) -> set[int]:
-    """Numbers that a module's name gives its telegram: behind a word for it, else any."""
-    found = _NUMBERED.findall(words) or _ANY_NUMBER.findall(words)
-    return {int(number) for number in found if len(number) < 6}
-
-
-def _numbers(module: ModuleItem, data: SubmoduleItem) -> set[int]:
-    return numbers_in(_words(module, data))
-
-
-def _data_lengths(data: SubmoduleItem) -> tuple[int, int]:
-    return data.input_octets, data.output_octets
-
-
-def _lengths(telegram: Telegram) -> tuple[int, int]:
-    return 2 * len(telegram.input), 2 * len(telegram.output)
-
-
-def _is_alone(model: Model, lengths: tuple[int, int]) -> bool:
-    return sum(_lengths(telegram) == lengths for telegram in model.profidrive.telegrams.values()) == 1
+def _matched_in_slot(document: Gsdml, dap: Dap, model: Model) -> tuple[int, _Found]:
+    """The slot with the most telegrams, the drive's own of several, and the telegrams that it takes."""
+    own = model.profidrive.telegrams[model.profidrive.default_telegram].module.slot
+    slots = sorted({own, *(place for ref in dap.modules if (place := _place(ref)) is not None)}, key=lambda s: s != own)
+    found = [(slot, _matched(document, dap, slot, model)) for slot in slots[:PLACES]]
+    return max(found, key=lambda one: len(one[1]))
 
 
 def _in_common(dap: Dap, own: set[int]) -> int:
@@ -208,9 +170,131 @@ def _dap_submodules(dap: Dap, model: Model, notes: list[str]) -> dict[int, int]:
     return {subslot: described[subslot] for subslot in sorted(own & described.keys())}
 
 
-def _check_places(telegram: Telegram, module: ModuleItem, data: SubmoduleItem, notes: list[str]) -> None:
-    own = max(submodule.subslot for submodule in telegram.module.submodules)
-    if own not in data.fixed:
-        places = ", ".join(f"0x{place:X}" for place in data.fixed) or "none"
-        name = f"telegram {telegram.number} ({module.info.name or module.id})"
-        notes.append(f"{name} has its data in subslot {places}, the drive in 0x{own:X}")
+# what the modules of a slot offer
+
+
+def _place(ref: ItemRef) -> int | None:
+    """Where it is at the start of a project, else the first place that it may have."""
+    return next((place for places in (ref.used, ref.fixed, ref.allowed) for place in places), None)
+
+
+def _modules(document: Gsdml, dap: Dap, slot: int) -> Iterator[ModuleItem]:
+    """Those that the access point takes in the slot; all where it names none."""
+    targets = {ref.target for ref in dap.modules if ref.takes(slot) or _place(ref) is None}
+    yield from (module for module in document.modules if not dap.modules or module.id in targets)
+
+
+def _offers(document: Gsdml, module: ModuleItem) -> Iterator[_Offer]:
+    fixed = [one for one in module.submodules if _has_data(one)]
+    plugged = [(ref, one) for ref in module.useable if (one := document.submodule(ref.target)) is not None]
+    empty = (one for one in module.submodules if not _has_data(one))
+    beside = {place: one.ident for one in empty for place in islice(one.fixed, PLACES)}
+    takes: dict[int, list[int]] = {}
+    for ref, one in plugged:
+        if not _has_data(one):
+            beside |= dict.fromkeys(islice(chain(ref.used, ref.fixed), PLACES), one.ident)
+            for place in islice(ref.allowed, PLACES):
+                takes.setdefault(place, []).append(one.ident)
+    if len(fixed) == 1:
+        own = next(iter(fixed[0].fixed), 1)
+        yield _Offer(module, fixed[0], own, _without(beside, own), _without(takes, own), pluggable=False)
+    for ref, one in plugged if not fixed else ():
+        if _has_data(one) and (first := _place(ref)) is not None:
+            yield _Offer(module, one, first, _without(beside, first), takes, pluggable=True)
+
+
+def _without(places: dict[int, Any], place: int) -> dict[int, Any]:
+    return {key: value for key, value in places.items() if key != place}
+
+
+def _has_data(one: SubmoduleItem) -> bool:
+    return bool(one.input_octets or one.output_octets)
+
+
+# telegrams
+
+
+def _lengths(telegram: Telegram) -> tuple[int, int]:
+    return 2 * len(telegram.input), 2 * len(telegram.output)
+
+
+def _matched(document: Gsdml, dap: Dap, slot: int, model: Model) -> _Found:
+    """The telegrams that modules of the slot have."""
+    offered = [offer for module in _modules(document, dap, slot) for offer in _offers(document, module)]
+    every = [_lengths(telegram) for telegram in model.profidrive.telegrams.values()]
+    found: _Found = {}
+    taken: set[int] = set()
+    for number, telegram in model.profidrive.telegrams.items():
+        lengths = _lengths(telegram)
+        fitting = [offer for offer in offered if offer.module.ident not in taken and offer.lengths == lengths]
+        named = [offer for offer in fitting if number in numbers_in(offer.words)]
+        if not named and every.count(lengths) == 1:
+            named = [offer for offer in fitting if not offer.pluggable and not is_numbered(offer.words)]
+        chosen = _variants(telegram, named)
+        if chosen[0] is not None:
+            found[number] = chosen
+            taken |= {offer.module.ident for offer in chosen if offer is not None and not offer.pluggable}
+    return found
+
+
+def _variants(telegram: Telegram, offers: Sequence[_Offer]) -> list[_Offer | None]:
+    """For each module of the drive's the only one for the same class of frames; for the first, that for RT else.
+
+    A further drive object with the telegram follows.
+    """
+    by_class: dict[str, list[_Offer]] = {}
+    for offer in offers:
+        by_class.setdefault(frame_class(offer.words), []).append(offer)
+    only = {name: found[0] for name, found in by_class.items() if len(found) == 1 or found[0].pluggable}
+    usual, *others = (frame_class(module.name) for module in telegram.modules)
+    first = next((name for name in (usual, "RT", *only) if name in only), None)
+    if first is None:
+        return [None]
+    chosen = [only[first], *(only.get(name) if name != first else None for name in others)]
+    more = {offer.module.ident: offer for offer in offers if offer.pluggable}
+    known = {offer.module.ident for offer in chosen if offer is not None}
+    return [*chosen, *(offer for ident, offer in more.items() if ident not in known)]
+
+
+def _supplements(document: Gsdml, model: Model, matched: _Found, notes: list[str]) -> dict[int, dict[str, Any]]:
+    """The supplementary telegrams that the modules of the others take: behind them, at least as long as the drive's."""
+    found: dict[int, dict[str, Any]] = {}
+    offers = [first for first, *_ in matched.values() if first is not None]
+    for module in {offer.module.id: offer.module for offer in offers}.values():
+        least = max(offer.subslot for offer in offers if offer.module.id == module.id)
+        for ref in module.useable:
+            one, place = document.submodule(ref.target), _place(ref)
+            if one is None or place is None or place <= least:
+                continue
+            for number in numbers_in(name_of(one) or one.id):
+                telegram = model.profidrive.supplements.get(number)
+                lengths = (0, 0) if telegram is None else _lengths(telegram)
+                if telegram is None or one.input_octets < lengths[0] or one.output_octets < lengths[1]:
+                    continue
+                if (one.input_octets, one.output_octets) != lengths and number not in found:
+                    notes.append(
+                        f"its telegram {number} has {one.output_octets} octets out and {one.input_octets} in, the "
+                        f"drive's {lengths[1]} and {lengths[0]}: further words mean nothing"
+                    )
+                found.setdefault(
+                    number,
+                    {
+                        "submodule": one.ident,
+                        "subslot": place,
+                        "api": one.api,
+                        "input": one.input_octets,
+                        "output": one.output_octets,
+                    },
+                )
+    return found
+
+
+def _unplayed(document: Gsdml, matched: _Found) -> Iterator[str]:
+    """Submodules with data that are always in a drive object and that no telegram is."""
+    objects = [offer.module for ones in matched.values() for offer in ones if offer is not None and offer.pluggable]
+    for module in {module.id: module for module in objects}.values():
+        for ref in module.useable:
+            one = document.submodule(ref.target)
+            if one is not None and ref.fixed and _has_data(one):
+                name = name_of(one) or one.id
+                yield f"its {name} has data and is always in {module.id}: the drive has no such submodule"

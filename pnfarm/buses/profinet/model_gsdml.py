@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.profinet.axis_slots import axis_shifts
-from pnfarm.buses.profinet.binding import describe_device
+from pnfarm.buses.profinet.binding import AxisPlace, describe_device
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.dcp.rules import RESET_MODES
 from pnfarm.protocols.profinet.gsdml.document import (
@@ -140,7 +140,11 @@ def _largest(description: DeviceDescription) -> tuple[int, int]:
     """The largest frames that any choice of modules makes."""
     sizes = list(frame_octets([description.dap]))
     for slot in description.slots[1:]:
-        choices = [frame_octets([module]) for module in description.modules if module.slot == slot]
+        choices = [
+            frame_octets([module.taking({one.subslot: one.submodule_ident for one in module.choices})])
+            for module in description.modules
+            if module.slot == slot
+        ]
         sizes = [size + max(column) for size, column in zip(sizes, zip(*choices, strict=True), strict=True)]
     return sizes[0], sizes[1]
 
@@ -202,7 +206,33 @@ def _telegram_module(model: Model, telegram: Telegram, module: ModuleDescription
         named,
         f"{octets[0]} octets to the controller and {octets[1]} from it, with their status octets",
     )
-    return ModuleItem(item_id, module.module_ident, info, submodules=tuple(submodules))
+    places = {telegram.module.data.subslot: telegram for telegram in model.profidrive.supplements.values()}
+    return ModuleItem(
+        item_id,
+        module.module_ident,
+        info,
+        physical_subslots=Numbers.of(sorted({*places, *(one.subslot for one in module.submodules)} if places else ())),
+        submodules=tuple(submodules),
+        useable=tuple(ItemRef(_supplement_id(one), allowed=Numbers.of([place])) for place, one in places.items()),
+    )
+
+
+def _supplement_id(telegram: Telegram) -> str:
+    return f"SUPPLEMENT_{telegram.number}"
+
+
+def _supplement(model: Model, telegram: Telegram) -> SubmoduleItem:
+    """A supplementary telegram, which can be plugged beside any other."""
+    data = telegram.module.data
+    octets = f"{data.output_bytes} octets out and {data.input_bytes} in, API 0x{_hex(data.api)}"
+    return SubmoduleItem(
+        _supplement_id(telegram),
+        data.ident,
+        Info(telegram.name, octets),
+        api=data.api,
+        inputs=_items(model, telegram.input),
+        outputs=_items(model, telegram.output),
+    )
 
 
 def _system(
@@ -345,7 +375,7 @@ def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
     """
     file = _texts(model)
     # the MAC address makes only the serial number, which such a file does not hold
-    description = describe_device(model, bytes(6), strict=True, axes=dict.fromkeys(_shifts(model)))
+    description = describe_device(model, bytes(6), strict=True, axes=[AxisPlace(shift) for shift in _shifts(model)])
     im0 = description.im0
     prefix, *version = im0.software_revision
     info = Info(
@@ -357,6 +387,7 @@ def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
         software_release=f"{prefix}{'.'.join(map(str, version))}",
     )
     diagnoses, unit_diagnoses = describe_diagnosis(model)
+    supplements = tuple(_supplement(model, telegram) for telegram in model.profidrive.supplements.values())
     modules = [_telegram_module(model, telegram, module) for telegram, module in _telegrams(model, description)]
     return Gsdml(
         vendor_id=description.vendor_id,
@@ -368,6 +399,7 @@ def describe_model(model: Model, abilities: Abilities = STATION) -> Gsdml:
         schema_version=SCHEMA_VERSION,
         daps=(_dap(model, description, abilities, info),),
         modules=tuple(modules),
+        submodules=supplements,
         diagnoses=diagnoses,
         unit_diagnoses=unit_diagnoses,
     )

@@ -175,11 +175,13 @@ def _one(drive: dict[str, Any]) -> None:
     events = drive.pop("events", [])
     discards = drive.get("frames_discarded") or {}
     details = drive.get("details") or {}
-    relations = details.pop("connections", [])
+    relations, ignored = details.pop("connections", []), details.pop("ignored_records", [])
     rows = [(key.replace("_", " "), _cell(key, value)) for key, value in drive.items() if key != "frames_discarded"]
     place = next((n for n, row in enumerate(rows) if row[0] == "frames received"), len(rows) - 1) + 1
     if "frames_discarded" in drive:
         rows[place:place] = [("frames discarded", number(sum(discards.values())))]
+    if ignored:
+        rows.append(("isochronous", f"asked for ({', '.join(ignored)}) and ignored: RT without the clock"))
     print_table(("FIELD", "~VALUE"), rows)
     if discards:
         most = sorted(discards.items(), key=lambda entry: (-entry[1], entry[0]))

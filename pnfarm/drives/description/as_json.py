@@ -136,6 +136,17 @@ def as_json(described: Model) -> dict[str, Any]:
             }
             for telegram in described.profidrive.telegrams.values()
         ],
+        "supplements": [
+            {
+                **_picked(telegram, "number name"),
+                "submodule_ident": telegram.module.data.ident,
+                "subslot": telegram.module.data.subslot,
+                "output": [signal.name if signal else None for signal in telegram.output],
+                "input": [signal.name if signal else None for signal in telegram.input],
+                **_picked(telegram, "source note"),
+            }
+            for telegram in described.profidrive.supplements.values()
+        ],
         "signals": [
             {
                 **_picked(signal, "number name bits signed"),
@@ -175,6 +186,17 @@ def as_json(described: Model) -> dict[str, Any]:
             "diagnosis_coding",
         ),
         "behaviour": [_point_json(point) for point in described.behaviour],
+        "behaviour_sets": [
+            {
+                **_picked(one, "name title gaps"),
+                "sources": dict(one.sources),
+                "readings": {
+                    point: {"reading": fact.value, "source": fact.source} for point, fact in one.readings.items()
+                },
+                "faults": [_picked(fault, "fault code name source") for fault in one.faults],
+            }
+            for one in described.behaviour_sets.values()
+        ],
         "realism": _fact_json(described, "realism"),
         # of some buses only
         **{key: value for key, value in of_bus.items() if value},

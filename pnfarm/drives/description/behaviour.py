@@ -15,6 +15,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.description.behaviour_sets import SET
 from pnfarm.drives.description.files import flat, joined_tables, required
 from pnfarm.drives.description.parts import Point, Reading
 from pnfarm.drives.parameters.rows import axis_parameters
@@ -42,8 +43,8 @@ SECTIONS = {
 BUS_FACTS = "bus_facts"
 FILE = "behaviour.toml"
 _NAME = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
-#: YAML reads these as booleans or null.
-_NOT_TEXT = frozenset({"false", "n", "no", "null", "off", "on", "true", "y", "yes"})
+#: YAML reads these as booleans or null; and the key of sets.
+_NOT_TEXT = frozenset({SET, "false", "n", "no", "null", "off", "on", "true", "y", "yes"})
 _SETS = ("firmware", "defaults", "model")
 
 
@@ -153,18 +154,23 @@ def _named(key: object) -> str:
 
 
 def with_behaviour(model: Model, chosen: Mapping[str, str]) -> Model:
-    """The model with these readings by the names of their points, the defaults for all others.
+    """The model with these readings by the names of their points, those of a set (:data:`SET`), else the defaults.
 
-    Raises :class:`ConfigError` for a point or a reading that the model does not have.
+    Raises :class:`ConfigError` for a set, a point or a reading that the model does not have.
     """
     points = {point.name: point for point in model.behaviour}
     readings: list[Reading] = []
-    for name, wanted in chosen.items():
+    named = chosen.get(SET)
+    if named is not None and named not in model.behaviour_sets:
+        raise ConfigError(f"{model.name} has no set {named}; there are {', '.join(model.behaviour_sets) or 'none'}")
+    own = {name: wanted for name, wanted in chosen.items() if name != SET}
+    for name, wanted in own.items():
         if name not in points or wanted not in points[name].readings:
             known = ", ".join(points[name].readings if name in points else points) or "none"
             raise ConfigError(f"{model.name} has no behaviour {name}: {wanted}; there are {known}")
+    usual = {} if named is None else {name: fact.value for name, fact in model.behaviour_sets[named].readings.items()}
     for name, point in points.items():
-        readings.append(point.readings[chosen.get(name, point.default)])
+        readings.append(point.readings[own.get(name, usual.get(name, point.default))])
     firmware = dict(model.firmware)
     defaults: dict[int, int] = {}
     sections: dict[str, dict[str, Any]] = {}
@@ -186,4 +192,8 @@ def with_behaviour(model: Model, chosen: Mapping[str, str]) -> Model:
         parts["parameters"] = parameters = {pnu: row for pnu, row in rows.items() if pnu not in absent}
         parts["absent"] = {pnu: row for pnu, row in rows.items() if pnu in absent}
         parts["axis_parameters"] = axis_parameters(parameters, linear=model.pitch > 0.0)
-    return replace(model, firmware=firmware, readings=dict(chosen), **parts)
+    model = replace(model, firmware=firmware, readings=usual | own, **parts)
+    if named is None:
+        return model
+    found = model.behaviour_sets[named]
+    return replace(model, faults=found.of(model.faults), diagnoses={**model.diagnoses, **found.diagnoses})

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.description.identity_modules import IDENT, from_farm_file, mapping, number, with_ident, with_modules
 from pnfarm.drives.description.parts import Fact
 from pnfarm.drives.profiles.cip.part import CIP
-from pnfarm.drives.telegrams.telegram import Module, Submodule
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from pnfarm.drives.description.model import Model
 
@@ -32,9 +31,11 @@ OVERRIDES: Mapping[str, str] = {
     "dap_submodules": "mapping: subslot -> submodule ident",
     "access_point": "submodule ident of the parameter access point",
     "telegrams": "mapping: telegram -> module ident, or {module: ident, submodule: ident, others: its other modules}",
+    "supplements": "mapping: supplementary telegram -> {submodule: ident, subslot: number}",
+    "without": "list of telegrams that the drive does not have",
 }
 #: Those of them that only PROFINET has.
-_OF_MODULES = frozenset({"dap", "dap_submodules", "access_point", "telegrams"})
+_OF_MODULES = frozenset({"dap", "dap_submodules", "access_point", "telegrams", "supplements", "without"})
 #: The same for a PROFIdrive model on PROFIBUS, which has no modules with idents.
 PROFIBUS_OVERRIDES: Mapping[str, str] = {
     **{key: what for key, what in OVERRIDES.items() if key not in _OF_MODULES},
@@ -49,16 +50,6 @@ CIP_OVERRIDES: Mapping[str, str] = {
     "product_name": "up to 32 ASCII characters",
     "revision": "a text such as '1.13'",
 }
-
-
-def _number(value: Any, where: str, maximum: int) -> int:
-    try:
-        number = int(value, 0) if isinstance(value, str) else value
-    except ValueError:
-        number = None
-    if isinstance(number, bool) or not isinstance(number, int) or not 0 <= number <= maximum:
-        raise ConfigError(f"identity.{where}: {value!r} is not a number from 0 to 0x{maximum:X}")
-    return number
 
 
 def _text(value: Any, where: str, length: int) -> str:
@@ -79,14 +70,6 @@ def _version(value: Any) -> tuple[str, tuple[int, int, int]]:
     return prefix, (major, minor, internal)
 
 
-def _mapping(value: Any, where: str) -> Mapping[Any, Any]:
-    if not isinstance(value, Mapping):
-        raise ConfigError(f"identity.{where}: {value!r} is not a mapping")
-    return value
-
-
-_IDENT = 0xFFFFFFFF
-_Part = TypeVar("_Part", Module, Submodule)
 #: Override -> field of Identity, for the plain numbers and texts.
 _NUMBERS = {
     "vendor": "vendor_id",
@@ -96,46 +79,6 @@ _NUMBERS = {
     "profile_specific_type": "profile_specific_type",
 }
 _TEXTS = {"order_number": ("order_id", 20), "station_type": ("station_type", 25)}
-
-
-def _from_farm_file(part: _Part, ident: int) -> _Part:
-    return dataclasses.replace(part, ident=ident, source="farm file", note="")
-
-
-def _with_ident(module: Module, subslot: int, ident: int, where: str) -> Module:
-    if all(submodule.subslot != subslot for submodule in module.submodules):
-        known = ", ".join(f"0x{submodule.subslot:X}" for submodule in module.submodules)
-        raise ConfigError(f"identity.{where}: there is no subslot 0x{subslot:X}; there are {known}")
-    submodules = tuple(_from_farm_file(s, ident) if s.subslot == subslot else s for s in module.submodules)
-    return dataclasses.replace(module, submodules=submodules)
-
-
-def _with_idents(module: Module, parts: Mapping[str, Any], where: str) -> Module:
-    """A telegram's module with the idents of ``module`` and ``submodule``."""
-    if "module" in parts:
-        module = _from_farm_file(module, _number(parts["module"], f"{where}.module", _IDENT))
-    if "submodule" in parts:
-        ident = _number(parts["submodule"], f"{where}.submodule", _IDENT)
-        module = _with_ident(module, _telegram_subslot(module), ident, where)
-    return module
-
-
-def _others(others: tuple[Module, ...], value: Any, where: str) -> tuple[Module, ...]:
-    """The other modules of a telegram with the idents of ``value``: a mapping by place, 0 the first; the rest go."""
-    found = []
-    for key, parts in _mapping(value, where).items():
-        place = _number(key, where, 0xFFFF)
-        if place >= len(others):
-            raise ConfigError(f"identity.{where}: {key!r} is not the place of one of {len(others)} other modules")
-        own = parts if isinstance(parts, Mapping) else {"module": parts}
-        if not own.keys() <= {"module", "submodule"}:
-            raise ConfigError(f"identity.{where}.{key}: {dict(own)!r} may hold module and submodule only")
-        found.append((place, _with_idents(others[place], own, f"{where}.{key}")))
-    return tuple(module for _, module in sorted(found, key=lambda pair: pair[0]))
-
-
-def _telegram_subslot(module: Module) -> int:
-    return max(submodule.subslot for submodule in module.submodules)
 
 
 def _revision(value: Any) -> list[int]:
@@ -150,9 +93,9 @@ def _revision(value: Any) -> list[int]:
 def _with_cip_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
     """The same for a CIP model, whose identity is among the facts of its bus."""
     readers: dict[str, tuple[str, Callable[[Any], Any]]] = {
-        "vendor": ("vendor_id", lambda value: _number(value, "vendor", 0xFFFF)),
-        "device_type": ("device_type", lambda value: _number(value, "device_type", 0xFFFF)),
-        "product_code": ("product_code", lambda value: _number(value, "product_code", 0xFFFF)),
+        "vendor": ("vendor_id", lambda value: number(value, "vendor", 0xFFFF)),
+        "device_type": ("device_type", lambda value: number(value, "device_type", 0xFFFF)),
+        "product_code": ("product_code", lambda value: number(value, "product_code", 0xFFFF)),
         "product_name": ("product_name", lambda value: _text(value, "product_name", 32)),
         "revision": ("revision", _revision),
     }
@@ -186,7 +129,7 @@ def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
     changes: dict[str, Any] = {}
     for key, field in _NUMBERS.items():
         if key in overrides:
-            changes[field] = _number(overrides[key], key, 0xFFFF)
+            changes[field] = number(overrides[key], key, 0xFFFF)
     for key, (field, length) in _TEXTS.items():
         if key in overrides:
             changes[field] = _text(overrides[key], key, length)
@@ -195,40 +138,13 @@ def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
 
     dap = model.dap
     if "dap" in overrides:
-        dap = _from_farm_file(dap, _number(overrides["dap"], "dap", _IDENT))
-    for subslot, ident in _mapping(overrides.get("dap_submodules", {}), "dap_submodules").items():
+        dap = from_farm_file(dap, number(overrides["dap"], "dap", IDENT))
+    for subslot, ident in mapping(overrides.get("dap_submodules", {}), "dap_submodules").items():
         where = f"dap_submodules.{subslot}"
-        dap = _with_ident(dap, _number(subslot, where, 0xFFFF), _number(ident, where, _IDENT), where)
+        dap = with_ident(dap, number(subslot, where, 0xFFFF), number(ident, where, IDENT), where)
 
-    telegrams = dict(model.profidrive.telegrams)
-    if "access_point" in overrides:
-        ident = _number(overrides["access_point"], "access_point", _IDENT)
-        for number, telegram in telegrams.items():
-            module, *more = (
-                _with_ident(m, min(s.subslot for s in m.submodules), ident, "access_point") for m in telegram.modules
-            )
-            telegrams[number] = dataclasses.replace(telegram, module=module, others=tuple(more))
-    for key, wanted in _mapping(overrides.get("telegrams", {}), "telegrams").items():
-        where = f"telegrams.{key}"
-        number = _number(key, where, 0xFFFF)
-        if number not in telegrams:
-            raise ConfigError(
-                f"identity.{where}: {model.name} has no telegram {number}; it has {', '.join(map(str, telegrams))}"
-            )
-        parts = wanted if isinstance(wanted, Mapping) else {"module": wanted}
-        if not parts.keys() <= {"module", "submodule", "others"}:
-            raise ConfigError(f"identity.{where}: {dict(parts)!r} may hold module, submodule and others only")
-        module = _with_idents(telegrams[number].module, parts, where)
-        others = telegrams[number].others
-        if "others" in parts:
-            others = _others(others, parts["others"], f"{where}.others")
-        telegrams[number] = dataclasses.replace(telegrams[number], module=module, others=others)
-    idents = [module.ident for telegram in telegrams.values() for module in telegram.modules]
-    if model.dap.submodules and len(set(idents)) != len(idents):
-        raise ConfigError(
-            "identity.telegrams: two modules have the same module ident; a controller could not tell them apart"
-        )
-    profidrive = dataclasses.replace(
-        model.profidrive, identity=dataclasses.replace(model.profidrive.identity, **changes), telegrams=telegrams
-    )
-    return dataclasses.replace(model, dap=dap, profidrive=profidrive)
+    profidrive = model.profidrive
+    if dap.submodules:
+        profidrive = with_modules(profidrive, overrides, model.name)
+    own = dataclasses.replace(profidrive.identity, **changes)
+    return dataclasses.replace(model, dap=dap, profidrive=dataclasses.replace(profidrive, identity=own))

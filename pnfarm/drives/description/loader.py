@@ -20,6 +20,7 @@ from pnfarm.drives.description.axis_sections import (
     read_watched,
 )
 from pnfarm.drives.description.behaviour import BUS_FACTS, SECTIONS, read_behaviour, with_behaviour
+from pnfarm.drives.description.behaviour_sets import read_sets
 from pnfarm.drives.description.bus_sections import (
     read_access,
     read_address_mode,
@@ -125,7 +126,10 @@ def load_model(folder: Path) -> Model:
 
     places = SECTIONS | {described.bus: BUS_FACTS}
     points = read_behaviour(files, parameters, numbers, fixed, places, value_of)
-    described = replace(described, behaviour=points, effects=read_effects(described, sections.section("effects")))
+    sets = read_sets(files, points, faults, described.diagnoses)
+    described = replace(
+        described, behaviour=points, behaviour_sets=sets, effects=read_effects(described, sections.section("effects"))
+    )
     return with_behaviour(described, {})
 
 
@@ -141,7 +145,7 @@ def _profidrive(
         return Profidrive()
     # PROFIBUS has no numbers of modules: a telegram is known by its identifiers
     layout = None if sections.data["bus"] == "profibus" else sections.wanted("telegram_module")
-    signals, telegrams, bits = read_telegrams(files, layout, parameters, numbers)
+    signals, telegrams, supplements, bits = read_telegrams(files, layout, parameters, numbers)
     default = sections.wanted("default_telegram")
     if default not in telegrams:
         raise ConfigError(f"{sections.place('', 'default_telegram')}: there is no telegram {default}")
@@ -149,6 +153,7 @@ def _profidrive(
         identity=sections.section("identity").build(Identity),
         default_telegram=default,
         telegrams=telegrams,
+        supplements=supplements,
         signals=signals,
         word_bits=bits,
         parameter_words=read_parameter_words(sections.section("parameter_words"), telegrams.values()),

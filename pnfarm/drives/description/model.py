@@ -19,6 +19,7 @@ from pnfarm.table.axis_codes import FAULT_WORDS, FIRMWARE_ETHERNETIP, FIRMWARE_P
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from pnfarm.drives.description.behaviour_sets import BehaviourSet
     from pnfarm.drives.description.lamps import Lamps
     from pnfarm.drives.description.parts import (
         AddressMode,
@@ -107,6 +108,8 @@ class Model:
     #: Points that the manual leaves open, and the readings that a farm file chose; all others have their defaults.
     behaviour: tuple[Point, ...] = ()
     readings: Mapping[str, str] = field(default_factory=dict)
+    #: What makers' drives do, by the name of the set.
+    behaviour_sets: Mapping[str, BehaviourSet] = field(default_factory=dict)
     #: Rows that are not parameters with these readings.
     absent: Mapping[int, Parameter] = field(default_factory=dict)
     #: Travel of a linear motor in one revolution of the axis record, mm; 0 for a rotary motor.

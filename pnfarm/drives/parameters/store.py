@@ -237,17 +237,18 @@ class ParameterStore:
         """Number of words at the start of the frames that no mapping changes."""
         return self._selection.frame.parameter_words
 
-    def plug_telegram(self, number: int | None, module_ident: int | None = None) -> None:
+    def plug_telegram(self, number: int | None, module_ident: int | None = None, supplement: int | None = None) -> None:
         """The module in slot 1 sets telegram ``number``; None: no module is plugged, PNU 922 decides.  No event.
 
-        ``module_ident`` selects one of the telegram's modules, default the first.  A module other than the
+        ``module_ident`` selects one of the telegram's modules, default the first; ``supplement`` is the supplementary
+        telegram beside it.  A module other than the
         previous one applies its settings.  Raises :class:`ConfigError` for a number that the model does not know.
         """
         self._axis.store_signal_values(ended=True)
         if number is None:
             self._selection.unplug()
         else:
-            for pnu, value in self._selection.plug(number, module_ident).items():
+            for pnu, value in self._selection.plug(number, module_ident, supplement).items():
                 self._values.current[pnu] = value
                 self._axis.apply_written(self.model.parameters[pnu])
         self._axis.apply_telegram()

@@ -28,19 +28,20 @@ ACTUAL_MAPPING = 916
 class TelegramSelection:
     """The telegram in force; it reads the drive's stored values and writes none."""
 
-    __slots__ = ("_module", "_plugged", "_values")
+    __slots__ = ("_module", "_plugged", "_supplement", "_values")
 
     def __init__(self, values: StoredValues) -> None:
         self._values = values
         self._plugged: int | None = None
         self._module: int | None = None
+        self._supplement = NO_TELEGRAM
 
     # telegram
 
     @property
-    def key(self) -> tuple[int | None, int | None]:
+    def key(self) -> tuple[int | None, ...]:
         """What the telegram and its words depend on besides the drive's values."""
-        return self._plugged, self._module
+        return self._plugged, self._module, self._supplement.number
 
     @property
     def number(self) -> int:
@@ -65,9 +66,10 @@ class TelegramSelection:
         telegrams = self._values.model.profidrive.telegrams
         return telegrams[number] if telegrams else NO_TELEGRAM
 
-    def plug(self, number: int, module_ident: int | None = None) -> dict[int, int]:
+    def plug(self, number: int, module_ident: int | None = None, supplement: int | None = None) -> dict[int, int]:
         """A module of telegram ``number`` is in slot 1, its first if ``module_ident`` is not one of its modules.
 
+        ``supplement`` is the supplementary telegram beside it.
         Returns the settings that it applies, PNU -> raw number: none if it is the previous module.
         Raises :class:`ConfigError` for a number that the model does not know.
         """
@@ -80,16 +82,23 @@ class TelegramSelection:
         module = next((m for m in telegram.modules if m.ident == module_ident), telegram.module)
         before = (self._plugged, self._module)
         self._plugged, self._module = number, module.ident
+        self._supplement = NO_TELEGRAM if supplement is None else model.profidrive.supplements[supplement]
         return {} if before == (number, module.ident) else {**telegram.settings, **module.settings}
 
     def unplug(self) -> None:
         """No module is plugged: PNU 922 decides."""
         self._plugged = self._module = None
+        self._supplement = NO_TELEGRAM
 
     # words
 
     def mapping(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
-        """The signals of the frames, word by word: those of the telegram, or PNU 915 or 916 where the mapping is free.
+        """The signals of the frames, word by word: those of the telegram, and behind them the supplementary one's."""
+        more = self._supplement.output if setpoint else self._supplement.input
+        return self._own(setpoint=setpoint) + more
+
+    def _own(self, *, setpoint: bool) -> tuple[Signal | None, ...]:
+        """Those of the telegram, or PNU 915 or 916 where the mapping is free.
 
         The length is that of the plugged module; a longer free mapping is cut, but never within a double word.
         """
@@ -114,11 +123,11 @@ class TelegramSelection:
         return signals + (None,) * (len(words) - len(signals))
 
     def numbers(self, *, setpoint: bool) -> tuple[int, ...]:
-        """The signal numbers after a parameter channel: those of :meth:`mapping`.
+        """The signal numbers after a parameter channel, without those of a supplementary telegram.
 
         If a mapping is written entry by entry, they are as written, including half double words.
         """
-        signals = self.mapping(setpoint=setpoint)[self.frame.parameter_words :]
+        signals = self._own(setpoint=setpoint)[self.frame.parameter_words :]
         stored = self._values.current.get(SETPOINT_MAPPING if setpoint else ACTUAL_MAPPING)
         model = self._values.model
         if not model.access.mapping_by_entry or not self.telegram.free_mapping or not isinstance(stored, tuple):

@@ -20,6 +20,7 @@ from pnfarm.drives.telegrams.telegram import (
     Telegram,
     parameter_signals,
     signal_codes,
+    with_choices,
 )
 from pnfarm.drives.telegrams.word_bits import WordBits, read_bits
 from pnfarm.errors import ConfigError
@@ -101,10 +102,13 @@ def _telegram(
             codes[direction] = signal_codes(words[direction], setpoint=direction == "output")
         except MappingError as exc:
             raise table.wrong(direction, f"{exc}") from exc
+    supplementary = _flag(table, "supplementary")
     if layout is None:
         # its identifiers are all that a bus without numbered modules has of it
         table.required("identifiers")
         modules = [Module(0, (), table.required("ident_source"))]
+    elif supplementary:
+        modules = [Module(0, (_data(table, words, layout, "supplement"),), table.required("ident_source"))]
     else:
         modules = _modules(table, words, layout, numbers)
     return Telegram(
@@ -127,18 +131,16 @@ def _telegram(
         falls_back=_falls_back(table),
         identifiers=_identifiers(table),
         own_words=_flag(table, "own_words"),
+        supplementary=supplementary,
     )
 
 
-def _modules(
-    table: Table,
-    words: Mapping[str, tuple[Signal | None, ...]],
-    layout: Mapping[str, Any],
-    numbers: ParameterNumbers,
-) -> list[Module]:
-    """The modules that carry a telegram, the one to use first."""
-    known = layout["telegram"]
-    data = Submodule(
+def _data(
+    table: Table, words: Mapping[str, tuple[Signal | None, ...]], layout: Mapping[str, Any], place: str
+) -> Submodule:
+    """The submodule with a telegram's data."""
+    known = layout[place]
+    return Submodule(
         slot=layout["slot"],
         subslot=known["subslot"],
         ident=table.required("submodule_ident"),
@@ -149,6 +151,16 @@ def _modules(
         source=known["source"],
         note=known.get("note", ""),
     )
+
+
+def _modules(
+    table: Table,
+    words: Mapping[str, tuple[Signal | None, ...]],
+    layout: Mapping[str, Any],
+    numbers: ParameterNumbers,
+) -> list[Module]:
+    """The modules that carry a telegram, the one to use first."""
+    data = _data(table, words, layout, "telegram")
     return [
         Module(table.required("module_ident"), (_access_point(layout), data), table.required("ident_source")),
         *(
@@ -271,8 +283,8 @@ def _check_stored(signal: Signal, table: Table, parameters: Parameters) -> None:
 
 def read_telegrams(
     files: ModelFiles, layout: Mapping[str, Any] | None, parameters: Parameters, numbers: ParameterNumbers
-) -> tuple[dict[int, Signal], dict[int, Telegram], tuple[WordBits, ...]]:
-    """Signals and telegrams by number, in ascending order, and names of bits.
+) -> tuple[dict[int, Signal], dict[int, Telegram], dict[int, Telegram], tuple[WordBits, ...]]:
+    """Signals, telegrams and supplementary telegrams by number, in ascending order, and names of bits.
 
     ``layout`` is the section ``telegram_module``, the structure of all modules; None on a bus whose telegrams have
     identifiers instead.
@@ -290,6 +302,8 @@ def read_telegrams(
     _check_settings(telegrams, places, parameters)
     _check_identifiers(telegrams, places)
     owners: dict[int, int] = {}
+    supplements = {number: telegram for number, telegram in telegrams.items() if telegram.supplementary}
+    telegrams = {number: telegram for number, telegram in telegrams.items() if number not in supplements}
     for telegram in telegrams.values() if layout is not None else ():
         for module in telegram.modules:
             if module.ident in owners:
@@ -301,4 +315,6 @@ def read_telegrams(
         for path, data in files.tomls(FILE)
         for index, table in enumerate(data.get("bits", ()), 1)
     ]
-    return signals, telegrams, read_bits(bits, by_name, known)
+    if supplements:
+        telegrams = with_choices(telegrams, supplements.values())
+    return signals, telegrams, supplements, read_bits(bits, by_name, known)

@@ -31,6 +31,7 @@ __all__ = [
     "signal_codes",
     "signal_numbers",
     "whole_signals",
+    "with_choices",
 ]
 
 #: Number of words of a parameter channel, before all others.
@@ -93,10 +94,18 @@ class Submodule:
     source: str = ""
     note: str = ""
 
+    @property
+    def has_data(self) -> bool:
+        return bool(self.input_bytes or self.output_bytes)
+
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """A module of the drive; ``slot`` is that of its submodules."""
+    """A module of the drive; ``slot`` is that of its submodules.
+
+    ``choices`` are other submodules that it takes, in their subslots: those of other telegrams, supplementary ones,
+    those without data that a maker's file has.
+    """
 
     ident: int
     submodules: tuple[Submodule, ...]
@@ -106,10 +115,16 @@ class Module:
     name: str = ""
     #: Parameters that plugging it sets, if different from its telegram: PNU -> raw number.
     settings: Mapping[int, int] = field(default_factory=dict, hash=False)
+    choices: tuple[Submodule, ...] = ()
 
     @property
     def slot(self) -> int:
         return self.submodules[0].slot
+
+    @property
+    def data(self) -> Submodule:
+        """The submodule with the telegram's data."""
+        return next((one for one in self.submodules if one.has_data), self.submodules[-1])
 
 
 #: For a drive without modules.
@@ -138,6 +153,8 @@ class Telegram:
     ``falls_back`` names set points whose parameter applies while the telegram's word is 0.
     ``own_words``: a farm file may give the words (:mod:`pnfarm.drives.telegrams.own_words`).
     ``identifiers`` are the octets by which a master configures it, empty on a bus without.
+    ``supplementary``: it is a submodule beside a telegram's, whose words follow on that telegram's; its ``module`` has
+    that submodule alone.
     """
 
     number: int
@@ -159,6 +176,7 @@ class Telegram:
     falls_back: tuple[str, ...] = ()
     identifiers: bytes = b""
     own_words: bool = False
+    supplementary: bool = False
 
     @property
     def object(self) -> int:
@@ -178,6 +196,24 @@ def object_of(set_points: Iterable[Signal | None]) -> int:
 
 #: For a drive whose profile has no telegrams.
 NO_TELEGRAM = Telegram(0, "", False, (), (), (), (), NO_MODULE, "", "")
+
+
+def with_choices(telegrams: Mapping[int, Telegram], supplements: Iterable[Telegram]) -> dict[int, Telegram]:
+    """The telegrams with modules that take each other's submodules, where they have the same ident, and supplements."""
+    beside = [one.module.data for one in supplements]
+    shared: dict[tuple[int, int], dict[Submodule, None]] = {}
+    for module in (module for telegram in telegrams.values() for module in telegram.modules):
+        own = [one for one in (*module.submodules, *module.choices) if one not in beside]
+        shared.setdefault((module.slot, module.ident), {}).update(dict.fromkeys(own))
+
+    def joined(module: Module) -> Module:
+        every = (*shared[module.slot, module.ident], *(replace(one, slot=module.slot) for one in beside))
+        return replace(module, choices=tuple(one for one in every if one not in module.submodules))
+
+    return {
+        number: replace(each, module=joined(each.module), others=tuple(map(joined, each.others)))
+        for number, each in telegrams.items()
+    }
 
 
 def signal_codes(signals: Sequence[Signal | None], *, setpoint: bool, repeats: bool = False) -> tuple[int, ...]:

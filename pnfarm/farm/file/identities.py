@@ -1,4 +1,4 @@
-"""``identity: {gsdml: FILE}``: a maker's file in place of the keys that it gives."""
+"""``gsdml: FILE`` of a drive, and ``identity: {gsdml: FILE}``: a maker's file in place of the keys that it gives."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.described import DescribedBus
+from pnfarm.buses.described import AccessPointError, DescribedBus
 from pnfarm.errors import ConfigError
 from pnfarm.farm.file.choice import bus_of
 from pnfarm.vocabulary.quoting import shown
@@ -35,39 +35,55 @@ def with_identities(
     found: list[DriveGroup] = []
     notes: list[str] = []
     for number, group in enumerate(groups):
-        for key in _KEYS:
-            if key in group.identity:
-                at = partial(report, ("drives", number, "identity", key))
-                identity = _resolved(group, key, folder, known, at, notes)
-                group = group.model_copy(update={"identity": identity})
+        at = partial(_report_at, report, ("drives", number))
+        asked: dict[Location, Any] = {("identity", key): group.identity[key] for key in _KEYS if key in group.identity}
+        asked |= {(key,): file for key in _KEYS if (file := getattr(group, key, None)) is not None}
+        if not asked and getattr(group, "access_point", None) is not None:
+            at(("access_point",), "is that of a maker's file, and there is none", f"{_KEYS[0]}: FILE beside it")
+        if len(asked) > 1:
+            at(("identity", *next(iter(asked))[1:]), "is given twice", "the file once, as a key of the drive")
+        for place, file in list(asked.items())[-1:]:
+            identity = _resolved(group, place, file, folder, known, at, notes)
+            group = group.model_copy(update={"identity": identity})
         found.append(group)
     return found, notes
 
 
+def _report_at(
+    report: Callable[[Location, str, str], None], at: Location, place: Location, what: str, allowed: str
+) -> None:
+    report((*at, *place), what, allowed)
+
+
 def _resolved(
     group: DriveGroup,
-    key: str,
+    place: Location,
+    file: Any,
     folder: Path,
     known: Known,
-    report: Callable[[str, str], None],
+    report: Callable[[Location, str, str], None],
     notes: list[str],
 ) -> dict[str, Any]:
-    own = {name: value for name, value in group.identity.items() if name != key}
-    model, bus, file = known.model(group.model), bus_of(group), group.identity[key]
-    if not isinstance(bus, DescribedBus) or bus.description_key != key:
-        report(f"is no key of a drive on {bus.title}", "the keys of `identity` for this model")
+    own = {name: value for name, value in group.identity.items() if name not in _KEYS}
+    model, bus = known.model(group.model), bus_of(group)
+    if not isinstance(bus, DescribedBus) or bus.description_key != place[-1]:
+        report(place, f"is no key of a drive on {bus.title}", "the keys of `identity` for this model")
         return own
     if not isinstance(file, str) or not file:
-        report(f"is {shown(file)}", _ALLOWED)
+        report(place, f"is {shown(file)}", _ALLOWED)
         return own
     described = None if model is None else model.described
     if described is None:
         return own
     path = folder / Path(file).expanduser()
     try:
-        found = bus.described_identity(path, described, own)
+        found = bus.described_identity(path, described, own, getattr(group, "access_point", None))
+    except AccessPointError as exc:
+        chosen: Location = ("access_point",) if getattr(group, "access_point", None) is not None else place
+        report(chosen, f"{path.name}: {exc}", "an access point of the file")
+        return own
     except ConfigError as exc:
-        report(str(exc), _ALLOWED)
+        report(place, str(exc), _ALLOWED)
         return own
     notes += [f"{group.name}: {path.name}: {note}" for note in found.notes]
     return _merged(found.overrides, own)
@@ -78,5 +94,5 @@ def _merged(found: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     merged = dict(found)
     for key, value in own.items():
         known = merged.get(key)
-        merged[key] = {**known, **value} if isinstance(known, Mapping) and isinstance(value, Mapping) else value
+        merged[key] = _merged(known, value) if isinstance(known, Mapping) and isinstance(value, Mapping) else value
     return merged

@@ -2,18 +2,20 @@
 
 :class:`DeviceDescription` is made once from a drive model and never changes.  :class:`Plugged` is the part
 that changes: a slot for which the description knows several modules (a drive with a module per telegram)
-takes the one that the controller expects, unless it was pulled or replaced on purpose.
+takes the one that the controller expects, with the submodules that it expects (a drive with a submodule per telegram),
+unless it was pulled or replaced on purpose.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from pnfarm.wire.rtc import REDUCTION_RATIOS, SEND_CLOCK_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
 __all__ = [
     "MAX_REDUCTION",
@@ -32,6 +34,7 @@ __all__ = [
 MAX_REDUCTION = 512
 #: Supervisors with IO data at one device.
 MAX_SUPERVISOR_ARS = 1
+_NO_IDENTS: Mapping[int, int] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +56,27 @@ class SubmoduleDescription:
 
 @dataclass(frozen=True, slots=True)
 class ModuleDescription:
-    """A module that one slot can take."""
+    """A module that one slot can take, with its ``submodules`` at power-on; ``choices`` are others that it takes, in
+    their subslots."""
 
     slot: int
     module_ident: int
     submodules: tuple[SubmoduleDescription, ...]
+    choices: tuple[SubmoduleDescription, ...] = ()
 
     def submodule(self, subslot: int) -> SubmoduleDescription | None:
         return next((s for s in self.submodules if s.subslot == subslot), None)
+
+    def taking(self, idents: Mapping[int, int]) -> ModuleDescription:
+        """With the submodules of these idents, by subslot, as far as it takes them."""
+        chosen = {s.subslot: s for s in self.choices if idents.get(s.subslot) == s.submodule_ident}
+        if not chosen:
+            return self
+        # what was in their place can come back
+        kept = {s.subslot: s for s in self.submodules}
+        choices = tuple(dict.fromkeys((*self.choices, *(kept[place] for place in chosen.keys() & kept.keys()))))
+        submodules = tuple(one for _, one in sorted((kept | chosen).items()))
+        return replace(self, submodules=submodules, choices=choices)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +138,8 @@ class DeviceDescription:
     can take; the first one of a slot is in it at power-on.  ``send_clocks`` and ``reduction_ratios`` are the
     SendClockFactors and ReductionRatios accepted, which the description file names too.
     ``im_carriers`` are the submodules with I&M data; if none is named, the DAP's first one, for the device.
-    ``own_records`` are indexes that its file names although the standard has no such record.
+    ``own_records`` are indexes that its file names although the standard has no such record; ``ignored_records`` those
+    of records that are accepted, kept and have no effect.
     """
 
     vendor_id: int
@@ -138,6 +155,7 @@ class DeviceDescription:
     limits: Limits = Limits()
     im_carriers: tuple[ImCarrier, ...] = ()
     own_records: frozenset[int] = frozenset()
+    ignored_records: frozenset[int] = frozenset()
 
     @property
     def carriers(self) -> tuple[ImCarrier, ...]:
@@ -206,13 +224,19 @@ class Plugged:
         for slot in description.slots:
             self.restore(slot)
 
-    def follow(self, slot: int, module_ident: int) -> None:
-        """Take the expected module if the slot can have it and is not held."""
+    def follow(
+        self, slot: int, module_ident: int, idents: Mapping[int, int] = _NO_IDENTS, *, shared: bool = False
+    ) -> None:
+        """Take the expected module with the expected submodules, ``idents`` by subslot, if the slot can have them and
+        is not held.
+
+        ``shared``: another AR uses the slot, whose module stays.
+        """
         if slot in self._fixed:
             return
-        module = self._description.module(slot, module_ident)
-        if module is not None:
-            self._modules[slot] = module
+        module = self._modules.get(slot) if shared else self._description.module(slot, module_ident)
+        if module is not None and module.module_ident == module_ident:
+            self._modules[slot] = module.taking(idents)
 
     def pull(self, slot: int, subslot: int | None = None) -> None:
         """Take a module, or one submodule of it, out, whatever a controller expects, until :meth:`plug`."""

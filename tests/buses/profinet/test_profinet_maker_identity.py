@@ -7,6 +7,7 @@ import dataclasses
 import pytest
 from gsdml_versions import VERSIONS, file_name, gsdml_of
 
+from pnfarm.buses.described import AccessPointError
 from pnfarm.buses.profinet.maker_identity import identity_of
 from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.drives.catalogue import model, models
@@ -15,6 +16,7 @@ from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import FarmFileError, expand, parse_farm
 from pnfarm.protocols.profinet.gsdml.document import ItemRef
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
+from pnfarm.protocols.profinet.gsdml.values import Numbers
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 from pnfarm.testing import Line
 
@@ -49,6 +51,7 @@ def maker_s_file(name, keep=None, rename=str):
         modules=tuple(ref for ref in dap.modules if ref.target in known),
     )
     changes = {"vendor_id": 0x0123, "device_id": 0x4567, "modules": tuple(modules), "daps": (dap,)}
+    changes["submodules"] = others(document.submodules)
     return emit_gsdml(dataclasses.replace(document, **changes))
 
 
@@ -112,11 +115,10 @@ def test_a_drive_takes_its_identity_from_a_file_of_each_version_and_is_connected
         own, telegrams = seen.model.profidrive.identity, seen.model.profidrive.telegrams
         assert (own.vendor_id, own.device_id, own.order_id) == (0xFEED, 0x0A1D, "SW-4711")
         assert [telegrams[number].module.ident for number in (1, 9)] == [0x101, 0x109]
-        assert [telegrams[number].module.submodules[1].ident for number in (1, 9)] == [0x12, 0x12]
-        # V1.0 describes neither interfaces and ports nor parameter access points: the drive keeps its own
+        assert [telegrams[number].module.data.ident for number in (1, 9)] == [0x12, 0x12]
+        # V1.0 describes neither interfaces and ports, of which the drive keeps its own, nor parameter access points
         kept = model("akd-profinet") if version == "1.0" else None
-        point = kept.profidrive.telegrams[1].module.submodules[0].ident if kept else 0x11
-        assert telegrams[1].module.submodules[0].ident == point
+        assert [one.ident for one in telegrams[1].module.submodules] == ([0x12] if kept else [0x11, 0x12])
         system = [one.ident for one in kept.dap.submodules[1:]] if kept else [2, 3]
         assert [one.ident for one in seen.model.dap.submodules] == [1, *system]
 
@@ -155,8 +157,11 @@ def test_keys_of_the_farm_file_count_before_those_of_the_file(tmp_path):
 def test_what_the_file_lacks_is_told(tmp_path):
     (tmp_path / "maker.xml").write_text(maker_s_file("akd-profinet", keep=lambda module: "7" not in module.info.name))
     config = farm(tmp_path, "akd-profinet")
-    assert config.notes == ("a: maker.xml: no module of it fits telegram 7 by length and name",)
-    assert model_of(expand(config)[0]).profidrive.telegrams[1].module.ident > MOVED
+    told = "no module of it fits telegram 7 by length and name; the drive does not have it"
+    assert config.notes == (f"a: maker.xml: {told}",)
+    telegrams = model_of(expand(config)[0]).profidrive.telegrams
+    assert telegrams[1].module.ident > MOVED
+    assert 7 not in telegrams
 
 
 def test_a_telegram_without_a_number_in_its_name_is_found_if_no_other_has_its_lengths():
@@ -188,12 +193,13 @@ def test_a_file_that_is_none_is_told_with_its_place(tmp_path, options, words):
 
 def test_an_access_point_is_chosen_by_its_ident():
     text = maker_s_file("hiwin-e1").encode()
-    found = identity_of(parse_gsdml(text), model("hiwin-e1"), 0x77)
-    assert "dap" not in found.overrides
-    assert found.notes[0].startswith("no access point of it has the ident 0x77; it has 0x")
+    with pytest.raises(AccessPointError, match=r"^no access point is called 0x77; it has DAP \(HIWIN E1"):
+        identity_of(parse_gsdml(text), model("hiwin-e1"), 0x77)
+    chosen = model("hiwin-e1").dap.ident + MOVED
+    assert identity_of(parse_gsdml(text), model("hiwin-e1"), chosen).overrides["dap"] == chosen
 
 
-def test_telegrams_that_are_submodules_of_one_module_are_told():
+def test_telegrams_that_are_submodules_of_one_module_are_found():
     document = describe_model(model("hiwin-e1"))
     data = [one for module in document.modules for one in module.submodules if one.input_octets]
     first, (dap,) = document.modules[0], document.daps
@@ -201,9 +207,12 @@ def test_telegrams_that_are_submodules_of_one_module_are_told():
         first,
         info=dataclasses.replace(first.info, name="Drive object"),
         submodules=(),
-        useable=tuple(ItemRef(one.id) for one in data),
+        useable=tuple(ItemRef(one.id, allowed=Numbers.of([2])) for one in data),
     )
     dap = dataclasses.replace(dap, modules=(ItemRef(shared.id),))
     file = dataclasses.replace(document, modules=(shared,), submodules=tuple(data), daps=(dap,))
-    notes = identity_of(file, model("hiwin-e1")).notes
-    assert any(note.startswith("its Drive object takes several submodules with data") for note in notes)
+    found = identity_of(file, model("hiwin-e1"))
+    assert not [note for note in found.notes if "telegram" in note]
+    drive = with_identity(model("hiwin-e1"), found.overrides)
+    assert {telegram.module.ident for telegram in drive.profidrive.telegrams.values()} == {first.ident}
+    assert {one.module.data.ident for one in drive.profidrive.telegrams.values()} == {one.ident for one in data}

@@ -7,7 +7,7 @@ from cmctl_pair import Pair
 from cmctl_peers import make_plan
 
 from pnfarm.buses.profinet.axis_slots import axis_shifts
-from pnfarm.buses.profinet.binding import describe_device
+from pnfarm.buses.profinet.binding import AxisPlace, describe_device
 from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.drives.catalogue import models
 from pnfarm.protocols.profinet.cm.controller.cmctl import CmController
@@ -34,13 +34,14 @@ LIMITS = {
 def described(drive_model):
     """The file as a controller's engineer reads it, and the device."""
     gsdml = parse_gsdml(emit_gsdml(describe_model(drive_model)).encode())
-    every = dict.fromkeys(axis_shifts(drive_model, [None] * drive_model.limits.axes))
+    every = [AxisPlace(shift) for shift in axis_shifts(drive_model, [None] * drive_model.limits.axes)]
     return gsdml, describe_device(drive_model, MAC, strict=True, axes=every)
 
 
-def plan_of(gsdml, module_id=None, clock=None, slots=(1,), **changes):
+def plan_of(gsdml, module_id=None, clock=None, submodules=None, slots=(1,), **changes):
     """A plan made of the file alone, at the device's fastest cycle unless ``clock`` (factor, ratio) is given."""
-    device = from_gsdml(gsdml, modules={} if module_id is None else dict.fromkeys(slots, module_id))
+    chosen = {} if module_id is None else dict.fromkeys(slots, module_id)
+    device = from_gsdml(gsdml, modules=chosen, submodules=submodules or {})
     if clock is None:
         clock = (32, max(1, device.dap.min_device_interval // 32))
     return make_plan(

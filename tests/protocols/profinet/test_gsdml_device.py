@@ -60,7 +60,7 @@ DIGESTS = {
     "GSDML-V2.35-pnfarm-moog-msd-20261123.xml": "50ceae05115fd579",
     "GSDML-V2.35-pnfarm-akd-profinet-2012-20261123.xml": "ecdd92587f58fa9a",
     "GSDML-V2.35-pnfarm-hiwin-e1-20261123.xml": "7803ba846ebccf42",
-    "GSDML-V2.35-pnfarm-profidrive-20261128.xml": "d664a9992ec50242",
+    "GSDML-V2.35-pnfarm-profidrive-20261129.xml": "3a48e78befb4098f",
 }
 
 
@@ -163,7 +163,9 @@ def test_the_largest_frames_are_those_of_the_largest_telegram_of_every_axis(driv
     gsdml, _ = described(drive_model)
     sizes = []
     for module in gsdml.modules:
-        frames = plan_frames(plan_of(gsdml, module.id, slots=gsdml.daps[0].modules[0].allowed))
+        slots = gsdml.daps[0].modules[0].allowed
+        beside = {(slot, place): ref.target for slot in slots for ref in module.useable for place in ref.allowed}
+        frames = plan_frames(plan_of(gsdml, module.id, submodules=beside, slots=slots))
         ends = [max([p.iops_offset for p in frame.data] + [p.iocs_offset for p in frame.iocs]) + 1 for frame in frames]
         assert all(frame.data_length == max(end, MIN_C_SDU) for frame, end in zip(frames, ends, strict=True))
         sizes.append(ends)

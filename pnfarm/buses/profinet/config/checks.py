@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.farm_file import Claims, PlacedGroup
     from pnfarm.buses.profinet.config.controller import ProfinetController
-    from pnfarm.buses.profinet.config.drive import ProfinetDrives
+    from pnfarm.buses.profinet.config.drive import ProfinetAxis, ProfinetDrives
     from pnfarm.config.known import Known, ModelFacts
     from pnfarm.drives.description.model import Model
     from pnfarm.vocabulary.issues import Location, Report
@@ -37,12 +37,27 @@ def check_name(at: Location, name: str, report: Report) -> bool:
 
 
 def check_model(at: Location, group: ProfinetDrives, model: ModelFacts, report: Report) -> None:
-    """A group's telegram and its own cycle against its model."""
-    if group.telegram is not None and group.telegram not in set(model.telegrams):
-        what = f"{model.name} has no telegram {group.telegram}"
-        report((*at, "telegram"), what, ", ".join(map(str, sorted(model.telegrams))))
+    """A group's telegrams and its own cycle against its model, under the maker's file if there is one."""
+    _check_telegrams(at, group, group, model, report)
     _check_limit((*at, "cycle"), group, model, group.cycle_ns, report)
     _check_axes((*at, "axes"), group, model, report)
+
+
+def _check_telegrams(
+    at: Location, group: ProfinetDrives, asked: ProfinetDrives | ProfinetAxis, model: ModelFacts, report: Report
+) -> None:
+    """The telegrams that the group, or an axis of it, asks for."""
+    without = group.identity.get("without", ())
+    absent = set(without) if isinstance(without, (list, tuple)) else set()
+    of = f"{model.name} has" if not absent else f"{model.name} under its maker's file has"
+    for key, kind, known in (
+        ("telegram", "telegram", set(model.telegrams)),
+        ("supplementary", "supplementary telegram", set(model.supplements)),
+    ):
+        wanted = getattr(asked, key)
+        if wanted is not None and wanted not in known - absent:
+            allowed = ", ".join(map(str, sorted(known - absent))) or "none"
+            report((*at, key), f"{of} no {kind} {wanted}", allowed)
 
 
 def _check_axes(at: Location, group: ProfinetDrives, model: ModelFacts, report: Report) -> None:
@@ -56,9 +71,7 @@ def _check_axes(at: Location, group: ProfinetDrives, model: ModelFacts, report: 
         if axis.name in seen:
             report((*here, "name"), f"{axis.name} is given twice", "each name once")
         seen.add(axis.name)
-        if axis.telegram is not None and axis.telegram not in set(model.telegrams):
-            what = f"{model.name} has no telegram {axis.telegram}"
-            report((*here, "telegram"), what, ", ".join(map(str, sorted(model.telegrams))))
+        _check_telegrams(here, group, axis, model, report)
         for key, what, allowed in model.parameter_complaints(axis.params):
             report((*here, "params", key), what, allowed)
         motor = group.motor if axis.motor is None else axis.motor

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Field
 
-from pnfarm.buses.profinet.config.values import Cycle
+from pnfarm.buses.profinet.config.values import WANTED, Cycle, Wanted
 from pnfarm.config.ip import IpDeviceConfig, IpDevices
 from pnfarm.config.section import Section
-from pnfarm.config.slots import named_module, slot_number
+from pnfarm.config.slots import slot_number
 from pnfarm.config.values import Scalar
 
 if TYPE_CHECKING:
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 __all__ = ["Place", "PluggedModule", "ProfinetDeviceConfig", "ProfinetDevices"]
 
 _U16 = 0xFFFF
-_WANTED = "ID, order number, ident or name"
-
 
 #: A slot or a subslot as the key of a mapping.
 Place = Annotated[int, *slot_number("a slot or subslot", _U16)]
@@ -34,15 +32,14 @@ CYCLES: Any = Field(
     "frames of its own, as far as the GSDML file allows (NumberOfAdditionalInputCR, NumberOfAdditionalOutputCR).",
     examples=[{2: "64ms"}],
 )
-Wanted = Annotated[str | int, *named_module(_WANTED)]
 
 
 class PluggedModule(Section):
     """What is in a slot."""
 
-    module: Wanted | None = Field(default=None, description=f"{_WANTED} of the module; left out, what its file fixes.")
+    module: Wanted | None = Field(default=None, description=f"{WANTED} of the module; left out, what its file fixes.")
     submodules: dict[Place, Wanted | None] = Field(
-        default_factory=dict, description=f"Subslot: {_WANTED} of the submodule in it; null for an empty one."
+        default_factory=dict, description=f"Subslot: {WANTED} of the submodule in it; null for an empty one."
     )
     parameters: dict[str, Scalar] = Field(
         default_factory=dict,
@@ -82,11 +79,11 @@ class ProfinetDevices(IpDevices):
         description="Its maker's GSDML file, relative to this file: a device on PROFINET.",
     )
     access_point: Wanted | None = Field(
-        default=None, description=f"{_WANTED} of the access point; left out where the GSDML file has one only."
+        default=None, description=f"{WANTED} of the access point; left out where the GSDML file has one only."
     )
     slots: dict[Place, SlotSetting] = Field(
         default_factory=dict,
-        description=f"Slot: {_WANTED} of the module in it, or a mapping with module, submodules and parameters; null "
+        description=f"Slot: {WANTED} of the module in it, or a mapping with module, submodules and parameters; null "
         "for an empty slot. What the file fixes or plugs at first is there without being named.",
         examples=[{1: "16DI", 2: {"module": "8DO", "parameters": {"substitute": "hold"}}}],
     )

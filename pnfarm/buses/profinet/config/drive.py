@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
-from pnfarm.buses.profinet.config.values import Cycle
+from pnfarm.buses.profinet.config.values import WANTED, Cycle, Wanted
 from pnfarm.config.drive import MAX_AXES, AxisGroup
 from pnfarm.config.ip import IpDriveConfig, IpDrives
 from pnfarm.config.values import Cidr
@@ -16,7 +16,7 @@ from pnfarm.protocols.profinet.cm.controller.plan import MAX_SLOT
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-__all__ = ["ProfinetDriveConfig", "ProfinetDrives"]
+__all__ = ["ProfinetAxis", "ProfinetDriveConfig", "ProfinetDrives"]
 
 _U16 = 0xFFFF
 
@@ -31,6 +31,9 @@ class ProfinetAxis(AxisGroup):
         le=MAX_SLOT,
         description="Slot of its module; left out, the one behind the axis before it.",
     )
+    supplementary: int | None = Field(
+        default=None, ge=0, le=_U16, description="Supplementary telegram beside it; left out, the drive's."
+    )
 
 
 class ProfinetDrives(IpDrives):
@@ -40,12 +43,36 @@ class ProfinetDrives(IpDrives):
         default=None, description="First drive's address; counts up.  Left out, the drive waits for DCP."
     )
     telegram: int | None = Field(default=None, ge=0, le=_U16, description="PROFIdrive telegram; left out, the model's.")
+    supplementary: int | None = Field(
+        default=None,
+        ge=0,
+        le=_U16,
+        description="Supplementary telegram in a submodule of its own beside the telegram's, such as 750: it is "
+        "plugged at first, and the built-in controller plugs it.",
+        examples=[750],
+    )
+    gsdml: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4096,
+        description="The maker's GSDML file, relative to this file: vendor, device, access point, modules, submodules "
+        "and order number are its. `identity: {gsdml: FILE}` means the same.",
+    )
+    access_point: Wanted | None = Field(
+        default=None, description=f"{WANTED} of the file's access point; left out, the one with most telegrams."
+    )
     axes: list[ProfinetAxis] = Field(
         default_factory=list,
         max_length=MAX_AXES,
         description="Several axes on one connection, each with a telegram in slots of its own, behind each other. A "
         "model takes more axes than its manual has (`pnfarm models MODEL`) with `limits: lax`.",
         examples=[[{"name": "x"}, {"name": "y"}]],
+    )
+    isochronous: Literal["refuse", "ignore"] = Field(
+        default="refuse",
+        description="What becomes of the records with which a controller asks for isochronous operation "
+        "(IsochronousModeData, PDIRData, PDSyncData): ignore takes and keeps them, and the drive runs in RT without "
+        "the clock.",
     )
     hello: bool = Field(
         default=False,
@@ -60,16 +87,19 @@ class ProfinetDrives(IpDrives):
 class ProfinetDriveConfig(IpDriveConfig):
     """One drive.
 
-    ``telegram`` is None where the file leaves it to the model, ``cycle_ns`` where the controller's counts.
+    ``telegram`` is None where the file leaves it to the model, ``supplementary`` where there is none, ``cycle_ns``
+    where the controller's counts.  ``ignores_clock``: a controller may ask for isochronous operation.
     For a foreign device (a file without ``farm:``) ``mac`` means nothing: the controller finds it by name.
     """
 
     telegram: int | None = None
+    supplementary: int | None = None
+    ignores_clock: bool = False
     hello: bool = False
     cycle_ns: int | None = None
 
     def of_axis(self) -> Mapping[str, Any]:
-        return {"telegram": self.telegram}
+        return {"telegram": self.telegram, "supplementary": self.supplementary}
 
     def addresses(self) -> Sequence[str]:
         mac, ip = IpDriveConfig.addresses(self)

@@ -38,7 +38,7 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
     together = MappingProxyType(
         {"ip": ("ip", "gateway"), "cycle": _CLOCK, "send_clock_factor": _CLOCK, "reduction_ratio": _CLOCK}
     )
-    judged_by_model = frozenset({"telegram", "cycle"})
+    judged_by_model = frozenset({"telegram", "supplementary", "cycle"})
     check_name = staticmethod(checks.check_name)
     check_group = staticmethod(check_addresses)
     check_model = staticmethod(checks.check_model)
@@ -56,7 +56,11 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
         controller = expansion.controller if isinstance(expansion.controller, ProfinetController) else None
         several = tuple(
             AxisConfig.of(
-                axis, common, telegram=group.telegram if axis.telegram is None else axis.telegram, slot=axis.slot
+                axis,
+                common,
+                telegram=group.telegram if axis.telegram is None else axis.telegram,
+                supplementary=group.supplementary if axis.supplementary is None else axis.supplementary,
+                slot=axis.slot,
             )
             for axis in group.axes
         )
@@ -67,6 +71,8 @@ class ProfinetPart(FarmFilePart[ProfinetDrives, ProfinetController]):
             ip=nth_ip(group, step),
             gateway=group.gateway,
             telegram=group.telegram,
+            supplementary=group.supplementary,
+            ignores_clock=group.isochronous == "ignore",
             hello=group.hello,
             cycle_ns=own_cycle_ns(group, controller, model),
         )

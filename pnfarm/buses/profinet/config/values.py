@@ -7,11 +7,14 @@ from typing import Annotated, Any
 from pydantic import PlainValidator
 
 from pnfarm.buses.profinet.config.clock import nearest_cycles
+from pnfarm.config.slots import named_module
 from pnfarm.config.values import DURATION_SCHEMA
 from pnfarm.vocabulary.durations import format_duration, read_duration
 from pnfarm.vocabulary.problem import Problem
 
-__all__ = ["Cycle"]
+__all__ = ["WANTED", "Cycle", "Wanted"]
+
+WANTED = "ID, order number, ident or name"
 
 
 def read_cycle(value: Any) -> int:
@@ -25,4 +28,6 @@ def read_cycle(value: Any) -> int:
     return cycle_ns
 
 
+#: What a user calls a part of a maker's file.
+Wanted = Annotated[str | int, *named_module(WANTED)]
 Cycle = Annotated[int, PlainValidator(read_cycle), DURATION_SCHEMA]

@@ -7,7 +7,14 @@ from ipaddress import IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pnfarm.buses.controllers.plan import describing, own_address, profidrive_keys, reconnect_after_ns, telegram_of
+from pnfarm.buses.controllers.plan import (
+    describing,
+    own_address,
+    profidrive_keys,
+    reconnect_after_ns,
+    supplement_of,
+    telegram_of,
+)
 from pnfarm.buses.controllers.signal_steps import KnownSteps
 from pnfarm.buses.plain_layout import plain_layout
 from pnfarm.buses.profinet.axis_slots import axis_shifts, model_slots
@@ -36,13 +43,22 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.gsdml.document import Gsdml
     from pnfarm.protocols.profinet.gsdml.planning import PlannedDevice as Described
 
+    #: An axis: how far behind the model's its slots are, its telegram, and its supplementary one.
+    _Place = tuple[int, int, int | None]
+
 __all__ = ["plan_controller", "plan_devices"]
 
 
-def _submodules(model: Model, telegrams: Sequence[int], shifts: Sequence[int]) -> tuple[PlannedSubmodule, ...]:
-    """Those of the access point and of each axis's telegram, in slots that are ``shifts`` behind the model's."""
-    modules = [(model.dap, 0)]
-    modules += [(telegram_of(model, number).module, shift) for number, shift in zip(telegrams, shifts, strict=True)]
+def _submodules(model: Model, axes: Sequence[_Place]) -> tuple[PlannedSubmodule, ...]:
+    """Those of the access point and of each axis's telegrams."""
+    modules = [(model.dap, model.dap.submodules, 0)]
+    for shift, number, supplementary in axes:
+        module = telegram_of(model, number).module
+        beside = supplement_of(model, supplementary).module.submodules
+        # those without data that are plugged in their places at first go
+        kept = [one for one in module.submodules if one.subslot not in {one.subslot for one in beside}]
+        every = (*kept, *(replace(one, slot=module.slot) for one in beside))
+        modules.append((module, every, shift))
     return tuple(
         PlannedSubmodule(
             api=s.api,
@@ -53,8 +69,8 @@ def _submodules(model: Model, telegrams: Sequence[int], shifts: Sequence[int]) -
             input_bytes=s.input_bytes,
             output_bytes=s.output_bytes,
         )
-        for module, shift in modules
-        for s in module.submodules
+        for module, submodules, shift in modules
+        for s in submodules
     )
 
 
@@ -193,14 +209,13 @@ def _axis_keys(
     section: ProfinetController,
     drive: ProfinetDriveConfig,
     model: Model,
-    numbers: Sequence[int],
-    shifts: Sequence[int],
+    places: Sequence[_Place],
     known_steps: KnownSteps,
 ) -> list[dict[str, Any]]:
     """What is planned for each axis, by the fields of ``PlannedDevice``."""
     own = model_slots(model)
     found = []
-    for axis, number, shift in zip(drive.axes, numbers, shifts, strict=True):
+    for axis, (shift, number, beside) in zip(drive.axes, places, strict=True):
         alone = replace(
             drive,
             name=axis.name,
@@ -210,9 +225,9 @@ def _axis_keys(
             params=axis.params,
             several=(),
         )
-        keys = profidrive_keys(section, alone, model, number, known_steps)
+        keys = profidrive_keys(section, alone, model, number, known_steps, beside)
         keys["life"] = model.profidrive.sign_of_life is not None
-        if len(numbers) > 1:
+        if len(places) > 1:
             keys["slots"] = frozenset(slot + shift for slot in own)
         found.append(keys)
     return found
@@ -237,9 +252,12 @@ def plan_devices(
         ip = addresses.of(drive.ip, f"drive {drive.name}")
         # without a telegram in the section each model has its own
         usual = section.telegram if "telegram" in section.model_fields_set else model.profidrive.default_telegram
-        numbers = [usual if axis.telegram is None else axis.telegram for axis in drive.axes]
         shifts = axis_shifts(model, [axis.slot for axis in drive.axes])
-        first, *further = _axis_keys(section, drive, model, numbers, shifts, known_steps)
+        places = [
+            (shift, usual if axis.telegram is None else axis.telegram, axis.supplementary)
+            for shift, axis in zip(shifts, drive.axes, strict=True)
+        ]
+        first, *further = _axis_keys(section, drive, model, places, known_steps)
         clock = clock_of(section, drive.cycle_ns)
         plans.append(
             DevicePlan(
@@ -250,7 +268,7 @@ def plan_devices(
                 assign_ip=section.assign_ip,
                 vendor_id=model.profidrive.identity.vendor_id,
                 device_id=model.profidrive.identity.device_id,
-                submodules=_submodules(model, numbers, shifts),
+                submodules=_submodules(model, places),
                 texts=DescribedDiagnosis(*describe_diagnosis(model)),
                 send_clock_factor=clock.send_clock_factor,
                 reduction_ratio=clock.reduction_ratio,

@@ -10,7 +10,7 @@ from pnfarm.captures.drive_words import words_of
 from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
     from pnfarm.captures.conversations import CyclicChannel
     from pnfarm.drives.description.model import Model
@@ -82,13 +82,16 @@ class Channel(SummedChannel):
         return self.figures(f"0x{self.frame_id:04X}", telegram, self.cycle_ns)
 
 
-def telegrams_of(modules: Iterable[tuple[int, int]], model: Model | None) -> Telegrams:
-    """The telegrams of a drive of this model whose ``modules`` (slot, ident) are expected."""
+def telegrams_of(modules: Mapping[int, tuple[int, Mapping[int, int]]], model: Model | None) -> Telegrams:
+    """The telegrams of a drive of this model.
+
+    ``modules``: slot -> ident of the expected module, and those of its submodules by subslot.
+    """
     found: dict[int, Telegram] = {}
     if model is None:
         return found
-    for slot, ident in modules:
-        telegram = model.profidrive.telegram_by_module(ident)
+    for slot, (module, idents) in modules.items():
+        telegram = model.profidrive.telegram_by_module(module, idents)
         if telegram is not None:
             found.setdefault(slot - telegram.module.slot, telegram)
     return found
@@ -118,14 +121,17 @@ def _words(
 ) -> AxisWords | None:
     """An axis's words in this direction, None where its data is not in the frame."""
     is_input = layout.is_input
-    holder = next((s for s in telegram.module.submodules if (s.input_bytes if is_input else s.output_bytes)), None)
-    place = None if holder is None else layout.data_of(holder.slot + shift, holder.subslot)
-    if place is None:
+    slot = telegram.module.slot + shift
+    words: list[tuple[str, int, int]] = []
+    if layout.data_of(slot, telegram.module.data.subslot) is None:
         return None
-    signals = telegram.input if is_input else telegram.output
-    words = words_of((s.name if s is not None else "" for s in signals), place.data_offset)
-    words = tuple(word for word in words if word[1] + word[2] <= place.data_offset + place.data_length)
+    for each in (telegram, *(model.profidrive.supplements.values() if model is not None else ())):
+        place = layout.data_of(slot, each.module.data.subslot)
+        if place is not None:
+            signals = each.input if is_input else each.output
+            named = words_of((s.name if s is not None else "" for s in signals), place.data_offset)
+            words += [word for word in named if word[1] + word[2] <= place.data_offset + place.data_length]
     bits = {}
     if model is not None:
         bits = {name: found for name, _, _ in words if (found := model.profidrive.bit_names(name, telegram.number))}
-    return AxisWords(f"slot {place.slot}" if several else "", telegram.number, words, bits)
+    return AxisWords(f"slot {slot}" if several else "", telegram.number, tuple(words), bits)

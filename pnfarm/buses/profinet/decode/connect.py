@@ -9,6 +9,7 @@ from pnfarm.buses.profinet.decode.channels import Channel, make_template, telegr
 from pnfarm.buses.profinet.decode.identity import learn_identity
 from pnfarm.captures.packet import Description
 from pnfarm.protocols.profinet.cm.ar import IocrLayout, LayoutError, compute_layout, expected_submodules
+from pnfarm.protocols.profinet.cm.device.diff import expected_idents
 from pnfarm.protocols.profinet.wire.cm.connect import ArBlockReq, ArBlockRes, ArProperties, ArServerBlock, ArType
 from pnfarm.protocols.profinet.wire.cm.expected import (
     ExpectedApi,
@@ -95,12 +96,8 @@ def _apis(blocks: Iterable[Block]) -> tuple[ExpectedApi, ...]:
     return tuple(api for b in blocks if isinstance(b, ExpectedSubmoduleBlockReq) for api in b.apis)
 
 
-def _modules(apis: Iterable[ExpectedApi]) -> Iterator[tuple[int, int]]:
-    return ((api.slot, api.module_ident) for api in apis)
-
-
 def _expected(apis: tuple[ExpectedApi, ...], device: bytes, shared: Shared) -> str:
-    telegrams = telegrams_of(_modules(apis), shared.stations.model(device))
+    telegrams = telegrams_of(expected_idents(apis), shared.stations.model(device))
     idents = {api.slot: api.module_ident for api in apis}
     if telegrams:
         several = len(telegrams) > 1
@@ -171,7 +168,7 @@ def _channels(
 ) -> Iterator[tuple[tuple[bytes, bytes, int], Channel]]:
     """A channel for each layout, with its key: destination, source, frame id."""
     model = shared.stations.model(device)
-    telegrams = telegrams_of(_modules(apis), model)
+    telegrams = telegrams_of(expected_idents(apis), model)
     for layout in layouts:
         to, source = (controller, device) if layout.is_input else (device, controller)
         yield (to, source, layout.frame_id), Channel(layout.frame_id, make_template(layout, telegrams, model))

@@ -106,7 +106,10 @@ class ProfinetDecoder(FamilyDecoder[Shared]):
         """``plan`` of each drive is a :class:`~pnfarm.buses.profinet.controller.device_plan.DevicePlan`."""
         for drive in drives:
             plan: DevicePlan = drive.plan
-            telegrams = telegrams_of(((one.slot, one.module_ident) for one in plan.submodules), drive.model)
+            modules: dict[int, tuple[int, dict[int, int]]] = {}
+            for one in plan.submodules:
+                modules.setdefault(one.slot, (one.module_ident, {}))[1][one.subslot] = one.submodule_ident
+            telegrams = telegrams_of(modules, drive.model)
             asked = plan.ar_plan(
                 controller_name=controller,
                 controller_mac=mac,

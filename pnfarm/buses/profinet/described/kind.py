@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
-    from pnfarm.protocols.profinet.description import DeviceDescription
+    from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription
     from pnfarm.station.station import Station
 
 __all__ = ["DescribedKind", "DescribedSettings"]
@@ -44,7 +44,7 @@ class DescribedKind:
     not depend on the device's supply), and are those that the user or the plant set last.
     """
 
-    telegrams: Mapping[int, int] = {}
+    telegrams: Mapping[int, tuple[int, Mapping[int, int]]] = {}
 
     def __init__(self, station: Station, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
         self._station = station
@@ -117,9 +117,9 @@ class DescribedKind:
         """None."""
         return 0
 
-    def telegram_of(self, module_ident: int) -> int | None:
+    def telegram_of(self, module: ModuleDescription) -> int | None:
         """None."""
-        del module_ident
+        del module
         return None
 
     # -- events ------------------------------------------------------------------------------------------------------

@@ -133,6 +133,8 @@ class StationConnections:
                 self._diagnosis_changed(change, now)
             case RecordWritten(_, api, slot, subslot, index, data):
                 self._station.note(now, happened.RecordWritten(len(data), api, slot, subslot, index))
+                if index in self._station.description.ignored_records:
+                    self._station.note(now, happened.IsochronousIgnored(slot, subslot, index))
                 self._station.addressing.record_written(index, data, now)
                 if self._station.neighbours.pdev.handles(slot, subslot, index):
                     self._station.keep(

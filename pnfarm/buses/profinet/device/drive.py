@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from pnfarm.buses.profinet.axis_slots import axis_shifts, model_slots
-from pnfarm.buses.profinet.binding import DriveRecords, describe_device
+from pnfarm.buses.profinet.binding import AxisPlace, DriveRecords, describe_device
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
 from pnfarm.protocols.deadlines import earliest
+from pnfarm.protocols.profinet.records.directory import ISOCHRONOUS
 from pnfarm.station.parameter_words import StationParameterWords
 from pnfarm.station.step_time import SLOWEST_STEP_NS, longest_step_ns
 from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_RAISE_FAULT, CONTROL_BY_PLC, OBJECT_CONTROL_UNIT
@@ -19,10 +21,11 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
+    from pnfarm.drives.telegrams.telegram import Telegram
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
-    from pnfarm.protocols.profinet.description import DeviceDescription
+    from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
@@ -30,19 +33,26 @@ __all__ = ["DriveKind"]
 
 
 class AxisSettings(Protocol):
-    """One axis in the farm file; ``telegram`` None is the model's, ``slot`` None the one behind the axis before."""
+    """One axis in the farm file; None: the model's telegram, no supplementary one, the slot behind the axis before."""
 
     @property
     def telegram(self) -> int | None: ...
     @property
     def slot(self) -> int | None: ...
+    @property
+    def supplementary(self) -> int | None: ...
 
 
 class DriveSettings(Protocol):
-    """The drive in the farm file; ``strict``: it keeps to its model's limits."""
+    """The drive in the farm file.
+
+    ``strict``: it keeps to its model's limits; ``ignores_clock``: a controller may ask for isochronous operation.
+    """
 
     @property
     def strict(self) -> bool: ...
+    @property
+    def ignores_clock(self) -> bool: ...
     @property
     def axes(self) -> Sequence[AxisSettings]: ...
 
@@ -99,12 +109,13 @@ class DriveKind:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         strict = self._settings.strict
         shifts = axis_shifts(self.model, [axis.slot for axis in self._settings.axes])
-        description = describe_device(
-            self.model,
-            mac,
-            strict=strict,
-            axes={shift: axis.telegram for shift, axis in zip(shifts, self._settings.axes, strict=True)},
-        )
+        axes = [
+            AxisPlace(shift, axis.telegram, axis.supplementary)
+            for shift, axis in zip(shifts, self._settings.axes, strict=True)
+        ]
+        description = describe_device(self.model, mac, strict=strict, axes=axes)
+        if self._settings.ignores_clock:
+            description = replace(description, ignored_records=ISOCHRONOUS)
         own = model_slots(self.model)
         # the words of a drive with one axis are those of all its submodules
         several = len(self._station.axes) > 1
@@ -140,19 +151,32 @@ class DriveKind:
     diagnoses = None
 
     def follow_modules(self) -> None:
-        """The plugged modules determine the telegrams of the frames."""
+        """The plugged modules determine the telegrams of the frames; a supplementary one counts if it is expected."""
+        expected = {(e.slot, s.subslot) for ar in self._cm.ars for e in ar.expected for s in e.submodules}
         for part in self._parts:
             module = self._cm.plugged.module(part.first_slot)
-            telegram = None if module is None else self.model.profidrive.telegram_by_module(module.module_ident)
-            if module is not None and telegram is not None:
-                part.axis.store.plug_telegram(telegram.number, module.module_ident)
+            telegram = None if module is None else self._telegram_in(module)
+            if module is None or telegram is None:
+                continue
+            places = {s.subslot: s.submodule_ident for s in module.submodules if (s.slot, s.subslot) in expected}
+            beside = (
+                number
+                for number, one in self.model.profidrive.supplements.items()
+                if places.get(one.module.data.subslot) == one.module.data.ident
+            )
+            part.axis.store.plug_telegram(telegram.number, module.module_ident, next(beside, None))
+
+    def _telegram_in(self, module: ModuleDescription) -> Telegram | None:
+        idents = {one.subslot: one.submodule_ident for one in module.submodules}
+        return self.model.profidrive.telegram_by_module(module.module_ident, idents)
 
     def _set_points(self, part: _AxisPart) -> set[tuple[int, int]]:
-        """(slot, subslot) of the submodules whose owner feeds an axis: those with outputs, else all of its slot."""
+        """(slot, subslot) of the submodules whose owner feeds an axis: the first with outputs, else all of its slot."""
         module = self._cm.plugged.module(part.first_slot)
         submodules = module.submodules if module is not None else ()
         slot = part.first_slot
-        return {(slot, s.subslot) for s in submodules if s.output_bytes} or {(slot, s.subslot) for s in submodules}
+        places = [(slot, s.subslot) for s in submodules if s.output_bytes][:1]
+        return set(places or ((slot, s.subslot) for s in submodules))
 
     def feeds(self, ar: ArChannels) -> frozenset[int]:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
@@ -209,13 +233,14 @@ class DriveKind:
         return self._first.store.telegram_number
 
     @property
-    def telegrams(self) -> dict[int, int]:
+    def telegrams(self) -> dict[int, tuple[int, dict[int, int]]]:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
-        return {number: known.module.ident for number, known in self.model.profidrive.telegrams.items()}
+        known = {number: telegram.module for number, telegram in self.model.profidrive.telegrams.items()}
+        return {number: (one.ident, {one.data.subslot: one.data.ident}) for number, one in known.items()}
 
-    def telegram_of(self, module_ident: int) -> int | None:
+    def telegram_of(self, module: ModuleDescription) -> int | None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
-        found = self.model.profidrive.telegram_by_module(module_ident)
+        found = self._telegram_in(module)
         return None if found is None else found.number
 
     # -- events ------------------------------------------------------------------------------------------------------

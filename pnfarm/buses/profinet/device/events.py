@@ -40,6 +40,7 @@ __all__ = [
     "FactoryResetDone",
     "FastStartUpNotUnderstood",
     "HelloSet",
+    "IsochronousIgnored",
     "ModulePlugged",
     "ModulePulled",
     "NameSet",
@@ -160,6 +161,15 @@ class RecordWritten(Event):
 
     octets: int
     api: int
+    slot: int
+    subslot: int
+    index: int
+
+
+@event("isochronous operation ignored")
+class IsochronousIgnored(Event):
+    """A controller asked for it: the record was taken, and the drive runs in RT without the clock."""
+
     slot: int
     subslot: int
     index: int

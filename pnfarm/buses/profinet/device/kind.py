@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
-    from pnfarm.protocols.profinet.description import DeviceDescription
+    from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription
     from pnfarm.protocols.profinet.errors import RecordError
     from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
 
@@ -105,10 +105,10 @@ class Kind(Protocol):
         """The telegram of the first axis, for the log; 0 where there is none."""
 
     @property
-    def telegrams(self) -> Mapping[int, int]:
-        """The idents of the modules that stand for telegrams, by the telegram's number."""
+    def telegrams(self) -> Mapping[int, tuple[int, Mapping[int, int]]]:
+        """What stands for a telegram, by its number: the module's ident, and its submodule's by subslot."""
 
-    def telegram_of(self, module_ident: int) -> int | None:
+    def telegram_of(self, module: ModuleDescription) -> int | None:
         """The telegram that a module stands for."""
 
     # -- events of an axis

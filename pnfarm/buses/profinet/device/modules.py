@@ -34,7 +34,7 @@ def modules_view(station: ProfinetDevice) -> list[dict[str, Any]]:
 
 
 def _telegram(station: ProfinetDevice, module: ModuleDescription | None) -> int | None:
-    return None if module is None else station.kind.telegram_of(module.module_ident)
+    return None if module is None else station.kind.telegram_of(module)
 
 
 def _submodule(station: ProfinetDevice, sub: SubmoduleDescription) -> dict[str, Any]:
@@ -118,11 +118,12 @@ def plug_module(
 def module_of_telegram(station: ProfinetDevice, slot: int, number: int) -> ModuleDescription:
     """Raises :class:`ConfigError` for a telegram that the slot cannot have."""
     telegrams = station.kind.telegrams
-    module = station.description.module(slot, telegrams[number]) if number in telegrams else None
+    ident, idents = telegrams.get(number, (0, {}))
+    module = station.description.module(slot, ident) if number in telegrams else None
     if module is None:
         allowed = ", ".join(map(str, telegrams)) or "none"
         raise ConfigError(f"{station.station.kinds[0]} has no telegram {number} for slot {slot}; it has {allowed}")
-    return module
+    return module.taking(idents)
 
 
 def module_of_ident(

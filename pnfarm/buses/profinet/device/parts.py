@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription
+    from pnfarm.protocols.profinet.records.store import DeviceRecords
     from pnfarm.protocols.profinet.snmp.view import SystemText
     from pnfarm.station.event import Event
 
@@ -32,6 +33,7 @@ class DeviceParts(Protocol):
     description: DeviceDescription
     dcp: DcpDevice
     cm: CmDevice
+    records: DeviceRecords
     addressing: StationAddress
     channels: StationChannels
     neighbours: StationNeighbours

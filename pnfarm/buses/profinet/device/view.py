@@ -110,8 +110,10 @@ def _neighbours(station: DeviceParts, now: int) -> list[dict[str, Any]]:
 
 
 def details_of(station: DeviceParts) -> dict[str, Any]:
-    """Each AR as its Connect has it, and the layout of its frames."""
+    """Each AR as its Connect has it, and the layout of its frames; the records that were taken and are ignored."""
+    ignored = [f"0x{index:04X}" for index in station.records.ignored.written]
     return {
+        **({"ignored_records": ignored} if ignored else {}),
         "connections": [
             {
                 "controller": ar.initiator_name,
@@ -124,7 +126,7 @@ def details_of(station: DeviceParts) -> dict[str, Any]:
                 "channels": [_channel(channel) for channel in ar.iocrs],
             }
             for ar in station.cm.ars
-        ]
+        ],
     }
 
 

@@ -31,17 +31,23 @@ class Profidrive:
     #: Used unless farm file or controller choose another one.
     default_telegram: int = 0
     telegrams: Mapping[int, Telegram] = field(default_factory=dict)
+    #: Those in a submodule beside a telegram's.
+    supplements: Mapping[int, Telegram] = field(default_factory=dict)
     signals: Mapping[int, Signal] = field(default_factory=dict)
     word_bits: tuple[WordBits, ...] = ()
     #: The parameter channel of telegrams that have one, None of a drive without.
     parameter_words: ParameterWords | None = None
     sign_of_life: SignOfLife | None = None
 
-    def telegram_by_module(self, module_ident: int) -> Telegram | None:
-        """The telegram whose module has this ident number, None if none has."""
-        return next(
-            (t for t in self.telegrams.values() if any(module.ident == module_ident for module in t.modules)), None
-        )
+    def telegram_by_module(self, module_ident: int, idents: Mapping[int, int] | None = None) -> Telegram | None:
+        """The telegram whose module has this ident number, None if none has.
+
+        Of several in one module it is the one with its submodule among ``idents``, by subslot.
+        """
+        found = [(t, m) for t in self.telegrams.values() for m in t.modules if m.ident == module_ident]
+        if len(found) > 1:
+            found = [(t, m) for t, m in found if (idents or {}).get(m.data.subslot) == m.data.ident]
+        return found[0][0] if found else None
 
     def bit_names(self, word: str, telegram: int) -> tuple[str, ...]:
         """The names of a control or status word's bits in a telegram, bit 0 first; empty where no manual names any.

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum, Flag, auto
 
-__all__ = ["OWN", "Access", "Index", "Part", "Record", "Scope", "find_record"]
+__all__ = ["ISOCHRONOUS", "OWN", "Access", "Index", "Part", "Record", "Scope", "find_record"]
 
 
 class Index:
@@ -51,6 +51,11 @@ class Index:
     PD_REAL_DATA = 0xF841
     PD_EXPECTED_DATA = 0xF842
     CONNECTION_MONITORING = 0xFBFF
+
+
+#: What a controller writes for isochronous operation: PDIRSubframeData, PDIRData, PDSyncData, and IsochronousModeData,
+#: which no row has.
+ISOCHRONOUS = frozenset({0x8020, 0x802C, 0x802D, 0x8030})
 
 
 class Scope(Enum):

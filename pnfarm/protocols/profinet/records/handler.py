@@ -51,23 +51,30 @@ class NoRecords:
 class KeptRecords:
     """A physical device without data of its own: what a controller writes at start-up is kept and read back.
 
-    The records about a real interface are invalid, and so are those that request IRT.
+    The records about a real interface are invalid, and so are those that request IRT.  ``indexes``: others that are
+    kept instead.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, indexes: frozenset[int] = _KEPT) -> None:
+        self._indexes = indexes
         self._kept: dict[tuple[int, int, int], bytes] = {}
+
+    @property
+    def written(self) -> list[int]:
+        """The indexes of those that were written, in rising order."""
+        return sorted({index for _, _, index in self._kept})
 
     def read(
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
         del ar, api, max_length, now
-        if index not in _KEPT:
+        if index not in self._indexes:
             return RecordError(AccessError.INVALID_INDEX)
         return self._kept.get((slot, subslot, index), b"")
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         del ar, api, now
-        if index not in _KEPT:
+        if index not in self._indexes:
             return RecordError(AccessError.INVALID_INDEX)
         try:
             split_blocks(data)

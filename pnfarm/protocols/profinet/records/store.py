@@ -88,7 +88,10 @@ class DeviceRecords:
         self.diagnosis = diagnosis if diagnosis is not None else DiagnosisStore()
         self.log_book = log_book if log_book is not None else LogBook()
         self.im = ImRecords(description, plugged, texts)
-        self._own = description.own_records
+        self._own = description.own_records | description.ignored_records
+        self._ignored = description.ignored_records
+        #: Records that have no effect here.
+        self.ignored = KeptRecords(description.ignored_records)
         self._plugged = plugged
         self._ars = ars
         self._application: RecordHandler = application if application is not None else NoRecords()
@@ -115,6 +118,8 @@ class DeviceRecords:
     def _read(
         self, record: Record, ar: Ar | None, key: ExpectedKey, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
+        if index in self._ignored:
+            return self.ignored.read(ar, *key, index, max_length, now)
         match record.part:
             case Part.APPLICATION:
                 return self._application.read(ar, *key, index, max_length, now)
@@ -143,7 +148,7 @@ class DeviceRecords:
                 return RecordError(AccessError.INVALID_INDEX)
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
-        """None when the record was accepted, else the error.
+        """None when the record was accepted, else the error; one that is ignored is kept.
 
         A container is checked for its shape and place only: the server of the call writes its records, one by one.
         """
@@ -154,6 +159,8 @@ class DeviceRecords:
         refused = self._wrong_place(record, ar, key, index) or self._not_writable(record, ar, key)
         if refused is not None:
             return refused
+        if index in self._ignored:
+            return self.ignored.write(ar, *key, index, data, now)
         match record.part:
             case Part.APPLICATION:
                 return self._application.write(ar, *key, index, data, now)

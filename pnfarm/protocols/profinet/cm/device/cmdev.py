@@ -35,7 +35,7 @@ from pnfarm.protocols.profinet.cm.device.alarms import AlarmEnded, DeviceAlarms
 from pnfarm.protocols.profinet.cm.device.check import RefusedError, check_connect, check_plugged, parse_connect
 from pnfarm.protocols.profinet.cm.device.connect import connect_response, fill
 from pnfarm.protocols.profinet.cm.device.control import check_list, confirms, read_control, refuse_call
-from pnfarm.protocols.profinet.cm.device.diff import unusable_submodules
+from pnfarm.protocols.profinet.cm.device.diff import expected_idents, unusable_submodules
 from pnfarm.protocols.profinet.cm.device.events import (
     ApplicationReadyConfirmed,
     ArAborted,
@@ -435,11 +435,13 @@ class CmDevice:
             raise RefusedError(status, "the channels of ARs that just ended are not free yet")
 
     def _follow(self, request: ConnectRequest) -> None:
-        """Slots that no other AR uses take the expected module, where they can."""
-        used = {e.slot for ar in self.ars for e in ar.expected}
-        for entry in request.expected:
-            if entry.slot not in used:
-                self.plugged.follow(entry.slot, entry.module_ident)
+        """Slots and subslots that no other AR uses take what is expected, where they can."""
+        others = [e for ar in self.ars for e in ar.expected]
+        slots = {e.slot for e in others}
+        used = {(e.slot, s.subslot) for e in others for s in e.submodules}
+        for slot, (module, idents) in expected_idents(request.expected).items():
+            free = {subslot: ident for subslot, ident in idents.items() if (slot, subslot) not in used}
+            self.plugged.follow(slot, module, free, shared=slot in slots)
 
     # Control, Release
 
@@ -529,9 +531,9 @@ class CmDevice:
 
     def _moved(self, slot: int, before: Before, now: int, *, whole: bool) -> None:
         """Something was pulled from or plugged into ``slot``: report it to every AR that expects something there."""
-        wanted = (e.module_ident for ar in self.ars for e in ar.expected if e.slot == slot)
         # a slot that is no longer held gets what its oldest controller expects
-        self.plugged.follow(slot, next(wanted, 0))
+        module, idents = expected_idents(e for ar in self.ars for e in ar.expected).get(slot, (0, {}))
+        self.plugged.follow(slot, module, idents)
         for ar in self.ars:
             if self._modules.moved(ar, slot, before, now, whole=whole):
                 self._changed(ar)

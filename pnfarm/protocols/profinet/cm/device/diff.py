@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.description import ModuleDescription, Plugged, SubmoduleDescription
     from pnfarm.protocols.profinet.wire.cm.expected import ExpectedApi, ExpectedSubmodule
 
-__all__ = ["Holdings", "module_diff", "unusable_submodules"]
+__all__ = ["Holdings", "expected_idents", "module_diff", "unusable_submodules"]
 
 
 def _healthy(_key: ExpectedKey) -> int:
@@ -114,6 +114,17 @@ def module_diff(
     if not apis:
         return None
     return ModuleDiffBlock(tuple(DiffApi(api, tuple(modules)) for api, modules in apis.items()))
+
+
+def expected_idents(expected: Iterable[ExpectedApi]) -> dict[int, tuple[int, dict[int, int]]]:
+    """Slot -> the module's ident, and those of its submodules by subslot; of several expectations the first one."""
+    found: dict[int, tuple[int, dict[int, int]]] = {}
+    for entry in expected:
+        module, idents = found.setdefault(entry.slot, (entry.module_ident, {}))
+        if module == entry.module_ident:
+            for one in entry.submodules:
+                idents.setdefault(one.subslot, one.submodule_ident)
+    return found
 
 
 def unusable_submodules(expected: Iterable[ExpectedApi], diff: ModuleDiffBlock | None) -> frozenset[ExpectedKey]:
