@@ -59,13 +59,14 @@ def take_object(axis: Any, image: Any, now: int) -> None:
     """Once in each step, behind the axis's orders: an infeed's contactor, a control unit's digital outputs."""
     profidrive = axis.profidrive
     if profidrive.settings.object == OBJECT_INFEED:
-        axis.orders.power |= POWER_NO_QUICK_STOP
-        if not axis.orders.power & POWER_ON or axis.drive.state < 2:
+        power = int(axis.orders.power) | POWER_NO_QUICK_STOP
+        if not power & POWER_ON or axis.drive.state < 2:
             profidrive.contactor_ns = 0
         elif profidrive.contactor_ns == 0:
             profidrive.contactor_ns = now
         if axis.drive.state == 2 and not _charged(profidrive, now):
-            axis.orders.power &= ~POWER_ON
+            power &= ~POWER_ON
+        axis.orders.power = power
     elif profidrive.settings.object == OBJECT_CONTROL_UNIT:
         if profidrive.setpoints == SETPOINTS_TAKEN:
             axis.machine.outputs = int(image.received[A_DIGITAL_SET]) & 0xFFFF
