@@ -6,11 +6,11 @@ that maker's drives; each entry has its source.  What no source says stays the m
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.description.files import read_toml, required
-from pnfarm.drives.description.parts import REACTIONS, Fact
+from pnfarm.drives.description.parts import REACTIONS, BehaviourSet, Fact, MakersFault
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -21,40 +21,13 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.drives.description.parts import Fault, Point
 
-__all__ = ["SET", "BehaviourSet", "MakersFault", "read_sets", "with_set"]
+__all__ = ["SET", "read_sets", "with_set"]
 
 #: The key of the farm file's ``behaviour`` that names a set.
 SET = "set"
 FOLDER = "sets"
 _KEYS = {"title", "gaps", "sources", "behaviour", "fault"}
 _FAULT_KEYS = {"fault", "code", "name", "reaction", "diagnosis", "source"}
-
-
-@dataclass(frozen=True, slots=True)
-class MakersFault:
-    """One of the model's faults as the maker has it.
-
-    ``reaction`` (``REACTION_*``) and ``diagnosis`` (a ChannelErrorType) are None where the model's stay.
-    """
-
-    fault: int
-    code: int
-    name: str
-    source: str
-    reaction: int | None = None
-    diagnosis: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class BehaviourSet:
-    """A set: ``readings`` by point, each with its source; ``sources`` in full by the short names in these."""
-
-    name: str
-    title: str
-    gaps: str
-    sources: Mapping[str, str] = field(default_factory=dict)
-    readings: Mapping[str, Fact] = field(default_factory=dict)
-    faults: tuple[MakersFault, ...] = ()
 
 
 def read_sets(
