@@ -8,8 +8,8 @@ from pnfarm.drives.catalogue import model, models
 from pnfarm.table.axis_codes import REACTION_COAST
 
 if TYPE_CHECKING:
-    from pnfarm.drives.description.behaviour_sets import BehaviourSet
     from pnfarm.drives.description.model import Model
+    from pnfarm.drives.description.parts import BehaviourSet
 
 __all__ = ["page"]
 

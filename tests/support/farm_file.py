@@ -22,6 +22,7 @@ class Model:
     send_clocks: tuple[int, ...] = (8, 16, 32, 64, 128)
     max_cycle_ns: int = 0
     telegrams: tuple[int, ...] = (1, 7)
+    supplements: tuple[int, ...] = ()
     default_telegram: int = 1
     motion_tasks: int = 0
     most_axes: int = 1

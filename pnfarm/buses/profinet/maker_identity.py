@@ -123,7 +123,8 @@ def _access_point(
     Makers of older files have a second one for controllers that know no interfaces and ports.
     """
     daps = document.daps if wanted is None else matching(wanted, document.daps, document.languages)
-    if wanted is not None and len(daps) != 1:
+    # two of one ident are the same to a controller
+    if wanted is not None and (not daps or (len(daps) > 1 and isinstance(wanted, str))):
         problem = "several access points are" if daps else "no access point is"
         name = f"0x{wanted:X}" if isinstance(wanted, int) else shown(wanted)
         raise AccessPointError(f"{problem} called {name}; it has {listed(daps or document.daps) or 'none'}")

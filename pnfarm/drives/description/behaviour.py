@@ -15,7 +15,7 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.drives.description.behaviour_sets import SET
+from pnfarm.drives.description.behaviour_sets import SET, with_set
 from pnfarm.drives.description.files import flat, joined_tables, required
 from pnfarm.drives.description.parts import Point, Reading
 from pnfarm.drives.parameters.rows import axis_parameters
@@ -193,7 +193,4 @@ def with_behaviour(model: Model, chosen: Mapping[str, str]) -> Model:
         parts["absent"] = {pnu: row for pnu, row in rows.items() if pnu in absent}
         parts["axis_parameters"] = axis_parameters(parameters, linear=model.pitch > 0.0)
     model = replace(model, firmware=firmware, readings=usual | own, **parts)
-    if named is None:
-        return model
-    found = model.behaviour_sets[named]
-    return replace(model, faults=found.of(model.faults), diagnoses={**model.diagnoses, **found.diagnoses})
+    return model if named is None else with_set(model, named)

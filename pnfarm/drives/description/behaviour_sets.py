@@ -6,11 +6,11 @@ that maker's drives; each entry has its source.  What no source says stays the m
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.description.files import read_toml, required
-from pnfarm.drives.description.parts import REACTIONS, Fact
+from pnfarm.drives.description.parts import REACTIONS, BehaviourSet, Fact, MakersFault
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -18,62 +18,16 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.drives.description.files import ModelFiles
+    from pnfarm.drives.description.model import Model
     from pnfarm.drives.description.parts import Fault, Point
 
-__all__ = ["SET", "BehaviourSet", "MakersFault", "read_sets"]
+__all__ = ["SET", "read_sets", "with_set"]
 
 #: The key of the farm file's ``behaviour`` that names a set.
 SET = "set"
 FOLDER = "sets"
 _KEYS = {"title", "gaps", "sources", "behaviour", "fault"}
 _FAULT_KEYS = {"fault", "code", "name", "reaction", "diagnosis", "source"}
-
-
-@dataclass(frozen=True, slots=True)
-class MakersFault:
-    """One of the model's faults as the maker has it.
-
-    ``reaction`` (``REACTION_*``) and ``diagnosis`` (a ChannelErrorType) are None where the model's stay.
-    """
-
-    fault: int
-    code: int
-    name: str
-    source: str
-    reaction: int | None = None
-    diagnosis: int | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class BehaviourSet:
-    """A set: ``readings`` by point, each with its source; ``sources`` in full by the short names in these."""
-
-    name: str
-    title: str
-    gaps: str
-    sources: Mapping[str, str] = field(default_factory=dict)
-    readings: Mapping[str, Fact] = field(default_factory=dict)
-    faults: tuple[MakersFault, ...] = ()
-
-    @property
-    def diagnoses(self) -> dict[int, int]:
-        """The ChannelErrorTypes that the maker has, by the model's fault."""
-        return {one.fault: one.diagnosis for one in self.faults if one.diagnosis is not None}
-
-    def of(self, faults: Mapping[int, Fault]) -> dict[int, Fault]:
-        """The model's faults as the maker has them; a warning gets the maker's number, a fault keeps its own."""
-        found: dict[int, Fault] = {}
-        made = {one.fault: one for one in self.faults}
-        for number, fault in faults.items():
-            own = made.get(number)
-            if own is not None:
-                source, reaction = f"{self.name}: {own.source}", own.reaction
-                reaction = fault.reaction if reaction is None else reaction
-                fault = replace(fault, name=own.name, word=own.code, reaction=reaction, source=source, note="")
-                if fault.warning:
-                    fault = replace(fault, number=own.code)
-            found[fault.number] = fault
-        return found
 
 
 def read_sets(
@@ -133,3 +87,19 @@ def _fault(
     if diagnosis is not None and (number not in diagnoses or type(diagnosis) is not int or not diagnosis >> 16 == 0):
         raise ConfigError(f"{where}, diagnosis: not a ChannelErrorType, or the model's fault has none")
     return MakersFault(number, code, name, source, None if reaction is None else REACTIONS[reaction], diagnosis)
+
+
+def with_set(model: Model, name: str) -> Model:
+    """The model with the faults of a set; a warning gets the maker's number, a fault keeps its own and the code."""
+    faults: dict[int, Fault] = {}
+    made = {one.fault: one for one in model.behaviour_sets[name].faults}
+    for number, fault in model.faults.items():
+        own = made.get(number)
+        if own is not None:
+            source, reaction = f"{name}: {own.source}", fault.reaction if own.reaction is None else own.reaction
+            fault = replace(fault, name=own.name, word=own.code, reaction=reaction, source=source, note="")
+            if fault.warning:
+                fault = replace(fault, number=own.code)
+        faults[fault.number] = fault
+    diagnoses = {one.fault: one.diagnosis for one in made.values() if one.diagnosis is not None}
+    return replace(model, faults=faults, diagnoses={**model.diagnoses, **diagnoses})

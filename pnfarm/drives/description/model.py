@@ -19,10 +19,10 @@ from pnfarm.table.axis_codes import FAULT_WORDS, FIRMWARE_ETHERNETIP, FIRMWARE_P
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pnfarm.drives.description.behaviour_sets import BehaviourSet
     from pnfarm.drives.description.lamps import Lamps
     from pnfarm.drives.description.parts import (
         AddressMode,
+        BehaviourSet,
         CommunicationLoss,
         ControlLimits,
         DescriptionFile,

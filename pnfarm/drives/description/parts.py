@@ -24,6 +24,7 @@ __all__ = [
     "SEND_CLOCKS",
     "SWITCH_CAUSES",
     "AddressMode",
+    "BehaviourSet",
     "CommunicationLoss",
     "ControlLimits",
     "DescriptionFile",
@@ -35,6 +36,7 @@ __all__ = [
     "FollowingError",
     "Identity",
     "Limits",
+    "MakersFault",
     "MotionTaskParameters",
     "MotorKind",
     "ParameterAccess",
@@ -394,6 +396,33 @@ class Point:
     default: str
     reason: str
     source: str
+
+
+@dataclass(frozen=True, slots=True)
+class MakersFault:
+    """One of the model's faults as the maker has it.
+
+    ``reaction`` (``REACTION_*``) and ``diagnosis`` (a ChannelErrorType) are None where the model's stay.
+    """
+
+    fault: int
+    code: int
+    name: str
+    source: str
+    reaction: int | None = None
+    diagnosis: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class BehaviourSet:
+    """A set: ``readings`` by point, each with its source; ``sources`` in full by the short names in these."""
+
+    name: str
+    title: str
+    gaps: str
+    sources: Mapping[str, str] = field(default_factory=dict)
+    readings: Mapping[str, Fact] = field(default_factory=dict)
+    faults: tuple[MakersFault, ...] = ()
 
 
 def fault_number(text: str) -> int:
