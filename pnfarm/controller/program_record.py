@@ -62,5 +62,5 @@ class ProgramRecord:
 
     @property
     def status(self) -> int:
-        """What a PLC has in STATUS: the drive's four octets (0xDE80B500: it works on it still), 0 where it gave none."""
+        """The drive's four octets, as a PLC has them in STATUS (0xDE80B500: it works on it still); 0: it gave none."""
         return 0 if self._access is None else self._access.code

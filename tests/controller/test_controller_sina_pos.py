@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import pytest
-from block_rig import BlockRig
+from block_rig import PROGRAMS, BlockRig
 
 RELATIVE, ABSOLUTE, SET_UP, HOMING, SET_REFERENCE, BLOCK, JOG, JOG_INCREMENTAL = range(1, 9)
 TURN = 10_000  # LU
@@ -249,6 +251,15 @@ def test_a_warning_of_the_drive_is_shown_with_its_number(rig):
     rig.set(0.1)
     assert (rig.block.AxisWarn, rig.block.ActWarn) == (True, 57)
     assert rig.block.EPosZSW1 & 0x0200
+
+
+def test_a_program_beside_the_block_derives_from_it_as_the_page_has_it(tmp_path):
+    page = (PROGRAMS.parents[1] / "docs" / "plc-programs.md").read_text()
+    example = page[page.index("    # my_plc.py\n    from sina_pos") :].partition("\n\n| Status")[0]
+    (tmp_path / "my_plc.py").write_text(textwrap.dedent(example))
+    (tmp_path / "sina_pos.py").write_text((PROGRAMS / "sina_pos.py").read_text())
+    with BlockRig(str(tmp_path / "my_plc.py"), telegram=111) as rig:
+        assert arrives(rig, 10 * TURN)
 
 
 def test_the_farm_files_program_moves_to_and_fro_and_comes_back_behind_a_fault():

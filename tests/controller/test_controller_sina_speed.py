@@ -1,4 +1,4 @@
-"""SINA_SPEED as a PLC program (`configs/programs/sina_speed.py`) against telegram 1 of the drive that is the profile."""
+"""SINA_SPEED as a PLC program (`configs/programs/sina_speed.py`) against telegram 1 of `model: profidrive`."""
 
 from __future__ import annotations
 

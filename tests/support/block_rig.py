@@ -1,4 +1,4 @@
-"""One drive and a program of ``configs/programs`` that is a function block of a PLC: set its inputs, look at outputs."""
+"""A drive and a program of ``configs/programs`` that is a function block of a PLC: set inputs, look at outputs."""
 
 from __future__ import annotations
 
