@@ -5,6 +5,7 @@ Written from public documentation: SinaPos (GitHub simatic-ax/sinamics-drive-fun
 block sets in each mode.  Not said there, and so assumed:
 
 - the order of errors that hold at a time: connection, fault, inhibit, mode, overrides, block, flying homing;
+- AxisSpFixed is ZSW1.13, which drives of other makers have as "motor stopped";
 - ModePos 0, its preset value, is no error: nothing of a mode is sent; with a wrong mode or block nothing starts;
 - overrides beyond their limits are sent as the limit;
 - ActMode: the last ModePos that fits POS_ZSW1 (bits 14 and 15 say MDI and set-up mode; the others show only in motion);
