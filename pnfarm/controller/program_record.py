@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["MOST_OPEN", "ProgramRecord"]
 
 HIGHEST_INDEX = 0xFFFF
-#: Octets of a record: what one frame of PROFINET's acyclic service takes besides its headers, and no bus takes more.
+#: Octets of a record that is written: as many as a read accepts.
 MOST_OCTETS = 4096
 #: Accesses of one axis that are not done.
 MOST_OPEN = 16

@@ -143,6 +143,16 @@ def test_software_limits_count_where_the_controller_switches_them_on():
     assert start(plc, POS_STW1=MDI | ABSOLUTE, MDI_TARPOS=2 * TURN)
 
 
+def test_a_software_limit_that_is_switched_on_ahead_of_a_running_axis_stops_it_there():
+    plc = positioner(params="{p2581: 20000}")
+    plc.put(POS_STW2=0x0002)
+    plc.put(POS_STW2=0)
+    assert start(plc, POS_STW1=MDI | SET_UP | FORWARDS, MDI_VELOCITY=10 * SLOW)
+    plc.put(POS_STW2=SOFTWARE_LIMITS, wait=1000)
+    assert plc["XIST_A"] == pytest.approx(2 * TURN, abs=20)
+    assert plc.axis.motor.velocity == pytest.approx(0.0, abs=1.0)
+
+
 def test_limit_switches_count_where_the_controller_switches_them_on():
     plc = positioner()
     assert start(plc, POS_STW1=MDI | SET_UP | FORWARDS)

@@ -263,10 +263,8 @@ def _aim(axis: Any) -> None:
     axis.profile.mode = PROFILE_TARGET
     if axis.positioning.endless:
         axis.profile.mode = PROFILE_VELOCITY
-        top = axis.profile.top
         if axis.positioning.backwards:
-            axis.profile.top = -top
-        _end_at_limit(axis.travel, axis.profile, axis.homing, top, not axis.positioning.backwards)
+            axis.profile.top = -axis.profile.top
     elif _passes(axis.positioning, axis.motion_tasks) and axis.profile.target != axis.profile.position:
         axis.profile.mode = PROFILE_VELOCITY
         axis.positioning.backwards = 1 if axis.profile.target < axis.profile.position else 0
@@ -502,6 +500,9 @@ def take_motion(axis: Any, now: int) -> None:
             axis.motor, axis.travel, axis.positioning, axis.profile, axis.positioning.top * axis.asked.override
         )
         axis.profile.top = -top if axis.profile.mode == PROFILE_VELOCITY and axis.positioning.backwards else top
+        if axis.positioning.endless:
+            # in each step: limits count from when the home is known, or a telegram switches them on
+            _end_at_limit(axis.travel, axis.profile, axis.homing, top, not axis.positioning.backwards)
     elif axis.positioning.state == HOMING:
         step_homing(axis)
     if axis.positioning.state != HOMING:
