@@ -20,7 +20,16 @@ if TYPE_CHECKING:
     from pnfarm.station.event_log import EventLog
     from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
-__all__ = ["Controller", "ControllerHost", "ControllerPlan", "DeviceController", "DeviceData", "ProgrammableDevice"]
+__all__ = [
+    "Controller",
+    "ControllerHost",
+    "ControllerPlan",
+    "DeviceController",
+    "DeviceData",
+    "ProgrammableDevice",
+    "RecordAccess",
+    "RecordController",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,3 +159,33 @@ class DeviceController(Protocol):
     @property
     def device_data(self) -> Mapping[str, DeviceData]:
         """The data of the farm's devices without axes, by name."""
+
+
+class RecordAccess(Protocol):
+    """A record that a controller reads or writes; the results are valid once it is ``done``."""
+
+    @property
+    def done(self) -> bool: ...
+
+    @property
+    def data(self) -> bytes | None:
+        """What was read."""
+
+    @property
+    def failure(self) -> str:
+        """Why it failed, empty where it did not."""
+
+    @property
+    def code(self) -> int:
+        """The drive's four octets, the first one highest, as a PLC has them in STATUS; 0 where it gave none."""
+
+
+@runtime_checkable
+class RecordController(Protocol):
+    """What a controller does besides if its drives have records."""
+
+    def access_record(self, axis: str, index: int, data: bytes | None, now: int) -> RecordAccess:
+        """Write ``data`` to a record of an axis' parameter access, or read it without.
+
+        Raises :class:`ConfigError` for an axis that is not the controller's.
+        """

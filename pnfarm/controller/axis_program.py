@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from pnfarm.controller.program_record import MOST_OPEN, ProgramRecord
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
@@ -91,6 +92,9 @@ class AxisProgram:
     model: str = ""
     #: All axes of the controller, this one too.
     line: Line
+    #: Its accesses to records that are not done, and those that the controller has yet to begin.
+    open_records: list[ProgramRecord]
+    asked_records: list[ProgramRecord]
     #: As ``cycle`` gets them.
     inputs: Inputs
     outputs: Outputs
@@ -103,6 +107,25 @@ class AxisProgram:
     def cycle(self, inputs: Inputs, outputs: Outputs, now: int) -> None:
         """One cycle; ``now`` is the controller's clock in ns.  Values in ``outputs`` stay until they are changed."""
         raise NotImplementedError
+
+    def read_record(self, index: int) -> ProgramRecord:
+        """Read a record of the drive; the answer is in what is returned, once that is ``done``.
+
+        Raises :class:`ValueError` for what cannot be asked, and for one access too many.
+        """
+        return self._ask(ProgramRecord(index, None))
+
+    def write_record(self, index: int, data: bytes) -> ProgramRecord:
+        """Write a record of the drive, as :meth:`read_record`."""
+        return self._ask(ProgramRecord(index, data))
+
+    def _ask(self, record: ProgramRecord) -> ProgramRecord:
+        self.open_records[:] = [one for one in self.open_records if not one.done]
+        if len(self.open_records) >= MOST_OPEN:
+            raise ValueError(f"{MOST_OPEN} accesses to records are not done; one more is refused")
+        self.open_records.append(record)
+        self.asked_records.append(record)
+        return record
 
     @property
     def connected(self) -> bool:

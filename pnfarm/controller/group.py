@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.controller import DeviceController
+from pnfarm.buses.controller import DeviceController, RecordController
 from pnfarm.controller.line_device import LineDevice
 from pnfarm.errors import ConfigError, InternalError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pnfarm.buses.controller import Controller, ProgrammableDevice
+    from pnfarm.buses.controller import Controller, ProgrammableDevice, RecordAccess
     from pnfarm.controller.plan import PlannedController
     from pnfarm.drives.profiles.profidrive.pkw import Pkw
     from pnfarm.engine.columns import Columns
@@ -140,7 +140,14 @@ class Controllers:
         ]
         return sorted(rows, key=lambda row: self._place(row["name"]))
 
-    # -- the parameter channel in the cyclic data
+    # -- records and the parameter channel in the cyclic data
+
+    def access_record(self, name: str, index: int, data: bytes | None, now: int) -> RecordAccess:
+        """As :meth:`pnfarm.buses.controller.RecordController.access_record`, of the axis' controller."""
+        controller = self.of(name)
+        if not isinstance(controller, RecordController):
+            raise ConfigError(f"drive {name!r} has no records: its bus has none")
+        return controller.access_record(name, index, data, now)
 
     def put_parameter_task(self, name: str, task: Pkw) -> None:
         """As :meth:`pnfarm.buses.controller.Controller.put_parameter_task`, of the drive's controller."""

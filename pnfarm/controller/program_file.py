@@ -168,6 +168,7 @@ def make_program(
     program = kind.__new__(kind)
     program.name, program.model, program.cycle_ns = name, model, cycle_ns
     program.inputs, program.outputs, program.line = inputs, outputs, line
+    program.open_records, program.asked_records = [], []
     line.add(program)
     try:
         kind.__init__(program)

@@ -18,6 +18,7 @@ from pnfarm.controller.axis_program import AxisProgram, Line
 from pnfarm.controller.program_file import error_text, make_program, place_of
 from pnfarm.controller.program_worker import Call, Worker
 from pnfarm.drives.telegrams.signal_view import Inputs, Outputs
+from pnfarm.errors import ConfigError
 from pnfarm.firmware.profidrive.axis_program import READY
 from pnfarm.station.event import Event, event
 from pnfarm.table.channel import IDLE, OPEN
@@ -34,6 +35,8 @@ __all__ = ["Note", "ProgramFailed", "ProgramLate", "ProgramRunner", "ProgrammedN
 
 #: ``note(now, drive, event)``.
 Note = Callable[[int, str, Event], object]
+#: Has a controller do something, given the time: at once, or where the controller is.
+Carry = Callable[[Callable[[int], None]], object]
 
 #: The first cycle that is too slow is told, and then each that multiplies their number by this.
 TOLD_AGAIN = 10
@@ -136,6 +139,7 @@ class ProgramRunner:
 
     ``in_real_time``: whether a call that takes longer than its cycle is late; in virtual time none is, unless a call is
     said to take ``call_ns``: the axes' calls follow each other then, and what one writes is sent when it is done.
+    ``carry``: needed where the controllers are in another thread; None: what the programs ask of them is done at once.
     Raises :class:`ConfigError` where a program's ``__init__`` fails.
     """
 
@@ -148,8 +152,11 @@ class ProgramRunner:
         limit_ns: int,
         in_real_time: bool,
         call_ns: int = 0,
+        carry: Carry | None = None,
     ) -> None:
         self._note = note
+        self._controllers = controllers
+        self._carry = carry
         self._limit_ns = limit_ns
         self._in_real_time = in_real_time
         self._call_ns = call_ns
@@ -193,6 +200,7 @@ class ProgramRunner:
         self.line.take()
         self._call(waiting, now)
         self.line.give()
+        self._begin_records(waiting, now)
         for axis in called:
             if self._call_ns and axis.filled is not None and not axis.failure:
                 self._busy_until_ns = max(now, self._busy_until_ns) + self._call_ns
@@ -200,6 +208,26 @@ class ProgramRunner:
             if axis.done_ns <= axis.due_ns:
                 axis.done_ns = 0
                 axis.write(axis.columns.image[axis.row])
+
+    def _begin_records(self, axes: Sequence[_Axis], now: int) -> None:
+        """Hand to the controllers what the programs asked for."""
+        asked = [(axis.name, record) for axis in axes for record in axis.program.asked_records]
+        if not asked:
+            return
+        for axis in axes:
+            axis.program.asked_records = []
+
+        def begin(now: int) -> None:
+            for name, record in asked:
+                try:
+                    record.begin(self._controllers.access_record(name, record.index, record.written, now))
+                except ConfigError as exc:
+                    record.refuse(str(exc))
+
+        if self._carry is None:
+            begin(now)
+        else:
+            self._carry(begin)
 
     def _misses(self, axis: _Axis, now: int) -> bool:
         """Whether an axis is not called in this cycle, because calls of an earlier one took too long."""

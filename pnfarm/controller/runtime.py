@@ -274,7 +274,16 @@ class Plc:
             with contextlib.suppress(RuntimeError):
                 loop.call_soon_threadsafe(self.driver.fail, exc)
 
-        self._runner = ProgramRunner(self.controllers, kind, note, limit_ns=limit_ns, in_real_time=True)
+        def begin(action: Callable[[int], None]) -> None:
+            action(time.monotonic_ns())
+            for driver in self._drivers():
+                driver.poke()
+
+        def carry(action: Callable[[int], None]) -> None:
+            with contextlib.suppress(RuntimeError):
+                loop.call_soon_threadsafe(begin, action)
+
+        self._runner = ProgramRunner(self.controllers, kind, note, limit_ns=limit_ns, in_real_time=True, carry=carry)
         self._programs = ProgramThread(self._runner, failed)
         self._programs.start()
 

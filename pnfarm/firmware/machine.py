@@ -58,7 +58,7 @@ def take_switches(direction: Any, machine: Any, motor: Any) -> None:
             limits |= 0x1
         elif mode == INPUT_LIMIT_HIGH and not active:
             limits |= 0x2
-    machine.limit_switch = limits
+    machine.limit_switch = 0 if machine.switches_off else limits
 
 
 @inlined

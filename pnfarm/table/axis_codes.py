@@ -134,8 +134,10 @@ TASK_MDI = -1
 SERVICE_CONSTANT = 2
 SERVICE_ALTERNATING = 3
 
-#: State of positioning in which a task waits to be continued by a parameter (``positioning.state``).
-MOTION_HALTED = 7
+# States of positioning that others look at (``positioning.state``).
+MOTION_TASK = 2  # a task runs
+MOTION_INTERMEDIATE_STOP = 3  # it waits
+MOTION_HALTED = 7  # it waits to be continued by a parameter
 
 # Requested jogging (``jog.asked``).
 JOG_NONE = 0
@@ -148,6 +150,11 @@ JOG_STILL = 5  # standstill: both directions at once
 # Homing methods (``homing.method``), numbered as HOME.MODE of the Kollmorgen AKD; the others are in firmware/homing.py.
 HOME_AT_ONCE = 0  # the present position
 HOME_MARK = 11  # the next zero mark of the encoder
+
+# Software limits as a telegram switches them (``travel.switched``).
+SWITCHED_NOT = 0  # by ``travel.software_limits``
+SWITCHED_OFF = 1
+SWITCHED_ON = 2
 
 # Parts of the machine (``machine.parts``), bit by bit.
 MACHINE_SWITCH_LOW = 0x01

@@ -116,7 +116,7 @@ DIFFERENCES = {
         "FAULT_CODE is the code of table 5.1.1",
     ),
     "set-up mode": Difference(
-        ("hiwin-e1-111", "profidrive-111"),
+        ("hiwin-e1-111",),
         "HIWIN E1 3.12",
         "runs a velocity with POS_STW1.14",
         "POS_STW1.9 to 14 are reserved: what starts is a task to MDI_TARPOS",
@@ -518,6 +518,27 @@ def test_edcons_velocity_task_is_a_positioning_to_mdi_tarpos(open_line, case):
     assert handler.velocity_task(-case.speed)
     line.run(3.0)
     assert line.turns == pytest.approx(5.0, abs=0.01)
+
+
+@each([case for case in POSITION if case.name == "profidrive-111"])
+def test_edcon_runs_a_velocity_in_set_up_mode_and_jogs_by_a_distance(open_line, case):
+    """POS_STW1.9, 10 and 14, and POS_STW2.5 with p2587."""
+    line = open_line(case)
+    handler = homed(line)
+    for sign in (1, -1):
+        assert handler.velocity_task(sign * case.speed)
+        line.run(2.0)
+        handler.update_inputs()
+        assert handler.telegram.pos_zsw1.setup_active
+        assert float(line.axis.motor.velocity) == pytest.approx(sign * 600.0, abs=2.0)
+        handler.telegram.stw1.activate_traversing_task = False
+        handler.update_outputs()
+    waits_for_standstill(handler)
+    handler.stop_motion_task()
+    begun = line.turns
+    assert handler.jog_task(incremental=True)
+    line.run(1.0)
+    assert line.turns - begun == pytest.approx(0.1, abs=0.01)
 
 
 # parameters

@@ -95,6 +95,8 @@ _CHANGED_BY = {
 POSITION_MODE = 2
 #: Set points by their bits of ``torque_signals``.
 _TORQUE_SIGNALS = (TORQUE_LIMIT_POSITIVE, TORQUE_LIMIT_NEGATIVE, MOMRED, M_LIMIT_POS, M_ADD1)
+#: As ``profidrive.position_bits`` has them.
+_POSITION_WORDS = ("POS_STW1", "POS_STW2", "POS_ZSW1", "POS_ZSW2")
 #: Actual values that the firmware computes for telegrams that have one of them.
 _SMOOTHED = frozenset({NIST_A_GLATT, IAIST_GLATT, MIST_GLATT, PIST_GLATT, AIST_GLATT, MELD_NAMUR, M_ACT})
 #: Bits of ``home_signals``.
@@ -220,6 +222,11 @@ class AxisFields:
         settings.torque_signals = sum((slot in slots) << bit for bit, slot in enumerate(_TORQUE_SIGNALS))
         settings.object = object_of(self._selection.mapping(setpoint=True))
         settings.position_words = {OVERRIDE, POS_STW2} <= slots
+        bit_names = self._values.model.profidrive.bit_names
+        settings.inverts = "invert_setpoint" in bit_names("STW1", telegram.number)
+        for place, word in enumerate(_POSITION_WORDS):
+            names = bit_names(word, telegram.number)
+            settings.position_bits[place] = sum((name != "") << bit for bit, name in enumerate(names))
         settings.jog_signals = (JOG_SPEED_1 in slots) | (JOG_SPEED_2 in slots) << 1
         axis.interpolation.settings.servo_control = (telegram.opmode or POSITION_MODE) if {XERR, KPC} <= slots else 0
         settings.home_signals = (HOME_MODE in slots) | (HOME_DIST in slots) << 1

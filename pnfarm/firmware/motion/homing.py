@@ -109,6 +109,12 @@ def _next_mark(place: float, way: float) -> float:
 
 
 @inlined
+def _way(homing: Any) -> float:
+    """The direction of homing in force, 1 forwards, -1 backwards."""
+    return 1.0 if (homing.settings.direction > 0.0) != (homing.reversed != 0) else -1.0
+
+
+@inlined
 def start_homing(axis: Any) -> None:
     """Begin; the home position is unknown until it is found."""
     axis.homing.homed = 0
@@ -118,7 +124,7 @@ def start_homing(axis: Any) -> None:
     axis.positioning.target_reached = 0
     axis.commands.home = 0
     axis.homing.start = axis.profile.position
-    way = 1.0 if axis.homing.settings.direction > 0.0 else -1.0
+    way = _way(axis.homing)
     axis.homing.sense = way
     sought = _sought(axis.homing)
     if sought == UNKNOWN:
@@ -259,7 +265,7 @@ def homing_fails(machine: Any, profile: Any, homing: Any) -> bool:
     if sought != END_STOP and homing.leg not in (TO_THE_MARK, WAY_OFF, INDEX):
         return False
     # the axis may come back to the limit switch that it was homed on
-    own = sought == LIMIT and profile.velocity * homing.settings.direction > 0.0
+    own = sought == LIMIT and profile.velocity * _way(homing) > 0.0
     return not own and at_limit_switch(machine, profile.velocity)
 
 

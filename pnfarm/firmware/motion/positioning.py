@@ -29,7 +29,14 @@ from pnfarm.firmware.motion.homing import homing_fails, homing_over, start_homin
 from pnfarm.firmware.motion.interpolation import begin_interpolation, follows, interpolates, step_interpolation
 from pnfarm.firmware.motion.motion_tasks import select_task
 from pnfarm.firmware.motion.profile_generator import begin_profile, profile_over, step_profile
-from pnfarm.firmware.motion.travel import at_limit_switch, fastest, position_number, take_ramps, within_limits
+from pnfarm.firmware.motion.travel import (
+    at_limit_switch,
+    fastest,
+    position_number,
+    software_limits,
+    take_ramps,
+    within_limits,
+)
 from pnfarm.firmware.motor.motor import brake_holds
 from pnfarm.firmware.transitions import as_array, possible
 from pnfarm.table.axis_codes import (
@@ -40,6 +47,8 @@ from pnfarm.table.axis_codes import (
     JOG_SEQUENCE,
     JOG_STILL,
     MOTION_HALTED,
+    MOTION_INTERMEDIATE_STOP,
+    MOTION_TASK,
     PROFILE_STOP,
     PROFILE_TARGET,
     PROFILE_VELOCITY,
@@ -74,8 +83,8 @@ __all__ = [
 # States (``positioning.state``).
 OUT = 0  # operation is not enabled, or another mode is in force
 STANDBY = 1
-TASK = 2
-INTERMEDIATE_STOP = 3
+TASK = MOTION_TASK
+INTERMEDIATE_STOP = MOTION_INTERMEDIATE_STOP
 BRAKING = 4
 HOMING = 5
 JOG = 6
@@ -290,14 +299,22 @@ def _jog(axis: Any) -> None:
     top = fastest(axis.motor, axis.travel, abs(velocity), forwards)
     take_ramps(axis.profile, top if forwards else -top, up, down)
     axis.profile.mode = PROFILE_VELOCITY
-    if axis.homing.homed and velocity != 0.0 and axis.travel.settings.software_limits & (0x2 if forwards else 0x1):
-        _jog_to_limit(axis.travel, axis.profile, axis.homing, top, forwards)
+    if axis.jog.incremental and velocity != 0.0:
+        distance = axis.jog.settings.distance[1 if axis.jog.asked == JOG_MINUS else 0]
+        axis.profile.mode = PROFILE_TARGET
+        axis.profile.target = axis.jog.start + (distance if forwards else -distance)
+        axis.profile.top = top
+    _end_at_limit(axis.travel, axis.profile, axis.homing, top, forwards)
 
 
 @inlined
-def _jog_to_limit(travel: Any, profile: Any, homing: Any, top: float, forwards: bool) -> None:
-    """End the jog at the software limit; an axis beyond it goes no further, and not back either."""
+def _end_at_limit(travel: Any, profile: Any, homing: Any, top: float, forwards: bool) -> None:
+    """End a motion at the software limit; an axis beyond it goes no further, and not back either."""
+    if not homing.homed or top == 0.0 or not software_limits(travel) & (0x2 if forwards else 0x1):
+        return
     limit = homing.origin + (travel.settings.high if forwards else travel.settings.low)
+    if profile.mode == PROFILE_TARGET and (profile.target <= limit if forwards else profile.target >= limit):
+        return
     beyond = profile.position > limit if forwards else profile.position < limit
     profile.mode = PROFILE_STOP if beyond else PROFILE_TARGET
     profile.target = limit
@@ -400,6 +417,8 @@ def _advance(axis: Any, held: int) -> int:
                 # Moog MSD manual 12.1: the profile generator takes over
                 axis.ramp.generator_left = axis.ramp.settings.generator_set + 1
             start_homing(axis)
+        elif event == JOG_ON:
+            axis.jog.start = axis.profile.position
         elif event == FOLLOW:
             begin_interpolation(axis.profile, axis.interpolation)
         elif event == UNFOLLOW:
@@ -481,6 +500,9 @@ def take_motion(axis: Any, now: int) -> None:
             axis.motor, axis.travel, axis.positioning, axis.profile, axis.positioning.top * axis.asked.override
         )
         axis.profile.top = -top if axis.profile.mode == PROFILE_VELOCITY and axis.positioning.backwards else top
+        if axis.positioning.endless:
+            # in each step: limits count from when the home is known, or a telegram switches them on
+            _end_at_limit(axis.travel, axis.profile, axis.homing, top, not axis.positioning.backwards)
     elif axis.positioning.state == HOMING:
         step_homing(axis)
     if axis.positioning.state != HOMING:

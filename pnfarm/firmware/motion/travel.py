@@ -4,9 +4,26 @@ from __future__ import annotations
 
 from typing import Any
 
+from pnfarm.table.axis_codes import SWITCHED_NOT, SWITCHED_ON
 from pnfarm.table.compiling.compiled import compiled, inlined
 
-__all__ = ["at_limit_switch", "fastest", "limits_reached", "position_number", "take_ramps", "within_limits"]
+__all__ = [
+    "at_limit_switch",
+    "fastest",
+    "limits_reached",
+    "position_number",
+    "software_limits",
+    "take_ramps",
+    "within_limits",
+]
+
+
+@inlined
+def software_limits(travel: Any) -> int:
+    """The software limits that count, coded as ``travel.software_limits``."""
+    if travel.switched == SWITCHED_NOT:
+        return int(travel.settings.software_limits)
+    return 0x3 if travel.switched == SWITCHED_ON else 0
 
 
 @inlined
@@ -21,9 +38,10 @@ def within_limits(travel: Any, homing: Any, target: float) -> bool:
     if not homing.homed:
         return True
     place = target - homing.origin
-    if travel.settings.software_limits & 0x1 and place < travel.settings.low:
+    limits = software_limits(travel)
+    if limits & 0x1 and place < travel.settings.low:
         return False
-    return not (travel.settings.software_limits & 0x2 and place > travel.settings.high)
+    return not (limits & 0x2 and place > travel.settings.high)
 
 
 @inlined
@@ -60,14 +78,10 @@ def limits_reached(axis: Any) -> int:
     word = 0
     if axis.homing.homed:
         place = axis.motor.position + axis.measurement.position_deviation - axis.homing.origin
-        if (
-            axis.travel.settings.software_limits & 0x1
-            and place <= axis.travel.settings.low + axis.positioning.settings.target_window
-        ):
+        limits = software_limits(axis.travel)
+        window = axis.positioning.settings.target_window
+        if limits & 0x1 and place <= axis.travel.settings.low + window:
             word |= 0x1
-        if (
-            axis.travel.settings.software_limits & 0x2
-            and place >= axis.travel.settings.high - axis.positioning.settings.target_window
-        ):
+        if limits & 0x2 and place >= axis.travel.settings.high - window:
             word |= 0x2
     return word

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pnfarm.firmware.motion.positioning import HOMING, JOG, OUT, STANDBY
+from pnfarm.firmware.motion.travel import limits_reached
 from pnfarm.firmware.motor.measurement import measured_velocity
 from pnfarm.firmware.reported import at_target, has_task, standing
 from pnfarm.table.axis_codes import MDI_SELECTED, TASKS_TABLE
@@ -67,22 +68,27 @@ def position_bits(axis: Any) -> int:
 
 
 @inlined
-def first_position_word(machine: Any, asked: Any, positioning: Any) -> int:
-    """POS_ZSW1 (HIWIN E1 manual 3.14)."""
-    word = (int(machine.limit_switch) & 0x3) << 8
+def first_position_word(axis: Any) -> int:
+    """POS_ZSW1 (HIWIN E1 manual 3.14); a block's number while it runs or waits (Festo CMMT help, POS_ZSW1)."""
+    positioning = axis.positioning
+    word = (int(axis.machine.limit_switch) & 0x3) << 8
     if positioning.state == JOG:
         word |= 0x0400
     if positioning.state == HOMING:
         word |= 0x0800
-    if asked.mdi:
-        word |= 0x8000
-    return word
+    if axis.homing.flying:
+        word |= 0x1000
+    if has_task(positioning) and positioning.task >= 0:
+        word |= 0x2000 | (int(positioning.task) & 0x3F)
+    if axis.asked.mdi:
+        word |= 0xC000 if axis.asked.endless else 0x8000
+    return word & int(axis.profidrive.settings.position_bits[2])
 
 
 @inlined
 def second_position_word(axis: Any) -> int:
-    """POS_ZSW2 (HIWIN E1 manual 3.15)."""
-    word = 0
+    """POS_ZSW2 (HIWIN E1 manual 3.15; bits 6 and 7: the software limits that the axis has reached)."""
+    word = limits_reached(axis) << 6
     if has_task(axis.positioning):
         word |= 0x8004
     if not standing(axis):
@@ -91,7 +97,7 @@ def second_position_word(axis: Any) -> int:
         speed = velocity if abs(velocity) > axis.ramp.settings.standstill else axis.profile.velocity
         if speed != 0.0:
             word |= 0x0010 if speed > 0.0 else 0x0020
-    return word
+    return word & int(axis.profidrive.settings.position_bits[3])
 
 
 @inlined

@@ -6,6 +6,12 @@ from typing import Any
 
 from pnfarm.firmware.motion.jog import by_sequence, excluded
 from pnfarm.firmware.motion.motion_tasks import select_task
+from pnfarm.firmware.profidrive.position_control import (
+    forget_position_words,
+    take_first_position_word,
+    take_override,
+    take_second_position_word,
+)
 from pnfarm.table.axis_codes import (
     CONFIG_PROFILE_JOG,
     CONFIG_RISING_EDGE,
@@ -17,6 +23,7 @@ from pnfarm.table.axis_codes import (
     JOG_SEQUENCE,
     JOG_STILL,
     MDI_SELECTED,
+    MOTION_TASK,
     TASK_MDI,
     TASKS_MDI,
     TASKS_NONE,
@@ -35,8 +42,6 @@ from pnfarm.table.signals import (
     MDI_TARPOS,
     MDI_VELOCITY,
     MT_FEEDRATE,
-    OVERRIDE,
-    POS_STW1,
     POS_STW2,
     SATZANW,
     TARPOS_A,
@@ -57,17 +62,12 @@ NO_HANDSHAKE = 0x2000  # STW1.13, Moog MSD manual 10.2.1
 ENDLESS = 0x4000  # STW1.14, as above
 NUMBER = 0x7FFF  # SATZANW: the other bits
 ABSOLUTE = 0x0001  # MDI_MOD.0
-POS_ABSOLUTE = 0x0100  # POS_STW1.8
-HERE = 0x0002  # POS_STW2.1
 
-#: A task runs, or waits in an intermediate stop, the axis jogs (``positioning.state``; the table of
-#: :mod:`pnfarm.firmware.motion.positioning`).
-MOTION_TASK = 2
-TASK_WAITS = 3
+#: The axis jogs (``positioning.state``; the table of :mod:`pnfarm.firmware.motion.positioning`).
 MOTION_JOG = 6
 #: DRV.OPMODE of position mode.
 POSITION_MODE = 2
-#: Override of 100 % (HIWIN E1 manual 6.6.1 has this figure for the other percentages).
+#: 100 % of MDI_ACC and MDI_DEC.
 WHOLE = 16384.0
 
 
@@ -213,34 +213,6 @@ def _take_set(axis: Any, image: Any, step: float) -> None:
 
 
 @inlined
-def _set_reference(axis: Any) -> None:
-    """Make the present position the reference point; the target of a running absolute task moves with it."""
-    before = axis.homing.origin
-    axis.homing.origin = axis.motor.position - axis.homing.settings.position
-    axis.homing.homed = 1
-    runs = axis.positioning.state in (MOTION_TASK, TASK_WAITS) and not axis.positioning.endless
-    if runs and not axis.positioning.relative and not axis.asked.settings.reference_keeps_place:
-        axis.profile.target += axis.homing.origin - before
-
-
-@inlined
-def _take_position_words(axis: Any, image: Any) -> None:
-    """POS_STW1 (HIWIN E1 manual 3.12): telegram 111."""
-    axis.asked.relative = 0 if image.received[POS_STW1] & POS_ABSOLUTE else 1
-    axis.asked.mdi = 1 if image.received[POS_STW1] & MDI_SELECTED else 0
-
-
-@inlined
-def _take_override(axis: Any, image: Any) -> None:
-    """OVERRIDE, and the reference point by POS_STW or POS_STW2."""
-    axis.asked.override = (image.received[OVERRIDE] & 0xFFFF) / WHOLE
-    word = image.received[POS_STW2] & 0xFFFF
-    if word & ~axis.asked.pos_stw2 & HERE:
-        _set_reference(axis)
-    axis.asked.pos_stw2 = word
-
-
-@inlined
 def _take_mode(asked: Any, image: Any) -> None:
     """MDI_MOD, and the MDI bit of SATZANW: telegram 9 of the profile and similar ones."""
     asked.relative = 0 if image.received[MDI_MOD] & ABSOLUTE else 1
@@ -251,26 +223,31 @@ def _take_mode(asked: Any, image: Any) -> None:
 def _take_signals(axis: Any, image: Any, step: float) -> None:
     """Take the requested task from the telegram's signals; ``profidrive.task_form`` is evaluated here only."""
     form = int(axis.profidrive.settings.task_form)
+    if form != TASKS_POS_STW:
+        forget_position_words(axis)
     if form == TASKS_TABLE:
         _take_set(axis, image, step)
         return
     if form == TASKS_TARPOS:
         _take_target(axis.profidrive, axis.ramp, axis.asked, axis.positioning, image, image.received[TARPOS_A] * step)
         return
-    _take_data(axis.profidrive, axis.ramp, axis.jog, axis.asked, image, step)
+    asked = axis.asked
+    before = (asked.position, asked.velocity, asked.acceleration, asked.deceleration, asked.backwards)
+    _take_data(axis.profidrive, axis.ramp, axis.jog, asked, image, step)
     if form == TASKS_POS_STW:
-        _take_position_words(axis, image)
+        take_first_position_word(axis, image, before)
+        take_second_position_word(axis, image)
     elif form == TASKS_MDI:
         _take_mode(axis.asked, image)
     if form == TASKS_POS_STW or axis.profidrive.settings.position_words:
-        _take_override(axis, image)
+        take_override(axis, image)
     if axis.profidrive.settings.feedrate_signal:
         axis.asked.override = (image.received[MT_FEEDRATE] & 0xFFFF) / axis.asked.settings.feedrate_whole
     if _take_command(axis.commands, axis.asked, axis.motion_tasks) or axis.asked.mdi:
         return
-    if form != TASKS_MDI:
+    if form == TASKS_NONE:
         axis.asked.begins = 0
-    elif axis.asked.begins:
+    elif form == TASKS_MDI and axis.asked.begins:
         # only then: jogging uses the data of the telegram
         select_task(axis.asked, axis.motion_tasks, int(image.received[SATZANW]) & NUMBER)
 
@@ -300,6 +277,7 @@ def take_task(axis: Any, image: Any) -> None:
         and axis.profidrive.settings.reference_source == axis.profidrive.settings.bus_source
     )
     if not here or (axis.profidrive.settings.task_form == TASKS_NONE and axis.drive.settings.opmode != POSITION_MODE):
+        forget_position_words(axis)
         axis.commands.task = 0
         axis.asked.renewed = 0
         return

@@ -73,6 +73,8 @@ N2_FULL = 16384.0
 B_STEPS = 65536.0
 #: ``drive.setpoint_ignored``: the torque set point comes from a parameter.
 TORQUE_COMMAND_COUNTS = 1
+#: STW1.11, where the drive has it.
+INVERT = 0x0800
 #: An array, because indexing a tuple in compiled code copies it.
 _SENT_BACK = np.array(SENT_BACK, np.int64)
 
@@ -175,6 +177,8 @@ def from_setpoints(axis: Any, image: Any) -> None:
     else:
         axis.ramp.setpoint = signed16(image.received[NSOLL_A]) * axis.profidrive.settings.velocity_step
     axis.ramp.setpoint *= axis.ramp.settings.speed_override
+    if axis.profidrive.settings.inverts and axis.profidrive.stw1 & INVERT:
+        axis.ramp.setpoint = -axis.ramp.setpoint
     axis.torque.setpoint = signed16(image.received[TORQUE_SETPOINT]) * torque_step(axis.profidrive, axis.motor)
     if axis.drive.settings.setpoint_ignored:
         axis.ramp.setpoint = 0.0
@@ -232,7 +236,7 @@ def to_actuals(axis: Any, image: Any) -> None:
     image.sent[ACT_CURRENT] = np.int64(np.float32(current).view(np.int32))
     image.sent[E_DIGITAL] = int(axis.machine.inputs) & 0xFFFF
     image.sent[DRIVE_INPUTS] = drive_inputs(axis)
-    image.sent[POS_ZSW1] = first_position_word(axis.machine, axis.asked, axis.positioning)
+    image.sent[POS_ZSW1] = first_position_word(axis)
     image.sent[POS_ZSW2] = second_position_word(axis)
     image.sent[XIST_ERROR] = signed32(
         nearest(

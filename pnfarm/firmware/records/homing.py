@@ -43,6 +43,9 @@ HOMING_RECORD = subject(
         Field("leg", "u1", "", "firmware", "leg of homing in progress, as numbered in firmware/homing.py"),
         Field("seen", "u1", "", "firmware", "1 = STW1.11 has started homing and is still set"),
         Field("error", "u1", "", "firmware", "1 = the last homing was not carried out"),
+        Field("inputs", "u4", "", "firmware", "machine.inputs of the last step, for flying homing"),
+        Field("reversed", "u1", "", "firmware", "1 = the controller asks for the other direction"),
+        Field("flying", "u1", "", "firmware", "1 = homing on the fly waits for its probe"),
         Field("brought", "u1", "", "firmware", "which of these the telegram brought, coded as profidrive.home_signals"),
     ],
 )

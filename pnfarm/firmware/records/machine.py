@@ -27,6 +27,7 @@ MACHINE_RECORD = subject(
     state=[
         Field("inputs", "u4", "", "firmware", "levels of the drive's digital inputs, bit by bit"),
         Field("outputs", "u2", "", "firmware", "levels of a control unit's digital outputs, bit by bit"),
+        Field("switches_off", "u1", "", "firmware", "1 = the controller has limit switches not count"),
         Field("limit_switch", "u1", "", "firmware", "limit switches that are pressed, coded as fault_limits"),
         Field("home_switch", "u1", "", "firmware", "1 = a digital input that is used as home switch is on"),
         Field("stop_input", "u1", "", "firmware", "1 = an input that is used for controlled stops is on"),

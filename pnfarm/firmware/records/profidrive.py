@@ -79,8 +79,18 @@ PROFIDRIVE_RECORD = subject(
         Field("precharge", "f8", "s", "parameter", "how long an infeed charges the DC link before it is ready"),
         Field("others_faulty", "u1", "", "station", "of a control unit: 1 = an axis of its station has a fault"),
         Field("position_words", "u1", "", "parameter", "1 = the telegram brings OVERRIDE and the reference point"),
+        Field(
+            "position_bits",
+            "u2",
+            "",
+            "parameter",
+            "bits of POS_STW1, POS_STW2, POS_ZSW1 and POS_ZSW2 that the drive has",
+            (4,),
+            default=0xFFFF,
+        ),
         Field("feedrate_signal", "u1", "", "parameter", "1 = the telegram brings MT_FEEDRATE, in percent"),
         Field("parameter_channel", "u1", "", "parameter", "1 = the telegram has a parameter channel"),
+        Field("inverts", "u1", "", "parameter", "1 = STW1.11 inverts the set point of the speed"),
         Field("without_control", "u1", "", "parameter", "set points without STW1.10: WITHOUT_CONTROL_*"),
         Field("without_run", "u1", "", "parameter", "set points while the controller is in STOP: WITHOUT_RUN_*"),
         Field(

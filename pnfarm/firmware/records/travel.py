@@ -28,4 +28,7 @@ TRAVEL_RECORD = subject(
             "software_limits", "u1", "", "parameter", "limits that apply once the axis is homed: bit 0 low, bit 1 high"
         ),
     ],
+    state=[
+        Field("switched", "u1", "", "firmware", "software limits by the telegram: SWITCHED_*"),
+    ],
 )

@@ -16,11 +16,14 @@ from pnfarm.buses.profibus.controller import events as happened
 from pnfarm.buses.profibus.controller.asker import ParameterQuestion
 from pnfarm.buses.profibus.controller.line_question import StationParameter, addressed
 from pnfarm.buses.profibus.controller.parameters import ParameterJob
+from pnfarm.buses.profibus.controller.records import RecordJob
 from pnfarm.buses.profibus.device.image import CyclicImage
 from pnfarm.drives.parameters.parameter import ParameterError
 from pnfarm.errors import ConfigError, DecodeError
 from pnfarm.protocols.profibus.master import ConnectionMade, ConnectionMissed, DiagnosisRead, Master
+from pnfarm.protocols.profibus.record_request import RecordRequest
 from pnfarm.protocols.profibus.wire.dp import StationStatus
+from pnfarm.protocols.profibus.wire.dpv1 import MOST_USER_DATA
 from pnfarm.protocols.profibus.wire.telegram import parse_telegram
 from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 from pnfarm.table.image import LOST_EXPIRED
@@ -34,6 +37,9 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profibus.master import MasterEvent
 
 __all__ = ["ProfibusCore"]
+
+#: Of a record of DP-V1, in one octet.
+HIGHEST_INDEX = 0xFF
 
 
 class ProfibusCore(DriveCore):
@@ -52,7 +58,7 @@ class ProfibusCore(DriveCore):
             self._images.append(image)
             station = self.master.stations[index]
             station.source = image.fill if device.described is not None else self._plain(index, device)
-        self._jobs: list[tuple[str, ParameterJob | ParameterQuestion]] = []
+        self._jobs: list[tuple[str, ParameterJob | ParameterQuestion | RecordJob]] = []
         self._began_ns: dict[str, int] = {}
         self._reference = 0
 
@@ -217,6 +223,17 @@ class ProfibusCore(DriveCore):
         self._reference = self._reference % 0xFF + 1
         due = now + self.master.settings.request_timeout_ns
         job = ParameterJob(found, subindex, value, due, self._reference)
+        self._jobs.append((name, job))
+        self._go_on(now)
+        return job
+
+    def access_record(self, axis: str, index: int, data: bytes | None, now: int) -> RecordJob:
+        """See :class:`pnfarm.buses.controller.RecordController`: in slot 0."""
+        name = self.plan.devices[self._place(axis)].name
+        request = RecordRequest.read(0, index, MOST_USER_DATA) if data is None else RecordRequest.write(0, index, data)
+        if index > HIGHEST_INDEX or len(request.data) > MOST_USER_DATA:
+            request.fail(f"DP-V1 has indexes to {HIGHEST_INDEX}, and {MOST_USER_DATA} octets at most")
+        job = RecordJob(request)
         self._jobs.append((name, job))
         self._go_on(now)
         return job

@@ -206,6 +206,11 @@ class ProfinetCore(SessionCore[DeviceSession]):
         self.touch(session, now)
         return job
 
+    def access_record(self, axis: str, index: int, data: bytes | None, now: int) -> RecordJob:
+        """See :class:`pnfarm.buses.controller.RecordController`: in the first submodule of the axis' slots."""
+        place = (*self.named(axis).plan.access_point(axis), index)
+        return self.read_record(axis, place, now) if data is None else self.write_record(axis, place, data, now)
+
     def reparametrise(self, name: str, now: int, submodules: Iterable[ExpectedKey] | None = None) -> bool:
         """Write the records of a connected drive anew, or of some of its submodules: (api, slot, subslot).
 

@@ -74,6 +74,12 @@ class DevicePlan(PlannedDevice):
     def channels(self) -> int:
         return len(self.further) + max(self.input_crs, self.output_crs)
 
+    def access_point(self, axis: str) -> tuple[int, int, int]:
+        """API, slot and subslot of an axis' parameter access, by the axis' name or the drive's."""
+        slots = next((one.slots for name, one in self.axes if name == axis), None)
+        own = (one for one in self.submodules if one.slot and (slots is None or one.slot in slots))
+        return min((one.api, one.slot, one.subslot) for one in own)
+
     def ar_plan(self, **own: Any) -> ArPlan:
         """What its AR is asked for: fields of the same names, and the controller's ``own``."""
         same = {one.name for one in fields(self)} & {one.name for one in fields(ArPlan)}

@@ -46,6 +46,11 @@ class RecordJob:
     def ok(self) -> bool:
         return self.done and not self.failure
 
+    @property
+    def code(self) -> int:
+        """See :class:`pnfarm.buses.controller.RecordAccess`."""
+        return 0 if self.status is None else int(self.status)
+
 
 class RecordJobs:
     """The open jobs of one controller; ``touch`` is called with each session that has something to send."""

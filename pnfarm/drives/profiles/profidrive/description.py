@@ -53,9 +53,9 @@ def data_type(parameter: Parameter) -> int:
 def format_of(parameter: Parameter, *, typed: bool = False) -> int:
     """The format in which a parameter's values travel: byte, word or double word (AKD PROFINET manual 5.6).
 
-    ``typed``: as integers with or without a sign (HIWIN E1 manual 4.3.5).
+    ``typed``: by its data type (HIWIN E1 manual 4.3.5: integers with or without a sign; profile 6.2.3.4: all types).
     """
-    return _DATA_TYPES[parameter.signed, parameter.octets] if typed else _FORMATS[parameter.octets]
+    return data_type(parameter) if typed else _FORMATS[parameter.octets]
 
 
 def describe(parameter: Parameter, element: int, *, changed: bool, texts: bool = False) -> bytes:
