@@ -139,11 +139,26 @@ def _print(found: dict[str, Any]) -> None:
         print_section(("BEHAVIOUR", "READING", "~WHAT THE DRIVE DOES"), list(_reading_rows(found["behaviour"])))
         rows = [(point["name"], point["about"], point["reason"], point["source"]) for point in found["behaviour"]]
         print_section(("BEHAVIOUR", "~LEFT OPEN", "~REASON OF THE DEFAULT", "~SOURCE"), rows)
+    if found["behaviour_sets"]:
+        sets = [(one["name"], one["title"], one["gaps"]) for one in found["behaviour_sets"]]
+        print_section(("SET", "TITLE", "~WHAT NO SOURCE SAYS"), sets)
     for kind, parts in found["motors"].items():
         rows = [row for part, facts in parts.items() for row in _fact_rows(facts, f"{part} ")]
         print_section((f"MOTORS {kind}", "VALUE", "~SOURCE", "~NOTE"), rows)
     if found["telegrams"]:
         _print_telegrams(found)
+    if found["supplements"]:
+        beside = [
+            (
+                one["number"],
+                f"0x{one['submodule_ident']:08X}",
+                one["subslot"],
+                _names(one["output"]),
+                _names(one["input"]),
+            )
+            for one in found["supplements"]
+        ]
+        print_section(("SUPPLEMENTARY", "SUBMODULE", ">SUBSLOT", "~TO THE DRIVE", "~FROM THE DRIVE"), beside)
     print_section(
         (">COUNT", "OF", "~SOURCES"),
         [
@@ -169,14 +184,18 @@ def _print_telegrams(found: dict[str, Any]) -> None:
         [
             (
                 f"{telegram['number']}{' (default)' if telegram['number'] == found['default_telegram'] else ''}",
-                "free" if telegram["free_mapping"] else " ".join(name or "-" for name in telegram["output"]),
-                "free" if telegram["free_mapping"] else " ".join(name or "-" for name in telegram["input"]),
+                "free" if telegram["free_mapping"] else _names(telegram["output"]),
+                "free" if telegram["free_mapping"] else _names(telegram["input"]),
                 telegram["source"],
                 telegram["note"],
             )
             for telegram in found["telegrams"]
         ],
     )
+
+
+def _names(words: list[str | None]) -> str:
+    return " ".join(name or "-" for name in words)
 
 
 def _fact_rows(facts: dict[str, Any], prefix: str = "") -> list[tuple[str, str, str, str]]:
