@@ -23,8 +23,8 @@ __all__ = [
 class FoundDrive:
     """A station that a model stands for: keys of its group in a farm file, and what a user should know of each.
 
-    ``line``: of a station on a serial line, the line's name in a farm file.  ``file``: what ``identity`` names, where
-    that has to be written.
+    ``line``: of a station on a serial line, the line's name in a farm file.  ``file``: what ``gsdml``
+    or ``identity`` names, where that has to be written.
     """
 
     name: str

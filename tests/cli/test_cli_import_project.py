@@ -6,7 +6,8 @@ import zipfile
 from xml.sax.saxutils import escape
 
 import pytest
-from aml_project import HIWIN, drive, plc, project
+from aml_project import HIWIN, drive, element, module, plc, project, station
+from drive_object_gsdml import drive_object_gsdml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from imported import check_found
@@ -18,7 +19,9 @@ from pnfarm.buses.profinet.project.stations import of_project
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, load_farm, parse_farm
+from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
+from pnfarm.testing import Line
 
 
 @pytest.fixture
@@ -189,3 +192,47 @@ def test_whatever_is_in_a_project_the_farm_file_can_be_read(tmp_path_factory, de
 def quoted(text):
     allowed = "".join(one for one in text if one.isprintable() or one in "\t\n\x85\u2028")
     return escape(allowed.encode("utf-8", "replace").decode(), {'"': "&quot;"})
+
+
+PROFILE = "GSDML-V2.43-MAKER-DRIVES-20260101.XML"
+
+
+def profile_station(*parts):
+    """A drive of a maker without a model: a servo with these submodules (subslot, id) in each slot."""
+    servos = (
+        module(slot, f"GSD:{PROFILE}/M/SERVO", name=f"Axis {slot}", inside="".join(
+            element(f"part {place}", role="DeviceItem", TypeIdentifier=f"GSD:{PROFILE}/SM/{own}", PositionNumber=place)
+            for place, own in inside
+        ))
+        for slot, inside in enumerate(parts, 1)
+    )  # fmt: skip
+    return station("cu-1", "10.7.0.21", f"GSD:{PROFILE}/DAP/FULL", *servos, kind=f"GSD:{PROFILE}/D")
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_drive_without_a_model_that_has_telegrams_of_the_profile_is_a_profile_drive(pnfarm, tmp_path, packed):
+    text = drive_object_gsdml()
+    names = {one: f"S_T{one}" for one in (105, 111, 750)}
+    assert all(f'"{one}"' in text for one in names.values())
+    if packed:
+        with zipfile.ZipFile(tmp_path / "maker.zip", "w") as archive:
+            archive.writestr(PROFILE, text)
+    else:
+        (tmp_path / PROFILE).write_text(text)
+    parts = [(3, names[105]), (4, names[750])], [(3, names[111])]
+    for plugged, wanted in ((parts[:1], [(105, 750)]), (parts, [(105, 750), (111, None)])):
+        file, out = tmp_path / "line.aml", tmp_path / "line.pnfarm.yml"
+        text = project(plc(), profile_station(*plugged))
+        dap = next(one for one in parse_gsdml(drive_object_gsdml().encode()).daps if one.info.name == "Full")
+        file.write_text(text.replace("/DAP/FULL", f"/DAP/{dap.id}"))
+        found = pnfarm("import", file, "-o", out, "--force")
+        assert (found.code, found.err) == (0, "")
+        out.write_text(out.read_text().replace("link: {kind: macvlan, parent: eth1}", "link: {kind: memory}"))
+        with out.open("a") as end:
+            end.write("controller: {name: plc, ip: 10.7.0.1/24}\n")
+        (made,) = expand(load_farm(out))
+        assert (made.name, made.model) == ("cu-1", "profidrive")
+        assert [(axis.telegram, axis.supplementary) for axis in made.axes] == wanted
+        with Line.from_file(out) as line:
+            line.wait_connected(5)
+            assert line.core.station("cu-1").device.connection().exchanging

@@ -263,8 +263,10 @@ def _group(station: _Played, room: int, files: str) -> list[str]:
         keys |= {station.file.key: own + station.file.name, **station.keys}
     else:
         keys |= {"model": station.model, **station.keys}
-        if own:
+        if own and "identity" in keys:
             keys["identity"] = {**keys["identity"], "gsdml": own + keys["identity"]["gsdml"]}
+        elif own:
+            keys["gsdml"] = own + keys["gsdml"]
     begin = "  - "
     for key, value in keys.items():
         lines += _entry(begin, key, value)

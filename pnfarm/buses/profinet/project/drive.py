@@ -10,19 +10,22 @@ from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.maker_identity import identity_of
 from pnfarm.buses.profinet.project.parts import address_keys, name_of
 from pnfarm.buses.profinet.telegram_names import numbers_in
-from pnfarm.buses.project_parts import facts, type_of
+from pnfarm.buses.project_parts import facts, modules, type_of
 from pnfarm.drives.catalogue import model, models, models_on
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Container, Iterator, Mapping
 
     from pnfarm.buses.caex import CaexElement
     from pnfarm.buses.description_folders import DescriptionFile
     from pnfarm.buses.project_parts import PartType
     from pnfarm.drives.description.model import Model
-    from pnfarm.protocols.profinet.gsdml.document import Gsdml
+    from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml
 
-__all__ = ["drive_by_file", "drive_by_name"]
+__all__ = ["drive_by_file", "drive_by_name", "profile_drive"]
+
+#: The model that is the PROFIdrive profile alone, and the profile's API.
+_PROFILE, _API = "profidrive", 0x3A00
 
 
 def drive_by_file(device: CaexElement, head: PartType, document: Gsdml, file: DescriptionFile) -> FoundDrive | None:
@@ -54,6 +57,46 @@ def drive_by_name(device: CaexElement, file: str) -> FoundDrive | None:
                 keys["telegram"] = number
             return FoundDrive(name_of(device), entry.name, keys, (*notes, *facts(device)))
     return None
+
+
+def profile_drive(
+    device: CaexElement, head: CaexElement, document: Gsdml, dap: Dap, file: DescriptionFile
+) -> FoundDrive | None:
+    """By the PROFIdrive profile, where the project plugs telegrams of it; each of several slots has an axis."""
+    identity = identity_of(document, model(_PROFILE), dap.id).overrides
+    known = {one.id.lower(): one.ident for one in document.modules}
+    pluggable = {one.id.lower(): one.ident for one in document.submodules}
+    axes: list[dict[str, Any]] = []
+    for slot, element in modules(device, head):
+        module = known.get(type_of(element).id.lower())
+        inside = {pluggable.get(type_of(one).id.lower()) for one in element.walk()}
+        number = _plugged(identity.get("telegrams", {}), module, inside)
+        if number is not None:
+            axis = {"name": f"axis-{slot}", "slot": slot, "telegram": number}
+            supplements = identity.get("supplements", {}).items()
+            beside = next((one for one, entry in supplements if entry["submodule"] in inside), None)
+            axes.append(axis if beside is None else {**axis, "supplementary": beside})
+    if not axes:
+        return None
+    keys: dict[str, Any] = {"gsdml": file.name, **address_keys(device)}
+    if len(document.daps) > 1:
+        keys["access_point"] = dap.id
+    keys |= {"axes": axes} if len(axes) > 1 else {key: axes[0][key] for key in axes[0] if key not in {"name", "slot"}}
+    notes = "chosen by its telegrams: it behaves as the PROFIdrive profile; `behaviour: {set: ...}` as a maker's"
+    own = None if file.octets is None else file
+    return FoundDrive(name_of(device), _PROFILE, keys, (notes, *facts(device)), file=own)
+
+
+def _plugged(
+    telegrams: Mapping[int, Mapping[str, Any]], module: int | None, inside: Container[int | None]
+) -> int | None:
+    """The profile's telegram in this module: by a submodule in it, or the only one of the module."""
+    entries = [
+        (number, one) for number, entry in telegrams.items() for one in (entry, *entry.get("others", {}).values())
+    ]
+    there = [(number, one) for number, one in entries if one.get("module") == module and one.get("api") == _API]
+    found = there if len(there) == 1 else [(number, one) for number, one in there if one.get("submodule") in inside]
+    return found[0][0] if found else None
 
 
 def _ident(document: Gsdml, dap_id: str) -> int | None:

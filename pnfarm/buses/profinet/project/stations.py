@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.buses.imports import FoundStation, drives_first
 from pnfarm.buses.profinet.project.device import project_device
-from pnfarm.buses.profinet.project.drive import drive_by_file, drive_by_name
+from pnfarm.buses.profinet.project.drive import drive_by_file, drive_by_name, profile_drive
 from pnfarm.buses.profinet.project.files import GsdmlFiles
 from pnfarm.buses.profinet.project.parts import head_of, name_of
 from pnfarm.buses.project_parts import devices, facts, is_on_profibus, type_of
@@ -63,6 +63,9 @@ class _Stations:
         dap = next((one for one in document.daps if one.id.lower() == kind.id.lower()), None)
         if dap is None:
             return self._nothing(device, f"{file.name} has no access point {kind.id!r}", missing)
+        drive = profile_drive(device, head, document, dap, self._files.for_farm(file))
+        if drive is not None:
+            return drive
         return self._device(device, head, file, dap)
 
     def _by_number(self, device: CaexElement, head: CaexElement, kind: PartType) -> Found:
