@@ -26,7 +26,7 @@ FILES = {"profinet": ("gsdml", "GSDML"), "ethernetip": ("eds", "EDS"), "profibus
 HELD = {
     "profinet": "`gsdml: FILE` of the drive, and no ident is typed",
     "ethernetip": "put its idents under `identity:` of the drive",
-    "profibus": "put its ident number under `identity: {device: ...}` of the drive",
+    "profibus": "`gsd: FILE` of the drive, and no ident is typed",
 }
 #: Parts of an identity that a project's file has, and their names here.
 IDENTITY = {
@@ -35,7 +35,7 @@ IDENTITY = {
     "order_id": "order number", "station_type": "station type",
 }  # fmt: skip
 #: Models whose parameters and coverage are another's as well.
-SHARED = {"moog-msd-dp": "moog-msd"}
+SHARED = {"moog-msd-dp": "moog-msd", "profidrive-dp": "profidrive"}
 
 
 def _cell(text: object) -> str:
@@ -60,17 +60,18 @@ def _telegrams(described: dict[str, Any]) -> list[str]:
     if not telegrams:
         return []
     lines = ["## Telegrams", ""]
-    idents = any(one.get("module_ident") for one in telegrams)
-    head = "| number | from the controller | to the controller | octets out / in |" + (" module |" if idents else "")
-    lines += [head, "|---|---|---|---|" + ("---|" if idents else "")]
+    named = "identifiers" if telegrams[0].get("identifiers") else "module"
+    lines += [
+        f"| number | from the controller | to the controller | octets out / in | {named} |",
+        "|---|---|---|---|---|",
+    ]
     for one in telegrams:
         out, back = one["output"], one["input"]
         mapped = "mapped: parameters define the words"
         shown = (mapped, mapped) if one["free_mapping"] else (_words(out), _words(back))
+        name = (one.get("identifiers") or f"0x{one['module_ident']:X}").upper().replace("0X", "0x")
         row = f"| {one['number']} | {_cell(shown[0])} | {_cell(shown[1])} | {2 * len(out)} / {2 * len(back)} |"
-        if idents:
-            row += f" `0x{one['module_ident']:X}` |"
-        lines.append(row)
+        lines.append(f"{row} `{name}` |")
     beside = [
         f"Supplementary telegram {one['number']} (`supplementary: {one['number']}`), submodule "
         f"`0x{one['submodule_ident']:X}` in subslot {one['subslot']} beside any of them: {_words(one['output'])} from "

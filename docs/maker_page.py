@@ -64,10 +64,14 @@ def page() -> str:
         "A set claims no more than its sources: what none of them says is as in `generic`, and is listed.",
         "",
     ]
+    names: dict[str, list[str]] = {}
     for name in sorted(models()):
-        described = model(name)
-        for key in sorted(described.behaviour_sets, key=lambda one: (one != "generic", one)):
-            named = described.behaviour_sets[key]
-            lines += [f"## {key}", "", f"{named.title[:1].upper()}{named.title[1:]} (`model: {name}`).", ""]
-            lines += [*_rows(described, named), f"Not known here: {named.gaps}", ""]
+        for key in model(name).behaviour_sets:
+            names.setdefault(key, []).append(name)
+    for key, on in sorted(names.items(), key=lambda one: (one[0] != "generic", one[0])):
+        described = model(on[0])
+        named = described.behaviour_sets[key]
+        shown = ", ".join(f"`{name}`" for name in on)
+        lines += [f"## {key}", "", f"{named.title[:1].upper()}{named.title[1:]} (`model:` {shown}).", ""]
+        lines += [*_rows(described, named), f"Not known here: {named.gaps}", ""]
     return "\n".join(lines)

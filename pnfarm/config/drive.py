@@ -37,8 +37,8 @@ Identity = Annotated[
     dict[str, Any],
     Field(
         description="Identity of the drive where it differs from the model's. `gsdml: FILE` takes vendor, device, "
-        "access point, modules, submodules and order number from the maker's own file (PROFINET); other keys count "
-        "before it."
+        "access point, modules, submodules and order number from the maker's own file (PROFINET), `gsd: FILE` ident "
+        "number, names, telegrams and octets of Set_Prm (PROFIBUS); other keys count before it."
     ),
 ]
 

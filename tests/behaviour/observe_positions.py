@@ -215,7 +215,7 @@ def both_jog_bits(name: str, behaviour: str) -> object:
 )
 def jog_prerequisite(name: str, behaviour: str) -> object:
     """rpm of a jog: AKD with STW1.4 to 6 at 0, then set; E1 and profile the other way round; then without its bit."""
-    if name in {"hiwin-e1", "profidrive"}:
+    if kind(name) in {"hiwin-e1", "profidrive"}:
         plc = jogger(name, behaviour, positions=True)
         words = (READY | JOG_1, JOGGING | JOG_1, JOGGING)
         return tuple(rpm_of(plc, word) for word in words)

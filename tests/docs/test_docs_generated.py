@@ -10,8 +10,7 @@ MODELS = ("akd-ethernetip", "akd-profinet", "akd-profinet-2012", "hiwin-e1", "mo
 NAMES = (
     "table.md", "states.md", "farm-file.md", "coverage.md", "behaviour.md", "bus.md", "faults.md", "metrics.md",
     "api.md", "commands.md", "gsdml.md", "drives/index.md", "drives/makers.md",
-    *(f"drives/{m}.md" for m in (*MODELS, "moog-msd-dp")),
-    *(f"parameters/{m}.md" for m in MODELS),
+    *(f"drives/{m}.md" for m in (*MODELS, "moog-msd-dp", "profidrive-dp")), *(f"parameters/{m}.md" for m in MODELS),
 )  # fmt: skip
 
 

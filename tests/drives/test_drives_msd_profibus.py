@@ -160,7 +160,7 @@ def test_a_farm_file_gives_the_ident_number_of_the_makers_gsd_file() -> None:
     assert described.profidrive.telegrams == model(NAME).profidrive.telegrams
 
 
-@pytest.mark.parametrize("key", ["dap", "dap_submodules", "access_point", "telegrams"])
+@pytest.mark.parametrize("key", ["dap", "dap_submodules", "access_point", "supplements"])
 def test_an_identity_with_modules_is_refused_with_the_keys_that_there_are(key: str) -> None:
     with pytest.raises(ConfigError, match=rf"identity\.{key}: unknown; there are vendor, device, order_number"):
         with_identity(model(NAME), {key: 1})
@@ -175,7 +175,6 @@ def test_an_identity_with_modules_is_refused_with_the_keys_that_there_are(key: s
     [
         ('identifiers = "F1"\n', 'identifiers = "F3 F1"\n', r"103, identifiers: F3 F1 are those of telegram 101"),
         ('identifiers = "F1"\n', 'identifiers = "F"\n', r"103, identifiers: 'F' are no octets in hexadecimal"),
-        ('identifiers = "F1"\n', "", r"telegram 103, identifiers: missing"),
         (
             'ident_source = "8.2.3, table 8.10"\nidentifiers = "F1"\n',
             'identifiers = "F1"\n',

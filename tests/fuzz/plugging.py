@@ -7,6 +7,8 @@ from contextlib import suppress
 from pnfarm.buses.ethernetip.described.file_signals import assembly_signals
 from pnfarm.buses.ethernetip.described.kind import offer_of
 from pnfarm.buses.ethernetip.described.station import composed, points_of
+from pnfarm.buses.profibus import maker_identity
+from pnfarm.buses.profibus.device.product import Product
 from pnfarm.buses.profinet.file_signals import file_signals
 from pnfarm.buses.profinet.maker_identity import identity_of
 from pnfarm.drives import catalogue
@@ -77,6 +79,9 @@ def describe_everything(data: bytes) -> None:
 def plug_every_module(data: bytes) -> None:
     """A slave of PROFIBUS; raises as :func:`plug_everything` does."""
     gsd = parse_gsd_file(data)
+    slave_drive = catalogue.model("profidrive-dp")
+    with suppress(ConfigError):
+        Product.of(with_identity(slave_drive, maker_identity.identity_of(gsd, slave_drive).overrides))
     choices: list[dict[int, str | int | None]] = [{}]
     choices += [{slot: module.name} for slot in (1, gsd.most_modules) for module in gsd.modules[:MOST]]
     choices += [dict.fromkeys(range(1, gsd.most_modules + 1), module.number) for module in gsd.modules[:MOST]]

@@ -28,14 +28,14 @@ farm: pyprofibus{number}
 link: {{kind: serial, pty: '{path}', baud: 1500000}}
 api: off
 drives:
-  - {{name: 'axis-{{n:02}}', count: {count}, model: moog-msd-dp, address: {first},
+  - {{name: 'axis-{{n:02}}', count: {count}, model: {model}, address: {first},
      realism: {{parameter_latency: 50ms}}}}
 """
 
 
 @asynccontextmanager
-async def farm(path: Path, count: int):
-    text = FARM.format(number=os.getpid(), path=path, count=count, first=FIRST)
+async def farm(path: Path, count: int, model: str = "moog-msd-dp"):
+    text = FARM.format(number=os.getpid(), path=path, count=count, model=model, first=FIRST)
     async with Farm(parse_farm(text), log=EventLog(quiet=True)) as running:
         yield running
 
@@ -73,6 +73,23 @@ async def test_pyprofibus_runs_the_axes_of_a_line(tmp_path, gsd, count):
                 await asyncio.sleep(0.02)
         assert {station.device.watchdog_expirations for station in stations} == {1}
         assert not any(station.device.connected for station in stations)
+
+
+async def test_pyprofibus_runs_a_profile_drive_by_the_gsd_file_of_this_project(tmp_path):
+    assert main(["gsd", "profidrive-dp", "-o", str(tmp_path)]) == 0
+    (file,) = tmp_path.glob("*.gsd")
+    async with farm(tmp_path / "line", 1, "profidrive-dp") as running:
+        (station,) = running.core.axes
+        seen = await peer("peer_pyprofibus.py", tmp_path / "line", file, SPEED, OCTETS, 30, FIRST)
+        told = seen[str(FIRST)]
+        assert told["connected"]
+        assert told["answers"] > told["operating"] >= 200
+        assert int(told["inputs"][:4], 16) & 0x000F == 0x0007, "in operation, no fault"
+        assert station.handle.axis.motor.velocity > 300, "NSOLL_A was 0x0800 of 0x4000, which is 3000 rpm"
+        assert station.store.read(922)[0] == 1
+        async with asyncio.timeout(5):
+            while int(station.handle.axis.faults.code[0]) & 0xFFFF != 9:  # noqa: ASYNC110  # the engine's
+                await asyncio.sleep(0.02)
 
 
 async def test_records_go_over_msac1_and_msac2_with_the_fdl_layer_of_pyprofibus(tmp_path, gsd):

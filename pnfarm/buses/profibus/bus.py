@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Any, cast
 from pnfarm.buses.imports import ImportingBus, ProjectBus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
 
     from pnfarm.buses.bus import DeviceServices, LineSplitter
+    from pnfarm.buses.described import DescribedIdentity
     from pnfarm.buses.devices import DeviceRows
     from pnfarm.buses.line_parameters import LineQuestion
     from pnfarm.buses.profibus.controller.line_question import LineParameter
@@ -34,6 +36,16 @@ class Profibus(ImportingBus, ProjectBus):
     uses_line = True
     description_key = "gsd"
     link_type = 257  # LINKTYPE_PROFIBUS_DL
+
+    def described_identity(
+        self, path: Path, model: Model, own: Mapping[str, Any], access_point: str | int | None
+    ) -> DescribedIdentity:
+        """A slave has no access point to choose."""
+        from pnfarm.buses.profibus.gsd_file import load_gsd
+        from pnfarm.buses.profibus.maker_identity import identity_of
+
+        del own, access_point
+        return identity_of(load_gsd(path), model)
 
     def channel_rows(self, model: Model) -> int:
         """A polled bus has no scheduled rows; the table wants one."""

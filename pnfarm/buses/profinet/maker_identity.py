@@ -13,7 +13,7 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.described import AccessPointError, DescribedIdentity
-from pnfarm.buses.profinet.telegram_names import frame_class, is_numbered, numbers_in
+from pnfarm.buses.telegram_names import frame_class, is_numbered, numbers_in
 from pnfarm.protocols.profinet.gsdml.choosing import listed, matching, name_of
 from pnfarm.vocabulary.quoting import shown
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.drives.description.identity_identifiers import octets, with_identifiers
 from pnfarm.drives.description.identity_modules import IDENT, from_farm_file, mapping, number, with_ident, with_modules
 from pnfarm.drives.description.parts import Fact
 from pnfarm.drives.profiles.cip.part import CIP
@@ -35,11 +36,13 @@ OVERRIDES: Mapping[str, str] = {
     "without": "list of telegrams that the drive does not have",
 }
 #: Those of them that only PROFINET has.
-_OF_MODULES = frozenset({"dap", "dap_submodules", "access_point", "telegrams", "supplements", "without"})
+_OF_MODULES = frozenset({"dap", "dap_submodules", "access_point", "telegrams", "supplements"})
 #: The same for a PROFIdrive model on PROFIBUS, which has no modules with idents.
 PROFIBUS_OVERRIDES: Mapping[str, str] = {
     **{key: what for key, what in OVERRIDES.items() if key not in _OF_MODULES},
     "device": "ident number, 0..0xFFFF",
+    "telegrams": "mapping: telegram -> its identifiers of Chk_Cfg in hexadecimal, such as C3 C1 C1 FD 00 01",
+    "parameters": "octets of Set_Prm behind the seven of the standard, in hexadecimal",
     "station_type": "model name, up to 25 ASCII characters",
 }
 #: The same for a CIP model.
@@ -70,6 +73,8 @@ def _version(value: Any) -> tuple[str, tuple[int, int, int]]:
     return prefix, (major, minor, internal)
 
 
+#: Octets of Set_Prm behind the seven of the standard.
+_LONGEST_USER = 237
 #: Override -> field of Identity, for the plain numbers and texts.
 _NUMBERS = {
     "vendor": "vendor_id",
@@ -144,7 +149,14 @@ def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
         dap = with_ident(dap, number(subslot, where, 0xFFFF), number(ident, where, IDENT), where)
 
     profidrive = model.profidrive
+    facts = model.bus_facts
     if dap.submodules:
         profidrive = with_modules(profidrive, overrides, model.name)
+    elif model.bus == "profibus":
+        profidrive = with_identifiers(profidrive, overrides, model.name)
+        if "parameters" in overrides:
+            user = octets(overrides["parameters"], "parameters", _LONGEST_USER)
+            facts = {**facts, "parameters": Fact(list(user), "farm file")}
     own = dataclasses.replace(profidrive.identity, **changes)
-    return dataclasses.replace(model, dap=dap, profidrive=dataclasses.replace(profidrive, identity=own))
+    profidrive = dataclasses.replace(profidrive, identity=own)
+    return dataclasses.replace(model, dap=dap, bus_facts=facts, profidrive=profidrive)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pnfarm.drives.profiles.profidrive.part import Profidrive
 
-__all__ = ["IDENT", "from_farm_file", "mapping", "number", "with_ident", "with_modules"]
+__all__ = ["IDENT", "from_farm_file", "less_absent", "mapping", "number", "with_ident", "with_modules"]
 
 IDENT = 0xFFFFFFFF
 _U16 = 0xFFFF
@@ -172,20 +172,27 @@ def with_modules(profidrive: Profidrive, overrides: Mapping[str, Any], model: st
             told = ", ".join(map(str, supplements)) or "none"
             raise ConfigError(f"identity.{where}: {model} has no supplementary telegram {key}; it has {told}")
         supplements[known.number] = _supplement(known, mapping(wanted, where), where)
+    left = less_absent(dataclasses.replace(profidrive, telegrams=telegrams, supplements=supplements), overrides, model)
+    _check_distinct(left.telegrams)
+    return dataclasses.replace(left, telegrams=with_choices(left.telegrams, left.supplements.values()))
+
+
+def less_absent(profidrive: Profidrive, overrides: Mapping[str, Any], model: str) -> Profidrive:
+    """Less the telegrams ``without``; raises :class:`ConfigError`."""
     absent = overrides.get("without", [])
     if not isinstance(absent, (list, tuple)):
         raise ConfigError(f"identity.without: {absent!r} is not a list of telegrams")
+    telegrams, supplements = dict(profidrive.telegrams), dict(profidrive.supplements)
     for one in absent:
         gone = number(one, "without", _U16)
         if telegrams.pop(gone, None) is None and supplements.pop(gone, None) is None:
             raise ConfigError(f"identity.without: {model} has no telegram {gone}")
     if not telegrams:
         raise ConfigError("identity.without: no telegram is left")
-    _check_distinct(telegrams)
     usual = profidrive.default_telegram
     return dataclasses.replace(
         profidrive,
-        telegrams=with_choices(telegrams, supplements.values()),
+        telegrams=telegrams,
         supplements=supplements,
         default_telegram=usual if usual in telegrams else min(telegrams),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from pnfarm.drives.telegrams.identifiers import profile_identifiers
 from pnfarm.drives.telegrams.telegram import TASK_FORMS, MappingError, signal_codes
 from pnfarm.errors import ConfigError
 from pnfarm.table.channel import MAX_WORDS
@@ -70,7 +71,8 @@ def with_words(model: Model, given: Mapping[str, Sequence[str]]) -> Model:
         raise ConfigError("words: must have output and input")
     words: dict[str, tuple[Signal | None, ...]] = {}
     codes: dict[str, tuple[int, ...]] = {}
-    for direction, names in given.items():
+    for direction in FIRST_WORDS:
+        names = given[direction]
         words[direction] = _signals(model, direction, list(names))
         try:
             codes[direction] = signal_codes(words[direction], setpoint=direction == "output")
@@ -83,7 +85,8 @@ def with_words(model: Model, given: Mapping[str, Sequence[str]]) -> Model:
         input=words["input"],
         output_words=codes["output"],
         input_words=codes["input"],
-        module=_module(free.module, words),
+        module=_module(free.module, words) if free.module.submodules else free.module,
+        identifiers=profile_identifiers(free.number, *map(len, words.values())) if free.identifiers else b"",
         tasks=TASK_FORMS.index(form) if form else free.tasks,
         opmode=_POSITION_MODE if form else free.opmode,
     )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.drives.description.files import integer, joined_tables, required
 from pnfarm.drives.parameters.parameter import Backing
+from pnfarm.drives.telegrams.identifiers import profile_identifiers
 from pnfarm.drives.telegrams.telegram import (
     PARAMETER_WORDS,
     TASK_FORMS,
@@ -104,8 +105,6 @@ def _telegram(
             raise table.wrong(direction, f"{exc}") from exc
     supplementary = _flag(table, "supplementary")
     if layout is None:
-        # its identifiers are all that a bus without numbered modules has of it
-        table.required("identifiers")
         modules = [Module(0, (), table.required("ident_source"))]
     elif supplementary:
         modules = [Module(0, (_data(table, words, layout, "supplement"),), table.required("ident_source"))]
@@ -129,7 +128,7 @@ def _telegram(
         tasks=_tasks(table),
         pulses_enabled=_choice(table, "pulses_enabled", range(12)),
         falls_back=_falls_back(table),
-        identifiers=_identifiers(table),
+        identifiers=_identifiers(table, words, profile=layout is None),
         own_words=_flag(table, "own_words"),
         supplementary=supplementary,
     )
@@ -170,9 +169,11 @@ def _modules(
     ]
 
 
-def _identifiers(table: Table) -> bytes:
-    """Identifiers of its modules, in hexadecimal; empty on a bus without."""
+def _identifiers(table: Table, words: Mapping[str, tuple[Signal | None, ...]], *, profile: bool) -> bytes:
+    """Identifiers of its modules, in hexadecimal; left out, the ``profile``'s, and none on a bus without."""
     text = table.get("identifiers", "")
+    if profile and not text:
+        return profile_identifiers(table.required("number"), len(words["output"]), len(words["input"]))
     try:
         return bytes.fromhex(text)
     except (TypeError, ValueError):

@@ -1,4 +1,4 @@
-"""``gsdml: FILE`` of a drive, and ``identity: {gsdml: FILE}``: a maker's file in place of the keys that it gives."""
+"""``gsdml: FILE`` or ``gsd: FILE`` of a drive, also in ``identity``: a maker's file in place of keys."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["with_identities"]
 
-_KEYS = ("gsdml",)
+_KEYS = ("gsdml", "gsd")
 _ALLOWED = "the maker's file, its name relative to the folder of this file"
 
 

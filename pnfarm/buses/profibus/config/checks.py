@@ -6,7 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.farm_file import CONTROLLER
 from pnfarm.buses.profibus.config.drive import HIGHEST_ADDRESS
+from pnfarm.buses.profibus.device.product import Product
+from pnfarm.drives.description.identity import with_identity
 from pnfarm.drives.parameters.parameter import ParameterError
+from pnfarm.errors import ConfigError
 from pnfarm.vocabulary.quoting import shown
 
 if TYPE_CHECKING:
@@ -19,7 +22,8 @@ if TYPE_CHECKING:
     from pnfarm.vocabulary.issues import Location, Report
 
 __all__ = [
-    "ADDRESS_PARAMETER", "address_in", "check_controller", "check_count", "check_devices", "check_group", "check_name",
+    "ADDRESS_PARAMETER", "address_in", "check_controller", "check_count", "check_devices", "check_group",
+    "check_model", "check_name",
 ]  # fmt: skip
 
 #: COM_DP_Address (Moog MSD manual 4.2.2).
@@ -55,6 +59,20 @@ def check_group(at: Location, group: ProfibusDrives, report: Report) -> None:
     """Addresses that are counted up stay addresses."""
     for key, first in (("address", group.address), ("control_unit", group.control_unit)):
         check_count(at, key, first, group.count, report)
+
+
+def check_model(at: Location, group: ProfibusDrives, model: ModelFacts, report: Report) -> None:
+    """Identifiers of the farm file or of a maker's file have the lengths of their telegrams."""
+    if model.described is None or "telegrams" not in group.identity:
+        return
+    try:
+        described = with_identity(model.described, group.identity)
+    except ConfigError:
+        return  # reported with the other keys of the section
+    try:
+        Product.of(described)
+    except ConfigError as exc:
+        report((*at, "identity", "telegrams"), str(exc), "identifiers with the lengths of the telegram's words")
 
 
 def check_count(at: Location, key: str, first: int | None, count: int, report: Report) -> None:

@@ -30,7 +30,14 @@ class ProfibusDrives(DriveGroup):
     address: Annotated[int, Field(ge=0, le=SWITCHES_OFF)] = Field(
         default=SWITCHES_OFF,
         description="Coding switches S2 and S1 of the first drive as one number; counts up.  Above 125, as with both "
-        "at F, the address parameter counts (`params: {P-0918: 5}`).",
+        "at F, the address parameter counts (PNU 918, `params: {P-0918: 5}` of a Moog MSD).",
+    )
+    gsd: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=4096,
+        description="The maker's GSD file, relative to this file: ident number, names, telegrams and their "
+        "identifiers, octets of Set_Prm are its. `identity: {gsd: FILE}` means the same.",
     )
     control_unit: Address | None = Field(
         default=None,

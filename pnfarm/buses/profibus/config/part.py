@@ -32,6 +32,7 @@ class ProfibusPart(FarmFilePart[ProfibusDrives, ProfibusController]):
     controller = ProfibusController
     check_name = staticmethod(checks.check_name)
     check_group = staticmethod(checks.check_group)
+    check_model = staticmethod(checks.check_model)
     check_devices = staticmethod(checks.check_devices)
     check_controller = staticmethod(checks.check_controller)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pnfarm.buses.controllers.device_plan import PlannedDevice
 from pnfarm.buses.controllers.plan import describing, profidrive_keys, reconnect_after_ns, telegram_of
 from pnfarm.buses.controllers.signal_steps import KnownSteps, SignalSteps
+from pnfarm.buses.profibus.device.product import Product
 from pnfarm.buses.profibus.gsd_file import load_gsd
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd.station import plug_slave
@@ -73,12 +74,13 @@ def _plan_drive(
 ) -> DevicePlan:
     if drive.address is None:
         raise ConfigError(
-            f"drive {drive.name} has no station address: give `address`, or `params: {{P-0918: 5}}` with both switches "
-            "at F"
+            f"drive {drive.name} has no station address: give `address`, or its address parameter (PNU 918) in `params`"
         )
     number = section.telegram if section.telegram is not None else model.profidrive.default_telegram
     telegram = telegram_of(model, number)
     factors, base = _watchdog(section, v1=True)
+    user = bytearray(Product.of(model).parameters).ljust(_V1_OCTETS, b"\0")
+    user[0] |= V1Status1.DPV1_ENABLE | base
     return DevicePlan(
         **profidrive_keys(section, drive, model, number, known_steps),
         slave=SlavePlan(
@@ -88,7 +90,7 @@ def _plan_drive(
             identifiers=telegram.identifiers,
             output_octets=2 * len(telegram.output),
             input_octets=2 * len(telegram.input),
-            user=bytes((int(V1Status1.DPV1_ENABLE) | base, 0, 0)),
+            user=bytes(user),
             watchdog_factors=factors,
             reconnect_ns=reconnect_after_ns(section),
             access=section.access,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.profibus.device.extended_diagnosis import extended_octets
+from pnfarm.buses.profibus.device.extended_diagnosis import channel_error, extended_octets
 from pnfarm.buses.profibus.device.product import Product
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd.writer import GsdModule, SlaveDescription
@@ -52,8 +52,17 @@ def describe_model(model: Model) -> SlaveDescription:
         v1=True,
         longest_record=product.longest_record,
         connections=product.connections,
+        channel_errors={} if product.diagnosis_parameter is not None else _channel_errors(model),
         comments=() if sheet is None else (sheet.info_text,),
     )
+
+
+def _channel_errors(model: Model) -> dict[int, str]:
+    """Of each error the first fault that has it."""
+    return {
+        channel_error(error_type): model.faults[number].name
+        for number, error_type in sorted(model.diagnoses.items(), reverse=True)
+    }
 
 
 def file_name(model: Model) -> str:

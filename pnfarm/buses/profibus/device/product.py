@@ -17,7 +17,13 @@ __all__ = ["Product"]
 
 @dataclass(frozen=True, slots=True)
 class Product:
-    """Times in ns or bits; lamps: one text for each of ``lamp_names``.  The ident number is the model's device id."""
+    """Times in ns or bits; lamps: one text for each of ``lamp_names``.  The ident number is the model's
+    device id.  Lamps are empty of a drive without.
+
+    ``diagnosis_parameter`` says by ``diagnosis_modes`` whether the octets of a fault are sent, which begin with
+    ``diagnosis_header``; None of a drive that reports its faults as errors of channels.  ``parameters``: octets of the
+    user in Set_Prm as a maker's file has them, none for a drive that takes any.
+    """
 
     max_tsdr_bits: tuple[int, ...]
     baud_rates: tuple[int, ...]
@@ -37,19 +43,20 @@ class Product:
     #: It is read as the address in force, also where the switches give that.
     address_in_force: bool
     baud_parameter: int
-    diagnosis_parameter: int
-    diagnosis_modes: tuple[int, ...]
-    diagnosis_header: tuple[int, ...]
-    lamp_names: tuple[str, ...]
-    lamp_boot: tuple[str, ...]
-    lamp_search: tuple[str, ...]
-    lamp_search_again: tuple[str, ...]
-    lamp_wait: tuple[str, ...]
-    lamp_exchange: tuple[str, ...]
-    lamp_clear: tuple[str, ...]
-    lamp_class_2: tuple[str, ...]
-    lamp_parameters: tuple[str, ...]
-    lamp_configuration: tuple[str, ...]
+    lamp_names: tuple[str, ...] = ()
+    lamp_boot: tuple[str, ...] = ()
+    lamp_search: tuple[str, ...] = ()
+    lamp_search_again: tuple[str, ...] = ()
+    lamp_wait: tuple[str, ...] = ()
+    lamp_exchange: tuple[str, ...] = ()
+    lamp_clear: tuple[str, ...] = ()
+    lamp_class_2: tuple[str, ...] = ()
+    lamp_parameters: tuple[str, ...] = ()
+    lamp_configuration: tuple[str, ...] = ()
+    diagnosis_parameter: int | None = None
+    diagnosis_modes: tuple[int, ...] = ()
+    diagnosis_header: tuple[int, ...] = ()
+    parameters: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, model: Model) -> Product:
@@ -57,6 +64,8 @@ class Product:
         values: dict[str, Any] = {}
         for key, fits in _FIELDS.items():
             fact = model.bus_facts.get(key)
+            if fact is None and any(key in group and not group & model.bus_facts.keys() for group in _OPTIONAL):
+                continue
             if fact is None:
                 raise ConfigError(f"{model.name}: [profibus] has no {key}")
             value = tuple(fact.value) if isinstance(fact.value, list) else fact.value
@@ -69,7 +78,7 @@ class Product:
         if len({len(values[key]) for key in ("baud_rates", "baud_codes", "max_tsdr_bits")}) > 1:
             raise ConfigError(f"{model.name}: [profibus] each of baud_rates needs its code and its max_tsdr_bits")
         for key in ("address_parameter", "baud_parameter", "diagnosis_parameter"):
-            if values[key] not in model.parameters:
+            if key in values and values[key] not in model.parameters:
                 raise ConfigError(f"{model.name}: [profibus] {key}: there is no parameter {values[key]}")
         _check_telegrams(model)
         return cls(**values)
@@ -128,7 +137,7 @@ _FIELDS: dict[str, Any] = {
     "send_timeout_ns": _number(10_000_000, 600_000_000_000),
     **dict.fromkeys(("address_parameter", "baud_parameter", "diagnosis_parameter"), _number(1, 0xFFFF)),
     "diagnosis_modes": _numbers(0, 0xFFFF),
-    "diagnosis_header": _numbers(0, 0xFF),
+    **dict.fromkeys(("diagnosis_header", "parameters"), _numbers(0, 0xFF)),
     **dict.fromkeys(
         (
             "lamp_names", "lamp_boot", "lamp_search", "lamp_search_again", "lamp_wait", "lamp_exchange", "lamp_clear",
@@ -137,3 +146,9 @@ _FIELDS: dict[str, Any] = {
         _are_texts,
     ),
 }  # fmt: skip
+#: Of each group all, or none.
+_OPTIONAL = (
+    frozenset({"diagnosis_parameter", "diagnosis_modes", "diagnosis_header"}),
+    frozenset({"parameters"}),
+    frozenset(key for key in _FIELDS if key.startswith("lamp_")),
+)

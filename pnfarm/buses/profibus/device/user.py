@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from pnfarm.buses.profibus.device.extended_diagnosis import extended_diagnosis
+from pnfarm.buses.profibus.device.extended_diagnosis import channel_diagnosis, extended_diagnosis
 from pnfarm.buses.profibus.device.kind import Meddling
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import DecodeError
@@ -47,6 +47,7 @@ class DriveUser(Meddling):
         self._store = store
         self._image = image
         self._product = product
+        self._strict = strict
         self.channel = ParameterChannel(store, PARAMETERS, strict=strict, latency=latency)
         self._by_identifiers = {
             telegram.identifiers: number
@@ -84,9 +85,9 @@ class DriveUser(Meddling):
     # -- start-up ----------------------------------------------------------------------------------------------------
 
     def check_parameters(self, parameters: Parameters) -> str | None:
-        """Any octets behind those of DP-V1 are taken: the manual names none."""
-        del parameters
-        return None
+        """As many octets of the user as a maker's file has, or more; any without one, as no manual names them."""
+        given, wanted = len(parameters.user), len(self._product.parameters)
+        return f"{given} octets of parameters instead of {wanted}" if self._strict and given < wanted else None
 
     def check_configuration(self, identifiers: bytes) -> bool:
         number = self._by_identifiers.get(identifiers)
@@ -114,18 +115,20 @@ class DriveUser(Meddling):
 
     @property
     def reports_faults(self) -> bool:
-        """Whether the diagnosis has more than its first six octets (P-1256)."""
-        return self._store.raw(self._product.diagnosis_parameter) in self._product.diagnosis_modes
+        """Whether a fault is in the diagnosis behind its first six octets."""
+        parameter = self._product.diagnosis_parameter
+        return parameter is None or self._store.raw(parameter) in self._product.diagnosis_modes
 
     def diagnosis(self) -> tuple[bool, bool, bytes]:
         extended = self._extended() + self.further_diagnosis
         return bool(extended) and (self.faulty or bool(self.further_diagnosis)), self.static_diagnosis, extended
 
     def _extended(self) -> bytes:
-        """Table 9.21: a status block with error and warning."""
-        product, error, warning = self._product, self._errors[0], self._warning[0]
-        mode = self._store.raw(product.diagnosis_parameter)
-        return extended_diagnosis(product, mode, error & NUMBER_MASK, warning & NUMBER_MASK)
+        """A status block with error and warning, or the channel's error where the fault has a class."""
+        product, error, warning = self._product, self._errors[0] & NUMBER_MASK, self._warning[0] & NUMBER_MASK
+        if product.diagnosis_parameter is None:
+            return channel_diagnosis(self._store.model.diagnoses.get(error))
+        return extended_diagnosis(product, self._store.raw(product.diagnosis_parameter), error, warning)
 
     # -- records -----------------------------------------------------------------------------------------------------
 

@@ -110,7 +110,7 @@ _CONNECTION: Final = {
     ),
 }
 
-_SHOWN: Final = "ZSW1.3 is set, and the slave asks for a diagnosis where P-1256 lets it have more than six octets"
+_SHOWN: Final = "ZSW1.3 is set, and the slave asks for a diagnosis where that has more than six octets"
 _SEEN: Final = "The program sees it in ZSW1; with an extended diagnosis, S7: diagnostic interrupt (OB82)."
 _DRIVE: Final = {
     "drive-fault": _on(f"{_SHOWN}; the power stage goes off if the fault's reaction says so.", _SEEN),

@@ -9,8 +9,8 @@ from pnfarm.buses.imports import FoundDrive
 from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.maker_identity import identity_of
 from pnfarm.buses.profinet.project.parts import address_keys, name_of
-from pnfarm.buses.profinet.telegram_names import numbers_in
 from pnfarm.buses.project_parts import facts, modules, type_of
+from pnfarm.buses.telegram_names import numbers_in
 from pnfarm.drives.catalogue import model, models, models_on
 
 if TYPE_CHECKING:

@@ -5,13 +5,13 @@ Lines end with CR LF, the text is ASCII, numbers are written as tools write them
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.protocols.profibus.gsd.statements import INTERVAL_NS, RATES
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
 __all__ = ["GsdModule", "SlaveDescription", "emit_gsd"]
 
@@ -31,7 +31,7 @@ class SlaveDescription:
     """What a slave says of itself; times in bits of the line, lengths in octets.
 
     ``rates``: baud rate and longest Tsdr.  ``interval_ns``: least time between two polls, ns, rounded up to 100 us.
-    ``diagnosis``: most octets of a diagnosis, with the first six.
+    ``diagnosis``: most octets of a diagnosis, with the first six.  ``channel_errors``: error of a channel -> its text.
     """
 
     vendor: str
@@ -56,6 +56,7 @@ class SlaveDescription:
     longest_record: int
     connections: int
     comments: Sequence[str] = ()
+    channel_errors: Mapping[int, str] = field(default_factory=dict)
 
 
 def _text(value: str) -> str:
@@ -121,6 +122,7 @@ def emit_gsd(slave: SlaveDescription) -> bytes:
         f"Max_User_Prm_Data_Len = {len(slave.parameters)}",
         f"Ext_User_Prm_Data_Const(0) = {_octets(slave.parameters)}",
     ]
+    lines += [f"Channel_Diag({error}) = {_text(text)}" for error, text in sorted(slave.channel_errors.items())]
     for module in slave.modules:
         lines += [f"Module = {_text(module.name)} {_octets(module.identifiers)}", str(module.number)]
         if module.info:
