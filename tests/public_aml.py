@@ -41,10 +41,10 @@ def report(out: Path) -> int:
 
 
 def _counts(path: Path, library: Path) -> Counter[str]:
-    from pnfarm.buses.caex import parse_caex
-    from pnfarm.buses.description_folders import DescriptionFolders
     from pnfarm.buses.imports import FoundStation
     from pnfarm.buses.profinet.project.stations import of_project
+    from pnfarm.buses.projects.caex import parse_caex
+    from pnfarm.buses.projects.description_folders import DescriptionFolders
     from pnfarm.farm.file.found import write_farm
     from pnfarm.testing import Line
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from pnfarm.buses.description_folders import DescriptionFile, DescriptionFolders
+    from pnfarm.buses.projects.description_folders import DescriptionFile, DescriptionFolders
 
 __all__ = [
     "Found", "FoundDevice", "FoundDrive", "FoundStation", "ImportingBus", "ProjectBus",
@@ -77,7 +77,7 @@ class ProjectBus(Bus):
     project_kind: ClassVar[str]
 
     def of_project(self, project: Any, folders: DescriptionFolders, base: Path) -> Iterable[Found]:
-        """The stations of a project of this kind (:mod:`pnfarm.buses.caex`, :mod:`pnfarm.buses.l5x`), drives first.
+        """The stations of a project of this kind (a `CaexProject` or an `L5xProject`), drives first.
 
         Description files are looked for in ``folders``; ``base`` is the folder of the farm file to be.
         """

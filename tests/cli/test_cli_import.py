@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from imported import check_found
 
 from pnfarm.buses import registry
-from pnfarm.buses.description_folders import DescriptionFile
 from pnfarm.buses.ethernetip.bus import ETHERNETIP
 from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation, ImportingBus
+from pnfarm.buses.projects.description_folders import DescriptionFile
 from pnfarm.captures.reading import CapturedFrame, FrameReader
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.farm import model_of

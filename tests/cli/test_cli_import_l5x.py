@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from imported import check_found
 from l5x_project import alias, connection, module, project
 
-from pnfarm.buses.description_folders import DescriptionFolders
 from pnfarm.buses.ethernetip.project.stations import of_project
-from pnfarm.buses.l5x import MAX_DEPTH, NotL5xError, parse_l5x
+from pnfarm.buses.projects.description_folders import DescriptionFolders
+from pnfarm.buses.projects.l5x import MAX_DEPTH, NotL5xError, parse_l5x
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.file.reading import load_farm
 from pnfarm.testing import Line

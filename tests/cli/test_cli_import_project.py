@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from imported import check_found
 
-from pnfarm.buses.caex import MAX_DEPTH, NotCaexError, parse_caex
-from pnfarm.buses.description_folders import DescriptionFolders
 from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.buses.profinet.project.stations import of_project
+from pnfarm.buses.projects.caex import MAX_DEPTH, NotCaexError, parse_caex
+from pnfarm.buses.projects.description_folders import DescriptionFolders
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import expand, load_farm, parse_farm

@@ -12,10 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from imported import check_found
 
-from pnfarm.buses import description_folders
-from pnfarm.buses.caex import parse_caex
-from pnfarm.buses.description_folders import DescriptionFolders
 from pnfarm.buses.profinet.project.stations import of_project
+from pnfarm.buses.projects import description_folders
+from pnfarm.buses.projects.caex import parse_caex
+from pnfarm.buses.projects.description_folders import DescriptionFolders
 from pnfarm.farm.file.reading import load_farm
 from pnfarm.protocols.profinet.gsdml.safe_xml import MAX_OCTETS
 from pnfarm.testing import Line

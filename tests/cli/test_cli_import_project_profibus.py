@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from imported import check_found
 
-from pnfarm.buses.caex import parse_caex
-from pnfarm.buses.description_folders import DescriptionFolders
 from pnfarm.buses.profibus.project.stations import of_project
+from pnfarm.buses.projects.caex import parse_caex
+from pnfarm.buses.projects.description_folders import DescriptionFolders
 from pnfarm.drives.catalogue import model
 from pnfarm.farm.file.reading import load_farm
 from pnfarm.testing import Line

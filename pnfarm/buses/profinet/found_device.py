@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.description_folders import DescriptionFile
 from pnfarm.buses.imports import FoundDevice, FoundStation
 from pnfarm.buses.profinet.described.description import describe_plugged, with_serial_number
 from pnfarm.buses.profinet.seen_device import few, seen_device
 from pnfarm.buses.profinet.seen_gsdml import describe_seen, file_name
+from pnfarm.buses.projects.description_folders import DescriptionFile
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profinet.cm.device.check import RefusedError, check_connect, check_plugged, parse_connect
 from pnfarm.protocols.profinet.description import Plugged

@@ -144,7 +144,7 @@ def _listed(found: Sequence[Found]) -> list[Found]:
 
 
 def _is_project(file: Path) -> bool:
-    from pnfarm.buses.caex import is_project
+    from pnfarm.buses.projects.caex import is_project
 
     try:
         with file.open("rb") as begin:
@@ -155,10 +155,10 @@ def _is_project(file: Path) -> bool:
 
 def _of_project(file: Path, folders: Sequence[Path], base: Path) -> list[Found]:
     from pnfarm.buses import registry
-    from pnfarm.buses.caex import MAX_OCTETS, NotCaexError, parse_caex
-    from pnfarm.buses.description_folders import DescriptionFolders
     from pnfarm.buses.imports import ProjectBus
-    from pnfarm.buses.l5x import NotL5xError, is_l5x, parse_l5x
+    from pnfarm.buses.projects.caex import MAX_OCTETS, NotCaexError, parse_caex
+    from pnfarm.buses.projects.description_folders import DescriptionFolders
+    from pnfarm.buses.projects.l5x import NotL5xError, is_l5x, parse_l5x
     from pnfarm.vocabulary.regular_file import read_regular
 
     try:

@@ -13,7 +13,7 @@ from pnfarm.protocols.enip.eds.text import Eds, EdsEntry, EdsSection, EdsString,
 from pnfarm.protocols.enip.wire.epath import Logical, LogicalSegment, emit_epath, logical_path
 
 if TYPE_CHECKING:
-    from pnfarm.buses.l5x import L5xConnection, L5xModule
+    from pnfarm.buses.projects.l5x import L5xConnection, L5xModule
     from pnfarm.protocols.enip.eds.text import EdsField
 
 __all__ = ["configuration_instance", "generic_eds", "lengths", "points"]

@@ -7,13 +7,13 @@ from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.decoding.identity import models_by
-from pnfarm.buses.description_folders import DescriptionFile
 from pnfarm.buses.ethernetip.decode.identity import numbers_of
 from pnfarm.buses.ethernetip.described.file_signals import SUBSLOT
 from pnfarm.buses.ethernetip.eds_file import read_eds
 from pnfarm.buses.ethernetip.project.generic import generic_eds, lengths, points
 from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation, drives_first
-from pnfarm.buses.tags import signal_name
+from pnfarm.buses.projects.description_folders import DescriptionFile
+from pnfarm.buses.projects.tags import signal_name
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.enip.eds.text import LONGEST
 from pnfarm.vocabulary.durations import format_duration
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from pnfarm.buses.description_folders import DescriptionFolders, FileAtHand
     from pnfarm.buses.imports import Found
-    from pnfarm.buses.l5x import L5xConnection, L5xModule, L5xProject
+    from pnfarm.buses.projects.description_folders import DescriptionFolders, FileAtHand
+    from pnfarm.buses.projects.l5x import L5xConnection, L5xModule, L5xProject
     from pnfarm.protocols.enip.eds.document import Connection, Sheet
 
 __all__ = ["of_project"]
@@ -86,13 +86,19 @@ class _Stations:
         named = f"an EDS file for vendor {numbers[0]}, type {numbers[1]}, code {numbers[2]}"
         missing = "" if generic else f"{named} ({module.attributes.get('CatalogNumber', '')})"
         octets = None if connection is None else generic_eds(module, connection)
-        if octets is None or connection is None:
+        try:
+            own = None if octets is None else read_eds(octets, module.name).connection()
+        except ConfigError as exc:
+            return FoundStation(
+                module.name, (f"no device can be made of its connection: {exc}", *facts), missing=missing
+            )
+        if own is None or octets is None or connection is None or len(own.points) < 2:
             why = "the project has no connection with its data and their assemblies"
             return FoundStation(module.name, (why, *facts), missing=missing)
         notes.append("its data are octets, as the project says no more")
         if missing:
             notes.append(f"with {missing} it has names and parameters")
-        keys |= self._signals(module, connection, notes, octets)
+        keys |= self._signals(module, connection, notes, own)
         return FoundDevice(module.name, DescriptionFile("eds", "pnfarm-{name}.eds", octets), keys, (*notes, *facts))
 
     def _file(self, numbers: tuple[int, ...], major: int) -> FileAtHand | None:
@@ -124,9 +130,10 @@ class _Stations:
             notes.append(f"the project's connection {connection.attributes.get('Name', '')!r} is not in {file.name}")
         return FoundDevice(module.name, file.for_farm("eds", self._base, LONGEST), keys, (*notes, *facts))
 
-    def _signals(self, module: L5xModule, connection: L5xConnection, notes: list[str], octets: bytes) -> dict[str, Any]:
+    def _signals(
+        self, module: L5xModule, connection: L5xConnection, notes: list[str], own: Connection
+    ) -> dict[str, Any]:
         """The key ``signals``: aliases of the module's data."""
-        own = read_eds(octets, module.name).connections[0]
         *_, outputs, inputs = own.points
         found: dict[str, Any] = {}
         for name, target in self._project.aliases:

@@ -14,7 +14,7 @@ from pnfarm.buses.profibus.decode.names import model_by_ident
 from pnfarm.buses.profibus.described.station import SUBSLOT
 from pnfarm.buses.profibus.found import LINE
 from pnfarm.buses.profibus.gsd_file import read_gsd
-from pnfarm.buses.project_parts import (
+from pnfarm.buses.projects.parts import (
     devices,
     facts,
     head_of_file,
@@ -25,8 +25,8 @@ from pnfarm.buses.project_parts import (
     ranges,
     type_of,
 )
-from pnfarm.buses.project_view import ProjectView
-from pnfarm.buses.tags import DataPlace, signals_of
+from pnfarm.buses.projects.tags import DataPlace, signals_of
+from pnfarm.buses.projects.view import ProjectView
 from pnfarm.errors import ConfigError
 from pnfarm.protocols.profibus.gsd.statements import LONGEST
 from pnfarm.protocols.profibus.gsd.station import plug_slave
@@ -36,9 +36,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from pnfarm.buses.caex import CaexElement, CaexProject
-    from pnfarm.buses.description_folders import DescriptionFolders
     from pnfarm.buses.imports import Found
+    from pnfarm.buses.projects.caex import CaexElement, CaexProject
+    from pnfarm.buses.projects.description_folders import DescriptionFolders
     from pnfarm.protocols.profibus.gsd.document import Gsd, ModuleItem
     from pnfarm.protocols.profibus.gsd.station import PluggedSlave
 

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 from pnfarm.buses.imports import FoundDevice
 from pnfarm.buses.profinet.project.files import is_of_version, plain_number
 from pnfarm.buses.profinet.project.parts import address_keys, name_of
-from pnfarm.buses.project_parts import facts, modules, octets_of, place_of, ranges, type_of
-from pnfarm.buses.tags import DataPlace, signals_of
+from pnfarm.buses.projects.parts import facts, modules, octets_of, place_of, ranges, type_of
+from pnfarm.buses.projects.tags import DataPlace, signals_of
 from pnfarm.protocols.profinet.gsdml.station import PlugError, plug_station
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pnfarm.buses.caex import CaexElement
-    from pnfarm.buses.description_folders import DescriptionFile
-    from pnfarm.buses.tags import IoRange, Tag
+    from pnfarm.buses.projects.caex import CaexElement
+    from pnfarm.buses.projects.description_folders import DescriptionFile
+    from pnfarm.buses.projects.tags import IoRange, Tag
     from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml, ModuleItem
     from pnfarm.protocols.profinet.gsdml.station import PluggedStation, PluggedSubmodule
 

@@ -9,16 +9,16 @@ from pnfarm.buses.imports import FoundDrive
 from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.maker_identity import identity_of
 from pnfarm.buses.profinet.project.parts import address_keys, name_of
-from pnfarm.buses.project_parts import facts, modules, type_of
+from pnfarm.buses.projects.parts import facts, modules, type_of
 from pnfarm.buses.telegram_names import numbers_in
 from pnfarm.drives.catalogue import model, models, models_on
 
 if TYPE_CHECKING:
     from collections.abc import Container, Iterator, Mapping
 
-    from pnfarm.buses.caex import CaexElement
-    from pnfarm.buses.description_folders import DescriptionFile
-    from pnfarm.buses.project_parts import PartType
+    from pnfarm.buses.projects.caex import CaexElement
+    from pnfarm.buses.projects.description_folders import DescriptionFile
+    from pnfarm.buses.projects.parts import PartType
     from pnfarm.drives.description.model import Model
     from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml
 

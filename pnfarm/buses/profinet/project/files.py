@@ -14,7 +14,7 @@ from pnfarm.protocols.profinet.gsdml.safe_xml import MAX_OCTETS
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pnfarm.buses.description_folders import DescriptionFile, DescriptionFolders, FileAtHand
+    from pnfarm.buses.projects.description_folders import DescriptionFile, DescriptionFolders, FileAtHand
     from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml
 
 __all__ = ["GsdmlFiles", "OrderedDap", "is_of_version", "plain_number"]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.buses.project_parts import head_of_file, nodes, type_of
+from pnfarm.buses.projects.parts import head_of_file, nodes, type_of
 
 if TYPE_CHECKING:
-    from pnfarm.buses.caex import CaexElement
-    from pnfarm.buses.project_view import ProjectView
+    from pnfarm.buses.projects.caex import CaexElement
+    from pnfarm.buses.projects.view import ProjectView
 
 __all__ = ["address_keys", "head_of", "name_of"]
 

@@ -10,18 +10,18 @@ from pnfarm.buses.profinet.project.device import project_device
 from pnfarm.buses.profinet.project.drive import drive_by_file, drive_by_name, profile_drive
 from pnfarm.buses.profinet.project.files import GsdmlFiles
 from pnfarm.buses.profinet.project.parts import head_of, name_of
-from pnfarm.buses.project_parts import devices, facts, is_on_profibus, type_of
-from pnfarm.buses.project_view import ProjectView
+from pnfarm.buses.projects.parts import devices, facts, is_on_profibus, type_of
+from pnfarm.buses.projects.view import ProjectView
 from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from pnfarm.buses.caex import CaexElement, CaexProject
-    from pnfarm.buses.description_folders import DescriptionFolders, FileAtHand
     from pnfarm.buses.imports import Found
-    from pnfarm.buses.project_parts import PartType
+    from pnfarm.buses.projects.caex import CaexElement, CaexProject
+    from pnfarm.buses.projects.description_folders import DescriptionFolders, FileAtHand
+    from pnfarm.buses.projects.parts import PartType
     from pnfarm.protocols.profinet.gsdml.document import Dap
 
 __all__ = ["of_project"]

@@ -18,7 +18,7 @@ from pnfarm.wire.value_types import BOOL, ValueType
 if TYPE_CHECKING:
     from collections.abc import Container, Iterable, Sequence
 
-    from pnfarm.buses.caex import CaexElement
+    from pnfarm.buses.projects.caex import CaexElement
     from pnfarm.signals.signal import Direction
 
 __all__ = ["DataPlace", "IoRange", "Tag", "signal_name", "signals_of", "tags_of"]

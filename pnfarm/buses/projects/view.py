@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.tags import tags_of
+from pnfarm.buses.projects.tags import tags_of
 
 if TYPE_CHECKING:
-    from pnfarm.buses.caex import CaexElement, CaexProject
-    from pnfarm.buses.tags import Tag
+    from pnfarm.buses.projects.caex import CaexElement, CaexProject
+    from pnfarm.buses.projects.tags import Tag
 
 __all__ = ["ProjectView"]
 

@@ -10,12 +10,12 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.tags import IoRange
+from pnfarm.buses.projects.tags import IoRange
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pnfarm.buses.caex import CaexElement
+    from pnfarm.buses.projects.caex import CaexElement
 
 __all__ = [
     "PartType", "devices", "facts", "head_of_file", "is_on_profibus", "modules", "nodes", "octets_of", "place_of",

@@ -1,0 +1,1 @@
+"""Engineering projects and makers' files in folders, as far as any bus reads them."""
