@@ -20,7 +20,12 @@ from pnfarm.vocabulary.issues import FarmFileError
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = ROOT / "configs" / "scenarios"
 SCENARIOS = sorted(path.name.removesuffix(".scenario.yml") for path in LIBRARY.glob("*.scenario.yml"))
-PROGRAMS = sorted(path.stem for path in (ROOT / "configs" / "programs").glob("*.py") if path.stem != "right")
+#: The wrong ones; the others are right, or blocks of a library.
+PROGRAMS = sorted(
+    path.stem
+    for path in (ROOT / "configs" / "programs").glob("*.py")
+    if path.stem != "right" and not path.stem.startswith("sina_")
+)
 #: What keeps a run short: two drives, values of variables.
 ONE = {"axis": "axis-01"}
 TWO = {"axis": "axis-01", "others": "axis-02"}

@@ -83,4 +83,4 @@ def test_a_file_made_of_a_capture_follows_the_schema(schema):
     plant.connect()
     plant.write(1, 100, b"\1\2")
     (device,) = plant.found()
-    assert complaints(schema, device.file.text) == []
+    assert complaints(schema, device.file.octets.decode()) == []

@@ -143,7 +143,8 @@ class _Writer:
         if gsdml.submodules or gsdml.pluggable_ports:
             self._open("SubmoduleList")
             for submodule in gsdml.submodules:
-                self._submodule("SubmoduleItem", submodule, NO_NUMBERS)
+                # what refers to a pluggable one names its subslots
+                self._submodule("SubmoduleItem", submodule, submodule.fixed)
             for port in gsdml.pluggable_ports:
                 self._port(port, pluggable=True)
             self._close("SubmoduleList")
