@@ -11,7 +11,34 @@ from xml.parsers import expat
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["read_xml"]
+__all__ = ["XmlText", "read_xml"]
+
+
+class XmlText:
+    """The text of an element that is wanted: from :meth:`begin` to :meth:`take`, without blanks around it.
+
+    At most ``most`` characters.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._parts: list[str] | None = None
+        self._length = 0
+
+    def begin(self) -> None:
+        self._parts, self._length = [], 0
+
+    def add(self, text: str) -> None:
+        """Characters of any element; those of others are dropped."""
+        if self._parts is not None and self._length < self._most:
+            self._parts.append(text)
+            self._length += len(text)
+
+    def take(self) -> str | None:
+        """None if nothing was wanted."""
+        found = None if self._parts is None else "".join(self._parts).strip()[: self._most]
+        self._parts = None
+        return found
 
 
 def read_xml(

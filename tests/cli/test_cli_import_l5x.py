@@ -8,7 +8,7 @@ import pytest
 from farm_file import CONFIGS
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from imported import check_found
+from imported import check_found, comments, groups, importing
 from l5x_project import alias, connection, module, project
 
 from pnfarm.buses.ethernetip.project.stations import of_project
@@ -23,22 +23,7 @@ EDS = sorted((CONFIGS / "eds").glob("*.eds"))
 
 @pytest.fixture
 def imported(pnfarm, tmp_path):
-    """Imports a project of these modules: the result of the command, and the farm file."""
-
-    def run(*modules, tags=(), options=()):
-        file, out = tmp_path / "line.L5X", tmp_path / "line.pnfarm.yml"
-        file.write_text(project(*modules, tags=tags), encoding="utf-8")
-        return pnfarm("import", file, "-o", out, "--force", *options), out
-
-    return run
-
-
-def groups(out):
-    return {group.name: group for group in load_farm(out).devices}
-
-
-def comments(out):
-    return " ".join(out.read_text().replace("#", " ").split())
+    return importing(pnfarm, tmp_path / "line.L5X", project)
 
 
 def exchanging(out, names):

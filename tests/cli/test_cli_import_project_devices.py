@@ -10,7 +10,7 @@ from aml_project import ISLAND, at_system, element, module, plc, project, statio
 from cell_file import GSDML
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from imported import check_found
+from imported import check_found, comments, groups, importing
 
 from pnfarm.buses.profinet.project.stations import of_project
 from pnfarm.buses.projects import description_folders
@@ -45,22 +45,7 @@ def folder(tmp_path):
 
 @pytest.fixture
 def imported(pnfarm, folder):
-    """Imports a project of these parts: the result of the command, and the farm file."""
-
-    def run(*parts, links=(), options=()):
-        file, out = folder / "line.aml", folder / "line.pnfarm.yml"
-        file.write_text(project(*parts, links=links), encoding="utf-8")
-        return pnfarm("import", file, "-o", out, "--force", *options), out
-
-    return run
-
-
-def groups(out):
-    return {group.name: group for group in load_farm(out).devices}
-
-
-def comments(out):
-    return " ".join(out.read_text().replace("#", " ").split())
+    return importing(pnfarm, folder / "line.aml", project)
 
 
 def test_a_device_of_a_project_is_played_with_its_modules_and_exchanges_data(imported):
@@ -220,8 +205,10 @@ def test_files_in_folders_below_and_in_zip_files_are_found(imported, folder, tmp
     assert (folder / ISLAND).read_bytes() == GSDML.read_bytes()
 
 
-@pytest.mark.parametrize("damage", ["long", "broken", "encrypted"])
-def test_a_zip_file_that_cannot_be_read_makes_a_device_missing(imported, folder, damage):
+@pytest.mark.parametrize(
+    ("damage", "words"), [("long", "is longer than"), ("broken", "cannot be read"), ("encrypted", "is encrypted")]
+)
+def test_a_zip_file_that_cannot_be_read_makes_a_device_missing(imported, folder, damage, words):
     (folder / GSDML.name).unlink()
     with zipfile.ZipFile(folder / "maker.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(ISLAND, b" " * (MAX_OCTETS + 1) if damage == "long" else GSDML.read_bytes())
@@ -235,6 +222,7 @@ def test_a_zip_file_that_cannot_be_read_makes_a_device_missing(imported, folder,
     (folder / "maker.zip").write_bytes(octets)
     result, out = imported(plc(), island())
     assert (result.code, f"missing: {ISLAND}" in result.err) == (0, True)
+    assert words in comments(out) + result.err
     assert "devices:" not in out.read_text()
 
 

@@ -10,7 +10,7 @@ from aml_project import at_system, attribute, element, module, plc, project, sla
 from farm_file import CONFIGS
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from imported import check_found
+from imported import check_found, comments, importing
 
 from pnfarm.buses.profibus.project.stations import of_project
 from pnfarm.buses.projects.caex import parse_caex
@@ -30,19 +30,8 @@ def part(slot, number, *areas, name=""):
 
 @pytest.fixture
 def imported(pnfarm, tmp_path):
-    """Imports a project of these parts: the result of the command, and the farm file."""
     shutil.copy(GSD, tmp_path)
-
-    def run(*parts, links=(), options=()):
-        file, out = tmp_path / "line.aml", tmp_path / "line.pnfarm.yml"
-        file.write_text(project(*parts, links=links), encoding="utf-8")
-        return pnfarm("import", file, "-o", out, "--force", *options), out
-
-    return run
-
-
-def comments(out):
-    return " ".join(out.read_text().replace("#", " ").split())
+    return importing(pnfarm, tmp_path / "line.aml", project)
 
 
 def test_a_slave_of_a_project_is_played_with_its_modules_and_exchanges_data(imported):

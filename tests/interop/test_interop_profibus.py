@@ -69,7 +69,7 @@ async def test_pyprofibus_runs_the_axes_of_a_line(tmp_path, gsd, count):
             assert slave.dropped.total() == 0
         # the master has gone without a word: each watchdog notices, and raises error 32-1
         async with asyncio.timeout(5):
-            while {int(station.handle.axis.faults.code[0]) & 0xFFFF for station in stations} != {32}:  # noqa: ASYNC110  # the engine's
+            while {int(station.handle.axis.faults.code[0]) & 0xFFFF for station in stations} != {32}:  # noqa: ASYNC110 - the engine's thread sets no events
                 await asyncio.sleep(0.02)
         assert {station.device.watchdog_expirations for station in stations} == {1}
         assert not any(station.device.connected for station in stations)
@@ -88,7 +88,7 @@ async def test_pyprofibus_runs_a_profile_drive_by_the_gsd_file_of_this_project(t
         assert station.handle.axis.motor.velocity > 300, "NSOLL_A was 0x0800 of 0x4000, which is 3000 rpm"
         assert station.store.read(922)[0] == 1
         async with asyncio.timeout(5):
-            while int(station.handle.axis.faults.code[0]) & 0xFFFF != 9:  # noqa: ASYNC110  # the engine's
+            while int(station.handle.axis.faults.code[0]) & 0xFFFF != 9:  # noqa: ASYNC110 - the engine's thread sets no events
                 await asyncio.sleep(0.02)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from pnfarm.farm.file.found import write_farm
-from pnfarm.farm.file.reading import expand_all, parse_farm
+from pnfarm.farm.file.reading import expand_all, load_farm, parse_farm
 
 
 def check_found(found, folder=Path("/nowhere")):
@@ -28,3 +28,27 @@ def check_found(found, folder=Path("/nowhere")):
     for line in made.left_out:
         assert " ".join(line.partition(": ")[2].replace("#", " ").split())[:50] in comments, line
     return made
+
+
+def importing(pnfarm, file, write):
+    """A function that writes a project of these parts into ``file``, and imports it beside it.
+
+    It returns the result of the command, and the farm file.
+    """
+    out = file.with_suffix(".pnfarm.yml")
+
+    def run(*parts, options=(), **more):
+        file.write_text(write(*parts, **more), encoding="utf-8")
+        return pnfarm("import", file, "-o", out, "--force", *options), out
+
+    return run
+
+
+def groups(out):
+    """The devices of a farm file, by name."""
+    return {group.name: group for group in load_farm(out).devices}
+
+
+def comments(out):
+    """The text of a farm file without the marks of its comments, in one line."""
+    return " ".join(out.read_text().replace("#", " ").split())

@@ -8,13 +8,12 @@ bounded.
 from __future__ import annotations
 
 import io
-import zipfile
-import zlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.projects.zip_files import DamagedZipError, zip_member, zip_names
 from pnfarm.errors import ConfigError
-from pnfarm.vocabulary.untrusted_xml import read_xml
+from pnfarm.vocabulary.untrusted_xml import XmlText, read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -93,14 +92,13 @@ def parse_caex(data: bytes) -> CaexProject:
 
 def _unpacked(data: bytes) -> bytes:
     """The one ``.aml`` file of a container."""
+    container = io.BytesIO(data)
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            names = [info for info in archive.infolist() if info.filename.lower().endswith(".aml")]
-            if len(names) != 1:
-                raise NotCaexError(f"the container has {len(names)} .aml files, and one is needed")
-            with archive.open(names[0]) as part:
-                return part.read(MAX_OCTETS + 1)
-    except (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError) as exc:
+        names = [name for name in zip_names(container, MAX_ELEMENTS) if name.lower().endswith(".aml")]
+        if len(names) != 1:
+            raise NotCaexError(f"the container has {len(names)} .aml files, and one is needed")
+        return zip_member(container, names[0], MAX_OCTETS + 1)
+    except DamagedZipError as exc:
         raise NotCaexError(f"the container cannot be read: {exc}") from exc
 
 
@@ -114,12 +112,12 @@ class _Reader:
         #: Names of the open XML elements; attributes of attributes have their parents' names in front.
         self._path: list[str] = []
         self._attribute: list[str] = []
-        self._text: list[str] | None = None
+        self._text = XmlText(MAX_VALUE)
         self._elements = 0
         self._seen = False
 
     def read(self, data: bytes) -> CaexProject:
-        read_xml(data, start=self._start, end=self._end, characters=self._characters, refused=NotCaexError)
+        read_xml(data, start=self._start, end=self._end, characters=self._text.add, refused=NotCaexError)
         if not self._seen:
             raise NotCaexError("there is no CAEXFile in it")
         return CaexProject(self._root, tuple(self._links))
@@ -152,13 +150,9 @@ class _Reader:
             case "RoleRequirements":
                 self._stack[-1].roles.append(attributes.get("RefBaseRoleClassPath", "")[:MAX_VALUE])
             case "Value":
-                self._text = []
+                self._text.begin()
             case _:
                 pass
-
-    def _characters(self, text: str) -> None:
-        if self._text is not None and sum(map(len, self._text)) < MAX_VALUE:
-            self._text.append(text)
 
     def _end(self, qualified: str) -> None:
         name = qualified.rpartition(":")[2]
@@ -168,10 +162,9 @@ class _Reader:
                 self._stack.pop()
             case "Attribute":
                 self._attribute.pop()
-            case "Value" if self._text is not None:
-                if self._attribute and len(self._stack) > 1:
-                    key = "/".join(self._attribute)
-                    self._stack[-1].attributes.setdefault(key, "".join(self._text).strip()[:MAX_VALUE])
-                self._text = None
+            case "Value":
+                value = self._text.take()
+                if value is not None and self._attribute and len(self._stack) > 1:
+                    self._stack[-1].attributes.setdefault("/".join(self._attribute), value)
             case _:
                 pass

@@ -7,12 +7,11 @@ zip file's member only the last part of its name counts.
 from __future__ import annotations
 
 import os
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
+from pnfarm.buses.projects.zip_files import DamagedZipError, zip_member, zip_names
 from pnfarm.errors import ConfigError
 from pnfarm.vocabulary.regular_file import read_regular
 
@@ -25,7 +24,6 @@ __all__ = ["DescriptionFile", "DescriptionFolders", "FileAtHand"]
 SUFFIXES = frozenset({".xml", ".eds", ".gsd", ".gse", ".gsg", ".gsf", ".gsi", ".gsp", ".gss"})
 #: Files of all folders, those in zip files among them; engineering tools keep some thousand.
 MOST_FILES = 50_000
-_ZIP_ERRORS = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, OSError, EOFError, ValueError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +51,15 @@ class FileAtHand:
 
     def octets(self, most: int) -> bytes:
         """Raises :class:`ConfigError` where it cannot be read, or is longer."""
+        where = f"{self.name} in {self.path}" if self.member else str(self.path)
         try:
-            data = self._member(most) if self.member else read_regular(self.path, most + 1)
-        except _ZIP_ERRORS as exc:
-            why = (exc.strerror or str(exc)).lower() if isinstance(exc, OSError) else str(exc)
-            raise ConfigError(f"{self.name} in {self.path} cannot be read: {why}") from exc
+            data = self._whole(most + 1)
+        except DamagedZipError as exc:
+            raise ConfigError(f"{where} cannot be read: {exc}") from exc
+        except OSError as exc:
+            raise ConfigError(f"{where} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
         if len(data) > most:
-            raise ConfigError(f"{self.name} in {self.path} is longer than {most} octets")
+            raise ConfigError(f"{where} is longer than {most} octets")
         return data
 
     def for_farm(self, key: str, base: Path, most: int) -> DescriptionFile:
@@ -69,9 +69,8 @@ class FileAtHand:
         near = self.path.is_relative_to(base)
         return DescriptionFile(key, str(self.path.relative_to(base) if near else self.path.resolve()), None)
 
-    def _member(self, most: int) -> bytes:
-        with zipfile.ZipFile(self.path) as archive, archive.open(self.member) as part:
-            return part.read(most + 1)
+    def _whole(self, most: int) -> bytes:
+        return zip_member(self.path, self.member, most) if self.member else read_regular(self.path, most)
 
 
 class DescriptionFolders:
@@ -82,6 +81,8 @@ class DescriptionFolders:
     """
 
     def __init__(self, folders: Sequence[Path], beside: Path) -> None:
+        #: What could not be read.
+        self.remarks: list[str] = []
         self._by_name: dict[str, FileAtHand] = {}
         for folder in (*folders, beside):
             for one in self._of(folder, deep=folder is not beside):
@@ -91,6 +92,18 @@ class DescriptionFolders:
 
     def __iter__(self) -> Iterator[FileAtHand]:
         return iter(self._by_name.values())
+
+    def contents(self, suffix: str, most: int) -> Iterator[tuple[FileAtHand, bytes]]:
+        """The files with this suffix and their octets, without those that cannot be read or are longer."""
+        for one in self:
+            if not one.name.lower().endswith(suffix):
+                continue
+            try:
+                octets = one.octets(most)
+            except ConfigError as exc:
+                self.remarks.append(str(exc))
+            else:
+                yield one, octets
 
     def named(self, name: str) -> FileAtHand | None:
         """The file of this name, in upper or lower case."""
@@ -119,9 +132,9 @@ class DescriptionFolders:
     def _in_zip(self, file: Path) -> Iterator[FileAtHand]:
         """Those of a zip file; one that is damaged has none."""
         try:
-            with zipfile.ZipFile(file) as archive:
-                members = archive.namelist()[:MOST_FILES]
-        except _ZIP_ERRORS:
+            members = zip_names(file, MOST_FILES)
+        except DamagedZipError as exc:
+            self.remarks.append(f"{file} cannot be read: {exc}")
             return
         for member in members:
             if PurePosixPath(member.replace("\\", "/")).suffix.lower() in SUFFIXES:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.errors import ConfigError
-from pnfarm.vocabulary.untrusted_xml import read_xml
+from pnfarm.vocabulary.untrusted_xml import XmlText, read_xml
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -88,11 +88,11 @@ class _Reader:
         self._modules: list[L5xModule] = []
         self._aliases: list[tuple[str, str]] = []
         self._connections = 0
-        self._text: list[str] | None = None
+        self._text = XmlText(MAX_VALUE)
         self._way = ""
 
     def read(self, data: bytes) -> L5xProject:
-        read_xml(data, start=self._start, end=self._end, characters=self._characters, refused=NotL5xError)
+        read_xml(data, start=self._start, end=self._end, characters=self._text.add, refused=NotL5xError)
         return L5xProject(tuple(self._modules), tuple(self._aliases))
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
@@ -128,21 +128,16 @@ class _Reader:
                 kind = attributes.get("DataType", "")[:MAX_VALUE]
                 module.connections[-1].elements.setdefault(self._way, kind)
             case "Data" if self._path[-2] == "ConfigTag" and attributes.get("Format") == "L5K":
-                self._text = []
+                self._text.begin()
             case _:
                 pass
-
-    def _characters(self, text: str) -> None:
-        if self._text is not None and sum(map(len, self._text)) < MAX_VALUE:
-            self._text.append(text)
 
     def _end(self, name: str) -> None:
         self._path.pop()
         if name in {"InputTag", "OutputTag"}:
             self._way = ""
-        elif name == "Data" and self._text is not None:
-            self._modules[-1].configuration = "".join(self._text).strip()[:MAX_VALUE]
-            self._text = None
+        elif name == "Data" and (text := self._text.take()) is not None:
+            self._modules[-1].configuration = text
 
 
 def _bounded(attributes: dict[str, str]) -> dict[str, str]:

@@ -75,16 +75,16 @@ def importing(
         if devices:
             raise ConfigError("--devices is for captures: a project says too little of a station's data")
         # names of files in a farm file are relative to its folder
-        found = _of_project(file, folders or [], folder)
+        found, remarks = _of_project(file, folders or [], folder)
     else:
-        found = _of_capture(file, models=not devices)
+        found, remarks = _of_capture(file, models=not devices), []
     if not found:
         needed = "a capture needs the start of a connection (Connect, Forward_Open, Set_Prm), or an answer to a search"
         raise ConfigError(f"{file} shows no device" + ("" if _is_project(file) else f": {needed}"))
     if output is None:
         found = _listed(found)
     made = write_farm(found, name or farm_name(file.stem), parent, file.name, folder)
-    for line in [*made.left_out, *_missing(found)]:
+    for line in [*made.left_out, *remarks, *_missing(found)]:
         typer.echo(f"{file}: {line}", err=True)
     if output is None:
         typer.echo(made.text, nl=False)
@@ -153,7 +153,8 @@ def _is_project(file: Path) -> bool:
         raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
 
 
-def _of_project(file: Path, folders: Sequence[Path], base: Path) -> list[Found]:
+def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[Found], list[str]]:
+    """What is in it, and description files that could not be read."""
     from pnfarm.buses import registry
     from pnfarm.buses.imports import ProjectBus
     from pnfarm.buses.projects.caex import MAX_OCTETS, NotCaexError, parse_caex
@@ -171,12 +172,13 @@ def _of_project(file: Path, folders: Sequence[Path], base: Path) -> list[Found]:
     except NotL5xError as exc:
         raise ConfigError(f"{file} is not an L5X file: {exc}") from exc
     at_hand = DescriptionFolders(folders, file.parent)
-    return [
+    found = [
         one
         for bus in registry.BUSES.values()
         if isinstance(bus, ProjectBus) and bus.project_kind == kind
         for one in bus.of_project(project, at_hand, base)
     ]
+    return found, at_hand.remarks
 
 
 def _of_capture(file: Path, *, models: bool) -> list[Found]:

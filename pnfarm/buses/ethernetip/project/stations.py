@@ -178,14 +178,7 @@ def _interval(connection: L5xConnection) -> str:
 def _by_identity(folders: DescriptionFolders) -> dict[tuple[int, ...], list[tuple[FileAtHand, int]]]:
     """EDS files by vendor, type and code, with their major revisions, the highest first."""
     found: dict[tuple[int, ...], list[tuple[FileAtHand, int]]] = {}
-    for file in folders:
-        if not file.name.lower().endswith(".eds"):
-            continue
-        try:
-            data = file.octets(LONGEST)
-        except ConfigError:
-            # not at hand, after all
-            continue
+    for file, data in folders.contents(".eds", LONGEST):
         keys = {key.lower(): int(value) for key, value in reversed(_KEYS.findall(data))}
         numbers = tuple(keys.get(key, -1) for key in (b"vendcode", b"prodtype", b"prodcode"))
         found.setdefault(numbers, []).append((file, keys.get(b"majrev", 0)))

@@ -92,14 +92,9 @@ class GsdmlFiles:
     def _by_number(self) -> dict[str, list[FileAtHand]]:
         """By order number without blanks, the last by name first."""
         found: dict[str, list[FileAtHand]] = {}
-        for file in sorted(self._folders, key=lambda one: one.name.lower(), reverse=True):
-            if not file.name.lower().startswith("gsdml"):
-                continue
-            try:
-                data = file.octets(MAX_OCTETS)
-            except ConfigError:
-                # not at hand, after all
-                continue
+        for file, data in self._folders.contents(".xml", MAX_OCTETS):
             for number in {plain_number(one.decode("latin-1")) for one in _ORDER_NUMBER.findall(data)}:
                 found.setdefault(number, []).append(file)
+        for files in found.values():
+            files.sort(key=lambda one: one.name.lower(), reverse=True)
         return found
