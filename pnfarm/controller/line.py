@@ -22,6 +22,7 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of
 from pnfarm.farm.file.reading import controller_mac, expand_all
+from pnfarm.farm.plant import plant_of
 from pnfarm.farm.shard import part_of
 from pnfarm.farm.virtual import VirtualWorld
 from pnfarm.links.capture.pcap import PcapLink
@@ -214,6 +215,7 @@ class VirtualLine:
             lldp=config.lldp,
             shard=shard,
             devices=devices,
+            plant=plant_of(config, stations, model_of),
         )
         world.join(farm, ports)
         farm.start(world.now)

@@ -2,35 +2,24 @@
 
 from __future__ import annotations
 
-import contextlib
 import inspect
-import sys
-import traceback
-from hashlib import sha256
-from itertools import count
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING
 
 from pnfarm.controller.axis_program import AxisProgram
 from pnfarm.errors import ConfigError
+from pnfarm.user_code.file import line_of, own_classes, placed, run_file
 from pnfarm.vocabulary.quoting import did_you_mean
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from types import ModuleType
 
     from pnfarm.config.controller import Program
     from pnfarm.controller.axis_program import Line
     from pnfarm.drives.telegrams.signal_view import Inputs, Outputs
     from pnfarm.farm.file.reading import FarmConfig
 
-__all__ = ["error_text", "load_program", "make_program", "place_of", "placed", "program_of", "program_settings"]
-
-#: Longest file, octets.
-MAX_OCTETS = 1_000_000
-#: Longest text of somebody's exception that is repeated.
-MAX_TEXT = 300
-_numbers = count(1)
+__all__ = ["load_program", "make_program", "program_of", "program_settings"]
 
 
 def program_of(config: FarmConfig) -> type[AxisProgram] | None:
@@ -53,53 +42,11 @@ def program_settings(config: FarmConfig) -> Program | None:
 
 def load_program(path: Path, class_name: str | None = None) -> type[AxisProgram]:
     """Run the file and return its class; without a name, the only one.  Raises :class:`ConfigError`."""
-    try:
-        source = path.read_bytes()
-    except OSError as exc:
-        raise ConfigError(f"controller.program.python: {path} cannot be read: {(exc.strerror or '').lower()}") from exc
-    if len(source) > MAX_OCTETS:
-        raise ConfigError(f"controller.program.python: {path} has {len(source)} octets; at most {MAX_OCTETS}")
-    digest = sha256(str(path.resolve()).encode()).hexdigest()[:8]
-    module = ModuleType(f"pnfarm_program_{digest}_{next(_numbers)}")
-    module.__file__ = str(path)
-    try:
-        code = compile(source, str(path), "exec")
-    except SyntaxError as exc:
-        raise ConfigError(f"{path}:{exc.lineno or 1}: {exc.msg}") from exc
-    except ValueError as exc:
-        raise ConfigError(f"{path}:1: {exc}") from exc
-    # dataclasses look their module up
-    sys.modules[module.__name__] = module
-    try:
-        with _beside(path):
-            exec(code, module.__dict__)  # noqa: S102 - the user's own program is to run
-    except KeyboardInterrupt:
-        del sys.modules[module.__name__]
-        raise
-    except BaseException as exc:  # a file may even call sys.exit()
-        del sys.modules[module.__name__]
-        raise ConfigError(placed(exc, module.__name__, str(path))) from exc
-    return _chosen(module, path, class_name)
-
-
-@contextlib.contextmanager
-def _beside(path: Path) -> Iterator[None]:
-    """Let the file import what lies beside it."""
-    folder = str(path.resolve().parent)
-    sys.path.insert(0, folder)
-    try:
-        yield
-    finally:
-        with contextlib.suppress(ValueError):
-            sys.path.remove(folder)
+    return _chosen(run_file(path, "controller.program.python"), path, class_name)
 
 
 def _chosen(module: ModuleType, path: Path, class_name: str | None) -> type[AxisProgram]:
-    own = {
-        name: thing
-        for name, thing in vars(module).items()
-        if isinstance(thing, type) and issubclass(thing, AxisProgram) and thing.__module__ == module.__name__
-    }
+    own = {name: kind for name, kind in own_classes(module).items() if issubclass(kind, AxisProgram)}
     if class_name is not None:
         if class_name not in own:
             have = f"it has {', '.join(own)}" if own else "it has none"
@@ -119,46 +66,17 @@ def _checked(kind: type[AxisProgram], path: Path) -> type[AxisProgram]:
     cycle = kind.cycle
     if cycle is AxisProgram.cycle:
         raise ConfigError(f"{path}: class {kind.__name__} has no method cycle(self, inputs, outputs, now)")
-    line = _line_of(cycle)
+    line = line_of(cycle)
     if inspect.iscoroutinefunction(cycle) or inspect.isgeneratorfunction(cycle) or inspect.isasyncgenfunction(cycle):
         raise ConfigError(f"{path}:{line}: cycle is called once a cycle and returns: neither `async` nor `yield`")
     for method, call, given in ((cycle, "cycle(self, inputs, outputs, now)", 4), (kind.__init__, "__init__(self)", 1)):
         try:
             inspect.signature(method).bind(*range(given))
         except TypeError:
-            raise ConfigError(f"{path}:{_line_of(method)}: {kind.__name__} needs {call}") from None
+            raise ConfigError(f"{path}:{line_of(method)}: {kind.__name__} needs {call}") from None
         except ValueError:
             continue  # of a base class in C
     return kind
-
-
-def _line_of(function: object) -> int:
-    code = getattr(inspect.unwrap(function), "__code__", None)  # type: ignore[arg-type]  # any callable
-    return code.co_firstlineno if code is not None else 1
-
-
-def place_of(error: BaseException, file: str | None) -> tuple[str, int]:
-    """File and line of the user's statement that failed: the innermost one in this file, or else the innermost."""
-    frames = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__)]
-    own = [place for place in frames if place[0] == file]
-    return (own or frames or [(file or "", 0)])[-1]
-
-
-def placed(error: BaseException, module: str, file: str | None = None) -> str:
-    """``FILE:LINE: KeyError: 'x'``, in one line."""
-    known = file or getattr(sys.modules.get(module), "__file__", None)
-    path, line = place_of(error, known)
-    return f"{path}:{line}: {error_text(error)}"
-
-
-def error_text(error: BaseException) -> str:
-    """``KeyError: 'x'``, one line of bounded length."""
-    try:
-        text = " ".join(str(error).split())
-    except Exception:  # noqa: BLE001 - a user's exception may fail at its own text
-        text = ""
-    kind = type(error).__name__
-    return f"{kind}: {text[:MAX_TEXT]}" if text else kind
 
 
 def make_program(

@@ -15,14 +15,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pnfarm.controller.axis_program import AxisProgram, Line
-from pnfarm.controller.program_file import error_text, make_program, place_of
-from pnfarm.controller.program_worker import Call, Worker
+from pnfarm.controller.program_file import make_program
 from pnfarm.drives.telegrams.signal_view import Inputs, Outputs
 from pnfarm.errors import ConfigError
 from pnfarm.firmware.profidrive.axis_program import READY
 from pnfarm.station.event import Event, event
 from pnfarm.table.channel import IDLE, OPEN
 from pnfarm.table.signals import STW2
+from pnfarm.user_code.file import error_text, place_of
+from pnfarm.user_code.worker import Call, Worker
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

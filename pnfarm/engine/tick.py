@@ -19,6 +19,7 @@ from pnfarm.engine.columns import CHANGED_AT, Columns, lookup_find
 from pnfarm.engine.conditions import watch_conditions
 from pnfarm.engine.mac import mac_at
 from pnfarm.engine.observe import fault_began, fault_ended, observe
+from pnfarm.engine.plant.pace import plant_moment, step_plant
 from pnfarm.engine.tracing import sample
 from pnfarm.firmware.axis import AXIS
 from pnfarm.firmware.causes import NUMBER_MASK
@@ -445,7 +446,17 @@ def one_tick(columns: Columns, now: int) -> int:
     if engine.held_in > 0:
         _release_received(columns, now)
     _watch(engine, columns.cpm, columns.image, columns.consumed, columns.piece, columns.events, now)
-    run_firmware(columns, now)
+    moment = now
+    if engine.plant_call != 0:
+        moment = plant_moment(engine, now)
+    while True:
+        run_firmware(columns, moment)
+        if engine.plant_call == 0:
+            break
+        step_plant(engine, moment)
+        if moment >= now:
+            break
+        moment = plant_moment(engine, now)
     if engine.trace_rows != 0:
         sample(
             engine,
@@ -493,7 +504,7 @@ def next_step(columns: Columns, now: int) -> int:
     """
     engine, axes = columns.engine[0], columns.axis
     first = now + engine.tick_ns
-    if engine.trace_rows == 0 and engine.condition_rows == 0 and engine.program_rows == 0:
+    if engine.trace_rows == 0 and engine.condition_rows == 0 and engine.program_rows == 0 and engine.plant_call == 0:
         first = now + LONGEST_STEP_NS
         for number in range(engine.axis_rows):
             axis = axes[number]
@@ -509,6 +520,8 @@ def first_due(columns: Columns, now: int) -> int:
     engine, providers, held, held_order = columns.engine[0], columns.ppm, columns.held, columns.held_order
     # on the grid of tick_ns, so that a farm at rest and a farm at work tick at the same times
     due = now - now % engine.tick_ns + engine.tick_ns
+    if engine.plant_call != 0 and engine.plant_due_ns > now:
+        due = min(due, int(engine.plant_due_ns))
     for number in range(engine.ppm_rows):
         provider = providers[number]
         if provider.active == OPEN and provider.state != IDLE and provider.next_ns < due:

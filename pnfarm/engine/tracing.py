@@ -1,31 +1,19 @@
 """Samples of the running traces, at the end of each tick's firmware steps.
 
-Without a trace this is one comparison a tick.  A sample costs a few nanoseconds for each value: a 64-bit word of a
-table is read, and the field cut out of it.  Fields of at most 8 octets lie within a word, because rows are aligned
-(:class:`pnfarm.table.layout.Layout`); the machine is little-endian.
+Without a trace this is one comparison a tick.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from pnfarm.engine.channels.plain_data import plain_number
-from pnfarm.table.compiling.compiled import compiled, inlined
+from pnfarm.engine.probes import read_plain, read_words
+from pnfarm.table.compiling.compiled import inlined
 from pnfarm.table.engine_row import TRACE_ENDED, TRACE_TRIGGERED, emit
 from pnfarm.table.trace import (
     ARMED,
     ENDED,
     IDLE,
-    NO_AGE,
-    SOURCE_AXIS_INTEGER,
-    SOURCE_AXIS_REAL,
-    SOURCE_IMAGE_AGE,
-    SOURCE_PLAIN_FLAG,
-    SOURCE_PLAIN_REAL,
-    SOURCE_PLAIN_SIGNED,
-    SOURCE_PLAIN_UNSIGNED,
     TRIGGER_ABOVE,
     TRIGGER_AT_LEAST,
     TRIGGER_AT_MOST,
@@ -41,67 +29,6 @@ from pnfarm.table.trace import (
 )
 
 __all__ = ["sample"]
-
-#: Octets of a number of double precision.
-DOUBLE = 8
-
-
-@compiled
-def _read(probes: Any, first: int, count: int, axis_reals: Any, axis_words: Any, image_words: Any, now: int) -> None:
-    """The present values of ``count`` probes but those of plain data; 0 of a place that its table does not have.
-
-    One loop for all of them: a call for each value, with three arrays, would cost more than the value.
-    """
-    for number in range(first, first + count):
-        probe = probes[number]
-        word = int(probe.word)
-        source = probe.source
-        value = 0.0
-        if source == SOURCE_AXIS_REAL:
-            less = int(probe.less)
-            if 0 <= word < axis_reals.shape[0] and less < axis_reals.shape[0]:
-                value = float(axis_reals[word])
-                if less >= 0:
-                    value -= float(axis_reals[less])
-        elif source >= SOURCE_PLAIN_UNSIGNED:
-            continue
-        else:
-            bits = 0
-            if source == SOURCE_AXIS_INTEGER:
-                if 0 <= word < axis_words.shape[0]:
-                    bits = int(axis_words[word])
-            elif 0 <= word < image_words.shape[0]:
-                bits = int(image_words[word])
-            if source == SOURCE_IMAGE_AGE:
-                value = float(now - bits) if bits != 0 else NO_AGE
-            else:
-                sign = int(probe.sign)
-                bits = (bits >> int(probe.shift)) & int(probe.mask)
-                value = float((bits ^ sign) - sign)
-        probe.value = value * float(probe.scale)
-
-
-@compiled
-def _read_plain(probes: Any, first: int, count: int, provided: Any, consumed: Any) -> None:
-    """The present values of those of ``count`` probes that are of plain data."""
-    for number in range(first, first + count):
-        probe = probes[number]
-        source, row, octets = probe.source, int(probe.row), int(probe.octets)
-        if source < SOURCE_PLAIN_UNSIGNED or not 0 <= row < provided.rows.shape[0]:
-            continue
-        stored = consumed if probe.received else provided
-        bits = plain_number(stored, row, int(probe.word), octets, int(probe.big))
-        if source == SOURCE_PLAIN_REAL:
-            is_double = octets == DOUBLE
-            value = float(np.uint64(bits).view(np.float64)) if is_double else float(np.uint32(bits).view(np.float32))
-        elif source == SOURCE_PLAIN_SIGNED:
-            spare = 64 - 8 * octets
-            value = float(np.uint64(bits << np.uint64(spare)).view(np.int64) >> spare)
-        elif source == SOURCE_PLAIN_FLAG:
-            value = 1.0 if bits != 0 else 0.0
-        else:
-            value = float((bits >> np.uint64(probe.shift)) & np.int64(probe.mask).view(np.uint64))
-        probe.value = value * float(probe.scale)
 
 
 @inlined
@@ -142,9 +69,9 @@ def _watch_trigger(
         return False
     found = -1
     first = int(trace.first_watched)
-    _read(probes, first, int(trace.watched), axis_reals, axis_words, image_words, now)
+    read_words(probes, first, int(trace.watched), axis_reals, axis_words, image_words, now)
     if trace.plain:
-        _read_plain(probes, first, int(trace.watched), provided, consumed)
+        read_plain(probes, first, int(trace.watched), provided, consumed)
     for number in range(first, first + trace.watched):
         probe = probes[number]
         value = float(probe.value)
@@ -171,9 +98,9 @@ def _take_sample(
         return
     ring[place] = float(now - trace.started_ns)
     first = int(trace.first_probe)
-    _read(probes, first, int(trace.probes), axis_reals, axis_words, image_words, now)
+    read_words(probes, first, int(trace.probes), axis_reals, axis_words, image_words, now)
     if trace.plain:
-        _read_plain(probes, first, int(trace.probes), provided, consumed)
+        read_plain(probes, first, int(trace.probes), provided, consumed)
     for number in range(width - 1):
         ring[place + 1 + number] = probes[first + number].value
     if now - trace.next_ns >= trace.interval_ns:

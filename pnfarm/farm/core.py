@@ -33,6 +33,7 @@ from pnfarm.links.joined import lines_of
 from pnfarm.links.kernel.linux import PacketLink
 from pnfarm.links.memory import MemoryLink
 from pnfarm.links.sockets import sockets_of
+from pnfarm.plant.plant import Plant
 from pnfarm.protocols.deadlines import Deadlines
 from pnfarm.station.axis import Axis
 from pnfarm.station.events import (
@@ -63,6 +64,8 @@ if TYPE_CHECKING:
     from pnfarm.farm.shard import Shard
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.links.serial.line import LineTally
+    from pnfarm.plant.plan import PlantPlan
+    from pnfarm.station.event import Event
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.node import StationNode
     from pnfarm.station.plain_signals import PlainSignals
@@ -86,6 +89,7 @@ class FarmCore:
     identity.
 
     ``clock`` is the one by which frames are sent.  ``shard``: which part of a farm these drives are, None for all.
+    ``in_real_time``: whether models of the plant in Python may be late.
     """
 
     def __init__(
@@ -104,6 +108,8 @@ class FarmCore:
         lldp: bool = True,
         shard: Shard | None = None,
         devices: Sequence[DeviceConfig] = (),
+        plant: PlantPlan | None = None,
+        in_real_time: bool = False,
     ) -> None:
         self.name = name
         self.shard = shard
@@ -212,6 +218,18 @@ class FarmCore:
             clock=clock,
         )
         self.traces = TraceManager(self.axes, self.devices.values(), self.columns, log)
+        #: What is behind the stations, None without.
+        self.plant: Plant | None = None
+        if plant is not None:
+            signals = {name: found for name, one in self.devices.items() if (found := one.signals) is not None}
+            self.plant = Plant(
+                plant,
+                {axis.configured_name: axis for axis in self.axes},
+                signals,
+                self.columns,
+                partial(self._note_plant, log),
+                in_real_time=in_real_time,
+            )
         gate.set_receiver(self.receive)
         self._served: dict[int, tuple[int, Services]] = {}
         if self._sockets is not None:
@@ -228,6 +246,10 @@ class FarmCore:
                 carrier.set_slaves(self._line_segment.least_reply_bits)
         if isinstance(innermost, MemoryLink):
             innermost.set_line_audience(self._line_audience)
+
+    @staticmethod
+    def _note_plant(log: EventLog, now: int, event: Event) -> None:
+        log.record(now, "", event)
 
     def _make_axes(
         self, station: Station, *, config: DriveConfig, model: Model, flaws: Imperfections
@@ -287,6 +309,8 @@ class FarmCore:
         for station in self.stations:
             station.boot(now)
             self.settle(station, now)
+        if self.plant is not None:
+            self.plant.start(now)
 
     def stop(self, now: int) -> None:
         """Tell every controller that its drive shuts down: an ERR-RTA for each connection."""
@@ -492,10 +516,13 @@ class FarmCore:
         for happened in self.injections.events():
             self.log.record(happened.now, happened.drive, happened.event)
         self.traces.handle_timeout(now)
+        if self.plant is not None:
+            self.plant.service(now)
 
     def next_deadline(self) -> int | None:
         first = self._deadlines.first()
-        for due in (self.injections.next_deadline(), self.traces.next_deadline()):
+        plant = None if self.plant is None else self.plant.next_deadline()
+        for due in (self.injections.next_deadline(), self.traces.next_deadline(), plant):
             if due is not None and (first is None or due < first):
                 first = due
         return first
@@ -536,6 +563,9 @@ class FarmCore:
             return None
         if kind == engine_row.CONDITION_HELD:
             self.injections.condition_held(row, value, when)
+            return None
+        if kind == engine_row.PLANT_CHANGED and self.plant is not None:
+            self.plant.changed(now)
             return None
         if kind == engine_row.TRACE_ENDED:
             self.traces.ended(row, when)

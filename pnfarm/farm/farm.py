@@ -50,6 +50,7 @@ from pnfarm.farm.load import line_name
 from pnfarm.farm.memory.postgres import PostgresState
 from pnfarm.farm.memory.sqlite import FarmState
 from pnfarm.farm.memory_link import MemoryDriver
+from pnfarm.farm.plant import plant_of
 from pnfarm.farm.process.open_files import raise_file_limit
 from pnfarm.farm.realtime import RealTimeDriver
 from pnfarm.farm.shard import Shard, parse_shard, part_of
@@ -293,6 +294,8 @@ class Farm:
                 lldp=self.config.lldp,
                 shard=self.shard,
                 devices=self.devices,
+                plant=plant_of(self.config, self._stations, model_of),
+                in_real_time=self.world is None,
             )
             for action in self.on_start:
                 action(self._core)

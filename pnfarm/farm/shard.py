@@ -105,6 +105,8 @@ def part_of(
 def _check_link(config: FarmConfig, shard: Shard) -> None:
     if shard.count == 1:
         return
+    if config.plant is not None:
+        raise ConfigError("a farm with a plant cannot be divided into shards: its wires join all stations")
     match config.link:
         case VethLink(bridge=None):
             raise ConfigError(

@@ -22,6 +22,7 @@ from pnfarm.firmware.records.machine import MACHINE_RECORD
 from pnfarm.firmware.records.measurement import MEASUREMENT_RECORD
 from pnfarm.firmware.records.motor import BRAKE_RECORD, LOAD_RECORD, MOTOR_RECORD
 from pnfarm.firmware.records.orders import ORDERS_RECORD
+from pnfarm.firmware.records.outside import OUTSIDE_RECORD
 from pnfarm.firmware.records.own_warnings import WARNINGS_RECORD
 from pnfarm.firmware.records.positioning import POSITIONING_RECORD
 from pnfarm.firmware.records.profidrive import PROFIDRIVE_RECORD
@@ -63,6 +64,7 @@ AXIS = Layout(
         LIFE_RECORD,
         DIRECTION_RECORD,
         MACHINE_RECORD,
+        OUTSIDE_RECORD,
         LOAD_RECORD,
         MOTOR_RECORD,
         BRAKE_RECORD,

@@ -28,15 +28,15 @@ __all__ = ["hold_at_stops", "take_switches"]
 
 
 @inlined
-def take_switches(direction: Any, machine: Any, motor: Any) -> None:
-    """Read the switches that the axis' position and faults press, and apply the use of each input."""
+def take_switches(direction: Any, machine: Any, outside: Any, motor: Any) -> None:
+    """Read the switches that the axis' position, the plant and faults press, and apply the use of each input."""
     place = shaft_sign(direction) * motor.position
-    limits = int(machine.settings.fault_limits)
+    limits = int(machine.settings.fault_limits) | (int(outside.limits) & 0x3)
     if machine.settings.parts & MACHINE_SWITCH_LOW and place <= machine.settings.switch_low:
         limits |= 0x1
     if machine.settings.parts & MACHINE_SWITCH_HIGH and place >= machine.settings.switch_high:
         limits |= 0x2
-    inputs = int(machine.settings.fault_inputs)
+    inputs = int(machine.settings.fault_inputs) | int(outside.inputs)
     if machine.settings.parts & MACHINE_CAMS:
         for i in range(CAMS):
             if machine.settings.cam_low[i] <= place <= machine.settings.cam_high[i]:

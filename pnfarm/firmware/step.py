@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pnfarm.firmware.direction import take_direction
+from pnfarm.firmware.direction import shaft_sign, take_direction
 from pnfarm.firmware.faults import take_commands
 from pnfarm.firmware.front import show_state, take_orders
 from pnfarm.firmware.interlocks import take_interlocks, with_interlocks
@@ -66,6 +66,10 @@ def _turn(axis: Any, elapsed: int) -> None:
             velocity_command(axis, constants.seconds)
             step_motor(axis, constants, axis.drive.state >= 4)
             elapsed -= part
+    sign = shaft_sign(axis.direction)
+    axis.outside.shaft = sign * axis.motor.position
+    axis.outside.shaft_speed = sign * axis.motor.velocity
+    axis.outside.brake = 1.0 if brake_holds(axis.brake) else 0.0
 
 
 @compiled_apart
@@ -79,7 +83,7 @@ def step(axis: Any, image: Any, now: int) -> None:
         return
     switched_on = take_commands(axis, now)
     take_direction(axis)
-    take_switches(axis.direction, axis.machine, axis.motor)
+    take_switches(axis.direction, axis.machine, axis.outside, axis.motor)
     take_orders(axis, image, now, switched_on)
 
     faulty = axis.faults.code[0] != 0

@@ -1,4 +1,4 @@
-"""Who makes the inputs of a station, strongest first: a fault, a user's force, a value of a program or of the API.
+"""Who makes the inputs of a station, strongest first: a fault, a user's force, the plant, a program or the API.
 
 A force is a value over what is written, a fault's *shape* makes another value of what is below it: what is overruled
 waits, and is in force when the stronger one ends.  Signals may share octets and bits: one that lies in another's place
@@ -24,7 +24,7 @@ EVERY = "*"
 #: The value below -> the one that the controller gets; of the signal's type.
 Shape: TypeAlias = "Callable[[Value], Value]"
 #: ``default``: nobody has written it; ``controller``: an output.
-Owner: TypeAlias = Literal["controller", "fault", "force", "value", "default"]
+Owner: TypeAlias = Literal["controller", "fault", "force", "plant", "value", "default"]
 
 
 class InputLayers:
@@ -33,8 +33,9 @@ class InputLayers:
     def __init__(self, octets: bytes, place: Callable[[Signal], int]) -> None:
         self.written = octets
         self._place = place
-        #: Bits that somebody wrote, those that are forced, and those under a shape.
-        self._set = self._forced = self._shaped = 0
+        #: Bits that somebody wrote, those of the plant, those that are forced, and those under a shape.
+        self._set = self._planted = self._forced = self._shaped = 0
+        self._plant: dict[str, tuple[Signal, Value]] = {}
         self.forced: dict[str, tuple[Signal, Value]] = {}
         self.shapes: list[tuple[Signal, Shape]] = []
         #: Counts changes of owners.
@@ -48,6 +49,15 @@ class InputLayers:
             before, self._set = self._set, self._set | self._bits(signal)
             self.revision += before != self._set
         self.written = bytes(octets)
+
+    def plant(self, values: Mapping[Signal, Value]) -> None:
+        """Values of the plant, which are right; the inputs are its own from now on."""
+        known = len(self._plant)
+        for signal, value in values.items():
+            self._plant[signal.name] = signal, value
+        if len(self._plant) != known:
+            self._planted = reduce(or_, (self._bits(signal) for signal, _ in self._plant.values()), 0)
+            self.revision += 1
 
     def force(self, values: Mapping[Signal, Value | None]) -> None:
         """Values of a user, which are right; None releases one."""
@@ -75,7 +85,7 @@ class InputLayers:
     def octets(self) -> bytes:
         """What the controller gets."""
         octets = bytearray(self.written)
-        for signal, value in self.forced.values():
+        for signal, value in (*self._plant.values(), *self.forced.values()):
             signal.write(memoryview(octets)[self._place(signal) :], value)
         for signal, shape in self.shapes:
             data = memoryview(octets)[self._place(signal) :]
@@ -89,6 +99,8 @@ class InputLayers:
             return "fault"
         if bits & self._forced:
             return "force"
+        if bits & self._planted:
+            return "plant"
         return "value" if bits & self._set else "default"
 
     def _bits(self, signal: Signal) -> int:

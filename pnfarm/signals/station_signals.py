@@ -1,7 +1,7 @@
 """The signals of a station with plain data: read, written all or nothing, whose they are, and whether they changed.
 
 *Input* and *output* are the controller's: an input is written here and goes to it, an output is what it sent.  What is
-written waits while a fault or a user's force has the input (:mod:`pnfarm.signals.layers`).
+written waits while a fault, a user's force or the plant has the input (:mod:`pnfarm.signals.layers`).
 """
 
 from __future__ import annotations
@@ -96,7 +96,7 @@ class StationSignals:
     def set(self, values: Mapping[str, Value]) -> dict[str, Owner]:
         """Write signals, all in force at once; a text is parsed by the signal's type.
 
-        Returns those that a fault or a force has now: what was written waits behind it.  Raises :class:`SignalError`
+        Returns those that a fault, a force or the plant has now: what was written waits behind it.  Raises :class:`SignalError`
         with the reason of every value that is refused; then nothing is changed.
         """
         written = self._checked(values)
@@ -116,6 +116,11 @@ class StationSignals:
         self._layers.force({**{self.signal(name): None for name in names}, **forced})
         self.apply()
         return {signal.name: "fault" for signal in forced if self._layers.owner(signal) == "fault"}
+
+    def take(self, values: Mapping[str, Value]) -> None:
+        """Values of the plant, over what is written, all in force at once; they are right."""
+        self._layers.plant({self.signal(name): value for name, value in values.items()})
+        self.apply()
 
     def owner(self, name: str) -> Owner:
         """Whose value it has; raises :class:`SignalError` for an unknown name."""

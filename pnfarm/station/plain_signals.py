@@ -43,8 +43,11 @@ class PlainSignals(Protocol):
     def force(self, values: Mapping[str, Value | None]) -> Mapping[str, str]:
         """The same over what is written, until a None releases it; ``*`` releases all."""
 
+    def take(self, values: Mapping[str, Value]) -> None:
+        """Values of the plant for inputs of the controller."""
+
     def owner(self, name: str) -> str:
-        """Whose value it has: controller, fault, force, value, default."""
+        """Whose value it has: controller, fault, force, plant, value, default."""
 
     @property
     def forced(self) -> Mapping[str, Value]:

@@ -126,6 +126,11 @@ class DriveSignal:
     read: Callable[[Axis], Value]
     place: Callable[[Axis], Place | None] = _nowhere
 
+    @property
+    def has_place(self) -> bool:
+        """Whether the engine can find it."""
+        return self.place is not _nowhere
+
 
 def _state(station: Axis) -> str:
     if not station.powered:

@@ -29,6 +29,7 @@ ACKNOWLEDGE_REFUSED = 13  # axis row; how many requests to acknowledge an inject
 TRACE_TRIGGERED = 15  # trace row; when it was triggered, ns
 TRACE_ENDED = 16  # trace row; samples taken
 CONDITION_HELD = 17  # condition row; its serial number
+PLANT_CHANGED = 18  # -; how often inputs of stations were reported as changed
 
 #: Upper bounds of the lateness histogram, nanoseconds; a last bucket takes the rest.
 LATENESS_EDGES_NS = (
@@ -51,6 +52,13 @@ ENGINE = Layout(
         ),
         Field("lookup", "i4", "", "station", "which of the look-up tables is in force"),
         Field("tick_ns", "i8", "ns", "station", "longest time between two ticks"),
+        Field("plant_call", "i8", "", "station", "address of the plant's step, 0 = no plant"),
+        Field("plant_row", "i8", "", "station", "address of the plant's row"),
+        Field("plant_step_ns", "i8", "ns", "station", "time between two steps of the plant"),
+        Field("plant_due_ns", "i8", "ns", "engine", "when the plant's next step is due"),
+        Field(
+            "plant_late", "i8", "", "engine", "steps of the plant that were due while no tick ran, and were left out"
+        ),
         Field("stop", "u1", "", "station", "1 asks the engine's thread to return"),
         Field(
             "lease_until_ns",

@@ -5,13 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pnfarm.signals.device_signal import DeviceSignal
-from pnfarm.table.access.places import Place
-from pnfarm.table.trace import (
-    SOURCE_PLAIN_FLAG,
-    SOURCE_PLAIN_REAL,
-    SOURCE_PLAIN_SIGNED,
-    SOURCE_PLAIN_UNSIGNED,
-)
+from pnfarm.signals.places import PLAIN_SOURCES, plain_place
+from pnfarm.table.trace import SOURCE_PLAIN_UNSIGNED
 from pnfarm.trace.signals import OF_IMAGE, TraceSignal, signals_of
 
 if TYPE_CHECKING:
@@ -20,15 +15,10 @@ if TYPE_CHECKING:
     from pnfarm.signals.signal import Signal
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
+    from pnfarm.table.access.places import Place
 
 __all__ = ["Traced", "TracedAxis", "TracedDevice"]
 
-_SOURCES = {
-    "bool": SOURCE_PLAIN_FLAG,
-    "uint": SOURCE_PLAIN_UNSIGNED,
-    "int": SOURCE_PLAIN_SIGNED,
-    "float": SOURCE_PLAIN_REAL,
-}
 #: Octets of whole numbers that a sample, a number of double precision, holds exactly.
 _EXACT = 6
 
@@ -117,7 +107,7 @@ class TracedDevice:
             **{
                 name: _traced(signal, *signals.whereabouts(name))
                 for name, signal in own.items()
-                if signal.type.kind in _SOURCES
+                if signal.type.kind in PLAIN_SOURCES
             },
             **{name: one for name, one in OF_IMAGE.items() if name not in own},
         }
@@ -135,18 +125,7 @@ class TracedDevice:
 def _traced(signal: Signal, row: int, octet: int) -> TraceSignal:
     """A signal of a device, whose data begin at ``octet`` of its ``row``."""
     kind = signal.type
-    is_bit = signal.bit is not None
-    place = Place(
-        SOURCE_PLAIN_UNSIGNED if is_bit else _SOURCES[kind.kind],
-        octet,
-        0,
-        scale=signal.scale,
-        row=row,
-        octets=kind.octets,
-        big=signal.order == "big",
-        received=signal.direction == "output",
-    )
     whole = kind.kind in {"int", "uint"} and signal.scale == 1 and kind.octets <= _EXACT
     form = "bit" if kind.kind == "bool" else "word" if whole else "real"
     doc = f"{signal.direction} {signal.place}, {kind.name}"
-    return TraceSignal(signal.name, signal.unit, doc, place, form, signal.bit)
+    return TraceSignal(signal.name, signal.unit, doc, plain_place(signal, row, octet), form, signal.bit)

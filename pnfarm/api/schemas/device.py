@@ -88,7 +88,7 @@ class SignalState(Schema):
     value: bool | int | float | str = Field(description="In its unit; octets are hexadecimal.")
     shown: str = Field(description="The same as text, as a write takes it.")
     good: bool = Field(description="Whether the provider status of its data is GOOD.")
-    owner: Literal["controller", "fault", "force", "value", "default"] = Field(
+    owner: Literal["controller", "fault", "force", "plant", "value", "default"] = Field(
         description="Whose value it is: an output is the controller's; of an input the strongest of a fault, a user's "
         "force, and a value of a program or of this API; default: nobody has written it."
     )

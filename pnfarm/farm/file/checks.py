@@ -17,6 +17,7 @@ from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink
 from pnfarm.config.values import expand_name, numbered
 from pnfarm.farm.file.choice import bus_of, bus_of_controller, bus_of_devices, device_part, titles
 from pnfarm.farm.file.expand import controller_mac, expand_device_sections, expand_sections
+from pnfarm.plant.plan import plan_plant
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.wire.mac import format_mac
 
@@ -76,11 +77,27 @@ def check(
     else:
         _check_names(groups, report)
         _check_between(sections, groups, devices, known, report)
+        if is_complete:
+            _check_plant(sections, known, report)
     for controller in sections.controllers:
         bus = bus_of_controller(controller)
         _check_program(controller, report)
         own = [placed for placed in groups if bus_of(placed.group) is bus]
         bus.farm_file.check_controller(controller, own, known, _of(controller, sections, report))
+
+
+def _check_plant(sections: FarmSections, known: Known, report: Report) -> None:
+    """The plant as far as no file of a model is run."""
+    if sections.plant is None:
+        return
+    axes = {
+        axis.name: model.described
+        for drive in expand_sections(sections, known)
+        if (model := known.model(drive.model)) is not None
+        for axis in drive.axes
+    }
+    devices = {device.name: device.known_signals for device in expand_device_sections(sections)}
+    plan_plant(sections.plant, axes, devices, None, report)
 
 
 def _check_lease(sections: FarmSections, report: Report) -> None:

@@ -29,6 +29,7 @@ from pnfarm.config.device import DeviceGroup
 from pnfarm.config.drive import DriveGroup
 from pnfarm.config.known import catalogue
 from pnfarm.config.links import Link
+from pnfarm.config.plant import PlantSection
 from pnfarm.config.section import Section
 from pnfarm.config.values import OFF, Duration, FarmName, Listen
 from pnfarm.farm.file.choice import Choice
@@ -251,6 +252,9 @@ class FarmSections(Section):
         default_factory=list,
         min_length=1,
         description="The groups of devices that are no drives, each by its maker's file.",
+    )
+    plant: PlantSection | None = Field(
+        default=None, description="What is behind the stations: models, and wires between their ports and signals."
     )
     #: One for each bus, in the order of their first drives.
     controllers: AnyControllers = Field(

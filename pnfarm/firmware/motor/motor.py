@@ -129,7 +129,7 @@ def constants_of(axis: Any, seconds: float) -> Constants:
         integral_time = INTEGRAL_RATIO * time
     integral = gain * (seconds / integral_time)
     frequency = 1.0 / seconds
-    inertia = (axis.load.settings.inertia + axis.load.settings.added_inertia) * frequency
+    inertia = (axis.load.settings.inertia + axis.load.settings.added_inertia + axis.outside.inertia) * frequency
     inductance = axis.motor.settings.inductance * frequency
     damped = inertia + axis.load.settings.damping
     share = seconds / (axis.motor.settings.current_time_constant + seconds)
@@ -147,8 +147,9 @@ def constants_of(axis: Any, seconds: float) -> Constants:
         inertia=inertia,
         per_damped=1.0 / damped,
         per_led=1.0 / (damped + share * (gain + integral)),
-        dry=axis.load.settings.friction + axis.load.settings.added_friction,
-        load=shaft_sign(axis.direction) * (axis.load.settings.torque + axis.load.settings.added_torque),
+        dry=axis.load.settings.friction + axis.load.settings.added_friction + axis.outside.friction,
+        load=shaft_sign(axis.direction)
+        * (axis.load.settings.torque + axis.load.settings.added_torque + axis.outside.torque),
         fed=axis.motor.settings.acceleration_gain * axis.load.settings.inertia * RPM_TO_RAD * frequency,
         per_torque_constant=_inverse(axis.motor.settings.torque_constant),
         most=most_torque(axis.motor, axis.torque, axis.homing, 0),
@@ -392,6 +393,8 @@ def step_motor(axis: Any, constants: Constants, powered_stage: bool) -> None:
         speed = _controlled(axis, constants, omega, _encoder_noise(axis.motor))
     else:
         speed = _coast(axis, constants, omega)
+    if axis.outside.leads:
+        speed = shaft_sign(axis.direction) * axis.outside.speed
     speed = min(max(speed, -FASTEST_RPM * RPM_TO_RAD), FASTEST_RPM * RPM_TO_RAD)
     following = speed * RAD_TO_RPM
     axis.motor.position += 0.5 * (velocity + following) * (seconds * MINUTES)

@@ -1,0 +1,69 @@
+"""A sensor over a range of positions: a cam, a proximity switch, a light barrier."""
+
+from __future__ import annotations
+
+from math import floor
+from typing import Any
+
+from pnfarm.behaviours.declaration import Behaviour, bit, duration, number, quantity
+from pnfarm.table.compiling.compiled import inlined
+
+__all__ = ["POSITION_SENSOR", "step_position_sensor"]
+
+
+@inlined
+def step_position_sensor(values: Any, memory: Any, seconds: float) -> None:
+    """Ports: position, blocked, on.
+
+    Memory: from, to, period, hysteresis, delay on, delay off, bounce; the contact, the time since it changed.
+    """
+    low, high, period, wide = memory[0], memory[1], memory[2], memory[3]
+    place = values[0]
+    if period > 0.0:
+        place = low + (place - low) - period * floor((place - low) / period)
+    contact = memory[7]
+    if contact == 0.0:
+        inside = low <= place <= high
+    else:
+        # it is left only beyond the hysteresis, before its begin a period later, too
+        inside = low - wide <= place <= high + wide or (period > 0.0 and place >= low + period - wide)
+    inside = inside or values[1] != 0.0
+    wanted = 1.0 if inside else 0.0
+    if wanted != contact:
+        memory[7] = wanted
+        memory[8] = 0.0
+    else:
+        memory[8] += seconds
+    since = memory[8]
+    after = memory[4] if wanted != 0.0 else memory[5]
+    if since + 0.5 * seconds < after:
+        return
+    bounce = memory[6]
+    if since - after < bounce and int((since - after) / max(seconds, 1e-9) + 0.5) % 2 == 1:
+        # each other step of the time in which the contact bounces
+        values[2] = 1.0 - wanted
+    else:
+        values[2] = wanted
+
+
+POSITION_SENSOR = Behaviour(
+    "position-sensor",
+    "A cam, a proximity switch or a light barrier that is on over a range of positions.",
+    "on = from <= position <= to; off again hysteresis beyond it; each change after its delay",
+    inputs=(
+        number("position", "what passes the sensor"),
+        bit("blocked", "1 = something else is before it"),
+    ),
+    outputs=(bit("on", "the sensor's output"),),
+    parameters=(
+        quantity("from", "where it begins"),
+        quantity("to", "where it ends"),
+        quantity("period", "it is there again each so far, 0 = once", default=0.0, low=0.0),
+        quantity("hysteresis", "how far beyond the range it stays on", default=0.0, low=0.0),
+        duration("delay_on", "from entering to on", default=0.0),
+        duration("delay_off", "from leaving to off", default=0.0),
+        duration("bounce", "for so long the output changes in each step", default=0.0),
+    ),
+    state=2,
+    step=step_position_sensor,
+)

@@ -1,0 +1,1 @@
+"""The plant's steps in the engine's ticks."""

@@ -1,0 +1,41 @@
+"""The plant of a farm file for its stations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pnfarm.config.device import DeviceConfig
+from pnfarm.config.drive import DriveConfig
+from pnfarm.plant.plan import plan_plant
+from pnfarm.vocabulary.issues import FarmFileError, FileIssue, field_path
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from pnfarm.drives.description.model import Model
+    from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.plant.plan import PlantPlan
+    from pnfarm.vocabulary.issues import Location
+
+__all__ = ["plant_of"]
+
+
+def plant_of(
+    config: FarmConfig, stations: Sequence[DriveConfig | DeviceConfig], model_of: Callable[[DriveConfig], Model]
+) -> PlantPlan | None:
+    """The plan of the file's plant, None without; files of models in Python are run.  Raises :class:`FarmFileError`."""
+    if config.plant is None:
+        return None
+    issues: list[FileIssue] = []
+
+    def report(location: Location, what: str, allowed: str) -> None:
+        issues.append(FileIssue(*config.place(location), field_path(location), what, allowed))
+
+    axes = {axis.name: model_of(one) for one in stations if isinstance(one, DriveConfig) for axis in one.axes}
+    devices = {one.name: one.known_signals for one in stations if isinstance(one, DeviceConfig)}
+    folder = config.path.parent if config.path is not None else Path()
+    plan = plan_plant(config.plant, axes, devices, folder, report)
+    if issues:
+        raise FarmFileError(issues)
+    return plan

@@ -1,0 +1,1 @@
+"""The plant: what lies behind the stations, joined with their signals by wires."""

@@ -1,0 +1,80 @@
+"""What an axis gives to the plant, and what it takes from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pnfarm.behaviours.declaration import Port, bit, number
+from pnfarm.firmware.axis import AXIS
+from pnfarm.station.signals import SIGNALS, find_signal
+from pnfarm.table.access.places import Place, place_of
+from pnfarm.table.plant import OUTLET_BIT, OUTLET_PLACE, OUTLET_REAL
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.drives.description.model import Model
+    from pnfarm.station.axis import Axis
+
+__all__ = ["GIVEN", "TAKEN", "Taken", "given_port", "place_in"]
+
+#: Digital inputs of a drive.
+INPUTS = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """Where a value for an axis goes: the field of its record, and the bit of it."""
+
+    port: Port
+    form: int
+    field: str
+    bit: int = 0
+
+
+#: What any axis has beside its signals: the shaft as the machine sees it, whatever the drive's home and direction.
+GIVEN: Mapping[str, tuple[Port, Place]] = {
+    port.name: (port, place_of(AXIS, key))
+    for port, key in (
+        (number("shaft_position", "the shaft, from the farm's start on", "revolutions"), "outside.shaft"),
+        (number("shaft_velocity", "its speed, in its own direction", "rpm"), "outside.shaft_speed"),
+        (bit("brake", "the holding brake holds the shaft"), "outside.brake"),
+    )
+}
+TAKEN: Mapping[str, Taken] = {
+    one.port.name: one
+    for one in (
+        Taken(number("load_torque", "against the shaft's direction", "Nm"), OUTLET_REAL, "outside.torque"),
+        Taken(number("load_inertia", "in addition to the load's, kg m^2"), OUTLET_REAL, "outside.inertia"),
+        Taken(number("load_friction", "dry friction in addition", "Nm"), OUTLET_REAL, "outside.friction"),
+        Taken(number("load_position", "the shaft is held here", "revolutions"), OUTLET_PLACE, "outside.place"),
+        Taken(bit("limit_low", "the low limit switch is pressed"), OUTLET_BIT, "outside.limits", 0),
+        Taken(bit("limit_high", "the high limit switch is pressed"), OUTLET_BIT, "outside.limits", 1),
+        *(Taken(bit(f"input_{i}", f"digital input {i}"), OUTLET_BIT, "outside.inputs", i) for i in range(INPUTS)),
+    )
+}
+
+
+def given_port(model: Model, name: str) -> Port | None:
+    """A signal of the drive as a port, None where the plant cannot read it."""
+    if name in GIVEN:
+        return GIVEN[name][0]
+    signal = find_signal(model, name)
+    if signal is None or not signal.has_place or signal.form in {"text", "state", "fault"}:
+        return None
+    return Port(name, "bit" if signal.form == "bit" else "number", signal.doc, signal.unit)
+
+
+def given_names(model: Model) -> list[str]:
+    """The names of what it gives, without the bits of words."""
+    return [*GIVEN, *(name for name in SIGNALS if given_port(model, name) is not None)]
+
+
+def place_in(axis: Axis, name: str) -> Place | None:
+    """Where the engine finds a signal of this axis; None: its telegram has no such bit."""
+    if name in GIVEN:
+        return GIVEN[name][1].in_row(axis.index)
+    signal = find_signal(axis.model, name)
+    place = None if signal is None else signal.place(axis)
+    return None if place is None else place.in_row(axis.index)

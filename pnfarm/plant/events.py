@@ -1,0 +1,34 @@
+"""Events of the plant (:mod:`pnfarm.station.events`)."""
+
+from __future__ import annotations
+
+from pnfarm.station.event import Event, event
+
+__all__ = ["PlantModelFailed", "PlantModelLate", "PlantStepsLeftOut"]
+
+
+@event("plant model failed", "error")
+class PlantModelFailed(Event):
+    """A model in Python raised an exception or did not return: it makes no more steps, its outputs stay."""
+
+    model: str
+    error: str
+    file: str
+    line: int
+
+
+@event("plant model late", "warning")
+class PlantModelLate(Event):
+    """A model in Python takes longer than its step; reported at the first time, the tenth, the hundredth ..."""
+
+    model: str
+    duration_seconds: float
+    step_seconds: float
+    missed: int
+
+
+@event("plant steps left out", "warning")
+class PlantStepsLeftOut(Event):
+    """The machine stood longer than the plant makes up for."""
+
+    steps: int

@@ -1,0 +1,171 @@
+"""Models in Python: each stepped at its own time, between the values of its ports.
+
+No clock and no task of its own: :meth:`PythonModels.service` makes the steps that are due, in virtual time with the
+farm's deadlines, in real time from a thread of their own.  A model that raises, or does not return, is not called
+again; its outputs stay.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.errors import ConfigError
+from pnfarm.plant.events import PlantModelFailed, PlantModelLate
+from pnfarm.plant.python_file import ModelClass
+from pnfarm.user_code.file import error_text, place_of, placed
+from pnfarm.user_code.worker import Call, Worker
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from pnfarm.plant.plan import PlannedModel
+    from pnfarm.station.event import Event
+
+__all__ = ["PythonModels"]
+
+#: Longest call.
+LIMIT_NS = 1_000_000_000
+#: The first step that is too slow is reported, and then each that multiplies their number by this.
+REPORTED_AGAIN = 10
+
+
+class _Model:
+    def __init__(self, planned: PlannedModel, values: Any) -> None:
+        what = planned.what
+        assert isinstance(what, ModelClass)
+        self.name = planned.name
+        self.file = what.path
+        self.step_ns = planned.step_ns
+        try:
+            self.model = what.kind(**planned.parameters)
+        except Exception as exc:
+            raise ConfigError(f"plant model {planned.name} cannot be made: {placed(exc, what.module)}") from exc
+        self._values = values
+        self._inputs = [(port.name, number, port.form == "bit") for port, number in planned.inputs.values()]
+        self._outputs = [(port.name, number, port.form == "bit") for port, number in planned.outputs.values()]
+        for name, number, is_bit in self._outputs:
+            if not hasattr(self.model, name):
+                setattr(self.model, name, False if is_bit else 0.0)
+            self._values[number] = self._number(name)
+        self.due_ns = 0
+        self.last_ns = 0
+        self.missed = 0
+        self.reported = 0
+        self.steps = 0
+        self.longest_ns = 0
+        self.failure = ""
+
+    def _number(self, name: str) -> float:
+        value = getattr(self.model, name)
+        if isinstance(value, bool) or (isinstance(value, (int, float)) and math.isfinite(value)):
+            return float(value)
+        raise ValueError(f"{name} is {value!r}, not a finite number")
+
+    def step(self, seconds: float) -> None:
+        """Inputs to attributes, the user's step, attributes to outputs: all of them, or none."""
+        for name, number, is_bit in self._inputs:
+            value = float(self._values[number])
+            setattr(self.model, name, value != 0.0 if is_bit else value)
+        self.model.step(seconds)
+        found = [(number, self._number(name)) for name, number, _ in self._outputs]
+        for number, value in found:
+            self._values[number] = value
+
+
+class PythonModels:
+    """``note`` records an event, ``now`` first."""
+
+    def __init__(
+        self,
+        models: Iterable[PlannedModel],
+        values: Any,
+        note: Callable[[int, Event], object],
+        *,
+        in_real_time: bool,
+    ) -> None:
+        self._models = [_Model(one, values) for one in models]
+        self._note = note
+        self._in_real_time = in_real_time
+        self._worker = Worker()
+
+    def __len__(self) -> int:
+        return len(self._models)
+
+    def start(self, now: int) -> None:
+        """The first step of each is a step from now."""
+        for model in self._models:
+            model.last_ns = now
+            model.due_ns = now + model.step_ns
+
+    def next_deadline(self) -> int | None:
+        return min((model.due_ns for model in self._models if not model.failure), default=None)
+
+    def service(self, now: int) -> None:
+        """Make the steps that are due."""
+        due = [model for model in self._models if not model.failure and model.due_ns <= now]
+        while due:
+            calls = [Call(partial(model.step, (now - model.last_ns) / 1e9)) for model in due]
+            late = self._worker.run(calls, LIMIT_NS)
+            if late is not None:
+                self._worker = Worker()
+            rest = []
+            for model, call in zip(due, calls, strict=True):
+                if call is not late and call.duration_ns is None:
+                    # behind one that did not return
+                    rest.append(model)
+                    continue
+                self._done(model, call, now, gone=call is late)
+            due = rest
+
+    def close(self) -> None:
+        """End the thread of the models."""
+        self._worker.close()
+
+    def snapshot(self) -> dict[str, dict[str, Any]]:
+        """How far each is, by name."""
+        return {
+            model.name: {
+                "steps": model.steps,
+                "missed_steps": model.missed,
+                "longest_seconds": model.longest_ns / 1e9,
+                "failure": model.failure,
+            }
+            for model in self._models
+        }
+
+    def _done(self, model: _Model, call: Call, now: int, *, gone: bool) -> None:
+        model.steps += 1
+        model.last_ns = now
+        model.due_ns += model.step_ns
+        if gone:
+            self._fail(model, f"no return within {LIMIT_NS / 1e9:g} s", str(model.file), 0, now)
+        elif call.error is not None:
+            file, line = place_of(call.error, str(model.file))
+            self._fail(model, error_text(call.error), file, line, now)
+        elif self._in_real_time:
+            assert call.duration_ns is not None
+            model.longest_ns = max(model.longest_ns, call.duration_ns)
+            if model.due_ns <= now:
+                # it was late by whole steps, its own or the machine's: they are left out
+                missed = (now - model.due_ns) // model.step_ns + 1
+                model.due_ns += missed * model.step_ns
+                model.missed += missed
+            if call.duration_ns > model.step_ns:
+                model.reported += 1
+                if _is_power(model.reported):
+                    self._note(
+                        now,
+                        PlantModelLate(model.name, call.duration_ns / 1e9, model.step_ns / 1e9, model.missed),
+                    )
+
+    def _fail(self, model: _Model, error: str, file: str, line: int, now: int) -> None:
+        model.failure = error
+        self._note(now, PlantModelFailed(model.name, error, file, line))
+
+
+def _is_power(count: int) -> bool:
+    while count % REPORTED_AGAIN == 0:
+        count //= REPORTED_AGAIN
+    return count == 1

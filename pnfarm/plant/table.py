@@ -1,0 +1,184 @@
+"""The plant's rows: made of its plan, found by the engine through their addresses."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pnfarm.behaviours.catalogue import behaviour_number
+from pnfarm.behaviours.declaration import Behaviour
+from pnfarm.engine.plant.step import take_step
+from pnfarm.errors import ConfigError
+from pnfarm.firmware.axis import AXIS
+from pnfarm.plant.axis_ports import TAKEN, place_in
+from pnfarm.plant.coupling_kinds import CouplingKind
+from pnfarm.plant.plan import StationEnd
+from pnfarm.signals.places import plain_place
+from pnfarm.table.access.places import place_of
+from pnfarm.table.compiling.by_pointer import address_of
+from pnfarm.table.plant import (
+    BEHAVIOUR,
+    COUPLING,
+    OUTLET,
+    OUTLET_REAL,
+    OUTLET_STATION,
+    PLANT,
+    WIRE,
+    WIRE_BIT,
+    WIRE_INVERTED,
+    WIRE_NUMBER,
+)
+from pnfarm.table.trace import PROBE
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.engine.columns import Columns
+    from pnfarm.plant.plan import PlannedModel, PlannedWire, PlantPlan
+    from pnfarm.station.axis import Axis
+    from pnfarm.station.plain_signals import PlainSignals
+    from pnfarm.table.access.places import Place
+
+__all__ = ["PlantTable"]
+
+_FORMS = {"number": WIRE_NUMBER, "bit": WIRE_BIT, "inverted": WIRE_INVERTED}
+#: Fields of a probe's row that a place has.
+_PLACED = ("source", "word", "less", "shift", "mask", "sign", "scale", "row", "octets", "big", "received")
+
+
+class PlantTable:
+    """Rows for a plan; raises :class:`ConfigError` for a signal that a station's telegram does not have.
+
+    The engine steps the plant from :meth:`attach` on.
+    """
+
+    def __init__(
+        self, plan: PlantPlan, axes: Mapping[str, Axis], signals: Mapping[str, PlainSignals], columns: Columns
+    ) -> None:
+        self._axes = axes
+        self._signals = signals
+        self._columns = columns
+        self.row = PLANT.allocate(1)
+        sources = [wire.source for wire in plan.wires if isinstance(wire.source, StationEnd)]
+        #: Signals of stations that wires read, each once, and the numbers of their values.
+        self.probed = {(end.station, end.signal): number for number, end in enumerate(sources, plan.values)}
+        self.probed = {key: plan.values + i for i, key in enumerate(self.probed)}
+        targets = [wire.target for wire in plan.wires if isinstance(wire.target, StationEnd)]
+        #: Ends of wires at stations, and the numbers of their values.
+        first = plan.values + len(self.probed)
+        self.outlets = {(end.station, end.signal): first + i for i, end in enumerate(targets)}
+        self.values = np.zeros(max(1, first + len(targets)))
+        self._wires = WIRE.allocate(max(1, len(plan.wires)))
+        self._outlets = OUTLET.allocate(max(1, len(targets)))
+        self._probes = PROBE.allocate(max(1, len(self.probed)))
+        behaviours = [one for one in plan.models.values() if isinstance(one.what, Behaviour)]
+        couplings = [one for one in plan.models.values() if isinstance(one.what, CouplingKind)]
+        self._behaviours = BEHAVIOUR.allocate(max(1, len(behaviours)))
+        self._couplings = COUPLING.allocate(max(1, len(couplings)))
+        self.memory = np.zeros(max(1, sum(_memory_of(one) for one in behaviours)))
+        self._fill_wires(plan.wires)
+        for row, (station, signal) in zip(self._probes, self.probed, strict=False):
+            self._fill_probe(row, self._place(station, signal))
+        for row, end in zip(self._outlets, targets, strict=False):
+            self._fill_outlet(row, end)
+        place = 0
+        for row, model in zip(self._behaviours, behaviours, strict=False):
+            place = self._fill_behaviour(row, model, place)
+        for row, model in zip(self._couplings, couplings, strict=False):
+            self._fill_coupling(row, model)
+        counts = {
+            "value": (self.values, len(self.values)),
+            "memory": (self.memory, len(self.memory)),
+            "wire": (self._wires, len(plan.wires)),
+            "behaviour": (self._behaviours, len(behaviours)),
+            "coupling": (self._couplings, len(couplings)),
+            "outlet": (self._outlets, len(targets)),
+            "probe": (self._probes, len(self.probed)),
+            "axis": (columns.axis, len(columns.axis)),
+            "image": (columns.image, len(columns.image)),
+            "provided": (columns.provided.rows, len(columns.provided.rows)),
+            "provided_octets": (columns.provided.octets, len(columns.provided.octets)),
+            "consumed": (columns.consumed.rows, len(columns.consumed.rows)),
+            "consumed_octets": (columns.consumed.octets, len(columns.consumed.octets)),
+            "event": (columns.events, len(columns.events)),
+        }
+        for name, (array, count) in counts.items():
+            self.row[0][name] = array.ctypes.data
+            self.row[0][f"{name}_count"] = count
+        self.row[0].engine = columns.engine.ctypes.data
+        self.row[0].probed = plan.values
+        self._step_ns = plan.step_ns
+
+    def attach(self) -> None:
+        """Have the engine step it; it is compiled here, if it is not cached."""
+        engine = self._columns.engine[0]
+        engine.plant_row = self.row.ctypes.data
+        engine.plant_step_ns = self._step_ns
+        # set last: from now on the engine looks at the others
+        engine.plant_call = address_of(take_step, PLANT)
+
+    def _place(self, station: str, signal: str) -> Place:
+        axis = self._axes.get(station)
+        if axis is None:
+            signals = self._signals[station]
+            return plain_place(signals.signal(signal), *signals.whereabouts(signal))
+        place = place_in(axis, signal)
+        if place is None:
+            raise ConfigError(f"plant: telegram {axis.store.telegram_number} of {station} has no {signal}")
+        return place
+
+    @staticmethod
+    def _fill_probe(row: Any, place: Place) -> None:
+        for name in _PLACED:
+            row[name] = getattr(place, name)
+
+    def _fill_wires(self, wires: tuple[PlannedWire, ...]) -> None:
+        for row, wire in zip(self._wires, wires, strict=False):
+            source, target = wire.source, wire.target
+            row.form = _FORMS[wire.form]
+            row.source = self.probed[source.station, source.signal] if isinstance(source, StationEnd) else source
+            row.target = self.outlets[target.station, target.signal] if isinstance(target, StationEnd) else target
+            row.late = isinstance(target, StationEnd)
+            row.scale, row.offset = wire.scale, wire.offset
+
+    def _fill_outlet(self, row: Any, end: StationEnd) -> None:
+        row.value = self.outlets[end.station, end.signal]
+        if not end.is_axis:
+            row.form = OUTLET_STATION
+            return
+        taken, axis = TAKEN[end.signal], self._axes[end.station]
+        place = place_of(AXIS, taken.field).in_row(axis.index)
+        row.form, row.word, row.axis = taken.form, place.word, axis.index
+        row.shift = 0 if taken.form == OUTLET_REAL else place.shift + taken.bit
+
+    def _fill_behaviour(self, row: Any, model: PlannedModel, place: int) -> int:
+        """A behaviour's row and its memory from ``place`` on; returns where it ends."""
+        kind = model.what
+        assert isinstance(kind, Behaviour)
+        row.kind, row.step_ns = behaviour_number(kind.name), model.step_ns
+        row.value, row.values = model.first, len(kind.ports)
+        row.memory, row.parameters, row.state = place, len(kind.parameters), kind.state
+        for number, parameter in enumerate(kind.parameters):
+            self.memory[place + number] = model.parameters[parameter.name]
+        return place + _memory_of(model)
+
+    def _fill_coupling(self, row: Any, model: PlannedModel) -> None:
+        kind, given = model.what, model.parameters
+        assert isinstance(kind, CouplingKind)
+        axes = [self._axes[name].index for name in given["axes"]]
+        row.kind, row.value = kind.code, model.first
+        row.first, row.second = axes[0], axes[1] if len(axes) > 1 else -1
+        row.ratio = given.get("ratio", 1.0)
+        row.inertia, row.damped = given.get("inertia", 0.0), given.get("friction", 0.0)
+        row.stiffness, row.damping = given.get("stiffness", 0.0), given.get("damping", 0.0)
+        row.gap = given.get("backlash", 0.0) * pi / 180.0
+        self.values[model.first] = given["offset"]
+
+
+def _memory_of(model: PlannedModel) -> int:
+    """Numbers that a behaviour has in memory."""
+    kind = model.what
+    assert isinstance(kind, Behaviour)
+    return len(kind.parameters) + kind.state
