@@ -70,13 +70,16 @@ def _with_backlash(stiffness: float, gap: float, twist: float, speed: float, mas
 
 
 @inlined
-def uncouple(couplings: Any, axes: Any) -> None:
-    """Take the torques of the last step from the axes."""
+def uncouple(couplings: Any, axes: Any, step_ns: int) -> None:
+    """Take the torques of the last step from the axes, which step as often as the plant from now on."""
+    # after a late tick the next one may come early, and still counts
+    longest = step_ns - step_ns // 8
     for number in range(len(couplings)):
         coupling = couplings[number]
-        axes[coupling.first].outside.torque = 0.0
-        if coupling.second >= 0:
-            axes[coupling.second].outside.torque = 0.0
+        for row in (int(coupling.first), int(coupling.second)):
+            if row >= 0:
+                axes[row].outside.torque = 0.0
+                axes[row].step_ns = min(axes[row].step_ns, longest)
 
 
 @inlined

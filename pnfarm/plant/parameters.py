@@ -92,7 +92,7 @@ def _value(parameter: Parameter, value: Any) -> float:
     else:
         number = float(value)
     if not parameter.low <= number <= parameter.high:
-        raise Problem(f"is {shown(value)}", f"{parameter.low:g} to {parameter.high:g}{parameter.unit and f' {parameter.unit}'}")  # fmt: skip
+        raise Problem(f"is {shown(value)}", f"{parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip())
     return number
 
 

@@ -103,7 +103,8 @@ def _ports(kind: type[Any], side: str, path: Path) -> tuple[Port, ...]:
     if isinstance(given, (list, tuple, set, frozenset)):
         given = dict.fromkeys(given, "")
     if not isinstance(given, dict) or len(given) > MOST_PORTS:
-        raise PlantFileError(f"{what} is {shown(given)}", f'a mapping such as {{"position": "mm", "on": bool}}, at most {MOST_PORTS} ports')  # fmt: skip
+        allowed = f'a mapping such as {{"position": "mm", "on": bool}}, at most {MOST_PORTS} ports'
+        raise PlantFileError(f"{what} is {shown(given)}", allowed)
     found = []
     for name, form in given.items():
         if not isinstance(name, str) or not name.isidentifier() or name.startswith("_") or hasattr(kind, name):

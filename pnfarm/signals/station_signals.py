@@ -96,8 +96,8 @@ class StationSignals:
     def set(self, values: Mapping[str, Value]) -> dict[str, Owner]:
         """Write signals, all in force at once; a text is parsed by the signal's type.
 
-        Returns those that a fault, a force or the plant has now: what was written waits behind it.  Raises :class:`SignalError`
-        with the reason of every value that is refused; then nothing is changed.
+        Returns those that a fault, a force or the plant has now: what was written waits behind it.  Raises
+        :class:`SignalError` with the reason of every value that is refused; then nothing is changed.
         """
         written = self._checked(values)
         self._layers.write(written)

@@ -141,7 +141,7 @@ def take_step(row: Any, now: int) -> None:
     _copy(wires, values, 1)
     couplings = array_at(row.coupling, row.coupling_count, _COUPLING)
     axes = array_at(row.axis, row.axis_count, _AXIS)
-    uncouple(couplings, axes)
+    uncouple(couplings, axes, int(step))
     _give(row, axes, values, step * 1e-9, now)
     for number in range(row.coupling_count):
         coupling = couplings[number]
