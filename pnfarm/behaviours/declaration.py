@@ -70,6 +70,10 @@ class Behaviour:
     step: Callable[[Any, Any, float], None]
 
     @property
+    def kind_name(self) -> str:
+        return self.name
+
+    @property
     def ports(self) -> tuple[Port, ...]:
         """In the order of their values."""
         return self.inputs + self.outputs

@@ -87,12 +87,14 @@ def check_impairments(config: FarmConfig) -> None:
     signals.
     """
     from pnfarm.drives import catalogue
+    from pnfarm.farm.farm import model_of
     from pnfarm.farm.file.reading import FarmFileError, FileIssue, expand, expand_devices
+    from pnfarm.farm.plant import known_signals
 
     issues: list[FileIssue] = []
     named: set[str] = set()
     drives, devices = expand(config), expand_devices(config)
-    known = {device.name: device.known_signals for device in devices}
+    known, _ = known_signals(config, model_of)
     members: list[tuple[str, int, Sequence[Impairment], list[DriveConfig | DeviceConfig], Model | None]] = []
     for group, section in enumerate(config.drives):
         own = [drive for drive in drives if drive.group == group]

@@ -23,7 +23,6 @@ from pnfarm.controller.line_door import LineDoor
 from pnfarm.controller.plan import plan_controllers
 from pnfarm.controller.program_file import program_of, program_settings
 from pnfarm.controller.program_runner import ProgramRunner
-from pnfarm.controller.program_thread import ProgramThread
 from pnfarm.drives.profiles.profidrive.pkw import NO_TASK
 from pnfarm.errors import ConfigError
 from pnfarm.farm.farm import realtime_settings
@@ -42,6 +41,7 @@ from pnfarm.links.serial.link import SerialLink
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
 from pnfarm.station.event_log import EventLog
+from pnfarm.user_code.thread import CodeThread
 
 if TYPE_CHECKING:
     import socket
@@ -208,7 +208,7 @@ class Plc:
         self._settings = settings or realtime_settings(config)
         self._controllers: Controllers | None = None
         self._runner: ProgramRunner | None = None
-        self._programs: ProgramThread | None = None
+        self._programs: CodeThread | None = None
 
     @classmethod
     def from_file(cls, path: str | Path, *, interface: str | None = None, **overrides: Any) -> Self:
@@ -284,7 +284,7 @@ class Plc:
                 loop.call_soon_threadsafe(begin, action)
 
         self._runner = ProgramRunner(self.controllers, kind, note, limit_ns=limit_ns, in_real_time=True, carry=carry)
-        self._programs = ProgramThread(self._runner, failed)
+        self._programs = CodeThread(self._runner, failed, "pnfarm axis programs")
         self._programs.start()
 
     async def release(self, seconds: float = RELEASE_SECONDS) -> bool:

@@ -65,10 +65,11 @@ if TYPE_CHECKING:
     from pnfarm.links.base import Clock, Link, Port
     from pnfarm.links.serial.line import LineTally
     from pnfarm.plant.plan import PlantPlan
+    from pnfarm.signals.owner import SignalOwner
     from pnfarm.station.event import Event
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.node import StationNode
-    from pnfarm.station.plain_signals import PlainSignals
+    from pnfarm.station.plain_signals import NamedSignals
     from pnfarm.wire.endpoint import Services, SocketAction, SocketEvent
 
 #: Events whose row is a consumer's.
@@ -205,19 +206,6 @@ class FarmCore:
             self.lines |= innermost.tallies()
         self._segment_of = {s.port.index: self._segments[s.bus] for s in self.stations}
         self._socket_gate = SocketGate(self._deliver, self._act, self._refuse_streams)
-        #: What is injected into the drives.
-        self.injections = make_manager(
-            self.stations,
-            self.axes,
-            self.columns,
-            self.impairments,
-            gate,
-            self._socket_gate,
-            settle=self.settle,
-            log=log,
-            clock=clock,
-        )
-        self.traces = TraceManager(self.axes, self.devices.values(), self.columns, log)
         #: What is behind the stations, None without.
         self.plant: Plant | None = None
         if plant is not None:
@@ -230,6 +218,20 @@ class FarmCore:
                 partial(self._note_plant, log),
                 in_real_time=in_real_time,
             )
+        #: What is injected into the drives.
+        self.injections = make_manager(
+            self.stations,
+            self.axes,
+            self.signal_owners,
+            self.columns,
+            self.impairments,
+            gate,
+            self._socket_gate,
+            settle=self.settle,
+            log=log,
+            clock=clock,
+        )
+        self.traces = TraceManager(self.axes, self.devices.values(), self.columns, log)
         gate.set_receiver(self.receive)
         self._served: dict[int, tuple[int, Services]] = {}
         if self._sockets is not None:
@@ -350,8 +352,10 @@ class FarmCore:
         why = f"there is no device {shown(name)}{did_you_mean(name, known)}" if found is None else f"{name} is a drive"
         raise ConfigError(f"{why}; devices of farm {self.name}: {shortened(known) or 'none'}")
 
-    def with_signals(self, name: str) -> tuple[Station, PlainSignals]:
-        """A device and its signals; raises :class:`ConfigError`."""
+    def with_signals(self, name: str) -> tuple[SignalOwner, NamedSignals]:
+        """A device, or a model of the plant, and its signals; raises :class:`ConfigError`."""
+        if self.plant is not None and (part := self.plant.parts.get(name)) is not None:
+            return part, part.signals
         station = self.device(name)
         if station.signals is None:
             raise ConfigError(f"device {station.configured_name} has no signals: none of its modules has data")
@@ -362,9 +366,15 @@ class FarmCore:
         """The stations without axes."""
         return {station.configured_name: station for station in self.stations if not station.axes}
 
+    @property
+    def signal_owners(self) -> dict[str, SignalOwner]:
+        """The devices, and the models of the plant."""
+        parts: Mapping[str, SignalOwner] = {} if self.plant is None else self.plant.parts
+        return {**self.devices, **parts}
+
     def signals(self) -> dict[str, dict[str, Any]]:
-        """By device, the signals (:class:`pnfarm.signals.signal.Signal`) by name."""
-        devices = {name: station.signals for name, station in self.devices.items()}
+        """By device or model of the plant, the signals (:class:`pnfarm.signals.signal.Signal`) by name."""
+        devices = {name: owner.signals for name, owner in self.signal_owners.items()}
         return {
             name: {} if found is None else {one: found.signal(one) for one in found.names}
             for name, found in devices.items()
@@ -505,6 +515,11 @@ class FarmCore:
         # a connection, a parameter: an injection may wait for it
         for name in station.names:
             self.injections.touch(name)
+
+    def settle_owner(self, owner: SignalOwner, now: int) -> None:
+        """The same for whatever has signals: the plant takes what is written in its next step."""
+        if isinstance(owner, Station):
+            self.settle(owner, now)
 
     def service(self, now: int) -> None:
         self._drain(now)

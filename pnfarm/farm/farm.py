@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import os
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 import anyio
@@ -65,6 +66,7 @@ from pnfarm.links.muted import MutedLink
 from pnfarm.links.tap import TapLink
 from pnfarm.links.veth import VethLink
 from pnfarm.station.event_log import EventLog
+from pnfarm.user_code.thread import CodeThread
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping, Sequence
@@ -202,6 +204,7 @@ class Farm:
         self._leaseholder: Leaseholder | None = None
         self._driver: RealTimeDriver | MemoryDriver | None = None
         self._core: FarmCore | None = None
+        self._plant: CodeThread | None = None
         self.started_ns = 0
         #: Called before the engine starts, with the core.
         self.on_start: list[Callable[[FarmCore], None]] = []
@@ -305,12 +308,28 @@ class Farm:
             add_impairments(self._core.injections, self._stations, now, part=self.shard is not None)
             self._core.start(now)
             await self.driver.start()
+            self._start_plant(self._core)
             self.started_ns = now
             self._report(now)
         except BaseException:
             with anyio.CancelScope(shield=True):
                 await self.close()
             raise
+
+    def _start_plant(self, core: FarmCore) -> None:
+        """Models of the plant in Python have a thread of their own in real time."""
+        plant = core.plant
+        if plant is None or self.world is not None or not len(plant.python):
+            return
+        loop = asyncio.get_running_loop()
+
+        def carry(action: Callable[[], object]) -> None:
+            with contextlib.suppress(RuntimeError):  # the loop is closed: nobody waits for it
+                loop.call_soon_threadsafe(action)
+
+        plant.carry = carry
+        self._plant = CodeThread(plant.python, lambda exc: carry(partial(self.driver.fail, exc)), "pnfarm plant")
+        self._plant.start()
 
     async def _open_state(self) -> FarmState | PostgresState:
         """The drives' memory; in a database it is shared, and every drive is claimed there before it is made."""
@@ -396,6 +415,8 @@ class Farm:
                 now = self.now()
                 self._core.stop(now)
                 self.log.record(now, "", FarmStopped())
+            if self._plant is not None:
+                await asyncio.to_thread(self._plant.close)
             if self._driver is not None:
                 await self._driver.close()
         finally:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from pnfarm.faults.gate.gate import GatedLink
     from pnfarm.faults.gate.socket_gate import SocketGate
     from pnfarm.links.base import Clock
+    from pnfarm.signals.owner import SignalOwner
     from pnfarm.station.axis import Axis
     from pnfarm.station.event_log import EventLog
     from pnfarm.station.station import Station
@@ -59,6 +60,7 @@ class _Drives(Mapping[str, "InjectedDrive"]):
 def make_manager(
     stations: Sequence[Station],
     axes: Sequence[Axis],
+    owners: Mapping[str, SignalOwner],
     columns: Columns,
     impairments: ImpairmentTable,
     gate: GatedLink,
@@ -70,7 +72,8 @@ def make_manager(
 ) -> InjectionManager:
     """The manager of a farm whose ``stations`` are behind ``gate``, and behind ``sockets`` with their streams.
 
-    ``settle(station, now)`` lets a station process the effects of an injection.
+    ``owners``: what conditions find signals by.  ``settle(station, now)`` lets a station process the effects of an
+    injection.
     """
 
     def not_changed(drive: str, reason: str) -> None:
@@ -91,7 +94,7 @@ def make_manager(
         if bus(station.bus).uses_sockets:
             # the messages of a stream are cut from its beginning
             drives[station.configured_name]
-    return InjectionManager(fault_kinds(), drives, (gate, sockets, addresses), Conditions(axes, columns, stations))
+    return InjectionManager(fault_kinds(), drives, (gate, sockets, addresses), Conditions(axes, columns, owners))
 
 
 def add_impairments(

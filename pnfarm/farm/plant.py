@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 from pnfarm.config.device import DeviceConfig
 from pnfarm.config.drive import DriveConfig
+from pnfarm.farm.file.reading import expand_all
+from pnfarm.plant.part import port_signals
 from pnfarm.plant.plan import plan_plant
 from pnfarm.vocabulary.issues import FarmFileError, FileIssue, field_path
 
@@ -16,9 +18,10 @@ if TYPE_CHECKING:
     from pnfarm.drives.description.model import Model
     from pnfarm.farm.file.reading import FarmConfig
     from pnfarm.plant.plan import PlantPlan
+    from pnfarm.signals.device_signal import KnownDevices
     from pnfarm.vocabulary.issues import Location
 
-__all__ = ["plant_of"]
+__all__ = ["known_signals", "plant_of"]
 
 
 def plant_of(
@@ -39,3 +42,20 @@ def plant_of(
     if issues:
         raise FarmFileError(issues)
     return plan
+
+
+def known_signals(
+    config: FarmConfig, model_of: Callable[[DriveConfig], Model]
+) -> tuple[KnownDevices, dict[str, tuple[str, ...]]]:
+    """The signals of the file's devices and of its plant's models, by their names, and what kinds these are."""
+    stations = expand_all(config)
+    devices = [one for one in stations if isinstance(one, DeviceConfig)]
+    plan = plant_of(config, stations, model_of)
+    models = {} if plan is None else plan.models
+    return (
+        {
+            **{one.name: one.known_signals for one in devices},
+            **{name: port_signals(model) for name, model in models.items()},
+        },
+        {**{one.name: one.kinds for one in devices}, **{name: model.kinds for name, model in models.items()}},
+    )

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from pnfarm.signals.conditions import Condition
     from pnfarm.signals.device_signal import KnownDevices, LiveDevices
     from pnfarm.station.axis import Axis
-    from pnfarm.station.station import Station
     from pnfarm.vocabulary.conditions import Operand, Tree, Value
 
 __all__ = ["ConditionWatch", "Conditions"]
@@ -58,11 +57,11 @@ LOOK_NS = 1_000_000
 
 
 class Conditions:
-    """The conditions for which injections wait on a farm's axes, and on those ``stations`` that are devices."""
+    """The conditions for which injections wait on a farm's axes, on its devices, and on its plant."""
 
-    def __init__(self, axes: Sequence[Axis], columns: Columns, stations: Sequence[Station]) -> None:
+    def __init__(self, axes: Sequence[Axis], columns: Columns, owners: LiveDevices) -> None:
         self._axes = {axis.configured_name: axis for axis in axes}
-        self._live: LiveDevices = {station.configured_name: station for station in stations if not station.axes}
+        self._live = owners
         self._known: KnownDevices = {
             name: {} if station.signals is None else {one: station.signals.signal(one) for one in station.signals.names}
             for name, station in self._live.items()

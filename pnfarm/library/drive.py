@@ -47,7 +47,7 @@ class Drive(DriveReadings):
             raise ConfigError(f"{condition!r}: {exc}") from exc
         within_ns = duration_ns(within, "within")
         passing = self._passing
-        watch = Watch({self.name: bound}, {self.name: self._station}, passing.core.devices)
+        watch = Watch({self.name: bound}, {self.name: self._station}, passing.core.signal_owners)
         # before the clock is read, which may let time pass: what happens from this call on counts
         unsubscribe = passing.log.subscribe(watch.note)
 

@@ -21,6 +21,7 @@ from pnfarm.library.events import FarmEvent
 from pnfarm.library.face import FarmFace, first_drives
 from pnfarm.library.fault import Bound, FaultHandle, FaultView
 from pnfarm.library.metrics import Metrics
+from pnfarm.library.plant import PlantReadings
 from pnfarm.library.remote import RemoteFarm
 from pnfarm.library.result import ScenarioResult
 from pnfarm.library.runner import RealTimeRunner, VirtualTimeRunner
@@ -107,6 +108,11 @@ class Farm(FarmFace[Drive, Device]):
         return self._devices[self.core.device(name).configured_name]
 
     @property
+    def plant(self) -> PlantReadings:
+        """The models behind the stations: ``farm.plant.gripper.extended``; raises :class:`ConfigError` without."""
+        return PlantReadings(self.core)
+
+    @property
     def now(self) -> float:
         """Seconds since the start, by the farm's clock."""
         return (self._passing.now() - self._began_ns) / 1e9
@@ -161,7 +167,7 @@ class Farm(FarmFace[Drive, Device]):
         if scenario.overrides:
             raise ConfigError(f"{path}: with: sets keys of a farm file, and this farm runs already; leave it out")
         models = {station.configured_name: station.model for station in self.core.axes}
-        kinds = {name: device.kinds for name, device in self.core.devices.items()}
+        kinds = {name: device.kinds for name, device in self.core.signal_owners.items()}
         binding = bind_scenario(scenario, models, fault_kinds(), self.core.signals(), kinds)
         return ScenarioResult(await self._passing.carry_out(binding))
 

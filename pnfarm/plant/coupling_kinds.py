@@ -24,6 +24,10 @@ class CouplingKind:
     parameters: tuple[Parameter, ...]
 
     @property
+    def kind_name(self) -> str:
+        return self.name
+
+    @property
     def ports(self) -> tuple[tuple[Port, int], ...]:
         return self.inputs + self.outputs
 

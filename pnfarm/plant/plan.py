@@ -53,6 +53,11 @@ class PlannedModel:
     #: The number of its first value.
     first: int
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What globs find it by beside its name."""
+        return (self.what.kind_name,)
+
 
 @dataclass(frozen=True, slots=True)
 class StationEnd:

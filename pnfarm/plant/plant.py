@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
+from functools import partial
 from typing import TYPE_CHECKING
 
-from pnfarm.errors import ConfigError
 from pnfarm.plant.events import PlantStepsLeftOut
+from pnfarm.plant.part import PlantPart
 from pnfarm.plant.plan import StationEnd
 from pnfarm.plant.python_file import ModelClass
 from pnfarm.plant.python_models import PythonModels
 from pnfarm.plant.table import PlantTable
-from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from pnfarm.behaviours.declaration import Port
     from pnfarm.engine.columns import Columns
     from pnfarm.plant.plan import PlantPlan
     from pnfarm.signals.signal import Signal
@@ -44,12 +42,14 @@ class Plant:
         self.plan = plan
         self._signals = signals
         self._note = note
+        #: In real time: carries an event of a model's thread to where the log is.
+        self.carry: Callable[[Callable[[], object]], object] | None = None
         self._engine = columns.engine[0]
         self._left_out = 0
         self._in_real_time = in_real_time
         self._table = PlantTable(plan, axes, signals, columns)
         python = [model for model in plan.models.values() if isinstance(model.what, ModelClass)]
-        self.python = PythonModels(python, self._table.values, note, in_real_time=in_real_time)
+        self.python = PythonModels(python, self._table.values, self._carried, in_real_time=in_real_time)
         #: Inputs of stations, and the numbers of their values.
         self._written: dict[str, list[tuple[Signal, int]]] = {}
         self._targets: set[int] = set()
@@ -61,17 +61,21 @@ class Plant:
                 signal = signals[end.station].signal(end.signal)
                 number = self._table.outlets[end.station, end.signal]
                 self._written.setdefault(end.station, []).append((signal, number))
-        self._ports: dict[str, tuple[Port, int]] = {
-            f"{model.name}.{name}": place
-            for model in plan.models.values()
-            for name, place in (*model.inputs.items(), *model.outputs.items())
-        }
-        self._inputs = {f"{model.name}.{name}" for model in plan.models.values() for name in model.inputs}
+        wired = frozenset(self._targets)
+        #: The models, by name.
+        self.parts = {name: PlantPart(model, self._table.values, wired) for name, model in plan.models.items()}
 
     def start(self, now: int) -> None:
         """Have the engine step it from its next tick on."""
         self.python.start(now)
         self._table.attach()
+
+    def _carried(self, now: int, event: Event) -> None:
+        """An event of a model in Python."""
+        if self.carry is None:
+            self._note(now, event)
+        else:
+            self.carry(partial(self._note, now, event))
 
     def next_deadline(self) -> int | None:
         """When a model in Python is due, unless these have a thread of their own."""
@@ -94,51 +98,6 @@ class Plant:
         if left_out != self._left_out:
             self._note(now, PlantStepsLeftOut(left_out - self._left_out))
             self._left_out = left_out
-
-    # -- values by name
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """``MODEL.PORT`` of all models, in the order of the file."""
-        return tuple(self._ports)
-
-    def get(self, name: str) -> float | bool:
-        """A port's value; raises :class:`ConfigError` for an unknown name."""
-        port, number = self._port(name)
-        value = float(self._table.values[number])
-        return value != 0.0 if port.form == "bit" else value
-
-    def set(self, values: Mapping[str, float | bool]) -> None:
-        """Set inputs that no wire writes, all or none; raises :class:`ConfigError`."""
-        found = []
-        for name, value in values.items():
-            port, number = self._port(name)
-            if name not in self._inputs:
-                raise ConfigError(f"{name} is an output of the plant")
-            if number in self._targets:
-                raise ConfigError(f"{name} has a wire, which writes it in each step")
-            if port.form == "bit":
-                if not isinstance(value, bool) and value not in {0, 1}:
-                    raise ConfigError(f"{name} is a switch, and cannot be {shown(value)}")
-            elif isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-                raise ConfigError(f"{name} is a number, and cannot be {shown(value)}")
-            found.append((number, float(value)))
-        for number, one in found:
-            self._table.values[number] = one
-
-    def readings(self) -> dict[str, tuple[Port, float | bool, bool]]:
-        """Each port with its value, and whether it may be set."""
-        return {
-            name: (port, self.get(name), name in self._inputs and number not in self._targets)
-            for name, (port, number) in self._ports.items()
-        }
-
-    def _port(self, name: str) -> tuple[Port, int]:
-        found = self._ports.get(name)
-        if found is None:
-            hint = did_you_mean(name, self._ports)
-            raise ConfigError(f"the plant has no port {shown(name)}{hint}; it has {shortened(list(self._ports))}")
-        return found
 
 
 def _fitting(signal: Signal, value: float) -> Value:

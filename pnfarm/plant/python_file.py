@@ -53,6 +53,10 @@ class ModelClass:
     #: What its ``__init__`` takes.
     parameters: tuple[str, ...]
 
+    @property
+    def kind_name(self) -> str:
+        return "python"
+
 
 def load_model(path: Path, class_name: str | None) -> ModelClass:
     """Run the file and return its class; without a name, the only one with a ``step``.

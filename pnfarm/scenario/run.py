@@ -181,7 +181,7 @@ class ScenarioRun(Flow):
                 for name, values in step.values["signals"].items():
                     self._force(name, values)
             case "release":
-                for name, values in releases(step.values["signals"], self._core.devices).items():
+                for name, values in releases(step.values["signals"], self._core.signal_owners).items():
                     self._force(name, values)
             case "param":
                 for name in self.binding.chosen(step):
@@ -200,7 +200,7 @@ class ScenarioRun(Flow):
             raise ConfigError(f"{name}: {error}") from error
         for signal, owner in overruled.items():
             self.record.note_told(self._now, name, f"{signal} waits: a {owner} has it", None)
-        self._core.settle(station, self._now)
+        self._core.settle_owner(station, self._now)
 
     def _force(self, name: str, values: Mapping[str, Any]) -> None:
         self._set(name, values, force=True)
@@ -278,7 +278,7 @@ class ScenarioRun(Flow):
         raise EndedError(f"{step.title}: {message}")
 
     def _open(self, step: Step) -> Watch:
-        watch = Watch(self.binding.conditions(step), self._stations, self._core.devices)
+        watch = Watch(self.binding.conditions(step), self._stations, self._core.signal_owners)
         self._watches.append(watch)
         return watch
 

@@ -166,7 +166,7 @@ class RunningScenarios(KeptScenarios):
         return self._core.signals()
 
     def _models(self) -> Mapping[str, Sequence[str]]:
-        return {name: device.kinds for name, device in self._core.devices.items()}
+        return {name: device.kinds for name, device in self._core.signal_owners.items()}
 
     def _begin(self, binding: Binding, *, part: bool) -> tuple[Flow, Coroutine[Any, Any, None]]:
         now = self._now()

@@ -19,8 +19,8 @@ from pnfarm.vocabulary.quoting import shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Container, Mapping, Sequence
 
+    from pnfarm.signals.owner import SignalOwner
     from pnfarm.signals.signal import Signal
-    from pnfarm.station.station import Station
     from pnfarm.vocabulary.conditions import Name, Tree, Value
 
 __all__ = [
@@ -39,9 +39,9 @@ __all__ = [
 
 #: Devices by name: the signals that each has, and their values.
 KnownDevices: TypeAlias = "Mapping[str, Mapping[str, Signal]]"
-LiveDevices: TypeAlias = "Mapping[str, Station]"
+LiveDevices: TypeAlias = "Mapping[str, SignalOwner]"
 #: What any device has.
-FACTS: Mapping[str, Callable[[Station], bool]] = {
+FACTS: Mapping[str, Callable[[SignalOwner], bool]] = {
     "connected": lambda station: station.powered and station.device.connected,
     "powered": lambda station: station.powered,
 }

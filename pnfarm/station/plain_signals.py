@@ -9,11 +9,11 @@ if TYPE_CHECKING:
 
     from pnfarm.wire.value_types import Value
 
-__all__ = ["PlainSignals"]
+__all__ = ["NamedSignals", "PlainSignals"]
 
 
-class PlainSignals(Protocol):
-    """Named values of its data; errors are :class:`pnfarm.errors.ConfigError`."""
+class NamedSignals(Protocol):
+    """Named values of a device, or of a model of the plant; errors are :class:`pnfarm.errors.ConfigError`."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -28,9 +28,6 @@ class PlainSignals(Protocol):
 
     def get(self, name: str) -> Value: ...
 
-    def whereabouts(self, name: str) -> tuple[int, int]:
-        """Where the engine finds it: the row of plain data, and its first octet there."""
-
     def good(self, name: str) -> bool:
         """Whether the provider status of its data is GOOD."""
 
@@ -38,13 +35,10 @@ class PlainSignals(Protocol):
         """Every signal (:class:`pnfarm.signals.signal.Signal`) with its value and whether its data are good."""
 
     def set(self, values: Mapping[str, Value]) -> Mapping[str, str]:
-        """Write inputs of the controller, all or none; those that somebody stronger has, and who."""
+        """Write inputs, all or none; those that somebody stronger has, and who."""
 
     def force(self, values: Mapping[str, Value | None]) -> Mapping[str, str]:
         """The same over what is written, until a None releases it; ``*`` releases all."""
-
-    def take(self, values: Mapping[str, Value]) -> None:
-        """Values of the plant for inputs of the controller."""
 
     def owner(self, name: str) -> str:
         """Whose value it has: controller, fault, force, plant, value, default."""
@@ -56,6 +50,16 @@ class PlainSignals(Protocol):
     @property
     def shaped(self) -> Sequence[str]:
         """The inputs that have a shape, once for each."""
+
+
+class PlainSignals(NamedSignals, Protocol):
+    """Those of a station: values of its data, of which the controller gets the inputs."""
+
+    def whereabouts(self, name: str) -> tuple[int, int]:
+        """Where the engine finds it: the row of plain data, and its first octet there."""
+
+    def take(self, values: Mapping[str, Value]) -> None:
+        """Values of the plant for inputs of the controller."""
 
     def put_shape(self, signal: Any, shape: Callable[[Value], Value]) -> None:
         """From now on the controller gets what this makes of an input."""

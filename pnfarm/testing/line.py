@@ -15,6 +15,7 @@ from pnfarm.farm.file.reading import load_farm, parse_farm
 from pnfarm.farm.injection_fields import fields_of
 from pnfarm.farm.injections import add_impairments
 from pnfarm.farm.wait import NotInTime
+from pnfarm.library.plant import PlantReadings
 from pnfarm.links.memory import at_once
 from pnfarm.station.event_log import EventLog
 from pnfarm.testing.device import Device
@@ -170,6 +171,11 @@ class Line(BlockingFace[Drive]):
     def device(self, name: str) -> Device:
         """A device by its name.  Raises :class:`ConfigError`."""
         return Device(self, self.core.device(name))
+
+    @property
+    def plant(self) -> PlantReadings:
+        """The models behind the stations: ``line.plant.gripper.extended``; raises :class:`ConfigError` without."""
+        return PlantReadings(self.core)
 
     # -- faults
 

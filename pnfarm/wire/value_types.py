@@ -16,7 +16,7 @@ from typing import Literal
 from pnfarm.vocabulary.problem import Problem
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 
-__all__ = ["BOOL", "MAX_OCTETS", "TYPE_PATTERN", "UINT8", "ByteOrder", "Value", "ValueType", "read_type"]
+__all__ = ["BOOL", "FLOAT64", "MAX_OCTETS", "TYPE_PATTERN", "UINT8", "ByteOrder", "Value", "ValueType", "read_type"]
 
 Value = bool | int | float | bytes | str
 ByteOrder = Literal["big", "little"]
@@ -131,6 +131,7 @@ class ValueType:
 
 BOOL = ValueType("bool", 1)
 UINT8 = ValueType("uint", 1)
+FLOAT64 = ValueType("float", 8)
 _NAMED = {
     kind.name: kind
     for kind in (
@@ -138,7 +139,7 @@ _NAMED = {
         *(ValueType("int", octets) for octets in range(1, 9)),
         *(ValueType("uint", octets) for octets in range(1, 9)),
         ValueType("float", 4),
-        ValueType("float", 8),
+        FLOAT64,
     )
 }
 _SIZED = re.compile(r"(octets|text)\[([0-9]{1,4})\]")

@@ -12,8 +12,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pnfarm.api.context import ApiContext
+    from pnfarm.signals.owner import SignalOwner
     from pnfarm.station.event import Event
-    from pnfarm.station.plain_signals import PlainSignals
+    from pnfarm.station.plain_signals import NamedSignals
     from pnfarm.station.station import Station
 
 __all__ = ["FarmDevices"]
@@ -53,10 +54,11 @@ class FarmDevices:
         station, signals = self._with_signals(name)
         overruled = (signals.force if force else signals.set)(values)
         self._context.record(event, station.configured_name)
-        self._context.changed(station)
+        self._context.core.settle_owner(station, self._context.now())
+        self._context.poke()
         return {**self.signals(name), "overruled": dict(overruled)}
 
-    def _with_signals(self, name: str) -> tuple[Station, PlainSignals]:
+    def _with_signals(self, name: str) -> tuple[SignalOwner, NamedSignals]:
         with named_by_path():
             return self._context.core.with_signals(name)
 

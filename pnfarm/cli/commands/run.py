@@ -38,7 +38,8 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     from pnfarm.buses.registry import fault_kinds
     from pnfarm.cli.farm_file import check_impairments, check_program, read
     from pnfarm.farm.farm import model_of
-    from pnfarm.farm.file.reading import expand, expand_devices
+    from pnfarm.farm.file.reading import expand
+    from pnfarm.farm.plant import known_signals
     from pnfarm.scenario.definition.binding import bind_scenario
 
     path = scenario.farm_path
@@ -48,9 +49,8 @@ def bound(scenario: Scenario) -> tuple[Binding, FarmConfig]:
     check_impairments(config)
     check_program(config)
     drives = {drive.name: model_of(drive) for drive in expand(config)}
-    devices = expand_devices(config)
-    signals = {device.name: device.known_signals for device in devices}
-    return bind_scenario(scenario, drives, fault_kinds(), signals, {one.name: one.kinds for one in devices}), config
+    signals, kinds = known_signals(config, model_of)
+    return bind_scenario(scenario, drives, fault_kinds(), signals, kinds), config
 
 
 def run(

@@ -91,9 +91,9 @@ def _check_plant(sections: FarmSections, known: Known, report: Report) -> None:
     if sections.plant is None:
         return
     axes = {
-        axis.name: model.described
+        axis.name: described
         for drive in expand_sections(sections, known)
-        if (model := known.model(drive.model)) is not None
+        if (model := known.model(drive.model)) is not None and (described := model.described) is not None
         for axis in drive.axes
     }
     devices = {device.name: device.known_signals for device in expand_device_sections(sections)}

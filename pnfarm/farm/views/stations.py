@@ -11,7 +11,7 @@ from pnfarm.farm.views.snapshot import NO_AR, connection_snapshot
 from pnfarm.wire.mac import format_mac
 
 if TYPE_CHECKING:
-    from pnfarm.station.plain_signals import PlainSignals
+    from pnfarm.station.plain_signals import NamedSignals
     from pnfarm.station.station import Station
     from pnfarm.wire.value_types import Value
 
@@ -81,7 +81,7 @@ def _connection(station: Station, now: int) -> dict[str, Any]:
     return {"state": state, **connection_snapshot(found, now)}
 
 
-def signals_snapshot(signals: PlainSignals) -> list[dict[str, Any]]:
+def signals_snapshot(signals: NamedSignals) -> list[dict[str, Any]]:
     """Every signal; the values of one direction are of one time."""
     return [
         {
@@ -97,7 +97,7 @@ def signals_snapshot(signals: PlainSignals) -> list[dict[str, Any]]:
     ]
 
 
-def signal_states(signals: PlainSignals) -> list[tuple[Any, dict[str, Any]]]:
+def signal_states(signals: NamedSignals) -> list[tuple[Any, dict[str, Any]]]:
     """Every signal (:class:`pnfarm.signals.signal.Signal`) with what moves of it."""
     forced = signals.forced
     return [

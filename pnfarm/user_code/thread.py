@@ -1,27 +1,35 @@
-"""The users' programs of a controller in real time: a thread that waits for each axis' next cycle."""
+"""Users' code in real time: a thread that waits for each of its deadlines."""
 
 from __future__ import annotations
 
 import threading
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pnfarm.controller.program_runner import ProgramRunner
-
-__all__ = ["ProgramThread"]
+__all__ = ["CodeThread"]
 
 
-class ProgramThread:
+class _Runner(Protocol):
+    """What calls the users' code when it is due."""
+
+    def service(self, now: int) -> None: ...
+
+    def next_deadline(self) -> int | None: ...
+
+    def close(self) -> None: ...
+
+
+class CodeThread:
     """``failed`` is called, in this thread, with an exception of the runner itself, which ends the thread."""
 
-    def __init__(self, runner: ProgramRunner, failed: Callable[[Exception], None]) -> None:
+    def __init__(self, runner: _Runner, failed: Callable[[Exception], None], name: str) -> None:
         self._runner = runner
         self._failed = failed
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="pnfarm axis programs", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
         self._thread.start()
@@ -40,5 +48,5 @@ class ProgramThread:
                 due = self._runner.next_deadline()
                 if self._stop.wait(None if due is None else max(0.0, (due - time.monotonic_ns()) / 1e9)):
                     return
-        except Exception as exc:  # noqa: BLE001 - carried to the controller, which ends with it
+        except Exception as exc:  # noqa: BLE001 - carried to the owner, which ends with it
             self._failed(exc)

@@ -1,0 +1,180 @@
+"""A model of the plant as whatever has signals: its ports are found by ``MODEL.PORT``, in conditions, by ``io``,
+in scenarios.
+
+Its inputs may be written and forced, unless a wire writes them: then the signal where the wire begins may.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from pnfarm.signals.layers import EVERY
+from pnfarm.signals.refusal import SignalError
+from pnfarm.signals.signal import Signal
+from pnfarm.vocabulary.problem import Problem
+from pnfarm.vocabulary.quoting import did_you_mean, shortened, shown
+from pnfarm.wire.value_types import BOOL, FLOAT64
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from pnfarm.behaviours.declaration import Port
+    from pnfarm.plant.plan import PlannedModel
+    from pnfarm.wire.value_types import Value
+
+__all__ = ["PlantPart", "PortSignals", "port_signals"]
+
+
+class PortSignals:
+    """As :class:`pnfarm.station.plain_signals.NamedSignals`; ``values`` are all of the plant, ``wired`` the numbers of
+    those that a wire writes."""
+
+    def __init__(self, model: PlannedModel, values: Any, wired: frozenset[int]) -> None:
+        self._values = values
+        self._numbers = {name: number for name, (_, number) in (*model.inputs.items(), *model.outputs.items())}
+        self._wired = {name for name, number in self._numbers.items() if number in wired}
+        self._signals = port_signals(model)
+        self._written: dict[str, Value] = {}
+        self._forced: dict[str, Value] = {}
+        self._seen: tuple[object, ...] = ()
+        self._revision = 0
+        self._changes = 0
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Inputs, then outputs."""
+        return tuple(self._signals)
+
+    @property
+    def revision(self) -> int:
+        """Counts the changes that were seen."""
+        seen = (self._changes, *(float(self._values[number]) for number in self._numbers.values()))
+        if seen != self._seen:
+            self._seen = seen
+            self._revision += 1
+        return self._revision
+
+    def signal(self, name: str) -> Signal:
+        """One by its name; raises :class:`SignalError`."""
+        found = self._signals.get(name)
+        if found is None:
+            hint = did_you_mean(name, self._signals)
+            allowed = "" if hint else shortened(list(self._signals))
+            raise SignalError([(shown(name).strip("'"), f"is not a port{hint}", allowed)])
+        return found
+
+    def get(self, name: str) -> Value:
+        """The present value; raises :class:`SignalError` for an unknown name."""
+        is_bit = self.signal(name).type is BOOL
+        value = float(self._values[self._numbers[name]])
+        return value != 0.0 if is_bit else value
+
+    def number(self, name: str) -> int:
+        """The number of its value in the plant."""
+        return self._numbers[name]
+
+    def good(self, name: str) -> bool:
+        """A port's value is always good; raises :class:`SignalError` for an unknown name."""
+        return self.signal(name) is not None
+
+    def readings(self) -> list[tuple[Signal, Value, bool]]:
+        """Every port with its value."""
+        return [(signal, self.get(name), True) for name, signal in self._signals.items()]
+
+    def set(self, values: Mapping[str, Value]) -> dict[str, str]:
+        """Write inputs, all or none; those that are forced, and ``force``.  Raises :class:`SignalError`."""
+        self._written |= self._checked(values)
+        self._apply(values)
+        return {name: "force" for name in values if name in self._forced}
+
+    def force(self, values: Mapping[str, Value | None]) -> dict[str, str]:
+        """Over what is written, until a None releases it; ``*``: None releases all."""
+        forced = self._checked({name: value for name, value in values.items() if value is not None})
+        released = [name for name, value in values.items() if value is None]
+        if EVERY in released:
+            released = list(self._forced)
+        for name in released:
+            self.signal(name)
+            self._forced.pop(name, None)
+        self._forced |= forced
+        self._apply([*forced, *released])
+        return {}
+
+    def owner(self, name: str) -> str:
+        """Whose value it has: plant, force, value, default."""
+        if self.signal(name).direction == "output" or name in self._wired:
+            return "plant"
+        return "force" if name in self._forced else "value" if name in self._written else "default"
+
+    @property
+    def forced(self) -> Mapping[str, Value]:
+        """Forced inputs, and their values."""
+        return self._forced
+
+    @property
+    def shaped(self) -> tuple[str, ...]:
+        """None: faults act on the signals of stations."""
+        return ()
+
+    def _apply(self, names: Any) -> None:
+        for name in names:
+            value = self._forced.get(name, self._written.get(name, 0.0))
+            self._values[self._numbers[name]] = float(value)
+        self._changes += 1
+
+    def _checked(self, values: Mapping[str, Value]) -> dict[str, Value]:
+        found: dict[str, Value] = {}
+        refused = []
+        for name, value in values.items():
+            try:
+                signal = self.signal(name)
+                found[name] = self._value(name, signal, value)
+            except Problem as problem:
+                refused.append((name, problem.what, problem.allowed))
+            except SignalError as error:
+                refused += error.issues
+        if refused:
+            raise SignalError(refused)
+        return found
+
+    def _value(self, name: str, signal: Signal, value: Value) -> Value:
+        if signal.direction == "output":
+            raise Problem("is an output of the plant", "an input without a wire")
+        if name in self._wired:
+            raise Problem("has a wire, which writes it", "an input without a wire, or the signal at its begin")
+        found = signal.check(value)
+        if not isinstance(found, (bool, int, float)) or not math.isfinite(found):
+            raise Problem(f"is {shown(value)}", "a finite number")
+        if signal.type is BOOL:
+            return bool(found)
+        return float(found)
+
+
+class PlantPart:
+    """A model; it has power and is connected, as far as a condition asks."""
+
+    powered = connected = True
+
+    def __init__(self, model: PlannedModel, values: Any, wired: frozenset[int]) -> None:
+        self.configured_name = model.name
+        self.signals = PortSignals(model, values, wired)
+        self.kinds = model.kinds
+
+    @property
+    def device(self) -> PlantPart:
+        """What is asked for a connection."""
+        return self
+
+
+def port_signals(model: PlannedModel) -> dict[str, Signal]:
+    """The ports of a model as signals: inputs, then outputs."""
+    return {
+        **{name: _signal(port, "input") for name, (port, _) in model.inputs.items()},
+        **{name: _signal(port, "output") for name, (port, _) in model.outputs.items()},
+    }
+
+
+def _signal(port: Port, direction: Any) -> Signal:
+    kind = BOOL if port.form == "bit" else FLOAT64
+    return Signal(port.name, direction, 0, 0, 0, kind, None, port.unit, 1.0, "little")
