@@ -70,6 +70,11 @@ class Behaviour:
     step: Callable[[Any, Any, float], None]
 
     @property
+    def port_lists(self) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
+        """Inputs, outputs."""
+        return self.inputs, self.outputs
+
+    @property
     def kind_name(self) -> str:
         return self.name
 

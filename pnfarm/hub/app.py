@@ -11,6 +11,7 @@ from pnfarm.hub.hosts.devices import HubDevices
 from pnfarm.hub.hosts.drives import HubDrives
 from pnfarm.hub.hosts.farm import HubItself
 from pnfarm.hub.hosts.faults import HubFaults
+from pnfarm.hub.hosts.plant import HubPlant
 from pnfarm.hub.hosts.scenarios import HubScenarios
 from pnfarm.hub.hosts.streams import HubStreams
 from pnfarm.hub.hosts.traces import HubTraces
@@ -40,6 +41,7 @@ def make_hub_app(hub: Hub, *, token: str | None = None, read_token: str | None =
         traces=HubTraces(hub),
         farm=HubItself(hub),
         streams=HubStreams(hub, views),
+        plant=HubPlant(hub),
         described=DESCRIBED,
     )
     description = "The virtual drives of several farms as of one."

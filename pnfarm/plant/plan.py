@@ -90,6 +90,15 @@ class PlantPlan:
     wires: tuple[PlannedWire, ...] = ()
     values: int = 0
 
+    def name_of(self, number: int) -> str:
+        """The port that has a value, as ``MODEL.PORT``."""
+        return next(
+            f"{model.name}.{name}"
+            for model in self.models.values()
+            for name, (_, own) in (*model.inputs.items(), *model.outputs.items())
+            if own == number
+        )
+
 
 _End: TypeAlias = "tuple[int | StationEnd, Port]"
 

@@ -70,6 +70,11 @@ class Plant:
         """Its row of :data:`pnfarm.table.plant.PLANT`."""
         return self._table.row[0]
 
+    @property
+    def steps(self) -> int:
+        """Steps so far."""
+        return int(self.row.steps)
+
     def start(self, now: int) -> None:
         """Have the engine step it from its next tick on."""
         self.python.start(now)
