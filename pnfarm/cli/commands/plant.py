@@ -67,7 +67,7 @@ def _plan(file: Path) -> PlantPlan:
 
 
 def _port_rows(plan: PlantPlan) -> list[tuple[str, ...]]:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, model in plan.models.items():
         step = f"{model.step_ns / 1e6:g} ms"
         for direction, ports in (("input", model.inputs), ("output", model.outputs)):
@@ -141,7 +141,8 @@ def _show_kinds(output: Format) -> None:
     from pnfarm.behaviours.catalogue import BEHAVIOURS
     from pnfarm.plant.coupling_kinds import COUPLINGS
 
-    found = [_kind_as_json(kind) for kind in (*BEHAVIOURS.values(), *COUPLINGS.values())]
+    kinds: list[Behaviour | CouplingKind] = [*BEHAVIOURS.values(), *COUPLINGS.values()]
+    found = [_kind_as_json(kind) for kind in kinds]
     if output is Format.JSON:
         print_json(found)
         return
