@@ -160,7 +160,7 @@ def _without(
         else:
             told = _printable(f"cannot be in a farm: {why}")
             left_out.append(f"{one.name}: {told}")
-            others.append(FoundStation(one.name, (told, *one.notes), one.line))
+            others.append(FoundStation(one.name, (told, *one.notes, *one.facts), one.line))
     return kept
 
 
@@ -252,7 +252,7 @@ def _link(stations: Sequence[Found], parent: str) -> list[str]:
 
 def _group(station: _Played, room: int, files: str) -> list[str]:
     lines = []
-    for note in station.notes:
+    for note in (*station.notes, *station.facts):
         lines += _comment(note[:room], "  # ")
         room -= len(note)
         if room <= 0:
