@@ -6,22 +6,42 @@ import asyncio
 import tracemalloc
 from dataclasses import replace
 from ipaddress import IPv4Address
+from uuid import UUID
 
 import pytest
 import yaml
 from edited_capture import frames_of, in_fragments, tagged, write_frames
 from imported import check_found, comments
-from seen_plant import DEVICE, HEAD, ISLAND, PLC, SECOND, SeenPlant
+from seen_plant import ADDRESS, DEVICE, HEAD, ISLAND, PLC, SECOND, SeenPlant
 
 from pnfarm.buses import registry
 from pnfarm.buses.profinet.bus import PROFINET
+from pnfarm.buses.profinet.decode.shared import Call
+from pnfarm.captures.packet import Packet
 from pnfarm.captures.reading import CapturedFrame
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import parse_farm
+from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
+from pnfarm.protocols.profinet.rpc.fragments import Reassembly
 from pnfarm.protocols.profinet.wire.dcp import blocks as dcp
-from pnfarm.wire.ethernet import parse_ethernet
-from pnfarm.wire.ipv4 import Ipv4Packet, emit_ipv4
+from pnfarm.protocols.profinet.wire.records.iod import IodWriteReqHeader, RecordWrite, WriteRequest
+from pnfarm.protocols.profinet.wire.rpc.pdu import (
+    RPC_PORT,
+    UUID_PNIO_DEVICE,
+    Opnum,
+    PacketType,
+    PnioStatus,
+    ResponseArgs,
+    RpcPdu,
+    emit_response_args,
+    emit_rpc,
+    object_uuid,
+)
+from pnfarm.wire.ethernet import ETHERTYPE_IPV4, parse_ethernet
+from pnfarm.wire.ipv4 import PROTOCOL_UDP, Ipv4Packet, emit_ipv4
+from pnfarm.wire.udp import UdpDatagram, emit_udp
 
+PLC_ADDRESS = IPv4Address("10.77.0.1")
 PLANT = """
 farm: plant
 link: {kind: memory}
@@ -145,17 +165,9 @@ def test_fragments_that_overlap_are_not_believed(imported, frames):
 def test_a_call_that_lacks_a_fragment_is_reported_with_its_station():
     plant = SeenPlant()
     plant.connect()
-    plant.decoder.shared.calls[1, 1] = torn = registry_call(DEVICE)
-    assert torn.incomplete
+    plant.decoder.shared.calls[UUID(int=1), 1] = Call("Write", Opnum.WRITE, PLC, DEVICE, parts={True: Reassembly(100)})
     (one,) = plant.found()
     assert "1 calls to it lack fragments: what they asked for or wrote is not known" in one.facts
-
-
-def registry_call(device):
-    from pnfarm.buses.profinet.decode.shared import Call
-    from pnfarm.protocols.profinet.rpc.fragments import Reassembly
-
-    return Call("Write", 3, PLC, device, parts={True: Reassembly(100)})
 
 
 def test_fragments_without_end_take_bounded_memory():
@@ -262,3 +274,36 @@ def test_the_last_name_and_address_of_a_station_count_and_the_earlier_ones_are_r
     assert (one.name, one.keys["ip"]) == ("island-2", "10.77.0.51/24")
     assert "it was called island, then island-2: the last one counts" in told(one)
     assert "it had the address 10.77.0.41, then 10.77.0.51: the last one counts" in told(one)
+
+
+def test_devices_behind_one_interface_are_not_mixed():
+    """As those of a proxy, which has an instance for each."""
+    plant = SeenPlant()
+    plant.connect()
+    (connection,) = plant.observed.connections.values()
+    plant.observed.asked(connection.request, SECOND, DEVICE, (object_uuid(4, 9, 0xFF00), IPv4Address("10.77.0.41")), 1)
+    made = check_found(plant.found())
+    assert [len(made.devices), len(made.others)] == [1, 1]
+    assert "vendor 0xFF00, device 0x0009, behind the interface of MAC 02:00:00:00:00:41" in made.others[0].facts
+    assert "refuses" not in told(made.devices[0])
+
+
+@pytest.mark.parametrize(("why", "status"), [("connection unknown", 0xDF814005), ("access denied", 0xDF80B600)])
+def test_a_record_is_a_parameter_unless_the_device_refused_the_record_itself(why, status):
+    plant = SeenPlant()
+    plant.connect()
+    plant.write(1, 100, b"\1")
+    header = IodWriteReqHeader(1, UUID(int=1), 0, 1, 1, 100, 1)
+    activity = UUID(int=5)
+    plant.decoder.shared.calls[activity, 2] = Call(
+        "Write", Opnum.WRITE, PLC, DEVICE, write=WriteRequest(header, (RecordWrite(header, b"\1"),))
+    )
+    body = emit_response_args(ResponseArgs(PnioStatus.from_int(status), b"", 0), little_endian=True)
+    answer = RpcPdu(PacketType.RESPONSE, UUID_PNIO_DEVICE, activity, sequence=2, opnum=Opnum.WRITE, body=body)
+    datagram = emit_udp(UdpDatagram(RPC_PORT, 50_000, emit_rpc(answer)), ADDRESS, PLC_ADDRESS)
+    packet = emit_ipv4(Ipv4Packet(ADDRESS, PLC_ADDRESS, PROTOCOL_UDP, datagram))
+    list(plant.decoder.describe("rpc", Packet(1, PLC, DEVICE, ETHERTYPE_IPV4, packet)))
+    (one,) = check_found(plant.found()).devices
+    records = parse_gsdml(one.file.octets).modules[0].submodules[0].records
+    assert [record.index for record in records] == ([100] if why == "connection unknown" else [])
+    assert ("records that the device refused were written" in told(one)) == (why == "access denied")

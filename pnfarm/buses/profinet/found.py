@@ -44,20 +44,29 @@ def found(decoder: ProfinetDecoder, *, models: bool = True) -> Iterator[Found]:
     for connection in observed.connections.values():
         connected.setdefault(connection.device, []).append(connection)
     controllers = {connection.controller for connection in observed.connections.values()}
-    others = [
-        seen
-        for mac, seen in observed.stations.items()
-        if mac not in connected and mac not in controllers and (seen.vendor is not None or seen.ip is not None)
-    ]
     vlans = decoder.shared.stations.vlans
     torn = Counter(call.server for call in decoder.shared.calls.values() if call.incomplete)
-    others += [observed.station(mac) for mac in torn if mac not in connected and mac not in observed.stations]
+    others = [
+        seen
+        for seen in (observed.station(mac) for mac in dict.fromkeys((*observed.stations, *torn)))
+        if seen.mac not in connected
+        and seen.mac not in controllers
+        and (seen.vendor is not None or seen.ip is not None or seen.mac in torn)
+    ]
     octets = MOST_OCTETS
     stations: list[Found] = []
     for seen, connections in (
         *((observed.station(mac), connections) for mac, connections in connected.items()),
         *((seen, []) for seen in others),
     ):
+        first = min((one.numbers[2] for one in connections), default=0)
+        behind = [one for one in connections if one.numbers[2] != first]
+        connections = [one for one in connections if one.numbers[2] == first]
+        stations += [
+            FoundStation(f"{seen.name or format_mac(seen.mac)}, instance {instance}", tuple(_behind(seen, asked)))
+            for instance in sorted({one.numbers[2] for one in behind})
+            for asked in [[one for one in behind if one.numbers[2] == instance]]
+        ]
         # one that a device accepted says more than one that it refused
         last = max(reversed(connections), key=lambda one: bool(one.accepted), default=None)
         chosen = _model(seen, last) if models else None
@@ -73,6 +82,15 @@ def found(decoder: ProfinetDecoder, *, models: bool = True) -> Iterator[Found]:
             one = FoundStation(named, facts, keys=_address(seen)[0], said=said_of(seen.name, _numbers(seen)))
         stations.append(one)
     return drives_first(stations)
+
+
+def _behind(seen: SeenStation, connections: Sequence[SeenConnection]) -> Iterator[str]:
+    """Of a device that shares its interface with another one, as a proxy's do."""
+    vendor, number, _ = connections[-1].numbers
+    yield f"vendor 0x{vendor:04X}, device 0x{number:04X}, behind the interface of MAC {format_mac(seen.mac)}"
+    yield "a device of a farm has an interface of its own"
+    yield _connected(connections[-1])
+    yield from few(_modules(connections[-1].apis))
 
 
 def _address(seen: SeenStation) -> tuple[dict[str, Any], list[str]]:

@@ -86,10 +86,10 @@ class Observed:
         seen = self._adapter(device, mac)
         if key is not None and not seen.vendor:
             seen.vendor, seen.device_type, seen.product_code = key.vendor_id, key.device_type, key.product_code
-        key = originator, device, points, request.o_to_t.size, request.t_to_o.size
-        self.openings.pop(key, None)
+        place = originator, device, points, request.o_to_t.size, request.t_to_o.size
+        self.openings.pop(place, None)
         found = SeenOpening(originator, request, points, multiplier)
-        self.openings[key] = self._current[originator, device] = found
+        self.openings[place] = self._current[originator, device] = found
 
     def answered(self, originator: IPv4Address, device: IPv4Address, refused: str) -> None:
         """Its answer; "": it was accepted."""

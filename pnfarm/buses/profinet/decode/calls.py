@@ -15,7 +15,7 @@ from pnfarm.buses.profinet.decode.shared import Call
 from pnfarm.captures.neutral import describe_udp, ip_packet
 from pnfarm.captures.packet import Description
 from pnfarm.captures.parameter_access import parameter_request, parameter_response
-from pnfarm.protocols.profinet.errors import describe_status
+from pnfarm.protocols.profinet.errors import ErrorDecode, describe_status
 from pnfarm.protocols.profinet.rpc.fragments import STUB_MAX, Reassembly
 from pnfarm.protocols.profinet.wire.any_block import read_blocks
 from pnfarm.protocols.profinet.wire.block import BlockType
@@ -266,7 +266,9 @@ def _response(stub: bytes, pdu: RpcPdu, call: Call, shared: Shared) -> Iterator[
             forget_asked(call.blocks, call.client, call.server, shared)
             if shared.observed is not None:
                 shared.observed.answered(call.client, call.server, None)
-        if call.write is not None and shared.observed is not None:
+        # another error is of the call, such as that of a connection which is gone
+        of_record = args.status.error_decode == ErrorDecode.PNIORW
+        if call.write is not None and of_record and shared.observed is not None:
             shared.observed.refused(call.client, call.server, (one.header for one in call.write.writes))
         yield _refused(what, args.status, call)
         return
