@@ -2,9 +2,9 @@
 
 The files are others' and stay out of this repository: ``cli/captures_public.csv`` has repository, commit, path and
 SHA-256 of each; captures that are in FOLDER besides are taken, too.  Each PROFINET device of a capture becomes a farm
-in memory, and gets each start that its controllers made in the capture, octet for octet.  A table says which was accepted,
-and what the farm's device refused; the comments of a farm file promise the latter (a connection that a later one
-contradicts, a kind that the farm does not have).  The exit code is 1 where a file could not be had, or a start was
+in memory, and gets each start that its controllers made in the capture, octet for octet.  A table says which was
+accepted, and what the farm's device refused; the comments of a farm file promise the latter (a connection that a later
+one contradicts, a kind that the farm does not have).  The exit code is 1 where a file could not be had, or a start was
 refused that the comments do not promise.
 """
 

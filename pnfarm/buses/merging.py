@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Source", "merged"]
 
+#: Differences of one station that a user reads.
+_MOST = 24
 #: Keys that say which station it is, in words.
 _ADDRESSES = {"ip": "IP address", "gateway": "router", "mac": "MAC address", "address": "station address"}
 _COMPARED = {**_ADDRESSES, "rpi": "packet interval"}
@@ -65,7 +67,7 @@ def _mac(one: Found) -> Hashable:
 
 
 def _ip(one: Found) -> Hashable:
-    return one.keys["ip"].partition("/")[0] if "ip" in one.keys else None
+    return one.keys.get("ip", "").partition("/")[0] or None
 
 
 def _on_line(one: Found) -> Hashable:
@@ -116,6 +118,8 @@ def _joined(one: Found, other: Found, first: str, second: str) -> tuple[Found, l
         f"{what}: {first} says {own}, {second} says {its}; {own if counts else its} is used"
         for what, own, its, counts in _differences(one, other, is_played=played is one)
     ]
+    if len(differing) > _MOST:
+        differing[_MOST:] = [f"and {len(differing) - _MOST} more differences"]
     keys = {**played.keys, **{key: one.keys[key] for key in _COMPARED if key in one.keys}}
     notes: list[str] = []
     if played is one:

@@ -10,17 +10,27 @@ from uuid import UUID
 
 import pytest
 import yaml
+from cip_tape import MANAGER, Tape, connect, forward_open
 from edited_capture import frames_of, in_fragments, tagged, write_frames
 from imported import check_found, comments
 from seen_plant import ADDRESS, DEVICE, HEAD, ISLAND, PLC, SECOND, SeenPlant
 
 from pnfarm.buses import registry
+from pnfarm.buses.ethernetip.bus import ETHERNETIP
+from pnfarm.buses.profibus.bus import PROFIBUS
 from pnfarm.buses.profinet.bus import PROFINET
 from pnfarm.buses.profinet.decode.shared import Call
 from pnfarm.captures.packet import Packet
 from pnfarm.captures.reading import CapturedFrame
 from pnfarm.controller.line import VirtualLine
 from pnfarm.farm.file.reading import parse_farm
+from pnfarm.protocols.enip.status import Service
+from pnfarm.protocols.enip.wire.cpf import emit_items
+from pnfarm.protocols.enip.wire.encapsulation import Command, EncapsulationPdu, emit_encapsulation
+from pnfarm.protocols.enip.wire.forward_open import NetworkParameters, emit_forward_open
+from pnfarm.protocols.enip.wire.identity import IdentityItem
+from pnfarm.protocols.enip.wire.message import message_request
+from pnfarm.protocols.profibus.wire.dp import Parameters, PrmStatus
 from pnfarm.protocols.profinet.gsdml.reader import parse_gsdml
 from pnfarm.protocols.profinet.rpc.fragments import Reassembly
 from pnfarm.protocols.profinet.wire.dcp import blocks as dcp
@@ -276,6 +286,17 @@ def test_the_last_name_and_address_of_a_station_count_and_the_earlier_ones_are_r
     assert "it had the address 10.77.0.41, then 10.77.0.51: the last one counts" in told(one)
 
 
+def test_two_stations_with_one_name_are_two_and_that_is_reported():
+    """A device that was replaced, or a cell like this one on another network."""
+    plant = SeenPlant()
+    for number in (0x41, 0x42):
+        plant.connect(device=bytes((2, 0, 0, 0, 0, number)))
+        plant.observed.said(bytes((2, 0, 0, 0, 0, number)), (dcp.NameBlock("island"),))
+    made = check_found(plant.found())
+    assert [one.name for one in made.devices] == ["island", "island-2"]
+    assert "its name was 'island', which another station has, too" in made.devices[1].notes
+
+
 def test_devices_behind_one_interface_are_not_mixed():
     """As those of a proxy, which has an instance for each."""
     plant = SeenPlant()
@@ -307,3 +328,56 @@ def test_a_record_is_a_parameter_unless_the_device_refused_the_record_itself(why
     records = parse_gsdml(one.file.octets).modules[0].submodules[0].records
     assert [record.index for record in records] == ([100] if why == "connection unknown" else [])
     assert ("records that the device refused were written" in told(one)) == (why == "access denied")
+
+
+# -- other buses -------------------------------------------------------------------------------------------------------
+
+
+def adapters(tape):
+    decoder = registry.decoder()
+    ETHERNETIP.observe(decoder.buses["ethernetip"])
+    for number, (frame, time_ns) in enumerate(zip(tape.frames, tape.times, strict=True), 1):
+        decoder.feed(CapturedFrame(number, time_ns, frame))
+    return list(ETHERNETIP.found(decoder.buses["ethernetip"]))
+
+
+def identity(tape):
+    item = IdentityItem(IPv4Address("10.77.0.11"), 452, 16, 1, (1, 13), 0x30, 1, b"AKD", 3)
+    tape.udp(1, emit_encapsulation(EncapsulationPdu(Command.LIST_IDENTITY, emit_items((item,)))), (44818, 50_000))
+
+
+def test_another_device_at_an_adapter_s_address_is_reported():
+    tape = Tape(opened=False)
+    identity(tape)
+    identity(tape)
+    tape.frames[1] = tape.frames[1][:6] + bytes.fromhex("020000000099") + tape.frames[1][12:]
+    (one,) = check_found(adapters(tape)).drives
+    assert "its address was at MAC 02:00:00:00:00:99, too: another device in its place, or on another network" in told(
+        one
+    )
+
+
+def test_a_scanner_that_was_restarted_with_another_connection_counts_with_the_last_one():
+    tape = Tape()
+    identity(tape)
+    connect(tape, forward_open(o_to_t_rpi_us=20_000, t_to_o_rpi_us=20_000))
+    connect(tape, forward_open(o_to_t_rpi_us=50_000, t_to_o_rpi_us=50_000))
+    other = forward_open(t_to_o=NetworkParameters(10), o_to_t=NetworkParameters(4))
+    tape.ask(message_request(Service.FORWARD_OPEN, MANAGER, emit_forward_open(other)))
+    (one,) = check_found(adapters(tape)).drives
+    assert one.keys["rpi"] == "50ms"
+    assert "connected by 10.77.0.1: 70 octets to it every 50 ms" in told(one)
+    assert "also connected by 10.77.0.1: 4 octets to it" in told(one)
+
+
+def test_a_slave_that_its_masters_configure_in_several_ways_is_reported():
+    decoder = registry.decoder().buses["profibus"]
+    PROFIBUS.observe(decoder)
+    observed = decoder.shared.observed
+    for master, octets in ((1, b"\x11"), (1, b"\x11"), (2, b"\x21\x11")):
+        observed.parametrised(7, master, Parameters(PrmStatus.LOCK_REQ, (1, 1), 11, 0x0A8E))
+        observed.configured(7, octets)
+        observed.answered(7)
+    (one,) = check_found(PROFIBUS.found(decoder)).drives
+    assert "its masters sent 2 different parameters, one after the other: the last count" in told(one)
+    assert "its masters sent 2 different configurations, one after the other: the last count" in told(one)

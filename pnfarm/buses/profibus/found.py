@@ -65,9 +65,9 @@ def said_of(name: str, ident: int | None = None, identifiers: bytes | None = Non
 def _facts(seen: SeenSlave, known: Model | None, cycle_ns: int) -> Iterator[str]:
     ident, parameters = seen.ident, seen.parameters
     yield f"address {seen.address}, " + ("its ident number was not seen" if ident is None else f"ident 0x{ident:04X}")
-    for what, number in (("parameters", seen.parametrisations), ("configuration", seen.configurations)):
+    for what, number in (("parameters", seen.parametrisations), ("configurations", seen.configurations)):
         if number > 1:
-            yield f"it got {number} different ones of its {what}: the last one counts"
+            yield f"its masters sent {number} different {what}, one after the other: the last count"
     if parameters is not None:
         yield f"Set_Prm by master {seen.master}: {parameters_text(parameters)}"
         if parameters.ident != ident:

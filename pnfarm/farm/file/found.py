@@ -195,7 +195,8 @@ def _named(stations: Sequence[_Played]) -> list[_Played]:
     for one in stations:
         own, notes = one.name.lower(), one.notes
         if _NAME.fullmatch(own) is None or own in taken:
-            notes = (f"its name was {one.name!r}", *notes)
+            why = "which another station has, too" if own in taken else ""
+            notes = (f"its name was {one.name!r}" + (f", {why}" if why else ""), *notes)
             own = re.sub(r"[^a-z0-9]+", "-", own).strip("-") or "station"
             first, number = own, 2
             while own in taken:
