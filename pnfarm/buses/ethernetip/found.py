@@ -1,7 +1,8 @@
 """Adapters of a capture as drives of a farm file: which model stands for each, and under which identity.
 
 A model is chosen by vendor, device type and product code, else by its vendor and the sizes of its connection; what is
-not sure has a note.  Everything that is no drive of a known kind is listed with what was seen of it.
+not sure has a note.  One that is no drive of a known kind is a device, by an EDS file made of its connection, if it has
+one to assemblies of its own; else it is listed with what was seen of it.
 """
 
 from __future__ import annotations
@@ -9,11 +10,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.decoding.identity import models_by
-from pnfarm.buses.ethernetip.decode.channels import octets_behind
+from pnfarm.buses.ethernetip.decode.channels import COUNT, HEADER, octets_behind
 from pnfarm.buses.ethernetip.decode.identity import numbers_of
 from pnfarm.buses.ethernetip.device.product import Product
-from pnfarm.buses.imports import Found, FoundDrive, FoundStation, Said, drives_first
+from pnfarm.buses.ethernetip.eds_file import read_eds
+from pnfarm.buses.ethernetip.made_eds import MadeConnection, made_eds
+from pnfarm.buses.imports import Found, FoundDevice, FoundDrive, FoundStation, Said, drives_first
+from pnfarm.buses.projects.description_folders import DescriptionFile
 from pnfarm.drives.catalogue import models_on
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.enip.connection_check import ASSEMBLY, Refusal, read_path
+from pnfarm.protocols.enip.wire.epath import emit_epath, logical_path
 from pnfarm.vocabulary.durations import format_duration
 from pnfarm.wire.mac import format_mac
 
@@ -50,9 +57,7 @@ def _weight(opening: SeenOpening) -> tuple[bool, int]:
     return opening.refused == "", opening.request.o_to_t.size
 
 
-def _station(
-    seen: SeenAdapter, openings: Sequence[SeenOpening], vlans: str, *, models: bool
-) -> FoundDrive | FoundStation:
+def _station(seen: SeenAdapter, openings: Sequence[SeenOpening], vlans: str, *, models: bool) -> Found:
     # an owner's says more than a listener's, one that was accepted more than one that was refused, and the last one
     opening = max(reversed(openings), key=_weight, default=None)
     facts = tuple(_facts(seen, openings, opening, vlans))
@@ -62,10 +67,11 @@ def _station(
     said = said_of(
         "", numbers if seen.vendor else None, ".".join(map(str, seen.revision)) if any(seen.revision) else ""
     )
+    assumed = f"the length of its address's prefix is in no frame: /{PREFIX} is assumed"
     if chosen is None:
-        return FoundStation(seen.product_name or str(seen.ip), facts, keys=keys, said=said)
+        return _device(seen, opening, keys, assumed, facts, said)
     drive_model, notes = chosen
-    notes.append(f"the length of its address's prefix is in no frame: /{PREFIX} is assumed")
+    notes.append(assumed)
     product = Product.of(drive_model)
     identity: dict[str, Any] = {}
     for key, field, value in (
@@ -89,6 +95,60 @@ def _station(
             notes.append(f"its connection was refused in the capture: {opening.refused}")
     octets = seen.ip.packed
     return FoundDrive(f"drive-{octets[2]}-{octets[3]}", drive_model.name, keys, tuple(notes), facts, said=said)
+
+
+def _device(
+    seen: SeenAdapter,
+    opening: SeenOpening | None,
+    keys: dict[str, Any],
+    assumed: str,
+    facts: tuple[str, ...],
+    said: Said,
+) -> FoundDevice | FoundStation:
+    """By an EDS file that has its identity and its connection, if there is one that a file can have."""
+    named = seen.product_name or str(seen.ip)
+    if opening is None:
+        return FoundStation(named, facts, keys=keys, said=said)
+    try:
+        octets = _eds(seen, opening)
+    except (ConfigError, Refusal) as exc:
+        why = exc if isinstance(exc, ConfigError) else "its path names no assemblies of its own"
+        return FoundStation(named, (f"no device can be made of its connection: {why}", *facts), keys=keys, said=said)
+    keys["rpi"] = format_duration(opening.request.t_to_o_rpi_us * 1000)
+    notes = [assumed, "its data are octets, as a capture says no more: name what they mean in `signals`"]
+    if not seen.vendor:
+        notes.append("nothing says which product it is: a scanner that checks its identity refuses it")
+    if opening.refused:
+        notes.append(f"its connection was refused in the capture: {opening.refused}")
+    place = seen.ip.packed
+    file = DescriptionFile("eds", "pnfarm-{name}.eds", octets)
+    return FoundDevice(f"device-{place[2]}-{place[3]}", file, keys, tuple(notes), facts, said=said)
+
+
+def _eds(seen: SeenAdapter, opening: SeenOpening) -> bytes:
+    """Raises :class:`Refusal` for a path to something else, and :class:`ConfigError` for what no file can have."""
+    request = opening.request
+    path = read_path(request.path)
+    if path.class_id != ASSEMBLY or len(path.points) < 2:
+        raise Refusal
+    instance, points = (path.points[0], path.points[1:]) if len(path.points) > 2 else (None, path.points)
+    owner = request.o_to_t.size >= COUNT + HEADER
+    connection = MadeConnection(
+        "Connection",
+        emit_epath(logical_path(ASSEMBLY, instance, None, *points)),
+        request.o_to_t.size - COUNT - HEADER if owner else 0,
+        max(0, request.t_to_o.size - COUNT),
+        owner=owner,
+        configuration=len(path.configuration),
+        trigger=request.transport.trigger,
+        variable_outputs=request.o_to_t.variable,
+        variable_inputs=request.t_to_o.variable,
+    )
+    numbers = seen.vendor, seen.device_type, seen.product_code, seen.revision[0] or 1, seen.revision[1] or 1
+    octets = made_eds(numbers, seen.product_name, "a capture", connection)
+    if len(read_eds(octets, "the file made of it").connection().points) < 2:
+        raise Refusal
+    return octets
 
 
 def said_of(name: str, numbers: tuple[int, ...] | None, revision: str) -> Said:
