@@ -10,6 +10,7 @@ import typer
 from pnfarm.cli.farm_file import counted
 from pnfarm.errors import ConfigError
 from pnfarm.terminal.output import print_line
+from pnfarm.terminal.settings import Format, FormatOption
 from pnfarm.terminal.working import working
 
 if TYPE_CHECKING:
@@ -18,6 +19,24 @@ if TYPE_CHECKING:
     from pnfarm.buses.imports import Found
 
 __all__ = ["importing"]
+
+CheckOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--check",
+        metavar="WHERE",
+        help="Compare the plant at a network interface, such as eth1, or on a serial line (path of a port or pty, "
+        "HOST:PORT, rfc2217://HOST:PORT) with the farm file FILE.  Repeatable.",
+        show_default=False,
+    ),
+]
+SecondsOption = Annotated[
+    float, typer.Option(min=0.1, max=60, help="With --check: how long to wait for answers to a search.")
+]
+CheckBaudOption = Annotated[int, typer.Option("--baud", metavar="RATE", help="With --check: a line's bits per second.")]
+CheckOwnOption = Annotated[
+    int, typer.Option("--own-address", metavar="N", help="With --check: the station address to ask from on a line.")
+]
 
 #: Octets in which the root of an XML file begins.
 _HEAD = 4096
@@ -29,7 +48,9 @@ def importing(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="Capture (pcap, pcapng), CAx data (aml, amlx), or L5X.", show_default=False
+            metavar="FILE",
+            help="Capture (pcap, pcapng), CAx data (aml, amlx), or L5X; with --check a farm file.",
+            show_default=False,
         ),
     ],
     output: Annotated[
@@ -66,8 +87,24 @@ def importing(
     force: Annotated[
         bool, typer.Option("--force", help="Replace FARM, and description files beside it, if they are there.")
     ] = False,
+    check: CheckOption = None,
+    seconds: SecondsOption = 2.0,
+    baud: CheckBaudOption = 1_500_000,
+    own: CheckOwnOption = 0,
+    format_: FormatOption = Format.TABLE,
 ) -> None:
-    """Make a farm file from a capture, with GSDML files for its PROFINET devices, or from a TIA project's CAx data."""
+    """Make a farm file from a capture, with GSDML files for its PROFINET devices, or from a TIA project's CAx data.
+
+    With --check, compare a plant that runs with the farm file FILE: exit code 0 if all is equal, else 1.  Its stations
+    are only asked.
+    """
+    if check:
+        from pnfarm.cli.plant_check import check_plant
+
+        as_json = format_ is Format.JSON
+        if not check_plant(file, check, seconds=seconds, baud=baud, own=own, as_json=as_json):
+            raise typer.Exit(1)
+        return
     from pnfarm.farm.file.found import farm_name, write_farm
 
     folder = Path.cwd() if output is None else output.resolve().parent
