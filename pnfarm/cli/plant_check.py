@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
 __all__ = ["STATES", "check_plant", "rows_of"]
 
-_INTERFACES: Final = Path("/sys/class/net")
 STATES: Final = {
     "equal": "equal",
     "differs": "differs",
@@ -72,11 +72,11 @@ def _wanted(bus: PlantBus) -> str:
 
 def _buses_at(where: str, expected: dict[str, list[StationFacts]], file: Path) -> list[tuple[str, PlantBus]]:
     """The buses of the file's stations that may be there."""
-    is_interface = (_INTERFACES / where).is_dir() and "/" not in where
+    interfaces = [name for _, name in socket.if_nameindex()]
+    is_interface = where in interfaces
     if not is_interface and not where.startswith(RFC2217) and not is_place(where) and not Path(where).exists():
-        known = ", ".join(sorted(one.name for one in _INTERFACES.iterdir())) if _INTERFACES.is_dir() else "none"
         raise ConfigError(
-            f"--check {where!r} is no interface of this machine ({known}), and no serial line: "
+            f"--check {where!r} is no interface of this machine ({', '.join(interfaces)}), and no serial line: "
             "path of a port or pty, HOST:PORT, rfc2217://HOST:PORT"
         )
     found = [
@@ -105,8 +105,12 @@ def _ask(
 def _compared(
     config: FarmConfig, bus: PlantBus, expected: Sequence[StationFacts], answers: Sequence[PlantAnswer]
 ) -> Iterator[StationCheck]:
-    """Without the file's own controller, if the plant has it."""
-    found = [one for answer in answers for one in answer.stations]
+    """Without the file's own controller, if the plant has it; what answers at two places is one station."""
+    before: set[str] = set()
+    found: list[StationFacts] = []
+    for answer in answers:
+        found += [one for one in answer.stations if repr(one) not in before]
+        before |= {repr(one) for one in answer.stations}
     own = {one.name for one in config.controllers}
     own |= {str(ip.ip) for one in config.controllers if (ip := getattr(one, "ip", None)) is not None}
     for check in compare(expected, found, by_name=bus.has_names):

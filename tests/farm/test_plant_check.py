@@ -1,4 +1,4 @@
-"""What `pnfarm import --check` finds of a plant: a farm in memory is the plant, another farm file is compared with it."""
+"""What `pnfarm import --check` finds: one farm in memory is the plant, another farm file is compared with it."""
 
 from __future__ import annotations
 
@@ -266,7 +266,9 @@ def identities(text):
 def test_a_device_on_ethernetip_is_known_by_its_address_and_its_identity_is_compared():
     plant = CIP % ", identity: {revision: '1.99'}"
     plant += "  - {name: other, model: akd-ethernetip, ip: 10.77.0.77/24}\n"
-    found = list(compare(facts(CIP.replace("count: 3", "count: 4") % ""), seen(identities(plant)).stations, by_name=False))
+    found = list(
+        compare(facts(CIP.replace("count: 3", "count: 4") % ""), seen(identities(plant)).stations, by_name=False)
+    )
     states = {one.address: one.state for one in found}
     assert states == {
         "10.77.0.51": "differs", "10.77.0.52": "differs", "10.77.0.53": "differs", "10.77.0.54": "missing",
@@ -305,7 +307,9 @@ def searched(cell, expected, seconds=30.0):
 
 def test_slaves_of_a_line_are_found_by_their_addresses_and_only_diagnoses_are_read():
     cell = SlaveCell(SLAVES + VALVE, controller=None)
-    expected = facts("devices:\n" + VALVE.replace("address: 9", "address: 5") + ISLAND_SLAVE.replace("address: 5", "address: 7"))
+    expected = facts(
+        "devices:\n" + VALVE.replace("address: 9", "address: 5") + ISLAND_SLAVE.replace("address: 5", "address: 7")
+    )
     answer, sent = searched(cell, expected)
     found = {one.address: one for one in compare(expected, answer.stations, by_name=False)}
     assert {address: one.state for address, one in found.items()} == {"5": "differs", "7": "missing", "9": "extra"}
