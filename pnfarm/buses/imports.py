@@ -24,7 +24,7 @@ class FoundDrive:
     """A station that a model stands for: keys of its group in a farm file, and what a user should know of each.
 
     ``line``: of a station on a serial line, the line's name in a farm file.  ``file``: what ``gsdml``
-    or ``identity`` names, where that has to be written.
+    or ``identity`` names, where that has to be written.  ``doubts``: what of a project could not be taken over.
     """
 
     name: str
@@ -36,17 +36,19 @@ class FoundDrive:
     controller: Mapping[str, Any] = field(default_factory=dict)
     line: str = ""
     file: DescriptionFile | None = None
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A station that a description file stands for; ``keys`` are the others of its group."""
+    """A station that a description file stands for; ``keys`` are the others of its group, ``doubts`` as of a drive."""
 
     name: str
     file: DescriptionFile
     keys: Mapping[str, Any]
     notes: tuple[str, ...] = ()
     line: str = ""
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.imports import Found
 
-__all__ = ["importing"]
+__all__ = ["importing", "is_project_file", "of_project"]
 
 CheckOption = Annotated[
     list[str] | None,
@@ -108,16 +108,16 @@ def importing(
     from pnfarm.farm.file.found import farm_name, write_farm
 
     folder = Path.cwd() if output is None else output.resolve().parent
-    if _is_project(file):
+    if is_project_file(file):
         if devices:
             raise ConfigError("--devices is for captures: a project says too little of a station's data")
         # names of files in a farm file are relative to its folder
-        found, remarks = _of_project(file, folders or [], folder)
+        found, remarks = of_project(file, folders or [], folder)
     else:
         found, remarks = _of_capture(file, models=not devices), []
     if not found:
         needed = "a capture needs the start of a connection (Connect, Forward_Open, Set_Prm), or an answer to a search"
-        raise ConfigError(f"{file} shows no device" + ("" if _is_project(file) else f": {needed}"))
+        raise ConfigError(f"{file} shows no device" + ("" if is_project_file(file) else f": {needed}"))
     if output is None:
         found = _listed(found)
     made = write_farm(found, name or farm_name(file.stem), parent, file.name, folder)
@@ -135,7 +135,7 @@ def importing(
     if made.files:
         whence = (
             "out of a zip file"
-            if _is_project(file)
+            if is_project_file(file)
             else "made of the capture; the maker's own in its place gives the data names"
         )
         print_line(f"{folder}: {counted(len(made.files), 'description file')} {whence}")
@@ -180,7 +180,7 @@ def _listed(found: Sequence[Found]) -> list[Found]:
     ]
 
 
-def _is_project(file: Path) -> bool:
+def is_project_file(file: Path) -> bool:
     from pnfarm.buses.projects.caex import is_project
 
     try:
@@ -190,7 +190,7 @@ def _is_project(file: Path) -> bool:
         raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
 
 
-def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[Found], list[str]]:
+def of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[Found], list[str]]:
     """What is in it, and description files that could not be read."""
     from pnfarm.buses import registry
     from pnfarm.buses.imports import ProjectBus

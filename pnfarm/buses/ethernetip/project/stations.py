@@ -119,6 +119,7 @@ class _Stations:
             sheet = read_eds(file.octets(LONGEST), file.name)
         except ConfigError as exc:
             return FoundStation(module.name, (str(exc), *facts))
+        doubts: tuple[str, ...] = ()
         chosen = None if connection is None else _connection(sheet, points(module, connection))
         if chosen is not None and connection is not None:
             keys["connection"] = chosen.keyword
@@ -127,8 +128,9 @@ class _Stations:
                 if limits.least < limits.most and sizes[way]:
                     keys.setdefault("sizes", {})[way] = sizes[way]
         elif connection is not None:
-            notes.append(f"the project's connection {connection.attributes.get('Name', '')!r} is not in {file.name}")
-        return FoundDevice(module.name, file.for_farm("eds", self._base, LONGEST), keys, (*notes, *facts))
+            doubts = (f"the project's connection {connection.attributes.get('Name', '')!r} is not in {file.name}",)
+        written = file.for_farm("eds", self._base, LONGEST)
+        return FoundDevice(module.name, written, keys, (*notes, *doubts, *facts), doubts=doubts)
 
     def _signals(
         self, module: L5xModule, connection: L5xConnection, notes: list[str], own: Connection

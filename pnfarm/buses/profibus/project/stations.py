@@ -78,6 +78,7 @@ def _station(device: CaexElement, project: ProjectView, folders: DescriptionFold
         return FoundDrive(device.name, known.name, keys, (*notes, *own), line=LINE)
     keys["slots"] = _slots(device, head, gsd, notes)
     plugged = _plugged(gsd, keys["slots"], notes)
+    doubts = tuple(notes)
     if not keys["slots"]:
         del keys["slots"]
     if plugged is not None:
@@ -86,7 +87,7 @@ def _station(device: CaexElement, project: ProjectView, folders: DescriptionFold
         notes += remarks
         if signals:
             keys["signals"] = signals
-    return FoundDevice(device.name, file.for_farm("gsd", base, LONGEST), keys, (*notes, *own), LINE)
+    return FoundDevice(device.name, file.for_farm("gsd", base, LONGEST), keys, (*notes, *own), LINE, doubts)
 
 
 def _slots(device: CaexElement, head: CaexElement, gsd: Gsd, notes: list[str]) -> dict[int, Any]:

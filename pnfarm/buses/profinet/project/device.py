@@ -36,6 +36,7 @@ def project_device(
         slots.take(slot, module)
     slots.empty_others()
     plugged = slots.plugged()
+    doubts = tuple(notes)
     keys: dict[str, Any] = address_keys(device)
     if len(document.daps) > 1:
         keys["access_point"] = dap.id
@@ -46,7 +47,7 @@ def project_device(
         notes += remarks
         if signals:
             keys["signals"] = signals
-    return FoundDevice(name_of(device), file, keys, (*notes, *facts(device)))
+    return FoundDevice(name_of(device), file, keys, (*notes, *facts(device)), doubts=doubts)
 
 
 class _Slots:

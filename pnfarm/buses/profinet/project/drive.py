@@ -42,7 +42,8 @@ def drive_by_file(device: CaexElement, head: PartType, document: Gsdml, file: De
     if number is not None:
         keys["telegram"] = number
     own_file = None if file.octets is None else file
-    return FoundDrive(name_of(device), drive_model.name, keys, (*notes, *facts(device)), file=own_file)
+    doubts = tuple(notes) if number is None else ()
+    return FoundDrive(name_of(device), drive_model.name, keys, (*notes, *facts(device)), file=own_file, doubts=doubts)
 
 
 def drive_by_name(device: CaexElement, file: str) -> FoundDrive | None:
@@ -55,7 +56,7 @@ def drive_by_name(device: CaexElement, file: str) -> FoundDrive | None:
             number = _telegram_by_name(device, model(entry.name), notes)
             if number is not None:
                 keys["telegram"] = number
-            return FoundDrive(name_of(device), entry.name, keys, (*notes, *facts(device)))
+            return FoundDrive(name_of(device), entry.name, keys, (*notes, *facts(device)), doubts=(notes[0],))
     return None
 
 
