@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from pnfarm.buses.bus import Bus
 
@@ -104,12 +104,19 @@ class PlantBus(Bus):
     One with a network has ``read_plant`` in ``commands/plant.py``, one with a serial line ``line_plant`` in ``plant``.
     """
 
-    #: Whether stations have names on the bus.  Others are known by their addresses.
-    has_names: ClassVar[bool] = False
+    @property
+    def has_names(self) -> bool:
+        """Whether stations have names on the bus; others are known by their addresses."""
+        return False
 
     def facts_of(self, config: DriveConfig | DeviceConfig, model: Model | None) -> StationFacts:
         """A station of a farm file; ``model`` is that of a drive, with what the file changes of it."""
         facts: StationFacts = self._own("plant", "facts_of")(config, model)
+        return facts
+
+    def planned_facts(self, plan: Any) -> StationFacts:
+        """A device that only the controller's section names, by the plan of the bus's controller for it."""
+        facts: StationFacts = self._own("plant", "planned_facts")(plan)
         return facts
 
     async def read_plant(self, question: PlantQuestion) -> PlantAnswer:

@@ -9,6 +9,7 @@ import socket
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.cli.farm_file import counted
+from pnfarm.cli.file_stations import stations_of
 from pnfarm.config.device import DeviceConfig
 from pnfarm.config.drive import DriveConfig
 from pnfarm.config.links import MemoryLink, SerialLink
@@ -17,7 +18,6 @@ from pnfarm.errors import ConfigError
 from pnfarm.farm.doctor.machine import Finding
 from pnfarm.farm.file.choice import bus_of_controller
 from pnfarm.farm.file.reading import expand_all
-from pnfarm.farm.file_stations import stations_of
 from pnfarm.links.kernel.addresses import kernel_address
 from pnfarm.vocabulary.quoting import shortened
 

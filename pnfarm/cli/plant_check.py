@@ -14,9 +14,9 @@ from pnfarm.buses import registry
 from pnfarm.buses.bus import LineBus, line_of
 from pnfarm.buses.plant import PlantQuestion, compare
 from pnfarm.cli.farm_file import counted, read
+from pnfarm.cli.file_stations import foreign_stations, stations_of
 from pnfarm.cli.serial_line import RFC2217, is_place, line_way, run_on_line
 from pnfarm.errors import ConfigError
-from pnfarm.farm.file_stations import stations_of
 from pnfarm.farm.lines import line_bus, make_line
 from pnfarm.terminal.output import print_json, print_line, print_table
 from pnfarm.terminal.working import working
@@ -46,7 +46,7 @@ def check_plant(file: Path, places: Sequence[str], *, seconds: float, baud: int,
     """
     config = read(file)
     expected: dict[str, list[StationFacts]] = {}
-    for one in stations_of(config):
+    for one in (*stations_of(config), *foreign_stations(config)):
         expected.setdefault(one.bus, []).append(one.facts)
     answers: dict[str, list[PlantAnswer]] = {}
     for where in dict.fromkeys(places):

@@ -11,19 +11,19 @@ from pnfarm.buses.imports import FoundStation
 from pnfarm.buses.plant import compare
 from pnfarm.cli.commands.importing import is_project_file, of_project
 from pnfarm.cli.farm_file import known_names
+from pnfarm.cli.file_stations import stations_of
 from pnfarm.errors import ConfigError
 from pnfarm.farm.doctor.machine import Finding
 from pnfarm.farm.file.found import write_farm
 from pnfarm.farm.file.reading import parse_farm
-from pnfarm.farm.file_stations import stations_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pnfarm.buses.imports import Found
     from pnfarm.buses.plant import PlantBus, StationCheck
+    from pnfarm.cli.file_stations import FileStation
     from pnfarm.farm.file.reading import FarmConfig
-    from pnfarm.farm.file_stations import FileStation
 
 __all__ = ["examine_project"]
 

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 
 import pytest
+from device_cell import CONFIGS, ISLAND
 from own_interfaces import own_interfaces
 
 from pnfarm.buses.ethernetip.bus import EthernetIp
 from pnfarm.buses.plant import PlantAnswer, StationFacts
 from pnfarm.buses.profinet.bus import Profinet
 from pnfarm.cli import plant_check
+from pnfarm.cli.farm_file import read
+from pnfarm.cli.file_stations import foreign_stations
 
 FILE = """\
 farm: line
@@ -70,6 +74,43 @@ def test_differences_are_listed_and_the_program_ends_with_1(file, pnfarm, monkey
     assert states == {"axis-1": "equal", "axis-2": "differs", "axis-3": "missing", "new": "extra"}
     differing = {one["what"]: one["plant"] for one in told["stations"][1]["differences"]}
     assert differing["address"] == "10.77.0.19"
+
+
+def test_devices_of_a_controller_for_a_real_plant_are_compared_with_its_plan(file, pnfarm, monkeypatch):
+    island = CONFIGS / ISLAND
+    file.write_text(
+        "controller:\n  name: plc\n  interface: eth0\n  ip: 10.77.0.1/24\n  devices:\n"
+        f"    - {{name: left, gsdml: {island}, dap: DAP 1, modules: {{1: 16DI}}, ip: 10.77.0.41/24}}\n"
+        f"    - {{name: right, gsdml: {island}, dap: DAP 1, modules: {{1: 16DI}}}}\n"
+    )
+    plant(monkeypatch, "left", "right")
+    assert pnfarm("import", "--check", "eth9", file).code == 0
+    config = read(file)
+    left, right = (one.facts for one in foreign_stations(config))
+    assert (left.address, right.address) == ("10.77.0.41", "")
+    moved = replace(right, address="10.1.1.1"), replace(left, modules={**left.modules, "1": ("0x00000099",)})
+    plant(monkeypatch, *moved)
+    done = pnfarm("import", "--check", "eth9", file)
+    assert done.code == 1
+    assert re.search(r"left +10.77.0.41 +differs +slot 1: file 0x[0-9A-F]+, plant 0x00000099", done.out)
+    assert re.search(r"right +10.1.1.1 +equal", done.out)
+
+
+def test_devices_of_a_controller_by_eds_and_gsd_files_are_known_by_address_and_identity(tmp_path):
+    path = tmp_path / "plc.pnfarm.yml"
+    path.write_text(
+        "farm: l\nlink: {kind: veth, lines: {profibus: {pty: auto}}}\ncontroller:\n  name: plc\n"
+        "  ethernetip:\n    ip: 10.77.0.1/24\n    devices: "
+        f"[{{name: weigher, eds: {CONFIGS}/eds/Example-Weigher-20261128.eds, ip: 10.77.0.61/24, "
+        "configuration: '000000'}]\n"
+        f"  profibus: {{devices: [{{name: valve, gsd: {CONFIGS}/gsd/EXMP1D02.gsd, address: 9}}]}}\n"
+        "drives:\n  - {name: cip, model: akd-ethernetip, ip: 10.77.0.31/24}\n" + SLAVE
+    )
+    weigher, valve = (one.facts for one in foreign_stations(read(path)))
+    assert (weigher.name, weigher.address) == ("weigher", "10.77.0.61")
+    assert weigher.identity.keys() == {"vendor", "device type", "product code", "major revision"}
+    assert (valve.name, valve.address) == ("valve", "9")
+    assert valve.identity["ident"].startswith("0x")
 
 
 def test_several_places_are_one_plant_and_a_bus_that_was_not_asked_is_told(file, pnfarm, monkeypatch):

@@ -11,10 +11,11 @@ from pnfarm.buses.ethernetip.device.product import Product
 from pnfarm.buses.plant import PlantAnswer, StationFacts, readable
 
 if TYPE_CHECKING:
+    from pnfarm.buses.ethernetip.controller.device_plan import DevicePlan
     from pnfarm.drives.description.model import Model
     from pnfarm.protocols.enip.identity_search import IdentitySearch
 
-__all__ = ["facts_of", "seen"]
+__all__ = ["facts_of", "planned_facts", "seen"]
 
 
 def facts_of(config: Any, model: Model | None) -> StationFacts:
@@ -24,6 +25,18 @@ def facts_of(config: Any, model: Model | None) -> StationFacts:
         return _facts(config.name, str(config.ip.ip), known, known.name)
     product = Product.of(model)
     return _facts(config.name, str(config.ip.ip), product, product.product_name)
+
+
+def planned_facts(plan: DevicePlan) -> StationFacts:
+    """A plan has the electronic key, whose revision a compatible device may exceed."""
+    key = plan.key
+    known = {
+        "vendor": key.vendor_id,
+        "device type": key.device_type,
+        "product code": key.product_code,
+        "major revision": key.major_revision,
+    }
+    return StationFacts(plan.name, str(plan.ip.ip), {what: str(number) for what, number in known.items()})
 
 
 def _facts(name: str, address: str, known: Any, product: str) -> StationFacts:

@@ -12,10 +12,11 @@ from pnfarm.protocols.profibus.wire.telegram import parse_telegram
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from pnfarm.buses.profibus.controller.plan import DevicePlan
     from pnfarm.drives.description.model import Model
     from pnfarm.links.base import Link, Port
 
-__all__ = ["SearchOnLine", "facts_of", "line_plant"]
+__all__ = ["SearchOnLine", "facts_of", "line_plant", "planned_facts"]
 
 
 def facts_of(config: Any, model: Model | None) -> StationFacts:
@@ -23,6 +24,10 @@ def facts_of(config: Any, model: Model | None) -> StationFacts:
     unknown = ("the file does not say its address",) if config.address is None else ()
     address = "" if config.address is None else str(config.address)
     return StationFacts(config.name, address, {"ident": f"0x{ident:04X}"}, remarks=unknown)
+
+
+def planned_facts(plan: DevicePlan) -> StationFacts:
+    return StationFacts(plan.name, str(plan.slave.address), {"ident": f"0x{plan.slave.ident:04X}"})
 
 
 class SearchOnLine:

@@ -11,13 +11,14 @@ from pnfarm.buses.profinet.controller.identity import revision_text
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from pnfarm.buses.profinet.controller.device_plan import DevicePlan
     from pnfarm.buses.profinet.controller.identity import Identification
     from pnfarm.buses.profinet.controller.module_client import DeviceModule
     from pnfarm.drives.description.model import Model
     from pnfarm.protocols.profinet.dcp.client import StationInfo
     from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription
 
-__all__ = ["facts_of", "seen_facts"]
+__all__ = ["facts_of", "planned_facts", "seen_facts"]
 
 
 def facts_of(config: Any, model: Model | None) -> StationFacts:
@@ -34,6 +35,10 @@ def facts_of(config: Any, model: Model | None) -> StationFacts:
         "hardware revision": str(im0.hardware_revision),
         "firmware": revision_text(im0.software_revision),
     }
+    if model is None and not config.described.plugged.hardware_release:
+        del versions["hardware revision"]  # its maker's file does not say it
+    if model is None and not config.described.plugged.software_release:
+        del versions["firmware"]
     return StationFacts(
         config.name,
         "" if config.ip is None else str(config.ip.ip),
@@ -41,6 +46,15 @@ def facts_of(config: Any, model: Model | None) -> StationFacts:
         {what: text for what, text in versions.items() if text},
         _expected_modules(description, _open_slots(description, model, fixed)),
     )
+
+
+def planned_facts(plan: DevicePlan) -> StationFacts:
+    """A plan has no versions."""
+    modules: dict[str, tuple[str, ...]] = {}
+    for one in plan.submodules:
+        modules[place_text(one.slot)] = (_ident(one.module_ident),)
+        modules[place_text(one.slot, one.subslot)] = (_ident(one.submodule_ident),)
+    return StationFacts(plan.name, str(plan.ip.ip), _identity(plan.vendor_id, plan.device_id), {}, modules)
 
 
 def _identity(vendor_id: int | None, device_id: int | None) -> dict[str, str]:

@@ -101,6 +101,8 @@ def importing(
     if check:
         from pnfarm.cli.plant_check import check_plant
 
+        if output is not None:
+            raise ConfigError("--check writes no file: leave -o out")
         as_json = format_ is Format.JSON
         if not check_plant(file, check, seconds=seconds, baud=baud, own=own, as_json=as_json):
             raise typer.Exit(1)
