@@ -37,6 +37,8 @@ class FoundDrive:
     line: str = ""
     file: DescriptionFile | None = None
     doubts: tuple[str, ...] = ()
+    #: Whether its controller compares vendor and device when it connects.
+    keyed: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +51,8 @@ class FoundDevice:
     notes: tuple[str, ...] = ()
     line: str = ""
     doubts: tuple[str, ...] = ()
+    #: Whether its controller compares vendor and device when it connects.
+    keyed: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,8 +30,9 @@ class StationFacts:
     """One station; what is not known of it is left out, and not compared.
 
     ``name``: its name on the bus, or the file's where the bus has none; ``address``: an IPv4 or a station address.
-    ``identity``: what a controller compares when it connects; ``versions``: what it does not.  ``modules``: ``SLOT``
-    and ``SLOT.SUBSLOT`` -> idents, any of which will do.  ``remarks``: why something is not known.
+    ``identity``: what a controller compares when it connects; ``versions``: what it does not.
+    ``modules``: ``SLOT`` and ``SLOT.SUBSLOT`` -> idents, or ``connection`` -> what is asked for, any of which will do.
+    ``remarks``: why something is not known.
     """
 
     name: str
@@ -109,9 +110,12 @@ class PlantBus(Bus):
         """Whether stations have names on the bus; others are known by their addresses."""
         return False
 
-    def facts_of(self, config: DriveConfig | DeviceConfig, model: Model | None) -> StationFacts:
-        """A station of a farm file; ``model`` is that of a drive, with what the file changes of it."""
-        facts: StationFacts = self._own("plant", "facts_of")(config, model)
+    def facts_of(self, config: DriveConfig | DeviceConfig, model: Model | None, *, asked: bool = False) -> StationFacts:
+        """A station of a farm file; ``model`` is that of a drive, with what the file changes of it.
+
+        ``asked``: what its controller asks for, and not all that it offers.
+        """
+        facts: StationFacts = self._own("plant", "facts_of")(config, model, asked=asked)
         return facts
 
     def planned_facts(self, plan: Any) -> StationFacts:
@@ -206,8 +210,8 @@ def _modules(wanted: Mapping[str, tuple[str, ...]], found: Mapping[str, tuple[st
             continue
         if place == slot:
             others.add(slot)
-        yield Difference("modules", f"slot {place}", " or ".join(here), " or ".join(there))
+        yield Difference("modules", f"slot {place}" if slot.isdigit() else place, " or ".join(here), " or ".join(there))
 
 
 def _place(text: str) -> list[int]:
-    return [int(part, 0) for part in text.split(".")]
+    return [int(part, 0) for part in text.split(".")] if text[:1].isdigit() else []

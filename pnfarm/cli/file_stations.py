@@ -32,8 +32,11 @@ class FileStation:
     facts: StationFacts
 
 
-def stations_of(config: FarmConfig) -> list[FileStation]:
-    """Drives and then devices, of buses whose plants can be compared."""
+def stations_of(config: FarmConfig, *, asked: bool = False) -> list[FileStation]:
+    """Drives and then devices, of buses whose plants can be compared.
+
+    ``asked``: with what their controllers ask for, and not all that they offer.
+    """
     known = registry.plants()
     found = []
     for one in expand_all(config):
@@ -41,7 +44,7 @@ def stations_of(config: FarmConfig) -> list[FileStation]:
         bus = one.bus if isinstance(one, DeviceConfig) else "" if model is None else model.bus
         if bus in known:
             at = ("drives" if model is not None else "devices", one.group)
-            found.append(FileStation(bus, at, known[bus].facts_of(one, model)))
+            found.append(FileStation(bus, at, known[bus].facts_of(one, model, asked=asked)))
     return found
 
 

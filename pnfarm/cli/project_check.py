@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from pnfarm.buses import registry
-from pnfarm.buses.imports import FoundStation
 from pnfarm.buses.plant import compare
 from pnfarm.cli.commands.importing import is_project_file, of_project
 from pnfarm.cli.farm_file import known_names
@@ -20,9 +20,10 @@ from pnfarm.farm.file.reading import parse_farm
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pnfarm.buses.imports import Found
+    from pnfarm.buses.imports import FoundStation
     from pnfarm.buses.plant import PlantBus, StationCheck
     from pnfarm.cli.file_stations import FileStation
+    from pnfarm.farm.file.found import WrittenFarm
     from pnfarm.farm.file.reading import FarmConfig
 
 __all__ = ["examine_project"]
@@ -32,7 +33,7 @@ _REMEDIES = {
     "name": "name: {}",
     "address": "the project's address, {}",
     "identity": "the description file and the access point that the project has",
-    "modules": "plug {}: `slots` of a device, `telegram` or `axes` of a drive",
+    "modules": "what the project has there, {}: `slots` or `connection` of a device, `telegram` or `axes` of a drive",
 }
 
 
@@ -45,34 +46,44 @@ def examine_project(config: FarmConfig, project: Path, folders: Sequence[Path]) 
     if not is_project_file(project):
         raise ConfigError(f"--project {project} is no engineering project: CAx data (aml, amlx), or L5X")
     beside = [] if config.path is None else [config.path.resolve().parent]
-    expected, found, notes = _expected(project, [*folders, *beside])
+    expected, made, notes = _expected(project, [*folders, *beside])
     here = stations_of(config)
     findings = [Finding("project", None, note) for note in notes]
-    unknown = {one.name: one for one in found if isinstance(one, FoundStation)}
-    doubts = {one.name: one.doubts for one in found if not isinstance(one, FoundStation) and one.doubts}
+    played = {one.name: one for one in (*made.drives, *made.devices)}
+    unknown = {one.name: one for one in made.others}
     for name, bus in registry.plants().items():
-        wanted = [one.facts for one in expected if one.bus == name]
+        wanted = [
+            # without keying it compares no identity
+            one.facts if played[one.facts.name].keyed else replace(one.facts, identity={})
+            for one in expected
+            if one.bus == name
+        ]
         own = [one for one in here if one.bus == name]
+        bare = {one.name for one in wanted if one.modules is None}
         for check in compare(wanted, [one.facts for one in own], by_name=bus.has_names):
             # one that the project has and nothing could be made of may be anything
             if check.state != "extra" or check.name not in unknown:
                 line = _line(config, own, check)
-                findings.append(_finding(project, bus, check, line, doubts.get(check.name, ())))
+                doubts = list(played[check.name].doubts if check.name in played else ())
+                if check.name in bare:
+                    doubts.append("its identity is the project's, its modules or its connection are not compared")
+                findings.append(_finding(project, bus, check, line, doubts))
     return [*findings, *_unjudged(unknown, {one.facts.name for one in here})]
 
 
-def _expected(project: Path, folders: Sequence[Path]) -> tuple[list[FileStation], list[Found], list[str]]:
-    """The project's stations as a farm file would have them, all that was found, and what was left out."""
+def _expected(project: Path, folders: Sequence[Path]) -> tuple[list[FileStation], WrittenFarm, list[str]]:
+    """The project's stations as a farm file would have them, that farm file, and what was left out."""
     with TemporaryDirectory(prefix="pnfarm-doctor-") as scratch:
         folder = Path(scratch)
         found, notes = of_project(project, folders, folder)
         made = write_farm(found, "project", "eth1", project.name, folder)
         for name, octets in made.files.items():
             (folder / name).write_bytes(octets)
-        if not made.drives and not made.devices:
-            return [], found, [*notes, *made.left_out]
-        config = parse_farm(made.text, folder / "project.pnfarm.yml", known_names())
-        return stations_of(config), found, [*notes, *made.left_out]
+        stations = []
+        if made.drives or made.devices:
+            config = parse_farm(made.text, folder / "project.pnfarm.yml", known_names())
+            stations = stations_of(config, asked=True)
+        return stations, made, [*notes, *made.left_out]
 
 
 def _line(config: FarmConfig, own: Sequence[FileStation], check: StationCheck) -> int:

@@ -7,11 +7,13 @@ import shutil
 import socket
 from ipaddress import IPv4Address
 
+import l5x_project
 import pytest
-from aml_project import ISLAND, at_system, drive, module, plc, project, station
+from aml_project import ISLAND, at_system, drive, module, plc, project, slave, station
 from device_cell import CONFIGS
 from device_cell import ISLAND as ISLAND_FILE
 
+from pnfarm.buses.ethernetip.eds_file import load_eds
 from pnfarm.cli import cell_doctor
 from pnfarm.cli.cell_doctor import examine_cell, own_addresses
 from pnfarm.cli.farm_file import read
@@ -121,7 +123,7 @@ def test_another_module_another_name_and_a_station_that_is_not_played_stay_red(j
     code, findings = judged(device(slots="{1: 16DI, 2: EX-AI-4}"), island())
     assert (findings["island"]["ok"], findings["island"]["keeps_red"], code) == (False, True, 1)
     assert "slot 2: the project has 0x" in findings["island"]["detail"]
-    assert "plug 0x" in findings["island"]["remedy"]
+    assert "what the project has there, 0x" in findings["island"]["remedy"]
     code, findings = judged(device(slots="{1: 16DI}"), island())
     assert "the file nothing" in findings["island"]["detail"]
     code, findings = judged(device("other"), island())
@@ -144,6 +146,62 @@ def test_what_the_project_does_not_say_is_not_called_green(judged):
     assert findings["other"]["ok"] is None
     assert "GSDML-V2.35-NOBODY-X-20240101.xml" in findings["other"]["detail"]
     assert findings["other"]["remedy"]
+
+
+def test_on_ethernetip_the_assemblies_and_the_identity_count_where_the_plc_compares_it(tmp_path, pnfarm, monkeypatch):
+    monkeypatch.setattr("pnfarm.farm.doctor.machine.examine", list)
+    eds = CONFIGS / "eds" / "Example-Weigher-20261128.eds"
+    key = load_eds(eds).key
+    own = f"devices:\n  - {{name: scale, eds: {eds}, ip: 192.168.1.20/24}}\n"
+    numbers = {"Vendor": key.vendor_id, "ProductType": key.device_type, "ProductCode": key.product_code}
+
+    def judge(text, *modules):
+        (tmp_path / "line.L5X").write_text(l5x_project.project(*modules))
+        done = pnfarm("doctor", farm(tmp_path, text), "--project", tmp_path / "line.L5X", "--format", "json")
+        findings = {one["name"]: one for one in json.loads(done.out)["findings"]}
+        return done.code, findings["scale"]
+
+    # a generic module without keying, of other assemblies, then of those that the file has
+    other = l5x_project.module("scale", "192.168.1.20", l5x_project.connection(10, 4))
+    code, finding = judge(own, other)
+    assert (code, finding["ok"]) == (1, False)
+    assert finding["detail"].startswith("connection: the project has 100/101, 4/10 octets or 100/101, the file ")
+    sheet = load_eds(eds).connection()
+    configuration, outputs, inputs = sheet.points
+    points = {"InputCxnPoint": inputs, "OutputCxnPoint": outputs}
+    same = l5x_project.connection(sheet.inputs.size.default, sheet.outputs.size.default, element="SINT", **points)
+    code, finding = judge(own, l5x_project.module("scale", "192.168.1.20", same))
+    assert (code, finding["ok"]) == (0, True), finding
+    # the same with keying: the identity of the generic module is none of the device's
+    keyed = l5x_project.module("scale", "192.168.1.20", same).replace('State="Disabled"', 'State="ExactMatch"')
+    code, finding = judge(own, keyed)
+    assert (code, "vendor: the project has 1" in finding["detail"]) == (1, True)
+    # by its own file
+    assembly = f"[4,{configuration},[0,0,0,0]]"
+    numbered = l5x_project.module(
+        "scale", "192.168.1.20", same, configuration=assembly, CatalogNumber="X", Major=key.major_revision, **numbers
+    )
+    (tmp_path / eds.name).write_bytes(eds.read_bytes())
+    code, finding = judge(own, numbered.replace('State="Disabled"', 'State="ExactMatch"'))
+    assert (code, finding["ok"]) == (0, True), finding
+
+
+def test_on_profibus_the_identifiers_of_the_modules_count(tmp_path, pnfarm, monkeypatch):
+    monkeypatch.setattr("pnfarm.farm.doctor.machine.examine", list)
+    shutil.copy(CONFIGS / "gsd" / "EXMP1D01.gsd", tmp_path)
+    plugged = module(1, "GSD:EXMP1D01.GSD/M/1", name="16DI")
+    (tmp_path / "line.aml").write_text(project(plc(), slave("valves", "5", "EXMP1D01.GSD", plugged)))
+
+    def judge(slots):
+        text = f"devices:\n  - {{name: island, gsd: EXMP1D01.gsd, address: 5, slots: {slots}}}\n"
+        done = pnfarm("doctor", farm(tmp_path, text), "--project", tmp_path / "line.aml", "--format", "json")
+        findings = {one["name"]: one for one in json.loads(done.out)["findings"]}
+        return done.code, findings["valves"]
+
+    code, finding = judge("{1: 16DI}")
+    assert (code, finding["ok"]) == (0, True), finding
+    code, finding = judge("{1: 8DO}")
+    assert (code, finding["ok"], "configuration: the project has" in finding["detail"]) == (1, False, True)
 
 
 def test_lines_and_a_verdict_are_printed(tmp_path, pnfarm, monkeypatch):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.plant import PlantAnswer, StationFacts
 from pnfarm.errors import ConfigError, DecodeError
+from pnfarm.protocols.profibus.gsd.station import EMPTY_SLOT
 from pnfarm.protocols.profibus.line_search import ADDRESSES, LineSearch
 from pnfarm.protocols.profibus.wire.telegram import parse_telegram
 
@@ -19,11 +20,17 @@ if TYPE_CHECKING:
 __all__ = ["SearchOnLine", "facts_of", "line_plant", "planned_facts"]
 
 
-def facts_of(config: Any, model: Model | None) -> StationFacts:
+def facts_of(config: Any, model: Model | None, *, asked: bool = False) -> StationFacts:
+    """With the identifiers of a device's modules, which its master asks for, and which it takes alone."""
+    del asked
     ident = config.described.plugged.gsd.ident if model is None else model.profidrive.identity.device_id
     unknown = ("the file does not say its address",) if config.address is None else ()
     address = "" if config.address is None else str(config.address)
-    return StationFacts(config.name, address, {"ident": f"0x{ident:04X}"}, remarks=unknown)
+    modules = None
+    if model is None:
+        identifiers = config.described.plugged.identifiers.rstrip(EMPTY_SLOT)
+        modules = {"configuration": (identifiers.hex(" ").upper(),)}
+    return StationFacts(config.name, address, {"ident": f"0x{ident:04X}"}, modules=modules, remarks=unknown)
 
 
 def planned_facts(plan: DevicePlan) -> StationFacts:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any
 
@@ -65,7 +66,8 @@ class _Stations:
     def found(self) -> Iterator[Found]:
         for module in self._project.modules:
             if (ip := _address(module.address)) is not None:
-                yield self._of(module, ip)
+                one = self._of(module, ip)
+                yield one if isinstance(one, FoundStation) or module.keyed else replace(one, keyed=False)
 
     def _of(self, module: L5xModule, ip: IPv4Address) -> Found:
         numbers = tuple(module.number(key) for key in ("Vendor", "ProductType", "ProductCode"))
