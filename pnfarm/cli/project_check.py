@@ -20,7 +20,7 @@ from pnfarm.farm.file.reading import parse_farm
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pnfarm.buses.imports import FoundStation
+    from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation
     from pnfarm.buses.plant import PlantBus, StationCheck
     from pnfarm.cli.file_stations import FileStation
     from pnfarm.farm.file.found import WrittenFarm
@@ -49,7 +49,8 @@ def examine_project(config: FarmConfig, project: Path, folders: Sequence[Path]) 
     expected, made, notes = _expected(project, [*folders, *beside])
     here = stations_of(config)
     findings = [Finding("project", None, note) for note in notes]
-    played = {one.name: one for one in (*made.drives, *made.devices)}
+    stations: list[FoundDrive | FoundDevice] = [*made.drives, *made.devices]
+    played = {one.name: one for one in stations}
     unknown = {one.name: one for one in made.others}
     for name, bus in registry.plants().items():
         wanted = [

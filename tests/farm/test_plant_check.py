@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import random
 from ipaddress import IPv4Address, IPv4Interface
 from itertools import count
 
@@ -172,6 +173,16 @@ def test_nothing_but_searches_and_reads_leaves():
     assert len(opnums) >= 3 * 5
 
 
+def test_a_plant_whose_controller_is_at_work_is_compared_without_disturbing_it():
+    cell = Cell(FILE)
+    cell.connect()
+    expected = facts(FILE)
+    found = list(compare(expected, Tool(cell.world, expected).run().stations, by_name=True))
+    assert {one.state for one in found} == {"equal"}
+    assert cell.plc.all_connected
+    assert {(row["connects"], row["losses"]) for row in cell.plc.snapshot()} == {(1, 0)}
+
+
 def test_a_station_that_answers_no_reads_is_not_called_equal_and_the_others_are_read():
     cell = Cell(FILE, controller=None)
     cell.device("left").rpc.receive = lambda *_args: None
@@ -216,6 +227,29 @@ def test_malformed_answers_and_a_flood_of_stations_end_with_the_search(monkeypat
     answer = tool.run()
     assert len(answer.stations) == 50
     assert "more than 50 stations answer" in answer.remarks[0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_answers_with_wrong_octets_are_differences_or_remarks_and_never_an_error(seed):
+    rng = random.Random(seed)
+    cell = Cell(FILE, controller=None)
+    expected = facts(FILE)
+    tool = Tool(cell.world, expected)
+
+    def damaged(port, frame, now):
+        octets = bytearray(frame)
+        while rng.random() < 0.6:
+            octets[rng.randrange(14, len(octets))] = rng.choice((0, 1, 0x7F, 0x80, 0xFF, rng.randrange(256)))
+        tool.receive(
+            port, bytes(octets[: rng.choice((len(octets), len(octets), rng.randrange(15, len(octets) + 1)))]), now
+        )
+
+    tool.link.set_receiver(damaged)
+    answer = tool.run(60.0)
+    for one in answer.stations:
+        assert one.name.isprintable()
+        assert all(text.isprintable() for text in one.versions.values())
+    assert len(list(compare(expected, answer.stations, by_name=True))) >= len(expected)
 
 
 @settings(max_examples=60, deadline=None)
