@@ -373,7 +373,7 @@ def searched(cell, expected, seconds=30.0):
     sent = []
     original = link.send
     link.send = lambda index, octets: (sent.append(parse_telegram(octets)), original(index, octets))
-    search = SearchOnLine(link, port, LineSearch(2, 1_500_000, [int(one.address) for one in expected]))
+    search = SearchOnLine(link, port, LineSearch(2, 1_500_000, [int(one.address) for one in expected], heard_ns=10**9))
     search.start(cell.world.now)
     end = cell.world.now + seconds * 1e9
     while not search.done and cell.world.now < end:
