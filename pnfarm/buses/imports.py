@@ -39,7 +39,7 @@ class FoundDrive:
 
     ``notes`` say how it is played and what is not sure, ``facts`` what it is in the plant: comments of the farm file.
     ``line``: of a station on a serial line, the line's name in a farm file.  ``file``: what ``gsdml``
-    or ``identity`` names, where that has to be written.
+    or ``identity`` names, where that has to be written.  ``doubts``: what of a project could not be taken over.
     """
 
     name: str
@@ -50,11 +50,14 @@ class FoundDrive:
     line: str = ""
     file: DescriptionFile | None = None
     said: Said = field(default_factory=Said)
+    doubts: tuple[str, ...] = ()
+    #: Whether its controller compares vendor and device when it connects.
+    keyed: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A station that a description file stands for; ``keys`` are the others of its group."""
+    """A station that a description file stands for; ``keys`` are the others of its group, ``doubts`` as of a drive."""
 
     name: str
     file: DescriptionFile
@@ -63,6 +66,9 @@ class FoundDevice:
     facts: tuple[str, ...] = ()
     line: str = ""
     said: Said = field(default_factory=Said)
+    doubts: tuple[str, ...] = ()
+    #: Whether its controller compares vendor and device when it connects.
+    keyed: bool = True
 
 
 @dataclass(frozen=True, slots=True)

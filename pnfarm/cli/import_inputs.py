@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.imports import Found
 
-__all__ = ["Inputs", "read_inputs"]
+__all__ = ["Inputs", "is_project_file", "read_inputs"]
 
 #: Octets in which the root of an XML file begins.
 _HEAD = 4096
@@ -53,7 +53,7 @@ def read_inputs(
     Of projects the first counts most, and captures count least, whichever is given first.  Raises :class:`ConfigError`
     where a file cannot be read, or nothing shows a device.
     """
-    projects = [file for file in (*files, *others) if _is_project(file)]
+    projects = [file for file in (*files, *others) if is_project_file(file)]
     captures = [file for file in (*files, *others) if file not in projects]
     if len(files) > 1 and any(file in projects for file in files):
         raise ConfigError(f"{projects[0]} is a project: give it alone, and what is to be joined with it by --merge")
@@ -82,7 +82,8 @@ def read_inputs(
     return Inputs(list(drives_first(found)), source, bool(captures), remarks)
 
 
-def _is_project(file: Path) -> bool:
+def is_project_file(file: Path) -> bool:
+    """Whether it is an engineering project's export, not a capture; raises :class:`ConfigError`."""
     try:
         with file.open("rb") as begin:
             return is_project(begin.read(16))

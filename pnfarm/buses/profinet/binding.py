@@ -6,8 +6,9 @@ The only file of this protocol that depends on drives.
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from pnfarm.buses.profinet.axis_slots import axis_shifts
 from pnfarm.drives.profiles.profidrive.parameter_channel import ParameterChannel
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.deadlines import earliest
@@ -30,7 +31,9 @@ if TYPE_CHECKING:
     from pnfarm.drives.telegrams.telegram import Module, Submodule
     from pnfarm.protocols.profinet.cm.ar import Ar
 
-__all__ = ["EVERY_RATIO", "AxisPlace", "DriveRecords", "describe_device", "serial_number"]
+__all__ = [
+    "EVERY_RATIO", "AxisPlace", "AxisSettings", "DriveRecords", "axis_places", "describe_device", "serial_number",
+]  # fmt: skip
 
 #: A drive with lax limits accepts every defined SendClockFactor and ReductionRatio.
 EVERY_RATIO = range(1, MAX_REDUCTION + 1)
@@ -45,6 +48,23 @@ class AxisPlace(NamedTuple):
     shift: int = 0
     telegram: int | None = None
     supplementary: int | None = None
+
+
+class AxisSettings(Protocol):
+    """One axis in the farm file; None: the model's telegram, no supplementary one, the slot behind the axis before."""
+
+    @property
+    def telegram(self) -> int | None: ...
+    @property
+    def slot(self) -> int | None: ...
+    @property
+    def supplementary(self) -> int | None: ...
+
+
+def axis_places(model: Model, axes: Sequence[AxisSettings]) -> list[AxisPlace]:
+    """The axes of a drive in the farm file."""
+    shifts = axis_shifts(model, [axis.slot for axis in axes])
+    return [AxisPlace(shift, axis.telegram, axis.supplementary) for shift, axis in zip(shifts, axes, strict=True)]
 
 
 _MODEL_AXIS = AxisPlace()

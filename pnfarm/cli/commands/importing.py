@@ -10,6 +10,7 @@ import typer
 from pnfarm.cli.farm_file import counted
 from pnfarm.errors import ConfigError
 from pnfarm.terminal.output import print_line
+from pnfarm.terminal.settings import Format, FormatOption
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,13 +19,32 @@ if TYPE_CHECKING:
 
 __all__ = ["importing"]
 
+CheckOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--check",
+        metavar="WHERE",
+        help="Compare the plant at a network interface, such as eth1, or on a serial line (path of a port or pty, "
+        "HOST:PORT, rfc2217://HOST:PORT) with the farm file FILE.  Repeatable.",
+        show_default=False,
+    ),
+]
+SecondsOption = Annotated[
+    float, typer.Option(min=0.1, max=60, help="With --check: how long to wait for answers to a search.")
+]
+CheckBaudOption = Annotated[int, typer.Option("--baud", metavar="RATE", help="With --check: a line's bits per second.")]
+CheckOwnOption = Annotated[
+    int, typer.Option("--own-address", metavar="N", help="With --check: the station address to ask from on a line.")
+]
+
 
 def importing(
     files: Annotated[
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="Captures of one plant (pcap, pcapng), or a project: CAx data (aml, amlx), or L5X.",
+            help="Captures of one plant (pcap, pcapng), or a project: CAx data (aml, amlx), or L5X; "
+            "with --check a farm file.",
             show_default=False,
         ),
     ],
@@ -72,8 +92,26 @@ def importing(
     force: Annotated[
         bool, typer.Option("--force", help="Replace FARM, and description files beside it, if they are there.")
     ] = False,
+    check: CheckOption = None,
+    seconds: SecondsOption = 2.0,
+    baud: CheckBaudOption = 1_500_000,
+    own: CheckOwnOption = 0,
+    format_: FormatOption = Format.TABLE,
 ) -> None:
-    """Make a farm file of captures, with GSDML files for PROFINET devices, of an engineering project, or of both."""
+    """Make a farm file of captures, with GSDML files for PROFINET devices, of an engineering project, or of both.
+
+    With --check, compare a plant that runs with the farm file FILE: exit code 0 if all is equal, else 1.  Its stations
+    are only asked.
+    """
+    if check:
+        from pnfarm.cli.plant_check import check_plant
+
+        if output is not None or len(files) != 1:
+            raise ConfigError("--check compares with one farm file, and writes none: leave -o and further files out")
+        as_json = format_ is Format.JSON
+        if not check_plant(files[0], check, seconds=seconds, baud=baud, own=own, as_json=as_json):
+            raise typer.Exit(1)
+        return
     from pnfarm.cli.import_inputs import read_inputs
     from pnfarm.farm.file.found import farm_name, write_farm
 

@@ -67,7 +67,8 @@ class _Stations:
     def found(self) -> Iterator[Found]:
         for module in self._project.modules:
             if (ip := _address(module.address)) is not None:
-                yield self._of(module, ip)
+                one = self._of(module, ip)
+                yield one if isinstance(one, FoundStation) or module.keyed else replace(one, keyed=False)
 
     def _of(self, module: L5xModule, ip: IPv4Address) -> Found:
         numbers = tuple(module.number(key) for key in ("Vendor", "ProductType", "ProductCode"))
@@ -122,6 +123,7 @@ class _Stations:
             sheet = read_eds(file.octets(LONGEST), file.name)
         except ConfigError as exc:
             return FoundStation(module.name, (str(exc), *facts), keys=keys)
+        doubts: tuple[str, ...] = ()
         chosen = None if connection is None else _connection(sheet, points(module, connection))
         if chosen is not None and connection is not None:
             keys["connection"] = chosen.keyword
@@ -130,8 +132,10 @@ class _Stations:
                 if limits.least < limits.most and sizes[way]:
                     keys.setdefault("sizes", {})[way] = sizes[way]
         elif connection is not None:
-            notes.append(f"the project's connection {connection.attributes.get('Name', '')!r} is not in {file.name}")
-        return FoundDevice(module.name, file.for_farm("eds", self._base, LONGEST), keys, tuple(notes), facts)
+            doubts = (f"the project's connection {connection.attributes.get('Name', '')!r} is not in {file.name}",)
+            notes += doubts
+        written = file.for_farm("eds", self._base, LONGEST)
+        return FoundDevice(module.name, written, keys, tuple(notes), facts, doubts=doubts)
 
     def _signals(
         self, module: L5xModule, connection: L5xConnection, notes: list[str], own: Connection

@@ -80,6 +80,7 @@ def _station(device: CaexElement, project: ProjectView, folders: DescriptionFold
         return FoundDrive(device.name, known.name, keys, tuple(notes), own, LINE, said=said)
     keys["slots"] = _slots(device, head, gsd, notes)
     plugged = _plugged(gsd, keys["slots"], notes)
+    doubts = tuple(notes)
     if not keys["slots"]:
         del keys["slots"]
     if plugged is not None:
@@ -89,7 +90,8 @@ def _station(device: CaexElement, project: ProjectView, folders: DescriptionFold
         if signals:
             keys["signals"] = signals
     said = said_of(device.name, gsd.ident, None if plugged is None else plugged.identifiers)
-    return FoundDevice(device.name, file.for_farm("gsd", base, LONGEST), keys, tuple(notes), own, LINE, said)
+    written = file.for_farm("gsd", base, LONGEST)
+    return FoundDevice(device.name, written, keys, tuple(notes), own, LINE, said, doubts=doubts)
 
 
 def _slots(device: CaexElement, head: CaexElement, gsd: Gsd, notes: list[str]) -> dict[int, Any]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from pnfarm.buses.profinet.axis_slots import axis_shifts, model_slots
-from pnfarm.buses.profinet.binding import AxisPlace, DriveRecords, describe_device
+from pnfarm.buses.profinet.axis_slots import model_slots
+from pnfarm.buses.profinet.binding import DriveRecords, axis_places, describe_device
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
@@ -19,6 +19,7 @@ from pnfarm.table.axis_codes import CMD_ACKNOWLEDGE, CMD_RAISE_FAULT, CONTROL_BY
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pnfarm.buses.profinet.binding import AxisSettings
     from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
     from pnfarm.drives.telegrams.telegram import Telegram
@@ -30,17 +31,6 @@ if TYPE_CHECKING:
     from pnfarm.station.station import Station
 
 __all__ = ["DriveKind"]
-
-
-class AxisSettings(Protocol):
-    """One axis in the farm file; None: the model's telegram, no supplementary one, the slot behind the axis before."""
-
-    @property
-    def telegram(self) -> int | None: ...
-    @property
-    def slot(self) -> int | None: ...
-    @property
-    def supplementary(self) -> int | None: ...
 
 
 class DriveSettings(Protocol):
@@ -108,11 +98,7 @@ class DriveKind:
     def describe(self, mac: bytes) -> DeviceDescription:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         strict = self._settings.strict
-        shifts = axis_shifts(self.model, [axis.slot for axis in self._settings.axes])
-        axes = [
-            AxisPlace(shift, axis.telegram, axis.supplementary)
-            for shift, axis in zip(shifts, self._settings.axes, strict=True)
-        ]
+        axes = axis_places(self.model, self._settings.axes)
         description = describe_device(self.model, mac, strict=strict, axes=axes)
         if self._settings.ignores_clock:
             description = replace(description, ignored_records=ISOCHRONOUS)
@@ -120,8 +106,8 @@ class DriveKind:
         # the words of a drive with one axis are those of all its submodules
         several = len(self._station.axes) > 1
         self._parts = tuple(
-            _AxisPart(axis, frozenset(slot + shift for slot in own), shift)
-            for axis, shift in zip(self._station.axes, shifts, strict=True)
+            _AxisPart(axis, frozenset(slot + place.shift for slot in own), place.shift)
+            for axis, place in zip(self._station.axes, axes, strict=True)
         )
         point = next(s for m in description.modules for s in m.submodules)
         slots = {part.first_slot if several else point.slot: part.axis.number for part in self._parts}

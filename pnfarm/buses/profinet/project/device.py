@@ -38,6 +38,7 @@ def project_device(
         slots.take(slot, module)
     slots.empty_others()
     plugged = slots.plugged()
+    doubts = tuple(notes)
     keys: dict[str, Any] = address_keys(device)
     if len(document.daps) > 1:
         keys["access_point"] = dap.id
@@ -48,7 +49,8 @@ def project_device(
         notes += remarks
         if signals:
             keys["signals"] = signals
-    return FoundDevice(name_of(device), file, keys, tuple(notes), tuple(facts(device)), said=_said(device, plugged))
+    said = _said(device, plugged)
+    return FoundDevice(name_of(device), file, keys, tuple(notes), tuple(facts(device)), said=said, doubts=doubts)
 
 
 def _said(device: CaexElement, plugged: PluggedStation | None) -> Said:

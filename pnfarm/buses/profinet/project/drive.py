@@ -52,6 +52,7 @@ def drive_by_file(device: CaexElement, head: PartType, document: Gsdml, file: De
         tuple(facts(device)),
         file=own_file,
         said=_said(device, document, [] if number is None else [number]),
+        doubts=tuple(notes) if number is None else (),
     )
 
 
@@ -71,7 +72,9 @@ def drive_by_name(device: CaexElement, file: str) -> FoundDrive | None:
             if number is not None:
                 keys["telegram"] = number
             said = said_of(name_of(device), telegrams=None if number is None else {1: number})
-            return FoundDrive(name_of(device), entry.name, keys, tuple(notes), tuple(facts(device)), said=said)
+            own = tuple(facts(device))
+            doubts = (notes[0],)
+            return FoundDrive(name_of(device), entry.name, keys, tuple(notes), own, said=said, doubts=doubts)
     return None
 
 

@@ -82,7 +82,7 @@ class _Stations:
     ) -> Found:
         document, tags = self._files.document(file), self._project.tags(device)
         made = project_device(device, head, document, dap, self._files.for_farm(file), tags)
-        return replace(made, notes=(*remarks, *made.notes))
+        return replace(made, notes=(*remarks, *made.notes), doubts=(*remarks, *made.doubts))
 
     def _nothing(self, device: CaexElement, why: str, missing: str) -> FoundStation:
         return self._station(device, (why, *facts(device)), missing)
