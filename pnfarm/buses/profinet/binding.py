@@ -204,25 +204,24 @@ class DriveRecords:
     def read(
         self, ar: Ar | None, api: int, slot: int, subslot: int, index: int, max_length: int, now: int
     ) -> bytes | RecordError:
-        """The response of this connection; without a ready response the access is a state conflict."""
-        del subslot
+        """The response of this connection at this submodule; without a ready one the access is a state conflict."""
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
             return channel
         channel.handle_timeout(now)
-        if self.withhold is not None and channel.pending(_client(ar)) and self.withhold(now):
+        client, place = _client(ar), (slot, subslot)
+        if self.withhold is not None and channel.pending(client, place) and self.withhold(now):
             return RecordError(AccessError.STATE_CONFLICT)
-        response = channel.read_response(max_length, _client(ar), now)
+        response = channel.read_response(max_length, client, now, place)
         return RecordError(AccessError.STATE_CONFLICT) if response is None else response
 
     def write(self, ar: Ar, api: int, slot: int, subslot: int, index: int, data: bytes, now: int) -> RecordError | None:
         """Take a parameter request; errors inside it are reported by its response."""
-        del subslot
         channel = self._channel(api, slot, index)
         if isinstance(channel, RecordError):
             return channel
         try:
-            taken = channel.write_request(data, _client(ar), now, self._axes[slot])
+            taken = channel.write_request(data, _client(ar), now, self._axes[slot], (slot, subslot))
         except DecodeError:
             return RecordError(AccessError.WRITE_LENGTH_ERROR)
         return None if taken else RecordError(AccessError.STATE_CONFLICT)
