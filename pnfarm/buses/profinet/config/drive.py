@@ -74,7 +74,7 @@ class ProfinetDrives(IpDrives):
         default="refuse",
         description="What becomes of the records with which a controller asks for isochronous operation "
         "(IsochronousModeData, PDIRData, PDSyncData): ignore takes and keeps them, and the drive runs in RT without "
-        "the clock.",
+        "the clock. A connection with RT class 3 (IRT) is refused either way.",
     )
     hello: bool = Field(
         default=False,
