@@ -165,8 +165,11 @@ class StationConnections:
         entry = change.entry
         for key in self._station.ars:
             self._report_problem(key)
+        catalogue = self._station.kind.diagnoses
+        words = entry.in_words(None if catalogue is None else catalogue.own_texts)
         appears = isinstance(change, DiagnosisAppeared)
-        self._station.note(now, happened.DiagnosisAppeared(entry) if appears else happened.DiagnosisDisappeared(entry))
+        kind = happened.DiagnosisAppeared if appears else happened.DiagnosisDisappeared
+        self._station.note(now, kind(entry, words))
 
     def _report_problem(self, key: int) -> None:
         """DataStatus: whether one of the AR's submodules has a fault."""

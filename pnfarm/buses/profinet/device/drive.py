@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from pnfarm.buses.profinet.axis_slots import model_slots
 from pnfarm.buses.profinet.binding import DriveRecords, axis_places, describe_device
+from pnfarm.buses.profinet.described.records import DescribedRecords
 from pnfarm.buses.profinet.device.fault_diagnosis import FaultDiagnosis
 from pnfarm.buses.profinet.device.network import StationNetwork
 from pnfarm.buses.profinet.frame_layout import Carrier, frame_layout
@@ -22,11 +23,14 @@ if TYPE_CHECKING:
     from pnfarm.buses.profinet.binding import AxisSettings
     from pnfarm.buses.profinet.device.ar_channels import ArChannels
     from pnfarm.buses.profinet.frame_layout import FrameLayout
+    from pnfarm.buses.profinet.maker_file import MakerFile
     from pnfarm.drives.telegrams.telegram import Telegram
     from pnfarm.protocols.profinet.cm.ar import ExpectedKey, IocrLayout
     from pnfarm.protocols.profinet.cm.device.cmdev import CmDevice
     from pnfarm.protocols.profinet.dcp.device import DcpDevice
     from pnfarm.protocols.profinet.description import DeviceDescription, ModuleDescription
+    from pnfarm.protocols.profinet.gsdml.diagnosis import DiagnosisCatalogue
+    from pnfarm.protocols.profinet.gsdml.records import ParameterRecord
     from pnfarm.station.axis import Axis
     from pnfarm.station.station import Station
 
@@ -36,13 +40,16 @@ __all__ = ["DriveKind"]
 class DriveSettings(Protocol):
     """The drive in the farm file.
 
-    ``strict``: it keeps to its model's limits; ``ignores_clock``: a controller may ask for isochronous operation.
+    ``strict``: it keeps to its model's limits; ``ignores_clock``: a controller may ask for isochronous operation;
+    ``maker``: its maker's file, None without one.
     """
 
     @property
     def strict(self) -> bool: ...
     @property
     def ignores_clock(self) -> bool: ...
+    @property
+    def maker(self) -> MakerFile | None: ...
     @property
     def axes(self) -> Sequence[AxisSettings]: ...
 
@@ -102,6 +109,10 @@ class DriveKind:
         description = describe_device(self.model, mac, strict=strict, axes=axes)
         if self._settings.ignores_clock:
             description = replace(description, ignored_records=ISOCHRONOUS)
+        maker, further = self._settings.maker, None
+        if maker is not None:
+            description = replace(description, own_records=maker.indexes)
+            further = DescribedRecords(self._record, self._station.note, strict=strict)
         own = model_slots(self.model)
         # the words of a drive with one axis are those of all its submodules
         several = len(self._station.axes) > 1
@@ -112,8 +123,17 @@ class DriveKind:
         point = next(s for m in description.modules for s in m.submodules)
         slots = {part.first_slot if several else point.slot: part.axis.number for part in self._parts}
         stores = [axis.store for axis in self._station.axes]
-        self.records = DriveRecords(stores, slots, point.api, strict=strict, latency=self._station.latency)
+        latency = self._station.latency
+        self.records = DriveRecords(stores, slots, point.api, strict=strict, latency=latency, further=further)
         return description
+
+    def _record(self, slot: int, subslot: int, index: int) -> ParameterRecord | None:
+        """That of the submodule which is plugged there, by the maker's file."""
+        one, maker = self._cm.plugged.get((slot, subslot)), self._settings.maker
+        if one is None or maker is None:
+            return None
+        found = maker.records(one.module_ident, one.submodule_ident)
+        return next((record for record in found if record.index == index), None)
 
     def join(self, dcp: DcpDevice, mac: bytes, cm: CmDevice) -> None:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
@@ -134,7 +154,11 @@ class DriveKind:
     # -- cyclic data -------------------------------------------------------------------------------------------------
 
     plain_row = 0
-    diagnoses = None
+
+    @property
+    def diagnoses(self) -> DiagnosisCatalogue | None:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        return None if self._settings.maker is None else self._settings.maker.catalogue
 
     def follow_modules(self) -> None:
         """The plugged modules determine the telegrams of the frames; a supplementary one counts if it is expected."""
@@ -273,3 +297,5 @@ class DriveKind:
         for axis in self._station.axes:
             axis.store.restore(None)
             axis.store.power_on()
+        if self.records.further is not None:
+            self.records.further.forget()
