@@ -21,6 +21,7 @@ from pnfarm.drives.parameters.memory import VolatileMemory
 from pnfarm.errors import ConfigError
 from pnfarm.farm.core import FarmCore
 from pnfarm.farm.farm import model_of
+from pnfarm.farm.file.places import places_of
 from pnfarm.farm.file.reading import controller_mac, expand_all
 from pnfarm.farm.shard import part_of
 from pnfarm.farm.virtual import VirtualWorld
@@ -214,6 +215,7 @@ class VirtualLine:
             lldp=config.lldp,
             shard=shard,
             devices=devices,
+            file=places_of(config, whole_farm),
         )
         world.join(farm, ports)
         farm.start(world.now)

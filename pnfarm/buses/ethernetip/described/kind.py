@@ -66,6 +66,10 @@ class DescribedKind:
     depend on the device's supply).
     """
 
+    keys: Mapping[str, tuple[str, ...]] = {
+        "key": ("eds",), "path": ("eds",), "sizes": ("sizes",), "interval": ("limits",)
+    }  # fmt: skip
+
     def __init__(self, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
         self.described = settings.described
         self.plain_row = plain_row

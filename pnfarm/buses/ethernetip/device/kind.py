@@ -50,6 +50,8 @@ class Kind(Protocol):
 
     plain_row: int
     label: str
+    #: What of a Forward_Open may not fit (``key``, ``path``, ``sizes``, ``interval``) -> where the farm file says it.
+    keys: Mapping[str, tuple[str, ...]]
     io_connections: int
     sessions: int
     assemblies: Sequence[AssemblyData]

@@ -124,6 +124,9 @@ class DescribedKind:
     def ended(self) -> None:
         self.user.without_master()
 
+    def difference(self, identifiers: bytes) -> tuple[int, str] | None:
+        return self.described.plugged.difference(identifiers)
+
     def readdressed(self, address: int, now: int) -> None:
         self._station.keep(now, "address", address)
 

@@ -146,6 +146,10 @@ class DriveKind:
         self._parameter_words.reset()
         self._handle.axis.step_ns = SLOWEST_STEP_NS
 
+    def difference(self, identifiers: bytes) -> tuple[int, str] | None:
+        """Its master chooses the telegram."""
+        del identifiers
+
     def readdressed(self, address: int, now: int) -> None:
         """The parameter has the address from now on."""
         self._store.set(self.product.address_parameter, address)

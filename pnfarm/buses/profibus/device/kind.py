@@ -109,6 +109,11 @@ class Kind(Protocol):
     def ended(self) -> None:
         """Data exchange is over, whatever ended it, or never began."""
 
+    def difference(self, identifiers: bytes) -> tuple[int, str] | None:
+        """The first slot where other identifiers differ from its own, and the farm file's name of the module that has
+        them; None where the farm file names no modules.
+        """
+
     def readdressed(self, address: int, now: int) -> None:
         """Set_Slave_Add: keep the address."""
 

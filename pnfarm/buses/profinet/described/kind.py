@@ -122,6 +122,19 @@ class DescribedKind:
         del module
         return None
 
+    def key_of_slot(self, slot: int) -> tuple[str | int, ...]:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        return ("slots", str(slot)) if slot else ("access_point",)
+
+    def module_name(self, ident: int) -> str:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        gsdml = self.described.plugged.gsdml
+        return next((one.id for one in (*gsdml.modules, *gsdml.daps) if one.ident == ident), "")
+
+    def record_complaint(self, slot: int, subslot: int, index: int) -> str:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        return self.records.complaints.get((slot, subslot, index), "")
+
     # -- events ------------------------------------------------------------------------------------------------------
 
     def fault_raised(self, axis: int, number: int) -> None:

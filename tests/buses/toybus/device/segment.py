@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from toybus.frames import ETHERTYPE
 
+from pnfarm.station.absent import Absent
+
 if TYPE_CHECKING:
     from collections.abc import Collection
 
@@ -14,12 +16,12 @@ class ToySegment:
     """Frames of this bus to one drive alone."""
 
     def __init__(self, devices: object) -> None:
-        pass
+        self.absent = Absent()
 
     def admits(self, port: int, data: bytes, now: int) -> bool:
         return data[12:14] == ETHERTYPE.to_bytes(2, "big") and not data[0] & 1
 
-    def audience(self, data: bytes, besides: Collection[int] = ()) -> tuple[int, ...]:
+    def audience(self, data: bytes, now: int, besides: Collection[int] = ()) -> tuple[int, ...]:
         return ()
 
     def settled(self, port: int) -> None:
