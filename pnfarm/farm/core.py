@@ -86,7 +86,8 @@ class FarmCore:
     """``ports`` belong to ``drives`` and then ``devices``, one by one; ``models`` gives a drive's model under its own
     identity.
 
-    ``clock`` is the one by which frames are sent.  ``file`` says where in the farm file a station is.  ``shard``: which part of a farm these drives are, None for all.
+    ``clock`` is the one by which frames are sent.  ``file`` says where in the farm file a station is.  ``shard``: which
+    part of a farm these drives are, None for all.
     """
 
     def __init__(

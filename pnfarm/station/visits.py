@@ -99,7 +99,7 @@ class Visit:
     _noted: dict[Refusal, _Noted] = field(default_factory=dict)
     _attempt: int = 0
     #: The open connections, and whether each exchanges data.
-    _open: dict[int, bool] = field(default_factory=dict)
+    connections: dict[int, bool] = field(default_factory=dict)
 
     @property
     def refusals(self) -> list[tuple[Refusal, int]]:
@@ -108,8 +108,8 @@ class Visit:
 
     @property
     def state(self) -> VisitState:
-        if self._open:
-            return VisitState.DATA if any(self._open.values()) else VisitState.STARTING
+        if self.connections:
+            return VisitState.DATA if any(self.connections.values()) else VisitState.STARTING
         if any(not refusal.works for refusal in self._noted):
             return VisitState.REFUSED
         return VisitState.ENDED if self.ended else VisitState.FOUND
@@ -117,17 +117,17 @@ class Visit:
     @property
     def worth(self) -> int:
         """How much would be lost with it: the least goes first."""
-        return 2 * bool(self._open) + bool(self._noted)
+        return 2 * bool(self.connections) + bool(self._noted)
 
-    def _opened(self, connection: int, cycle_ns: int, watchdog_ns: int, now: int) -> None:
+    def opened(self, connection: int, cycle_ns: int, watchdog_ns: int, now: int) -> None:
         self._attempt += 1
-        self._open[connection] = False
+        self.connections[connection] = False
         self.cycle_ns, self.watchdog_ns, self.ended = cycle_ns, watchdog_ns, ""
-        if not any(self._open.values()):
+        if not any(self.connections.values()):
             self._forget_steps()
         self.steps.setdefault("connected", now)
 
-    def _refused(self, refusals: Iterable[Refusal], *, attempt: bool, final: bool) -> None:
+    def refused(self, refusals: Iterable[Refusal], *, attempt: bool, final: bool) -> None:
         self._attempt += attempt
         for refusal in refusals:
             noted = self._noted.get(refusal)
@@ -144,18 +144,18 @@ class Visit:
         self._noted = {one: noted for one, noted in self._noted.items() if noted.attempt == self._attempt}
         self.left_out *= len(self._noted) == MOST_REFUSALS
 
-    def _established(self, connection: int, now: int) -> bool:
-        if connection not in self._open:
+    def established(self, connection: int, now: int) -> bool:
+        if connection not in self.connections:
             return False
-        self._open[connection] = True
+        self.connections[connection] = True
         self.steps.setdefault("data", now)
         self._drop_older()
         return True
 
-    def _closed(self, connection: int, why: str) -> bool:
-        if self._open.pop(connection, None) is None:
+    def closed(self, connection: int, why: str) -> bool:
+        if self.connections.pop(connection, None) is None:
             return False
-        if not self._open:
+        if not self.connections:
             self.ended = why
             self._forget_steps()
         return True
@@ -183,26 +183,28 @@ class Visits:
 
     def opened(self, caller: Caller, connection: int, cycle_ns: int, watchdog_ns: int, now: int) -> None:
         """A controller got a connection; times are 0 where they are not known."""
-        self._of(caller)._opened(connection, cycle_ns, watchdog_ns, now)  # noqa: SLF001 - one module
+        self._of(caller).opened(connection, cycle_ns, watchdog_ns, now)
         self.revision += 1
 
-    def refused(self, caller: Caller, refusals: Iterable[Refusal], *, attempt: bool = False, final: bool = True) -> None:
+    def refused(
+        self, caller: Caller, refusals: Iterable[Refusal], *, attempt: bool = False, final: bool = True
+    ) -> None:
         """Something was refused.
 
         ``attempt``: it was an attempt of its own, which failed; ``final``: what earlier attempts were refused, and this
         one was not, is over.
         """
-        self._of(caller)._refused(refusals, attempt=attempt, final=final)  # noqa: SLF001 - one module
+        self._of(caller).refused(refusals, attempt=attempt, final=final)
         self.revision += 1
 
     def closed(self, connection: int, why: str) -> None:
         """A connection ended."""
-        if any([visit._closed(connection, why) for visit in self._visits]):  # noqa: SLF001 - one module
+        if any(visit.closed(connection, why) for visit in self._visits):
             self.revision += 1
 
     def of_connection(self, connection: int) -> Visit | None:
         """Whose an open connection is."""
-        return next((visit for visit in self._visits if connection in visit._open), None)  # noqa: SLF001 - one module
+        return next((visit for visit in self._visits if connection in visit.connections), None)
 
     def take(self, event: Event, now: int) -> None:
         """What the station's log is told, whatever the bus."""
@@ -214,7 +216,7 @@ class Visits:
                     self.revision += 1
             case ConnectionEstablished(connection=connection):
                 visit = self.of_connection(connection)
-                if visit is not None and visit._established(connection, now):  # noqa: SLF001 - one module
+                if visit is not None and visit.established(connection, now):
                     self.revision += 1
             case ConnectionLost(connection=connection):
                 self.closed(connection, str(event.details().get("reason", "lost")))

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import anyio
+import anyio.lowlevel
 import anyio.to_thread
 
 from pnfarm.api.paths.farm import clock_of
@@ -90,7 +91,7 @@ class FarmItself:
     async def readiness(self) -> dict[str, Any]:
         while not self._readiness.update(AT_ONCE):
             # thousands of stations take a while, in which the event loop has other work
-            await anyio.sleep(0)
+            await anyio.lowlevel.checkpoint()
         return self._readiness.view(self._context.now())
 
     async def metrics(self) -> tuple[bytes, str]:

@@ -27,8 +27,9 @@ class RefusalView(_InFile):
 class Steps(Schema):
     """When each was made that holds now, in seconds of the farm's clock; what is not made is left out."""
 
-    searched: float | None = Field(default=None, description="DCP Identify for its name; ListIdentity or a session; "
-        "FDL status or diagnosis.")
+    searched: float | None = Field(
+        default=None, description="DCP Identify for its name; ListIdentity or a session; FDL status or diagnosis."
+    )
     named: float | None = Field(default=None, description="DCP set its name.")
     addressed: float | None = Field(default=None, description="DCP set its address, or Set_Slave_Add.")
     connected: float | None = Field(default=None, description="Connect, Forward_Open or Set_Prm was accepted.")
@@ -52,6 +53,7 @@ class StationReadiness(_InFile):
     name: str = Field(description="Name in the farm file.")
     station_name: str
     kind: Literal["drive", "device"]
+    axes: list[str] = Field(description="Names of its axes.")
     bus: str
     state: Literal["ready", "partly", "refused", "starting", "ended", "found", "unseen", "off"] = Field(
         description="partly: data are exchanged, and something is refused; found: it was searched for, and not "

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from pnfarm.config.device import DeviceConfig
-from pnfarm.vocabulary.issues import Location
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
     from pnfarm.config.drive import DriveConfig
     from pnfarm.farm.file.reading import FarmConfig
+    from pnfarm.vocabulary.issues import Location
 
 __all__ = ["NO_FILE", "FilePlaces", "places_of"]
 

@@ -73,6 +73,7 @@ class Readiness:
             "name": station.configured_name,
             "station_name": station.device.name,
             "kind": "drive" if station.axes else "device",
+            "axes": [axis.configured_name for axis in station.axes],
             "bus": station.bus,
             "state": _state_of(station, visits),
             **self._place(self._group(station.configured_name)),

@@ -33,6 +33,7 @@ VIEWS = {
     "#/reactions": "Fault until it was acknowledged",
     "#/topology": "LLDP",
     "#/scenarios": "Check and start",
+    "#/readiness": "exchange data",
     "#/health": "This machine",
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.buses.ethernetip.described.file_signals import SUBSLOT
@@ -22,7 +23,7 @@ from pnfarm.signals.station_signals import StationSignals
 from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from ipaddress import IPv4Address
 
     from pnfarm.buses.ethernetip.described.station import DescribedStation
@@ -66,9 +67,9 @@ class DescribedKind:
     depend on the device's supply).
     """
 
-    keys: Mapping[str, tuple[str, ...]] = {
-        "key": ("eds",), "path": ("eds",), "sizes": ("sizes",), "interval": ("limits",)
-    }  # fmt: skip
+    keys: Mapping[str, tuple[str, ...]] = MappingProxyType(
+        {"key": ("eds",), "path": ("eds",), "sizes": ("sizes",), "interval": ("limits",)}
+    )
 
     def __init__(self, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
         self.described = settings.described

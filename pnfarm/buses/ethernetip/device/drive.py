@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol, cast
 
 from pnfarm.buses.ethernetip.device.kind import Carried
@@ -55,9 +56,9 @@ class DriveKind:
 
     plain_row = 0
     label = "X11"
-    keys: Mapping[str, tuple[str, ...]] = {
-        "key": ("identity",), "path": ("model",), "sizes": ("model",), "interval": ("limits",)
-    }  # fmt: skip
+    keys: Mapping[str, tuple[str, ...]] = MappingProxyType(
+        {"key": ("identity",), "path": ("model",), "sizes": ("model",), "interval": ("limits",)}
+    )
 
     def __init__(self, station: Station) -> None:
         self._station = station

@@ -1,4 +1,4 @@
-"""What a Forward_Open asks for and a station on EtherNet/IP does not have so, in sentences, with the farm file's key."""
+"""What a Forward_Open asks for and a station on EtherNet/IP does not have so: sentences, with the farm file's key."""
 
 from __future__ import annotations
 

@@ -50,6 +50,8 @@ class DescribedKind:
     number = 0
     reports_faults = False
     fixed_length = False
+    # as many as its modules have
+    parameters_key = ("slots",)
 
     def __init__(self, station: Station, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
         self._station = station

@@ -16,12 +16,13 @@ from pnfarm.buses.profibus.device.view import connection_of, details_of, losses_
 from pnfarm.errors import DecodeError
 from pnfarm.protocols.profibus import slave_user as dp
 from pnfarm.protocols.profibus.slave import UNLOCKED, WATCHDOG, Slave
-from pnfarm.protocols.profibus.wire.dp import DpState, Sap
+from pnfarm.protocols.profibus.wire.dp import DpState
 from pnfarm.protocols.profibus.wire.telegram import (
     BODY,
     FCB,
     Answer,
     Request,
+    Sap,
     Telegram,
     emit_data,
     emit_telegram,
@@ -281,7 +282,7 @@ class ProfibusDevice:
                     visits.refused(Caller(str(master)), [doubt], final=False)
                     self.note(now, happened.ParametersDoubted(master, wrong))
             case dp.ParametersRefused(master, why):
-                refusal = refused.of_parameters(event, self.slave.options.ident)
+                refusal = refused.of_parameters(event, self.slave.options.ident, self.kind)
                 visits.refused(Caller(str(master)), [refusal], attempt=True)
                 self.note(now, happened.ParametersRefused(master, why))
             case dp.ConfigurationRefused(master, identifiers):

@@ -52,6 +52,8 @@ class Kind(Protocol):
 
     #: Whether answers with eight octets of data go as SD3.
     fixed_length: bool
+    #: Where the farm file says what octets of Set_Prm are right.
+    parameters_key: tuple[str, ...]
 
     @property
     def user(self) -> StationUser:

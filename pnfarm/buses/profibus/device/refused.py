@@ -13,9 +13,9 @@ if TYPE_CHECKING:
 __all__ = ["of_configuration", "of_parameters"]
 
 
-def of_parameters(event: ParametersRefused, own_ident: int) -> Refusal:
-    """Set_Prm did not fit (Prm_Fault): another ident number is another GSD file, other octets pass lax limits."""
-    return Refusal(f"Set_Prm refused: {event.why}", ("limits",) if event.ident == own_ident else ("gsd",))
+def of_parameters(event: ParametersRefused, own_ident: int, kind: Kind) -> Refusal:
+    """Set_Prm did not fit (Prm_Fault): another ident number is another GSD file."""
+    return Refusal(f"Set_Prm refused: {event.why}", kind.parameters_key if event.ident == own_ident else ("gsd",))
 
 
 def of_configuration(event: ConfigurationRefused, own: bytes, kind: Kind) -> Refusal:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.profibus.device.fast_path import FastPath
 from pnfarm.errors import DecodeError
-from pnfarm.protocols.profibus.wire.dp import Sap
 from pnfarm.protocols.profibus.wire.telegram import (
     BODY,
     BROADCAST,
     EXTENDED,
+    Sap,
     Telegram,
     body_of_data,
     parse_telegram,

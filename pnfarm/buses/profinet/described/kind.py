@@ -129,7 +129,8 @@ class DescribedKind:
     def module_name(self, ident: int) -> str:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
         gsdml = self.described.plugged.gsdml
-        return next((one.id for one in (*gsdml.modules, *gsdml.daps) if one.ident == ident), "")
+        idents = [*((one.ident, one.id) for one in gsdml.modules), *((one.ident, one.id) for one in gsdml.daps)]
+        return next((name for known, name in idents if known == ident), "")
 
     def record_complaint(self, slot: int, subslot: int, index: int) -> str:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""

@@ -33,7 +33,7 @@ _LOCKED = {
 def of_connect(status: PnioStatus, detail: str) -> Refusal:
     """A Connect was refused as a whole; lax limits let more cycles pass."""
     key = ("limits",) if status.error_code1 == ConnectFault.IOCR_BLOCK else ()
-    return Refusal(f"Connect refused: {detail or describe_status(status)}", key)
+    return Refusal(f"Connect refused: {detail}, {describe_status(status)}", key)
 
 
 def of_device(asked: UUID, description: DeviceDescription) -> Refusal | None:
@@ -106,10 +106,12 @@ def of_record(event: RecordRefused | RecordWritten, kind: Kind) -> Refusal | Non
     """A parameter record of the start-up that was refused, or taken though it is wrong."""
     works = isinstance(event, RecordWritten)
     why = kind.record_complaint(event.slot, event.subslot, event.index)
-    if not isinstance(event, RecordWritten):
-        why = why or describe_status(event.status)
+    # lax limits take what the file does not allow
+    key = ("limits",) if why and not works else ()
+    if not why and not isinstance(event, RecordWritten):
+        why = f"record {event.index}: {describe_status(event.status)}"
     if not why:
         return None
-    place = f"{event.slot}.0x{event.subslot:04X}"
-    text = f"record {event.index} of submodule {place} {'taken though it is wrong' if works else 'refused'}: {why}"
-    return Refusal(text, () if works else ("limits",), f"{event.slot}.{event.subslot}", works)
+    end = "taken though they are wrong" if works else "refused"
+    text = f"parameters of submodule {event.slot}.0x{event.subslot:04X} {end}: {why}"
+    return Refusal(text, key, f"{event.slot}.{event.subslot}", works)

@@ -77,6 +77,8 @@ class PluggedSlave:
                 empty = identifiers[place : place + module.slot - slot]
                 same = len(empty) - len(empty.lstrip(EMPTY_SLOT))
                 place, slot = place + same, slot + same
+                if place >= len(identifiers):
+                    slot = module.slot
                 break
             place, slot = place + len(own), module.slot + 1
         rest = identifiers[place:]

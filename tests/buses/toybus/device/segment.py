@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from toybus.frames import ETHERTYPE
-
 from pnfarm.station.absent import Absent
+from toybus.frames import ETHERTYPE
 
 if TYPE_CHECKING:
     from collections.abc import Collection
