@@ -153,6 +153,6 @@ def joined_readiness(answers: Mapping[Shard, Mapping[str, Any]]) -> dict[str, An
         for one in answer["missing"]:
             caller = whose(one["controller"])
             entry = {**one, "controller": caller, "since_seconds": to_hub(one["since_seconds"])}
-            missing.setdefault((one["bus"], one["name"], caller["address"], caller["mac"]), entry)
+            missing.setdefault((one["bus"], one["name"], caller["address"] or caller["mac"]), entry)
     names = {station["station_name"] for station in stations}
     return joined_controllers(stations, [one for one in missing.values() if one["name"] not in names])

@@ -51,7 +51,7 @@ class DescribedKind:
     reports_faults = False
     fixed_length = False
     # as many as its modules have
-    parameters_key = ("slots",)
+    parameters_key: tuple[str, ...] = ("slots",)
 
     def __init__(self, station: Station, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
         self._station = station

@@ -41,7 +41,7 @@ class DriveKind:
         self._model = station.axis.model
         self.product = Product.of(self._model)
         self.fixed_length = self.product.fixed_length
-        self.parameters_key = ("limits",)
+        self.parameters_key: tuple[str, ...] = ("limits",)
         self.user: DriveUser
         self._parameter_words: StationParameterWords
 
