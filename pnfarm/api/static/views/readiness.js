@@ -13,12 +13,12 @@ const STATES = {
 const VISITS = {data: ["run", "data"], refused: ["fault", "refused"], starting: ["idle", "starting"], ended: ["idle", "not connected"], found: ["idle", "found only"]};
 const SHOWN = 300;
 
-const nameOf = one => [one.name, one.address || one.mac].filter(Boolean).join(" ") || "unknown";
+const nameOf = one => [one.name, /^\d+$/.test(one.address) ? `station ${one.address}` : one.address || one.mac].filter(Boolean).join(" ") || "unknown";
 const fileOf = one => one.file.split("/").pop();
 
 /** Where in the farm file: its line and key. */
-function Place({one}) {
-  return one.key ? html` <span class="dim">change</span> <code title=${one.file}>${fileOf(one)}${one.line ? `:${one.line}` : ""} ${one.key}</code>` : null;
+function Place({one, why = "change"}) {
+  return one.key ? html` <span class="dim">${why}</span> <code title=${one.file}>${fileOf(one)}${one.line ? `:${one.line}` : ""} ${one.key}</code>` : null;
 }
 
 function State({of: [kind, text]}) {
@@ -36,10 +36,10 @@ function Controller({controller, rows}) {
   const bad = controller.refused, short = controller.stations - controller.exchanging;
   return html`<div role="group" aria-label=${nameOf(controller)}><h2>${nameOf(controller)} <span class="dim small">${[controller.bus, controller.address && controller.mac].filter(Boolean).join(" · ")}</span>
       <span class=${bad ? "bad small" : short ? "warn small" : "good small"}> ${controller.exchanging} of ${plural(controller.stations, "station")} exchange data${bad ? `, ${bad} refuse something` : ""}</span></h2>
-    ${rows.length ? html`<div class="scroll" tabindex="0" role="region" aria-label=${`Stations of ${nameOf(controller)}`}><table><thead><tr><th scope="col">Station</th><th scope="col">State</th>${STEPS.map(id => html`<th key=${id} scope="col">${id}</th>`)}<th scope="col" class="number">Cycle</th><th scope="col" class="number">Watchdog</th><th scope="col">Refused</th></tr></thead>
-      <tbody>${rows.slice(0, SHOWN).map(({station, visit}) => html`<tr key=${station.name}><th scope="row"><a href=${linkOf(station.axes[0] || station.name)}>${station.name}</a></th><td><${State} of=${VISITS[visit.state]}/></td>
+    ${rows.length ? html`<div class="scroll" tabindex="0" role="region" aria-label=${`Stations of ${nameOf(controller)}`}><table><thead><tr><th scope="col">Station</th><th scope="col">State</th><th scope="col">Refused</th>${STEPS.map(id => html`<th key=${id} scope="col">${id}</th>`)}<th scope="col" class="number">Cycle</th><th scope="col" class="number">Watchdog</th></tr></thead>
+      <tbody>${rows.slice(0, SHOWN).map(({station, visit}) => html`<tr key=${station.name}><th scope="row"><a href=${linkOf(station.axes[0] || station.name)}>${station.name}</a></th><td><${State} of=${VISITS[visit.state]}/></td><td class="text"><${Refusals} visit=${visit}/></td>
         ${STEPS.map(id => html`<td key=${id} class=${visit.steps[id] == null ? "dim" : "good"}>${visit.steps[id] == null ? "–" : "✓"}</td>`)}
-        <td class="number">${time(visit.cycle_seconds)}</td><td class="number">${time(visit.watchdog_seconds)}</td><td class="text"><${Refusals} visit=${visit}/></td></tr>`)}</tbody></table></div>` : null}
+        <td class="number">${time(visit.cycle_seconds)}</td><td class="number">${time(visit.watchdog_seconds)}</td></tr>`)}</tbody></table></div>` : null}
     ${rows.length > SHOWN ? html`<p class="dim">${rows.length - SHOWN} more: filter by name</p>` : null}</div>`;
 }
 
@@ -62,6 +62,6 @@ export function Readiness() {
       <tbody>${found.missing.map((one, i) => html`<tr key=${i}><th scope="row">${one.name}</th><td>${found.controllers[one.controller] ? nameOf(found.controllers[one.controller]) : "–"}</td><td class="text warn">${one.text}<${Place} one=${one}/></td></tr>`)}</tbody></table></div></div>` : null}
     ${found.controllers.map((controller, number) => html`<${Controller} key=${number} controller=${controller} rows=${rows(number)}/>`)}
     ${alone.length ? html`<div role="group" aria-label="Not asked for"><h2>No controller asked for</h2><div class="scroll" tabindex="0" role="region" aria-label="Stations that no controller asked for"><table><thead><tr><th scope="col">Station</th><th scope="col">Name on the bus</th><th scope="col">State</th><th scope="col">Farm file</th></tr></thead>
-      <tbody>${alone.slice(0, SHOWN).map(one => html`<tr key=${one.name}><th scope="row"><a href=${linkOf(one.axes[0] || one.name)}>${one.name}</a></th><td>${one.station_name || "–"}</td><td><${State} of=${STATES[one.state]}/></td><td><${Place} one=${one}/></td></tr>`)}</tbody></table></div></div>` : null}
+      <tbody>${alone.slice(0, SHOWN).map(one => html`<tr key=${one.name}><th scope="row"><a href=${linkOf(one.axes[0] || one.name)}>${one.name}</a></th><td>${one.station_name || "–"}</td><td><${State} of=${STATES[one.state]}/></td><td><${Place} one=${one} why=""/></td></tr>`)}</tbody></table></div></div>` : null}
   </section>`;
 }
