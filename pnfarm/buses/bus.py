@@ -69,13 +69,11 @@ class DeviceServices:
 
 
 class Segment(Protocol):
-    """State that the devices of one farm on one bus share: which device a frame concerns.
-
-    ``absent``: what controllers ask for and no device has.
-    """
+    """State that the devices of one farm on one bus share: which device a frame concerns."""
 
     @property
-    def absent(self) -> Absent: ...
+    def absent(self) -> Absent:
+        """Names or addresses that controllers ask for and no device has."""
 
     def admits(self, port: int, frame: bytes, now: int) -> bool:
         """Whether the device at this port has to process a frame; the others are counted there."""

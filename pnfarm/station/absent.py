@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pnfarm.station.visits import Caller
 
-__all__ = ["Absent", "Wanted"]
+__all__ = ["FRESH_NS", "Absent", "Wanted"]
 
 #: Entries kept; the one that was asked for longest ago goes first.
 MOST_WANTED = 64
 #: What nobody asked for in this time is not missed any more: controllers repeat a search each few seconds.
 FORGOTTEN_NS = 60_000_000_000
+#: A repetition this soon changes nothing: each port may get a copy of one frame.
+FRESH_NS = 100_000_000
 
 
 @dataclass(slots=True)
@@ -41,7 +43,7 @@ class Absent:
             if len(self._wanted) >= MOST_WANTED:
                 self._wanted.popitem(last=False)
             self._wanted[key] = Wanted(name, caller, now, now)
-        else:
+        elif now - found.last_ns >= FRESH_NS:
             found.last_ns = now
             self._wanted.move_to_end(key)
 

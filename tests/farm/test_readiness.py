@@ -157,8 +157,14 @@ def test_names_are_bounded_and_forgotten_when_nobody_asks_for_them():
     cell = Cell(ONE, controller=None)
     absent = cell.farm.segments["profinet"].absent
     for n in range(200):
-        absent.note(f"pump-{n}", Caller(mac=bytes(6)), cell.world.now)
-    assert len(view(cell)["missing"]) == 64
+        absent.note(f"island-{n}", Caller(mac=bytes(6)), cell.world.now)
+    found = Readiness(cell.farm)
+    found.update(1000)
+    assert len(found.view(cell.world.now)["missing"]) == 64
+    # the nearest is found for some of them in each view
+    for _ in range(8):
+        missing = found.view(cell.world.now)["missing"]
+    assert {one["nearest"] for one in missing} == {"island"}
     cell.world.run(61.0)
     assert view(cell)["missing"] == []
 

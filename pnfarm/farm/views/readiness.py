@@ -7,6 +7,7 @@ are seconds of the farm's clock.
 from __future__ import annotations
 
 import difflib
+import heapq
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.station.visits import VisitState
@@ -28,6 +29,10 @@ __all__ = ["MOST_CONTROLLERS", "Readiness", "joined_controllers"]
 MOST_CONTROLLERS = 64
 #: How alike a name must be that is proposed for one that is missing.
 _ALIKE = 0.6
+#: Missing names whose nearest is known, and found in one view; stations among which it is found.
+_MOST_NEAREST = 512
+_NEW_AT_ONCE = 8
+_POOL = 128
 _NO_STATE = "unseen"
 #: States of visits by what is lost without them.
 _ORDER = {state.value: n for n, state in enumerate((VisitState.DATA, VisitState.STARTING, VisitState.REFUSED))}
@@ -40,6 +45,8 @@ class Readiness:
         self._core = core
         #: By station: what it was made of, and the result.
         self._known: dict[str, tuple[tuple[object, ...], dict[str, Any]]] = {}
+        #: Name that is missing -> station with a similar one, or "".
+        self._nearest: dict[str, str] = {}
 
     def update(self, most: int) -> bool:
         """Make at most so many stations anew; whether all are as they are now."""
@@ -57,13 +64,17 @@ class Readiness:
     def view(self, now: int) -> dict[str, Any]:
         """All stations as :meth:`update` made them, the controllers, and what these miss."""
         stations = [self._known[station.configured_name][1] for station in self._core.stations]
+        called = {station.configured_name: station.device.name for station in self._core.stations}
+        # what has the name by now, and what another shard has
+        known = {*called.values(), *(self._core.file.groups.keys() - called.keys())}
         missing = [
-            self._wanted(bus, wanted)
+            (bus, wanted)
             for bus, segment in self._core.segments.items()
             for wanted in segment.absent.listed(now)
-            if not self._is_elsewhere(wanted)
+            if wanted.name not in known
         ]
-        return joined_controllers(stations, missing)
+        self._find_nearest(wanted.name for _, wanted in missing)
+        return joined_controllers(stations, [self._wanted(*one, called) for one in missing])
 
     # -- a station ---------------------------------------------------------------------------------------------------
 
@@ -116,20 +127,24 @@ class Readiness:
 
     # -- what is missing ---------------------------------------------------------------------------------------------
 
-    def _is_elsewhere(self, wanted: Wanted) -> bool:
-        """Whether another shard has the station, or this farm by now."""
-        names = {station.configured_name for station in self._core.stations}
-        return wanted.name in {station.device.name for station in self._core.stations} or (
-            wanted.name in self._core.file.groups and wanted.name not in names
-        )
+    def _find_nearest(self, names: Iterable[str]) -> None:
+        """The station of the farm file whose name is most like each; of a few names at once, the others next time."""
+        stations = self._core.file.groups.keys()
+        new = [name for name in names if name not in self._nearest]
+        if len(self._nearest) > _MOST_NEAREST:
+            self._nearest.clear()
+        for name in new[:_NEW_AT_ONCE]:
+            near: list[str] = []
+            if not name[:1].isdigit():
+                # an address is like none
+                pool = heapq.nlargest(_POOL, stations, key=lambda one, name=name: _shared(one, name))
+                near = difflib.get_close_matches(name, pool, n=1, cutoff=_ALIKE)
+            self._nearest[name] = near[0] if near else ""
 
-    def _wanted(self, bus: str, wanted: Wanted) -> dict[str, Any]:
+    def _wanted(self, bus: str, wanted: Wanted, called: Mapping[str, str]) -> dict[str, Any]:
         """A name that no station has; ``nearest`` is a station of the farm file."""
-        names = self._core.file.groups or {station.configured_name: () for station in self._core.stations}
-        near = difflib.get_close_matches(wanted.name, names, n=1, cutoff=_ALIKE) if wanted.name[:1].isalpha() else []
-        nearest = near[0] if near else ""
-        now_called = next((s.device.name for s in self._core.stations if s.configured_name == wanted.name), None)
-        if now_called is not None:
+        nearest = self._nearest.get(wanted.name, "")
+        if (now_called := called.get(wanted.name)) is not None:
             text = f"{wanted.name} of the farm file is called {now_called or 'nothing'} since DCP set its name"
         elif nearest:
             text = f"no station is called {wanted.name}; {nearest} is near"
@@ -145,6 +160,11 @@ class Readiness:
             "text": text,
             **self._place((*group, "name") if group else ()),
         }
+
+
+def _shared(one: str, other: str) -> int:
+    """With how many letters both begin."""
+    return next((n for n, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(len(one), len(other)))
 
 
 def _caller(bus: str, caller: Caller) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from pnfarm.station.absent import Absent
+from pnfarm.station.absent import FRESH_NS, Absent
 from pnfarm.station.visits import Caller
 from pnfarm.wire.arp import OPERATION_REQUEST
 
@@ -31,6 +31,8 @@ class EthernetIpSegment:
         for port, address in self._own.items():
             self._ports.setdefault(address, []).append(port)
         self.absent = Absent()
+        #: The ARP packet that was looked at last, and when.
+        self._looked = (b"", 0)
         gateways = [device.config.gateway for device in devices]
         self._known = {*self._ports, *(gateway.packed for gateway in gateways if gateway is not None)}
         self._networks: set[IPv4Network] = {device.interface.network for device in devices}
@@ -43,6 +45,10 @@ class EthernetIpSegment:
 
     def _look(self, frame: bytes, now: int) -> None:
         """A station looks for an address of this network that no drive and no gateway has."""
+        if frame == self._looked[0] and now - self._looked[1] < FRESH_NS:
+            # each port has a copy
+            return
+        self._looked = frame, now
         sender, target = frame[_SENDER : _SENDER + 4], frame[_TARGET:_END]
         if (
             int.from_bytes(frame[_OPERATION:_SENDER_MAC], "big") == OPERATION_REQUEST

@@ -122,9 +122,11 @@ class DescribedKind:
         del module
         return None
 
-    def key_of_slot(self, slot: int) -> tuple[str | int, ...]:
+    def key_of(self, slot: int, subslot: int | None = None) -> tuple[str | int, ...]:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
-        return ("slots", str(slot)) if slot else ("access_point",)
+        if not slot:
+            return ("access_point",)
+        return ("slots", str(slot), *(() if subslot is None else ("submodules", str(subslot))))
 
     def module_name(self, ident: int) -> str:
         """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""

@@ -243,8 +243,9 @@ class DriveKind:
         found = self._telegram_in(module)
         return None if found is None else found.number
 
-    def key_of_slot(self, slot: int) -> tuple[str | int, ...]:
-        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+    def key_of(self, slot: int, subslot: int | None = None) -> tuple[str | int, ...]:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`; a telegram has several submodules."""
+        del subslot
         if not slot:
             return ("access_point",)
         part = next((part for part in self._parts if slot in part.slots), None)

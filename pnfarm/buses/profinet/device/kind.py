@@ -113,8 +113,8 @@ class Kind(Protocol):
 
     # -- what a controller expects: for who compares it with the farm file
 
-    def key_of_slot(self, slot: int) -> tuple[str | int, ...]:
-        """The path in the station's group of the farm file that says what is in a slot."""
+    def key_of(self, slot: int, subslot: int | None = None) -> tuple[str | int, ...]:
+        """The path in the station's group of the farm file that says what is in a slot, or in a subslot of it."""
 
     def module_name(self, ident: int) -> str:
         """What the farm file calls a module with this ident; empty for one that the station cannot have."""

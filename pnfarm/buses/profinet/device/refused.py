@@ -61,7 +61,7 @@ def _of_module(
     module: DiffModule, expected: tuple[int, dict[int, int]], own: ModuleDescription | None, kind: Kind
 ) -> Iterator[Refusal]:
     wanted, submodules = expected
-    key: tuple[str | int, ...] = kind.key_of_slot(module.slot)
+    key = kind.key_of(module.slot)
     text = f"slot {module.slot}: the controller expects module {_ident(wanted, kind)}"
     if own is not None and own.module_ident == wanted and module.state != ModuleState.PROPER_MODULE:
         # the farm file has it
@@ -74,7 +74,8 @@ def _of_module(
         yield Refusal(f"{text}, {there}", key, str(module.slot), works=works)
     else:
         for one in module.submodules:
-            if (refusal := _of_submodule(one, module.slot, submodules.get(one.subslot, 0), key)) is not None:
+            its_key = kind.key_of(module.slot, one.subslot)
+            if (refusal := _of_submodule(one, module.slot, submodules.get(one.subslot, 0), its_key)) is not None:
                 yield refusal
 
 
