@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import heapq
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.station.visits import VisitState
@@ -137,7 +138,7 @@ class Readiness:
             near: list[str] = []
             if not name[:1].isdigit():
                 # an address is like none
-                pool = heapq.nlargest(_POOL, stations, key=lambda one, name=name: _shared(one, name))
+                pool = heapq.nlargest(_POOL, stations, key=partial(_shared, name))
                 near = difflib.get_close_matches(name, pool, n=1, cutoff=_ALIKE)
             self._nearest[name] = near[0] if near else ""
 
