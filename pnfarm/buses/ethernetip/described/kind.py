@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Protocol
 
 from pnfarm.buses.ethernetip.described.file_signals import SUBSLOT
@@ -21,7 +22,7 @@ from pnfarm.signals.station_signals import StationSignals
 from pnfarm.table.access.plain_data import ConsumedData, ProvidedData
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from ipaddress import IPv4Address
 
     from pnfarm.buses.ethernetip.described.station import DescribedStation
@@ -63,6 +64,10 @@ class DescribedKind:
     Inputs begin with the values of their parameters, and survive a power cycle (assumed: what a sensor sees does not
     depend on the device's supply).
     """
+
+    keys: Mapping[str, tuple[str, ...]] = MappingProxyType(
+        {"key": ("eds",), "path": ("eds",), "sizes": ("sizes",), "interval": ("limits",)}
+    )
 
     def __init__(self, settings: DescribedSettings, columns: Columns, plain_row: int) -> None:
         self.described = settings.described

@@ -125,6 +125,22 @@ class DescribedKind:
         del module
         return None
 
+    def key_of(self, slot: int, subslot: int | None = None) -> tuple[str | int, ...]:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        if not slot:
+            return ("access_point",)
+        return ("slots", str(slot), *(() if subslot is None else ("submodules", str(subslot))))
+
+    def module_name(self, ident: int) -> str:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        gsdml = self.described.plugged.gsdml
+        idents = [*((one.ident, one.id) for one in gsdml.modules), *((one.ident, one.id) for one in gsdml.daps)]
+        return next((name for known, name in idents if known == ident), "")
+
+    def record_complaint(self, slot: int, subslot: int, index: int) -> str:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        return self.records.complaints.get((slot, subslot, index), "")
+
     # -- events ------------------------------------------------------------------------------------------------------
 
     def fault_raised(self, axis: int, number: int) -> None:

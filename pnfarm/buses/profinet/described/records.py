@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 __all__ = ["DescribedRecords"]
 
+#: Records whose complaints are kept until the next one.
+MOST_COMPLAINTS = 64
+
 
 class DescribedRecords:
     """See :class:`pnfarm.buses.profinet.device.kind.ApplicationRecords`.
@@ -44,6 +47,8 @@ class DescribedRecords:
         self._note = note
         self._strict = strict
         self._written: dict[tuple[int, int, int], bytes] = {}
+        #: What is wrong with records that were written lately, by place.
+        self.complaints: dict[tuple[int, int, int], str] = {}
 
     def reset(self, key: int) -> None:
         """Nothing of a connection is pending here."""
@@ -81,8 +86,12 @@ class DescribedRecords:
         if self.error is not None:
             return self.error
         wrong = self._wrong(slot, subslot, index, data)
+        self.complaints.pop((slot, subslot, index), None)
         if wrong is not None:
             code, reason = wrong
+            if len(self.complaints) >= MOST_COMPLAINTS:
+                self.complaints.clear()
+            self.complaints[slot, subslot, index] = reason
             self._note(now, (RecordRefused if self._strict else RecordDoubted)(slot, subslot, index, reason))
             if self._strict:
                 return RecordError(code)

@@ -253,6 +253,24 @@ class DriveKind:
         found = self._telegram_in(module)
         return None if found is None else found.number
 
+    def key_of(self, slot: int, subslot: int | None = None) -> tuple[str | int, ...]:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`; a telegram has several submodules."""
+        del subslot
+        if not slot:
+            return ("access_point",)
+        part = next((part for part in self._parts if slot in part.slots), None)
+        return ("axes", part.axis.number, "telegram") if part and len(self._parts) > 1 else ("telegram",)
+
+    def module_name(self, ident: int) -> str:
+        """See :class:`pnfarm.buses.profinet.device.kind.Kind`."""
+        found = next((number for number, (module, _) in self.telegrams.items() if module == ident), None)
+        return "" if found is None else f"telegram {found}"
+
+    def record_complaint(self, slot: int, subslot: int, index: int) -> str:
+        """The status of the answer says it."""
+        del slot, subslot, index
+        return ""
+
     # -- events ------------------------------------------------------------------------------------------------------
 
     def fault_raised(self, axis: int, number: int) -> None:
