@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from pnfarm.buses.projects.zip_files import DamagedZipError, zip_member, zip_names
+from pnfarm.vocabulary.zip_files import DamagedZipError, zip_member, zip_names
 from pnfarm.errors import ConfigError
 from pnfarm.vocabulary.regular_file import read_regular
 
