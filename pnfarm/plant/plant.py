@@ -96,15 +96,21 @@ class Plant:
             self.carry(partial(self._note, now, event))
 
     def next_deadline(self) -> int | None:
-        """When a model in Python is due, unless these have a thread of their own, or an FMU."""
-        models = (self.fmus,) if self._in_real_time else (self.fmus, self.python)
+        """When a model in Python or an FMU is due, unless these have threads of their own."""
+        models = () if self._in_real_time else (self.python, self.fmus)
         return min((due for one in models if (due := one.next_deadline()) is not None), default=None)
 
     def service(self, now: int) -> None:
-        """Make the steps of FMUs that are due, and of models in Python, unless these have a thread of their own."""
-        self.fmus.service(now)
+        """Make the steps of models in Python and of FMUs that are due, unless these have threads of their own."""
         if not self._in_real_time:
             self.python.service(now)
+            self.fmus.service(now)
+
+    def close(self) -> None:
+        """End the models in Python and the FMUs, unless these have threads, which end them."""
+        if not self._in_real_time:
+            self.python.close()
+            self.fmus.close()
 
     def changed(self, now: int) -> None:
         """The engine reported that inputs of stations changed: write them."""

@@ -31,6 +31,8 @@ class PlantBench:
         self._columns.engine[0].plant_step_ns = plan.step_ns
         self.now = BEGIN_NS
         self._plant.python.start(self.now)
+        self.fmus = self._plant.fmus
+        self.fmus.start(self.now)
 
     def __getitem__(self, port: str) -> Any:
         model, _, name = port.rpartition(".")

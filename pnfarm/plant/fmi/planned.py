@@ -46,6 +46,10 @@ class FmuModel:
     #: Outputs that have these values when it has failed; the others hold.
     on_failure: Mapping[str, float]
 
+    @property
+    def kind_name(self) -> str:
+        return "fmu"
+
     def no_port(self, name: str) -> str:
         """Why a variable is no port, empty if it is unknown."""
         one = self.description.variables.get(name)

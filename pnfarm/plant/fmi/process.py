@@ -133,13 +133,14 @@ class FmuProcess:
 
     def ask_to_end(self) -> None:
         """Have it end its FMU, if nothing else is asked."""
-        if self.asked_ns == 0:
+        if self.asked_ns == 0 and self._end.alive:
             self._send(END)
 
     def close(self, limit_seconds: float) -> None:
         """Wait for its end, and bring it about."""
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(limit_seconds if self.asked_ns == 0 else 0)
+        if self.asked_ns == 0:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(limit_seconds)
         self._end()
 
 
