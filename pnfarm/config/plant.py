@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, PlainValidator, WithJsonSchema
 
@@ -92,6 +93,27 @@ def _within(step_ns: int) -> int:
     return step_ns
 
 
+def _fmu_value(value: Any) -> Any:
+    if isinstance(value, bool | str) or (isinstance(value, int | float) and abs(value) <= sys.float_info.max):
+        return value
+    raise Problem(f"is {shown(value)}", "a number, true, false, or a text")
+
+
+def _on_failure(value: Any) -> Any:
+    if isinstance(value, dict):
+        return value
+    if value == "hold":
+        return {}
+    raise Problem(f"is {shown(value)}", "hold, or {OUTPUT: VALUE}")
+
+
+_FMU_VALUE = {"type": ["boolean", "number", "string"]}
+FmuValue = Annotated[bool | int | float | str, PlainValidator(_fmu_value), WithJsonSchema(_FMU_VALUE)]
+OnFailure = Annotated[
+    dict[str, FmuValue],
+    BeforeValidator(_on_failure),
+    WithJsonSchema({"anyOf": [{"const": "hold"}, {"type": "object", "additionalProperties": _FMU_VALUE}]}),
+]
 Step = Annotated[Duration, AfterValidator(_within)]
 Wire = Annotated[
     WireText,
@@ -130,13 +152,11 @@ class PlantModel(Section):
     fmu: str | None = Field(
         default=None, min_length=1, max_length=4096, description="An FMU for co-simulation, FMI 2.0 or 3.0."
     )
-    fmu_parameters: dict[str, bool | int | float | str] | None = Field(
+    fmu_parameters: dict[str, FmuValue] | None = Field(
         default=None, alias="parameters", max_length=10_000, description="Parameters of an FMU, by its names."
     )
-    on_failure: Literal["hold"] | dict[str, bool | int | float] | None = Field(
-        default=None,
-        max_length=1000,
-        description="Outputs of an FMU that has failed: held, or the values of those that are named.",
+    on_failure: OnFailure | None = Field(
+        default=None, description="Outputs of an FMU that has failed: held, or the values of those that are named."
     )
     step_ns: Step | None = Field(default=None, alias="step", description="Time between its steps; the plant's.")
 

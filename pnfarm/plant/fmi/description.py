@@ -123,7 +123,6 @@ class FmuDescription:
     token: str
     varies_steps: bool
     saves_state: bool
-    log_categories: tuple[str, ...] = ()
     variables: Mapping[str, FmuVariable] = field(default_factory=dict)
 
     def of(self, causality: str) -> list[FmuVariable]:
@@ -152,7 +151,6 @@ class _Reader:
         self._root: dict[str, str] = {}
         self._simulation: dict[str, str] | None = None
         self._exchanges = False
-        self._categories: list[str] = []
         #: Attributes of types by the types' names.
         self._types: dict[str, dict[str, str]] = {}
         self._type = ""
@@ -173,8 +171,6 @@ class _Reader:
                 self._simulation = attributes
             case ["ModelExchange"]:
                 self._exchanges = True
-            case ["LogCategories", "Category"]:
-                self._categories.append(attributes.get("name", ""))
             case ["TypeDefinitions", _]:
                 self._type = attributes.get("name", "")
                 self._types[self._type] = attributes
@@ -233,7 +229,6 @@ class _Reader:
             self._root.get("guid" if self._version == 2 else "instantiationToken", ""),
             simulation.get("canhandlevariablecommunicationstepsize", False),
             simulation.get("cangetandsetfmustate", False) and simulation.get("canserializefmustate", False),
-            tuple(self._categories[:100]),
             {name: self._made(name, *one) for name, one in self._variables.items()},
         )
 

@@ -22,8 +22,6 @@ __all__ = ["LoadedFmu"]
 
 #: Longest text of a message of an FMU.
 MAX_TEXT = 300
-#: Categories that are logged where an FMU has them.
-_CATEGORIES = frozenset({"logStatusError", "logStatusFatal"})
 _ERROR = 3
 
 
@@ -61,10 +59,6 @@ class LoadedFmu:
             self._fmu.instantiate(callbacks=self._callbacks)
         else:
             self._fmu.instantiate(logMessage=self._log3)
-        categories = [one for one in order["log_categories"] if one in _CATEGORIES]
-        if categories:
-            with contextlib.suppress(FMICallException):  # it goes without its messages
-                self._fmu.setDebugLogging(True, categories)
         for type_, reference, value in order["parameters"]:
             getattr(self._fmu, f"set{type_}")([reference], [value])
         if order["version"] == 2:

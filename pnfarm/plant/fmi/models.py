@@ -161,10 +161,10 @@ class FmuModels:
         fmu.begin()
 
     def close(self) -> None:
-        """End their processes."""
-        for fmu in self._fmus:
-            fmu.process.ask_to_end()
+        """End their processes, each after the step that it is in."""
         until = time.monotonic() + PATIENCE_SECONDS
+        for fmu in self._fmus:
+            fmu.process.ask_to_end(round(max(0.0, until - time.monotonic()) * 1e9))
         for fmu in self._fmus:
             fmu.process.close(max(0.0, until - time.monotonic()))
 

@@ -53,7 +53,9 @@ class FmuModel:
     def no_port(self, name: str) -> str:
         """Why a variable is no port, empty if it is unknown."""
         one = self.description.variables.get(name)
-        return "" if one is None else one.no_port or f"is neither input nor output, but {one.causality}"
+        if one is None or one.causality in {"input", "output"}:
+            return "" if one is None else one.no_port
+        return "is a parameter" if one.causality == "parameter" else "is neither input nor output"
 
 
 def plan_fmu(at: Location, model: PlantModel, path: Path, report: Report) -> FmuModel | None:
@@ -81,9 +83,8 @@ def plan_fmu(at: Location, model: PlantModel, path: Path, report: Report) -> Fmu
         except Problem as problem:
             report(key, problem.what, problem.allowed)
     on_failure: dict[str, float] = {}
-    given = model.on_failure if isinstance(model.on_failure, dict) else {}
     known = {one.name: one for one in description.of("output")}
-    for name, value in given.items():
+    for name, value in (model.on_failure or {}).items():
         key = (*at, "on_failure", name)
         if name not in known:
             report(key, f"{description.name} has no such output{did_you_mean(name, known)}", shortened(list(known)))

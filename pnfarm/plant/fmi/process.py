@@ -131,10 +131,11 @@ class FmuProcess:
         """End it without waiting for it."""
         self._process.kill()
 
-    def ask_to_end(self) -> None:
-        """Have it end its FMU, if nothing else is asked."""
-        if self.asked_ns == 0 and self._end.alive:
-            self._send(END)
+    def ask_to_end(self, limit_ns: int) -> None:
+        """Have it end its FMU, if what it was asked last is done within this time."""
+        with contextlib.suppress(FmuFailure):
+            if self._end.alive and self.answer(limit_ns) is not None:
+                self._send(END)
 
     def close(self, limit_seconds: float) -> None:
         """Wait for its end, and bring it about."""
@@ -176,7 +177,6 @@ def _order(name: str, model: FmuModel, folder: str) -> dict[str, object]:
         "version": known.version,
         "identifier": known.identifier,
         "token": known.token,
-        "log_categories": known.log_categories,
         "parameters": [
             [known.variables[name].type, known.variables[name].reference, value]
             for name, value in model.parameters.items()
