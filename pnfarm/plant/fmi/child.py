@@ -16,7 +16,7 @@ import sys
 import time
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.plant.fmi.memory import DONE, END, FAILED, MAX_STATE, RESTORE, SAVE, STEP, TOOK
 from pnfarm.plant.fmi.planned import MOST_MEMBERS
@@ -40,7 +40,7 @@ def _end_with(pipe: int) -> None:
         sys.exit(0)
 
 
-def _carry_out(fmu: LoadedFmu, asked: bytes, memory: memoryview) -> bytes:
+def _carry_out(fmu: LoadedFmu, asked: bytes, memory: Any) -> bytes:
     """Returns what is the answer, beside that it is done."""
     if asked == SAVE:
         return fmu.save()
@@ -53,7 +53,7 @@ def _carry_out(fmu: LoadedFmu, asked: bytes, memory: memoryview) -> bytes:
     return b""
 
 
-def main(connection: Connection, memory: memoryview) -> None:
+def main(connection: Connection, memory: Any) -> None:
     """Load the FMU, then do what the farm asks for until it says that this is the end."""
     fmu: LoadedFmu | None = None
     try:
