@@ -27,6 +27,8 @@ NOTES = {
     "prometheus-client": "never in one process with scapy",
     "opentelemetry-api": "never in one process with scapy",
     "junitparser": "never in one process with scapy",
+    "fmpy": "its text is that of BSD-2-Clause; never in one process with scapy: imported in the processes of FMUs alone",
+    "msgpack": "never in one process with scapy",
     "cm-ethernetip": "a scanner in tests, in a process of its own",
     "cpppo": "a client in tests, in a process of its own; taken under version 3 of the GPL",
     "mergedeep": "its text is that of MIT",
