@@ -22,7 +22,7 @@ class PlantModelFailed(Event):
 
 @event("plant model late", "warning")
 class PlantModelLate(Event):
-    """A model in Python, or an FMU, takes longer than its step; reported the first time, the tenth, the hundredth ..."""
+    """A model in Python, or an FMU, takes longer than its step; reported the first, tenth, hundredth time ..."""
 
     model: str
     duration_seconds: float

@@ -1,6 +1,8 @@
-"""What an FMU's description says, how a farm file uses it, and how a hostile one is refused, without running any of it."""
+"""What an FMU's description says, how a farm file uses it, and how a hostile one is refused, without running it."""
 
 from __future__ import annotations
+
+from contextlib import suppress
 
 import pytest
 from fmus import DESCRIPTION, LIBRARY, zipped
@@ -137,8 +139,16 @@ def test_keys_of_fmus_are_refused_for_other_models():
         ("<CoSimulation", "<ModelExchange", "it is an FMU for model exchange only; an FMU for co-simulation"),
         ('modelIdentifier="bench"', 'modelIdentifier="../../evil"', "its modelDescription.xml is refused: its modelId"),
         ("<?xml", "<xml", "its modelDescription.xml is refused: line 1: "),
-        ("?>", "?><!DOCTYPE a [<!ENTITY b SYSTEM 'file:///etc/passwd'>]>", "its modelDescription.xml is refused: a doc"),
-        ('valueReference="1"', 'valueReference="-1"', "its modelDescription.xml is refused: variable 'u' has no valueR"),
+        (
+            "?>",
+            "?><!DOCTYPE a [<!ENTITY b SYSTEM 'file:///etc/passwd'>]>",
+            "its modelDescription.xml is refused: a doc",
+        ),
+        (
+            'valueReference="1"',
+            'valueReference="-1"',
+            "its modelDescription.xml is refused: variable 'u' has no valueR",
+        ),
         ('min="-100"', 'min="low"', "its modelDescription.xml is refused: min of variable 'u' is 'low'"),
         ('min="-100"', 'min="101"', "its modelDescription.xml is refused: the limits of variable 'u' leave no value"),
         ('name="y"', 'name="u"', "its modelDescription.xml is refused: variable 'u' is there twice"),
@@ -197,24 +207,22 @@ def test_unpacking_ends_where_it_would_be_too_much(tmp_path):
         unpack_zip(tmp_path / "a.zip", tmp_path / "in", 1, 1000)
 
 
-_PIECES = st.sampled_from([*DESCRIPTION.split('"'), *NEWER.split('"'), "INF", "NaN", "1e999", "-1", "\0", "<!DOCTYPE a>"])
+_PIECES = st.sampled_from(
+    [*DESCRIPTION.split('"'), *NEWER.split('"'), "INF", "NaN", "1e999", "-1", "\0", "<!DOCTYPE a>"]
+)
 
 
 @given(st.binary(max_size=200) | st.lists(_PIECES, max_size=60).map(lambda parts: '"'.join(parts).encode()))
 def test_any_octets_are_a_description_or_are_refused(data):
-    try:
-        found = read_description(data)
-    except FmuFileError as error:
-        assert str(error)
-    else:
-        assert found.version in {2, 3}
+    with suppress(FmuFileError):
+        assert read_description(data).version in {2, 3}
 
 
-@given(st.integers(0, DESCRIPTION.count('"') // 2 - 1), st.sampled_from(["", "INF", "-INF", "nan", "9" * 400, "x" * 300]))
+@given(
+    st.integers(0, DESCRIPTION.count('"') // 2 - 1), st.sampled_from(["", "INF", "-INF", "nan", "9" * 400, "x" * 300])
+)
 def test_any_value_of_an_attribute_is_taken_or_refused(place, value):
     parts = DESCRIPTION.split('"')
     parts[2 * place + 1] = value
-    try:
-        read_description('"'.join(parts).encode())
-    except FmuFileError as error:
-        assert str(error)
+    with suppress(FmuFileError):
+        assert read_description('"'.join(parts).encode()).version == 2

@@ -123,6 +123,7 @@ def test_the_same_plant_gives_the_same_values_each_time(make, bench):
         ("exit", "its process ended with code 3"),
         ("refuse", "fmi2DoStep failed with status 3 (error).; it says: the press is jammed"),
         ("not a number", "y is nan, not a finite number"),
+        ("last", "it asks for the end of the simulation"),
     ],
 )
 def test_an_fmu_that_fails_is_an_event_and_its_outputs_hold(make, bench, trouble, why):
@@ -151,9 +152,7 @@ def test_an_fmu_that_does_not_return_has_failed_after_the_limit(make, bench, mon
     assert _ended(_pid(plant))
 
 
-def test_in_real_time_nobody_waits_for_a_late_fmu_which_makes_up_for_what_it_missed(
-    make, bench, monkeypatch, tmp_path
-):
+def test_in_real_time_nobody_waits_for_a_late_fmu_which_makes_up_for_what_it_missed(make, bench, monkeypatch, tmp_path):
     gate = tmp_path / "gate"
     monkeypatch.setenv("PNFARM_TEST_GATE", str(gate))
     plant = _troubled(make, bench, "gated", at=0, in_real_time=True)

@@ -16,9 +16,11 @@ __all__ = ["DESCRIPTION", "TROUBLE", "bench_fmu", "needs_fmpy", "python_fmu", "z
 
 SOURCES = Path(__file__).parents[1] / "plant" / "fmu_sources"
 DESCRIPTION = (SOURCES / "bench.xml").read_text("utf-8")
-LIBRARY = "binaries/linux64/bench.so" if platform.machine() == "x86_64" else f"binaries/{platform.machine()}-linux/bench.so"
+LIBRARY = (
+    "binaries/linux64/bench.so" if platform.machine() == "x86_64" else f"binaries/{platform.machine()}-linux/bench.so"
+)
 #: What `trouble` of the FMU in C means.
-TROUBLE = ("none", "crash", "hang", "gated", "refuse", "not a number", "exit")
+TROUBLE = ("none", "crash", "hang", "gated", "refuse", "not a number", "exit", "last")
 needs_fmpy = pytest.mark.skipif(find_spec("fmpy") is None, reason="needs the package fmpy")
 
 

@@ -47,6 +47,10 @@ class PlantBench:
         model, _, name = port.rpartition(".")
         self._plant.parts[model].signals.set({name: value})
 
+    def ports(self, model: str) -> tuple[str, ...]:
+        """The names of a model's ports."""
+        return self._plant.parts[model].signals.names
+
     def step(self, steps: int = 1) -> None:
         """Steps of the plant, and of models in Python that are due."""
         for _ in range(steps):

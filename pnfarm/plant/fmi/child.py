@@ -41,15 +41,17 @@ def _end_with(pipe: int) -> None:
 
 
 def _carry_out(fmu: LoadedFmu, asked: bytes, memory: Any) -> bytes:
-    """Returns what is the answer, beside that it is done."""
+    """Returns what is the answer, beside that it is done; after a step, why this is the last one."""
     if asked == SAVE:
         return fmu.save()
     if asked[:1] == RESTORE:
         fmu.restore(asked[1:])
     elif asked == STEP:
         began = time.perf_counter()
-        fmu.step()
+        asks_for_end = fmu.step()
         memory[TOOK] = time.perf_counter() - began
+        if asks_for_end:
+            return b"it asks for the end of the simulation"
     return b""
 
 

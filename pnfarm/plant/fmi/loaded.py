@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi2 import FMU2Slave, defaultCallbacks, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE, fmi2Terminated
 from fmpy.fmi3 import FMU3Slave
 from fmpy.logging import addLoggerProxy
 
@@ -22,7 +22,7 @@ __all__ = ["LoadedFmu"]
 
 #: Longest text of a message of an FMU.
 MAX_TEXT = 300
-_ERROR = 3
+_DISCARD, _ERROR = 2, 3
 
 
 class LoadedFmu:
@@ -68,18 +68,25 @@ class LoadedFmu:
         self._fmu.exitInitializationMode()
         self.take()
 
-    def step(self) -> None:
-        """Inputs from the memory, a step, outputs to it; raises what is wrong."""
+    def step(self) -> bool:
+        """Inputs from the memory, a step, outputs to it; whether it asks for the end of the simulation."""
         self._put()
-        time, length = self._memory[TIME], self._memory[STEP_SECONDS]
-        ends = self._fmu.doStep(time, length)
-        if ends is not None:
-            _, asks_for_end, is_early, _ = ends
-            if asks_for_end:
-                raise RuntimeError("it asks for the end of the simulation")
-            if is_early:
-                raise RuntimeError("it ended a step early, which it was not allowed")
+        asks_for_end = False
+        try:
+            how = self._fmu.doStep(self._memory[TIME], self._memory[STEP_SECONDS])
+            if how is not None:
+                _, asks_for_end, is_early, _ = how
+                if is_early and not asks_for_end:
+                    raise RuntimeError("it ended a step early, which it was not allowed")
+        except FMICallException as error:
+            # FMI 2.0.5, clause 4.2.2
+            if error.status != _DISCARD or not hasattr(self._fmu, "getBooleanStatus"):
+                raise
+            asks_for_end = self._fmu.getBooleanStatus(fmi2Terminated)
+            if not asks_for_end:
+                raise
         self.take()
+        return bool(asks_for_end)
 
     def _put(self) -> None:
         memory = self._memory

@@ -141,13 +141,16 @@ class FmuModels:
 
     def _turn(self, fmu: _Fmu, now: int) -> None:
         began = fmu.process.asked_ns
-        if fmu.process.answer(0 if self._in_real_time else STEP_NS) is None:
+        last = fmu.process.answer(0 if self._in_real_time else STEP_NS)
+        if last is None:
             if not self._in_real_time or time.perf_counter_ns() - began >= STEP_NS:
                 raise FmuFailure(f"a step did not end within {STEP_NS / 1e9:g} s")
             fmu.waited += fmu.leave_out(now)
             return
         fmu.take()
         fmu.steps += 1
+        if last:
+            raise FmuFailure(last.decode())
         if self._in_real_time:
             took = fmu.process.took_ns
             fmu.longest_ns = max(fmu.longest_ns, took)
