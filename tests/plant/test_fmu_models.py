@@ -156,12 +156,15 @@ def test_in_real_time_nobody_waits_for_a_late_fmu_which_makes_up_for_what_it_mis
     gate = tmp_path / "gate"
     monkeypatch.setenv("PNFARM_TEST_GATE", str(gate))
     plant = _troubled(make, bench, "gated", at=0, in_real_time=True)
-    fmus, now = plant.fmus, plant.now
+    fmus, now, began = plant.fmus, plant.now, time.perf_counter()
     for _ in range(5):
         now = fmus.next_deadline()
         fmus.service(now)
     assert fmus.snapshot()["press"]["missed_steps"] == 5
     assert (plant["press.count"], plant.events) == (0, [])
+    # longer than the step, whose length this is
+    time.sleep(0.003)
+    opened = time.perf_counter() - began
     gate.touch()
     until = time.monotonic() + 20
     while plant["press.count"] == 0 and time.monotonic() < until:
@@ -172,6 +175,7 @@ def test_in_real_time_nobody_waits_for_a_late_fmu_which_makes_up_for_what_it_mis
     [late] = plant.events
     assert isinstance(late, PlantModelLate)
     assert (late.model, late.step_seconds, late.missed) == ("press", 0.002, missed)
+    assert late.duration_seconds >= opened
     assert fmus._fmus[0].process.answer(20_000_000_000) is not None
     fmus.service(fmus.next_deadline())
     # at most ten steps in one

@@ -18,7 +18,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pnfarm.plant.fmi.memory import DONE, END, FAILED, MAX_STATE, RESTORE, SAVE, STEP, TOOK
+from pnfarm.plant.fmi.memory import DONE, END, ENDED, FAILED, MAX_STATE, RESTORE, SAVE, STEP
 from pnfarm.plant.fmi.planned import MOST_MEMBERS
 from pnfarm.vocabulary.zip_files import unpack_zip
 
@@ -47,9 +47,8 @@ def _carry_out(fmu: LoadedFmu, asked: bytes, memory: Any) -> bytes:
     if asked[:1] == RESTORE:
         fmu.restore(asked[1:])
     elif asked == STEP:
-        began = time.perf_counter()
         asks_for_end = fmu.step()
-        memory[TOOK] = time.perf_counter() - began
+        memory[ENDED] = time.perf_counter()
         if asks_for_end:
             return b"it asks for the end of the simulation"
     return b""

@@ -54,8 +54,6 @@ class _Fmu:
         self.time_ns = 0
         self.behind_ns = 0
         self.steps = self.missed = self.reported = self.longest_ns = 0
-        #: Steps left out since the last one began.
-        self.waited = 0
         self.failure = ""
 
     def take(self) -> None:
@@ -77,13 +75,12 @@ class _Fmu:
         self.time_ns += self.step_ns + made_up
         self.due_ns += self.step_ns
 
-    def leave_out(self, now: int) -> int:
-        """Steps that are over at ``now``, none of which began; returns how many these are."""
+    def leave_out(self, now: int) -> None:
+        """The steps that are over at ``now``, none of which began."""
         count = max(0, (now - self.due_ns) // self.step_ns + 1)
         self.due_ns += count * self.step_ns
         self.behind_ns += count * self.step_ns
         self.missed += count
-        return count
 
     def fail(self, text: str) -> None:
         """End its process; the outputs hold, or get the values of the farm file."""
@@ -145,7 +142,7 @@ class FmuModels:
         if last is None:
             if not self._in_real_time or time.perf_counter_ns() - began >= STEP_NS:
                 raise FmuFailure(f"a step did not end within {STEP_NS / 1e9:g} s")
-            fmu.waited += fmu.leave_out(now)
+            fmu.leave_out(now)
             return
         fmu.take()
         fmu.steps += 1
@@ -154,8 +151,7 @@ class FmuModels:
         if self._in_real_time:
             took = fmu.process.took_ns
             fmu.longest_ns = max(fmu.longest_ns, took)
-            if fmu.waited:
-                fmu.waited = 0
+            if took > fmu.step_ns:
                 fmu.reported += 1
                 if is_reported(fmu.reported):
                     self._note(now, PlantModelLate(fmu.name, took / 1e9, fmu.step_ns / 1e9, fmu.missed))

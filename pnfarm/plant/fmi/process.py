@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pnfarm.errors import EnvironmentError_
-from pnfarm.plant.fmi.memory import DONE, END, MAX_STATE, STEP, STEP_SECONDS, TIME, TOOK, VALUES
+from pnfarm.plant.fmi.memory import DONE, END, ENDED, MAX_STATE, STEP, STEP_SECONDS, TIME, VALUES
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -77,6 +77,8 @@ class FmuProcess:
             os.close(memory)
         self._end = weakref.finalize(self, _end, self._process, self._connection, lifetime, folder)
         self._gone = False
+        #: How long its last step took, from the asking on.
+        self.took_ns = 0
         #: When it was asked for what it has not answered, by the machine's clock; 0: nothing is asked.
         self.asked_ns = time.perf_counter_ns()
         self._send(json.dumps(_order(name, model, folder.name)).encode())
@@ -111,6 +113,7 @@ class FmuProcess:
         except (EOFError, OSError):
             self._gone, found = True, b""
         if found[:1] == DONE:
+            self.took_ns = round(float(self._numbers[ENDED]) * 1e9) - self.asked_ns
             self.asked_ns = 0
             return found[1:]
         if found:
@@ -121,11 +124,6 @@ class FmuProcess:
             self._process.wait(min(limit_ns / 1e9, PATIENCE_SECONDS))
             raise FmuFailure(f"its process ended{_how(self._process.returncode)}")
         return None
-
-    @property
-    def took_ns(self) -> int:
-        """How long its last step took."""
-        return round(float(self._numbers[TOOK]) * 1e9)
 
     def kill(self) -> None:
         """End it without waiting for it."""
