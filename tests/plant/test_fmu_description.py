@@ -169,7 +169,7 @@ def test_files_that_are_no_fmus_are_refused_with_a_sentence(write, tmp_path):
     for path, what in (
         (tmp_path / "none.fmu", "there is no such file; the path of an FMU"),
         (tmp_path, "it is no file; the path of an FMU"),
-        (tmp_path / "text.fmu", "it is no zip file: "),
+        (tmp_path / "text.fmu", "it cannot be read as a zip file: File is not"),
         (write(members={"a": ""}, name="other.fmu"), "it has no modelDescription.xml"),
         (windows, "it has binaries for win64 alone, and this machine is "),
         (bare, "it has no binaries, and this machine is "),

@@ -110,7 +110,7 @@ def _read(path: Path) -> tuple[FmuDescription, str]:
             raise FmuFileError(f"it has no {_DESCRIPTION}")
         description = read_description(zip_member(path, _DESCRIPTION, MAX_OCTETS + 1))
     except DamagedZipError as error:
-        raise FmuFileError(f"it is no zip file: {error}") from error
+        raise FmuFileError(f"it cannot be read as a zip file: {error}") from error
     return description, _library(description, names)
 
 
