@@ -176,6 +176,7 @@ def test_in_real_time_nobody_waits_for_a_late_fmu_which_makes_up_for_what_it_mis
     assert isinstance(late, PlantModelLate)
     assert (late.model, late.step_seconds, late.missed) == ("press", 0.002, missed)
     assert late.duration_seconds >= opened
+    assert plant.late[-1] == (now, 2_000_000 * missed)
     assert fmus._fmus[0].process.answer(20_000_000_000) is not None
     fmus.service(fmus.next_deadline())
     # at most ten steps in one

@@ -50,6 +50,8 @@ class _Fmu:
         values[self._inputs] = starts
         self.process = FmuProcess(planned.name, planned.what, starts)
         self.due_ns = 0
+        #: When the step that it is in was to end.
+        self.wanted_ns = 0
         #: Its own time, and how far that is behind the farm's.
         self.time_ns = 0
         self.behind_ns = 0
@@ -74,6 +76,7 @@ class _Fmu:
         self.process.ask_step(self.time_ns, self.step_ns + made_up)
         self.time_ns += self.step_ns + made_up
         self.due_ns += self.step_ns
+        self.wanted_ns = self.due_ns
 
     def leave_out(self, now: int) -> None:
         """The steps that are over at ``now``, none of which began."""
@@ -91,7 +94,10 @@ class _Fmu:
 
 
 class FmuModels:
-    """``note`` records an event, ``now`` first.  Raises :class:`ConfigError` where an FMU cannot be made."""
+    """``note`` records an event, ``now`` first.  Raises :class:`ConfigError` where an FMU cannot be made.
+
+    ``late(now, ns)``: in real time, takes how late a step was; None in virtual time.
+    """
 
     def __init__(
         self,
@@ -99,10 +105,10 @@ class FmuModels:
         values: Any,
         note: Callable[[int, Event], object],
         *,
-        in_real_time: bool,
+        late: Callable[[int, int], object] | None = None,
     ) -> None:
         self._note = note
-        self._in_real_time = in_real_time
+        self._late = late
         self._fmus: list[_Fmu] = []
         try:
             # all of them start at the same time
@@ -138,9 +144,9 @@ class FmuModels:
 
     def _turn(self, fmu: _Fmu, now: int) -> None:
         began = fmu.process.asked_ns
-        last = fmu.process.answer(0 if self._in_real_time else STEP_NS)
+        last = fmu.process.answer(STEP_NS if self._late is None else 0)
         if last is None:
-            if not self._in_real_time or time.perf_counter_ns() - began >= STEP_NS:
+            if self._late is None or time.perf_counter_ns() - began >= STEP_NS:
                 raise FmuFailure(f"a step did not end within {STEP_NS / 1e9:g} s")
             fmu.leave_out(now)
             return
@@ -148,7 +154,8 @@ class FmuModels:
         fmu.steps += 1
         if last:
             raise FmuFailure(last.decode())
-        if self._in_real_time:
+        if self._late is not None:
+            self._late(now, now - fmu.wanted_ns)
             took = fmu.process.took_ns
             fmu.longest_ns = max(fmu.longest_ns, took)
             if took > fmu.step_ns:
