@@ -17,8 +17,6 @@ from pnfarm.config.links import MacvlanLink, MemoryLink, SerialLink
 from pnfarm.config.values import expand_name, numbered
 from pnfarm.farm.file.choice import bus_of, bus_of_controller, bus_of_devices, device_part, titles
 from pnfarm.farm.file.expand import controller_mac, expand_device_sections, expand_sections
-from pnfarm.plant.axis_ports import PlantAxis
-from pnfarm.plant.plan import plan_plant
 from pnfarm.vocabulary.quoting import did_you_mean, shown
 from pnfarm.wire.mac import format_mac
 
@@ -94,6 +92,10 @@ def _check_plant(sections: FarmSections, known: Known, folder: Path, report: Rep
     """The plant as far as no file of a model is run."""
     if sections.plant is None:
         return
+    # behaviours are compiled code: a file without a plant is read without the compiler
+    from pnfarm.plant.axis_ports import PlantAxis  # noqa: PLC0415 - see above
+    from pnfarm.plant.plan import plan_plant  # noqa: PLC0415 - see above
+
     axes = {
         axis.name: PlantAxis.of(described, axis.load)
         for drive in expand_sections(sections, known)
