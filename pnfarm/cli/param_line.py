@@ -20,7 +20,7 @@ from pnfarm.farm.lines import line_bus, make_line
 if TYPE_CHECKING:
     from pnfarm.links.serial.link import SerialLink
 
-__all__ = ["ask"]
+__all__ = ["ask", "line_way"]
 
 #: How long a way may take until somebody is at its other end.
 OPEN_SECONDS: Final = 6.0
@@ -46,12 +46,12 @@ def ask(
     question = LineQuestion(int(station), parameter, value, own, model, baud)
     if (found := ask_controller(line.removeprefix(_RFC2217), question)) is not None:
         return found
-    link = make_line(_way(line, baud), line_bus(bus.name))
+    link = make_line(line_way(line, baud), line_bus(bus.name))
     return asyncio.run(_asked(link, question))
 
 
-def _way(line: str, baud: int) -> LineWay:
-    """What the words stand for; a file that is there is one, whatever its name."""
+def line_way(line: str, baud: int) -> LineWay:
+    """What `--line` stands for; a file that is there is one, whatever its name.  Raises :class:`ConfigError`."""
     if line.startswith(_RFC2217):
         place, key = line.removeprefix(_RFC2217), "rfc2217"
     elif _PLACE.fullmatch(line) and not Path(line).exists():

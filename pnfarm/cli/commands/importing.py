@@ -19,8 +19,6 @@ if TYPE_CHECKING:
 
 __all__ = ["importing"]
 
-#: Octets in which the root of an XML file begins.
-_HEAD = 4096
 #: Frames between two looks at how far the reading is.
 SHOWN_FRAMES = 5000
 
@@ -68,10 +66,12 @@ def importing(
     ] = False,
 ) -> None:
     """Make a farm file from a capture, with GSDML files for its PROFINET devices, or from a TIA project's CAx data."""
+    from pnfarm.cli.project_file import is_project_file
     from pnfarm.farm.file.found import farm_name, write_farm
 
+    is_project = is_project_file(file)
     folder = Path.cwd() if output is None else output.resolve().parent
-    if _is_project(file):
+    if is_project:
         if devices:
             raise ConfigError("--devices is for captures: a project says too little of a station's data")
         # names of files in a farm file are relative to its folder
@@ -80,7 +80,7 @@ def importing(
         found, remarks = _of_capture(file, models=not devices), []
     if not found:
         needed = "a capture needs the start of a connection (Connect, Forward_Open, Set_Prm), or an answer to a search"
-        raise ConfigError(f"{file} shows no device" + ("" if _is_project(file) else f": {needed}"))
+        raise ConfigError(f"{file} shows no device" + ("" if is_project else f": {needed}"))
     if output is None:
         found = _listed(found)
     made = write_farm(found, name or farm_name(file.stem), parent, file.name, folder)
@@ -98,7 +98,7 @@ def importing(
     if made.files:
         whence = (
             "out of a zip file"
-            if _is_project(file)
+            if is_project
             else "made of the capture; the maker's own in its place gives the data names"
         )
         print_line(f"{folder}: {counted(len(made.files), 'description file')} {whence}")
@@ -143,41 +143,14 @@ def _listed(found: Sequence[Found]) -> list[Found]:
     ]
 
 
-def _is_project(file: Path) -> bool:
-    from pnfarm.buses.projects.caex import is_project
-
-    try:
-        with file.open("rb") as begin:
-            return is_project(begin.read(16))
-    except OSError as exc:
-        raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
-
-
 def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[Found], list[str]]:
     """What is in it, and description files that could not be read."""
-    from pnfarm.buses import registry
-    from pnfarm.buses.imports import ProjectBus
-    from pnfarm.buses.projects.caex import MAX_OCTETS, NotCaexError, parse_caex
     from pnfarm.buses.projects.description_folders import DescriptionFolders
-    from pnfarm.buses.projects.l5x import NotL5xError, is_l5x, parse_l5x
-    from pnfarm.vocabulary.regular_file import read_regular
+    from pnfarm.cli.project_file import read_project
 
-    try:
-        data = read_regular(file, MAX_OCTETS + 1)
-        kind, project = ("l5x", parse_l5x(data)) if is_l5x(data[:_HEAD]) else ("caex", parse_caex(data))
-    except OSError as exc:
-        raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
-    except NotCaexError as exc:
-        raise ConfigError(f"{file} is not CAx data: {exc}") from exc
-    except NotL5xError as exc:
-        raise ConfigError(f"{file} is not an L5X file: {exc}") from exc
+    buses, project = read_project(file)
     at_hand = DescriptionFolders(folders, file.parent)
-    found = [
-        one
-        for bus in registry.BUSES.values()
-        if isinstance(bus, ProjectBus) and bus.project_kind == kind
-        for one in bus.of_project(project, at_hand, base)
-    ]
+    found = [one for bus in buses for one in bus.of_project(project, at_hand, base)]
     return found, at_hand.remarks
 
 

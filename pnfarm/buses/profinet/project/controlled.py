@@ -14,14 +14,20 @@ from pnfarm.buses.profinet.project.parts import address_keys, head_of, name_of
 from pnfarm.buses.profinet.project.slots import ProjectSlots
 from pnfarm.buses.projects.parts import is_on_profibus, only_system, type_of
 from pnfarm.buses.projects.view import ProjectView
+from pnfarm.vocabulary.durations import format_duration
+from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.buses.projects.caex import CaexElement, CaexProject
     from pnfarm.buses.projects.description_folders import DescriptionFolders
+    from pnfarm.protocols.profinet.gsdml.document import Dap
 
 __all__ = ["controller_of_project"]
+
+#: What a device gets that can do it; the project has no cycles.
+_USUAL_CYCLE_NS = 2_000_000
 
 
 def controller_of_project(
@@ -58,8 +64,17 @@ def _station(device: CaexElement, head: CaexElement, files: GsdmlFiles) -> Found
         return FoundStation(name, (slots.left_out[0].removeprefix("left out: ").removesuffix(": left out"),))
     keys = {
         **address_keys(device),
+        "cycle": format_duration(_cycle_ns(found.dap)),
         "dap": found.dap.id,
         "modules": {slot: one["module"] if isinstance(one, dict) else one for slot, one in slots.chosen.items()},
         "submodules": {slot: one["submodules"] for slot, one in slots.chosen.items() if isinstance(one, dict)},
     }
     return FoundDevice(name, files.for_farm(found.file), keys, (*filter(None, (found.remark,)), *slots.notes))
+
+
+def _cycle_ns(dap: Dap) -> int:
+    """The usual cycle, doubled until the device is as fast."""
+    cycle_ns = _USUAL_CYCLE_NS
+    while cycle_ns < dap.min_device_interval * SEND_CLOCK_NS:
+        cycle_ns *= 2
+    return cycle_ns
