@@ -117,7 +117,7 @@ CARRIED = {
 
 def test_every_device_of_a_project_exchanges_data_and_is_expected_as_the_project_says(pnfarm, folder):
     parts = "".join(
-        element(f"part {place}", role="DeviceItem", TypeIdentifier=f"GSD:{ISLAND}/SM/{name}", PositionNumber=place)
+        element(f"part {place}", role="DeviceItem", TypeIdentifier=f"GSD:{ISLAND}/SM/{name}", PositionNumber=place - 1)
         for place, name in ((3, "PLUG_IO8"), (5, "PLUG_OUT4"))
     )
     number, ident, submodules = telegram(111)

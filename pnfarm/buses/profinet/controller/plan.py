@@ -188,8 +188,7 @@ def _clock(section: ProfinetController, planned: Described, cycle_ns: int | None
     clock = clock_of(section, cycle_ns)
     factor, ratio = clock.send_clock_factor, clock.reduction_ratio
     # a cycle without factor and ratio is made of those that the device supports
-    asked = cycle_ns is not None or (section.cycle_ns is not None and section.reduction_ratio is None)
-    if asked and section.send_clock_factor is None:
+    if section.send_clock_factor is None and (cycle_ns is not None or section.reduction_ratio is None):
         factor, ratio = planned.clock(factor, ratio)
     planned.check_clock(factor, ratio)
     if join_cycle(factor, ratio) * section.watchdog_factor > MAX_WATCHDOG_NS:

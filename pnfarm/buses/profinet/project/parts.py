@@ -40,7 +40,11 @@ def name_notes(device: CaexElement) -> list[str]:
 
 
 def _named(device: CaexElement) -> str:
-    return next((one.attributes.get("ProfinetDeviceName", "") for one in nodes(device)), "")
+    """What the project names the station; without such a name TIA Portal makes it of that of the device's head."""
+    given = next((one.attributes.get("ProfinetDeviceName", "") for one in nodes(device)), "")
+    heads = (one for one in device.walk() if one.attributes.get("DeviceItemType") in {"HeadModule", "CPU"})
+    head = head_of_file(device) or next(heads, None)
+    return given or (head.name if head is not None else "")
 
 
 def _address(text: str) -> IPv4Address:

@@ -15,10 +15,15 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml, ModuleItem
     from pnfarm.protocols.profinet.gsdml.station import PluggedStation
 
-__all__ = ["ProjectSlots"]
+__all__ = ["ProjectSlots", "fixed_module"]
 
 #: Slots that a file may fill by itself.
 _MOST_PLACES = 4096
+
+
+def fixed_module(dap: Dap, slot: int) -> str:
+    """The ID of the module that the file fixes in a slot, which the project calls built in; empty for none."""
+    return next((ref.target for ref in dap.modules if slot in ref.fixed), "")
 
 
 class ProjectSlots:
@@ -46,7 +51,10 @@ class ProjectSlots:
             return
         self._there.add(slot)
         if "#" in kind.id:
-            # built in: the file fixes it
+            # built in: the file fixes it, and the project may plug submodules into it
+            fixed = fixed_module(self._dap, slot)
+            if fixed in self._known and (submodules := self._submodules(slot, element, self._known[fixed])):
+                self.chosen[slot] = {"module": fixed, "submodules": submodules}
             return
         fitting = [
             self._known[ref.target] for ref in self._dap.modules if ref.takes(slot) and ref.target in self._known
@@ -86,10 +94,11 @@ class ProjectSlots:
         """Those that the project plugs into a module; if there are any, the file's own choice does not count."""
         plugged: dict[int, str | None] = {}
         for one in element.walk():
-            kind, subslot = type_of(one), place_of(one)
+            kind, place = type_of(one), place_of(one)
             if one is not element and kind.part == "SM" and kind.id and "#" not in kind.id:
-                if subslot:
-                    plugged[subslot] = kind.id
+                if place is not None:
+                    # the project counts from 0
+                    plugged[place + 1] = kind.id
                 else:
                     self.left_out.append(f"slot {slot}: submodule {kind.id} has no place in the project: left out")
         fixed = [place for ref in module.useable for place in ref.fixed]
