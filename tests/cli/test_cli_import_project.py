@@ -209,7 +209,9 @@ def profile_station(*parts):
     """A drive of a maker without a model: a servo with these submodules (subslot, id) in each slot."""
     servos = (
         module(slot, f"GSD:{PROFILE}/M/SERVO", name=f"Axis {slot}", inside="".join(
-            element(f"part {place}", role="DeviceItem", TypeIdentifier=f"GSD:{PROFILE}/SM/{own}", PositionNumber=place - 1)
+            element(
+                f"part {place}", role="DeviceItem", TypeIdentifier=f"GSD:{PROFILE}/SM/{own}", PositionNumber=place - 1
+            )
             for place, own in inside
         ))
         for slot, inside in enumerate(parts, 1)

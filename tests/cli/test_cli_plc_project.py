@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import shutil
-from contextlib import contextmanager
-from ipaddress import ip_interface
 
 import pytest
 from aml_project import HIWIN, ISLAND, at_system, drive, element, module, plc, project, slave, station
@@ -15,6 +12,7 @@ from imported import importing
 from l5x_project import connection
 from l5x_project import module as l5x_module
 from l5x_project import project as l5x_project
+from project_line import running
 from scapy.contrib.pnio_rpc import ExpectedSubmoduleBlockReq
 from scapy.layers.dcerpc import DceRpc4
 from scapy.layers.inet import IP, UDP
@@ -22,17 +20,12 @@ from scapy.utils import rdpcap
 
 from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.cli.plc_project import project_plc
-from pnfarm.controller import line as controller_line
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
-from pnfarm.farm.file.reading import load_farm
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
-from pnfarm.station.event_log import EventLog
 
 DI16, DO8, AI4, CARRIER = (f"GSD:{ISLAND}/M/{name}" for name in ("DI16", "DO8", "AI4", "CARRIER"))
 RPC_PORT = 34964
-#: The controller's where the project names none.
-OWN = "192.168.1.250/24"
 
 
 @pytest.fixture
@@ -41,32 +34,6 @@ def folder(tmp_path):
     (tmp_path / HIWIN).write_text(emit_gsdml(describe_model(model("hiwin-e1"))))
     shutil.copy(CONFIGS / "gsd" / "EXMP1D01.gsd", tmp_path)
     return tmp_path
-
-
-@contextmanager
-def running(file, farm, **options):
-    """The farm of an imported project and the project's own controllers, in one virtual world.
-
-    Yields the farm, the controllers, what the command found, and a list of the frames when the block ends.
-    """
-    text = farm.read_text()
-    for link in ("link: {kind: macvlan, parent: eth1}", "link: {kind: serial, pty: auto}"):
-        text = text.replace(link, "link: {kind: memory}")
-    farm.write_text(text)
-    capture = farm.with_suffix(".pcapng")
-
-    async def start():
-        line = await controller_line.VirtualLine.create(load_farm(farm), pcap=capture)
-        with project_plc(file, [file.parent], interface="eth1", **options) as found:
-            for section in found.config.controllers:
-                # in the world of the test there is no interface
-                vars(section).update({"interface": None, "ip": getattr(section, "ip", None) or ip_interface(OWN)})
-            joined = await controller_line.join_controllers(line.world, found.config, [], EventLog(quiet=True))
-        line.world.run(5)
-        await line.close()
-        return line, joined.controllers, found
-
-    yield (*asyncio.run(start()), capture)
 
 
 def expected(capture):
@@ -129,7 +96,7 @@ def test_every_device_of_a_project_exchanges_data_and_is_expected_as_the_project
         drive("axis-1", "10.7.0.11", dap=head, module=("Telegram 111", number)),
         links=[at_system("island_1-if"), at_system("Island 2-if")],
     )
-    with running(folder / "line.aml", farm, watchdog_factor=5) as (_, controllers, found, capture):
+    with running(folder / "line.aml", farm, watchdog_factor=5) as (controllers, found, capture):
         assert found.remarks == []
         assert states(controllers) == dict.fromkeys(("islandxb140bf", "islandxa2b1ff", "axis-1"), ("DATA", "", 0, []))
         assert {row["cycle_seconds"] for row in controllers.snapshot()} == {0.002}
@@ -191,7 +158,7 @@ def test_slaves_of_a_project_exchange_data_with_the_modules_of_the_project(pnfar
     parts = [module(slot, f"GSD:{name}/M/{number}", name=f"module {number}") for slot, number in ((1, 2), (2, 1))]
     file = folder / "line.aml"
     _, farm = importing(pnfarm, file, project)(plc(), slave("One", 5, name, *parts), slave("Two", 6, name, *parts))
-    with running(file, farm, line="/tmp/line") as (_, controllers, found, _capture):
+    with running(file, farm, line="/tmp/line") as (controllers, found, _):
         assert found.remarks == []
         assert states(controllers) == dict.fromkeys(("one", "two"), ("data-exchange", "", 0, []))
         assert [(one.address, one.modules) for one in found.config.controller.devices] == [(5, [2, 1]), (6, [2, 1])]
@@ -215,7 +182,7 @@ def test_modules_of_a_studio_5000_project_exchange_data_by_the_project_s_connect
         l5x_module("Valves", "192.168.1.20", connection(10, 4)),
         l5x_module("Camera", "192.168.1.21", camera, CatalogNumber="CAM-1", Vendor=678, ProductType=43, Major=3),
     )
-    with running(file, farm) as (_, controllers, found, _capture):
+    with running(file, farm) as (controllers, found, _):
         assert found.remarks == []
         assert states(controllers) == dict.fromkeys(("valves", "camera"), ("DATA", "", 0, []))
         assert [row["cycle_seconds"] for row in controllers.snapshot()] == [0.01, 0.02]

@@ -28,6 +28,8 @@ __all__ = ["identity_of"]
 
 #: Longest order number of I&M0, octets.
 ORDER_NUMBER = 20
+#: The last index of a record that is a maker's own.
+_LAST_OWN = 0x7FFF
 #: Subslots of one submodule, and slots in which telegrams are looked for; makers' files have up to 16.
 PLACES = 64
 
@@ -100,6 +102,10 @@ def identity_of(document: Gsdml, model: Model, access_point: str | int | None = 
         found["telegrams"] = telegrams
     if supplements:
         found["supplements"] = supplements
+    if records := sorted(
+        {one.index for item in document.all_submodules() for one in item.records if one.index <= _LAST_OWN}
+    ):
+        found["records"] = records
     every = (*model.profidrive.telegrams, *model.profidrive.supplements)
     if missing := [number for number in every if number not in telegrams and number not in supplements]:
         numbers = ", ".join(map(str, missing))

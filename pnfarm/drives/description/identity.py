@@ -34,9 +34,10 @@ OVERRIDES: Mapping[str, str] = {
     "telegrams": "mapping: telegram -> module ident, or {module: ident, submodule: ident, others: its other modules}",
     "supplements": "mapping: supplementary telegram -> {submodule: ident, subslot: number}",
     "without": "list of telegrams that the drive does not have",
+    "records": "list of indexes of parameter records of the maker's file, which are taken and have no effect",
 }
 #: Those of them that only PROFINET has.
-_OF_MODULES = frozenset({"dap", "dap_submodules", "access_point", "telegrams", "supplements"})
+_OF_MODULES = frozenset({"dap", "dap_submodules", "access_point", "telegrams", "supplements", "records"})
 #: The same for a PROFIdrive model on PROFIBUS, which has no modules with idents.
 PROFIBUS_OVERRIDES: Mapping[str, str] = {
     **{key: what for key, what in OVERRIDES.items() if key not in _OF_MODULES},
@@ -73,6 +74,8 @@ def _version(value: Any) -> tuple[str, tuple[int, int, int]]:
     return prefix, (major, minor, internal)
 
 
+#: The last index of a record that is a maker's own.
+_LAST_OWN = 0x7FFF
 #: Octets of Set_Prm behind the seven of the standard.
 _LONGEST_USER = 237
 #: Override -> field of Identity, for the plain numbers and texts.
@@ -140,6 +143,11 @@ def with_identity(model: Model, overrides: Mapping[str, Any]) -> Model:
             changes[field] = _text(overrides[key], key, length)
     if "software_version" in overrides:
         changes["software_prefix"], changes["software_version"] = _version(overrides["software_version"])
+    if "records" in overrides:
+        given = overrides["records"]
+        if not isinstance(given, list | tuple):
+            raise ConfigError(f"identity.records: {given!r} is not a list of indexes")
+        changes["records"] = tuple(number(index, f"records.{at}", _LAST_OWN) for at, index in enumerate(given))
 
     dap = model.dap
     if "dap" in overrides:

@@ -79,7 +79,10 @@ class Fact:
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The identity that a PROFIdrive drive reports (DCP, I&M0, PNU 964 and 975)."""
+    """The identity that a PROFIdrive drive reports (DCP, I&M0, PNU 964 and 975).
+
+    ``records``: indexes of its maker's own parameter records, which it takes without effect.
+    """
 
     vendor_id: int
     device_id: int
@@ -93,6 +96,7 @@ class Identity:
     drive_unit_type: int
     firmware_date: tuple[int, int]
     object_class: tuple[int, int, int]
+    records: tuple[int, ...] = ()
 
 
 #: For a drive without PROFIdrive.

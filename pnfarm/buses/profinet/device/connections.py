@@ -28,6 +28,7 @@ from pnfarm.protocols.profinet.cm.device.events import (
     SubmodulesChanged,
 )
 from pnfarm.protocols.profinet.diagnosis import DiagnosisAppeared, DiagnosisEvent
+from pnfarm.protocols.profinet.records.directory import ISOCHRONOUS
 from pnfarm.station.events import StartUpPhase, WatchdogExpired
 from pnfarm.station.lateness import Lateness, budget_ns
 
@@ -133,7 +134,7 @@ class StationConnections:
                 self._diagnosis_changed(change, now)
             case RecordWritten(_, api, slot, subslot, index, data):
                 self._station.note(now, happened.RecordWritten(len(data), api, slot, subslot, index))
-                if index in self._station.description.ignored_records:
+                if index in ISOCHRONOUS & self._station.description.ignored_records:
                     self._station.note(now, happened.IsochronousIgnored(slot, subslot, index))
                 self._station.addressing.record_written(index, data, now)
                 if self._station.neighbours.pdev.handles(slot, subslot, index):

@@ -114,8 +114,9 @@ class DriveKind:
             for shift, axis in zip(shifts, self._settings.axes, strict=True)
         ]
         description = describe_device(self.model, mac, strict=strict, axes=axes)
-        if self._settings.ignores_clock:
-            description = replace(description, ignored_records=ISOCHRONOUS)
+        ignored = frozenset(self.model.profidrive.identity.records).difference(self.model.access.record_indexes)
+        ignored |= ISOCHRONOUS if self._settings.ignores_clock else frozenset()
+        description = replace(description, ignored_records=ignored)
         own = model_slots(self.model)
         # the words of a drive with one axis are those of all its submodules
         several = len(self._station.axes) > 1

@@ -48,6 +48,10 @@ class NoRecords:
         return RecordError(AccessError.INVALID_INDEX)
 
 
+#: The last index of a record that is a maker's own (IEC 61158-6-10, Index).
+_LAST_OWN = 0x7FFF
+
+
 class KeptRecords:
     """A physical device without data of its own: what a controller writes at start-up is kept and read back.
 
@@ -77,7 +81,9 @@ class KeptRecords:
         if index not in self._indexes:
             return RecordError(AccessError.INVALID_INDEX)
         try:
-            split_blocks(data)
+            # a maker's own records are no blocks
+            if index > _LAST_OWN:
+                split_blocks(data)
         except DecodeError:
             return RecordError(AccessError.WRITE_LENGTH_ERROR)
         self._kept[slot, subslot, index] = data
