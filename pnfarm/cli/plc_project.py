@@ -52,13 +52,12 @@ def project_plc(
     Raises :class:`ConfigError`, also if there is no station to run.
     """
     from pnfarm.buses.bus import line_of
-    from pnfarm.buses.projects.description_folders import DescriptionFolders
     from pnfarm.cli.param_line import line_way
-    from pnfarm.cli.project_file import read_project
+    from pnfarm.cli.project_file import description_folders, read_project
     from pnfarm.farm.file.reading import parse_farm
 
     buses, project = read_project(file)
-    at_hand = DescriptionFolders(folders, file.parent)
+    at_hand = description_folders(file, folders)
     general = {"cycle": cycle, "watchdog_factor": watchdog_factor}
     controllers: dict[str, Any] = {}
     remarks: list[str] = []
@@ -67,8 +66,9 @@ def project_plc(
             found = bus.controller_of_project(project, at_hand, Path(scratch), plc)
             on_line = bool(line_of(bus))
             keys = _section(found, Path(scratch), remarks)
-            for device in keys.get("devices", ()) if cycle is not None else ():
-                device.pop("cycle", None)
+            for device in keys.get("devices", ()):
+                for key in _given(general):
+                    device.pop(key, None)
             if not keys:
                 continue
             if (line is None) if on_line else (interface is None and line is not None):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import shutil
 
 import pytest
-from aml_project import HIWIN, ISLAND, at_system, drive, element, module, plc, project, slave, station
+from aml_project import HIWIN, ISLAND, at_system, attribute, drive, element, module, plc, project, slave, station
 from cell_file import GSDML
+from drive_object_gsdml import drive_object_gsdml
 from farm_file import CONFIGS
 from imported import importing
 from l5x_project import connection
@@ -22,6 +23,7 @@ from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.cli.plc_project import project_plc
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
+from pnfarm.farm.file.reading import load_farm
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 
 DI16, DO8, AI4, CARRIER = (f"GSD:{ISLAND}/M/{name}" for name in ("DI16", "DO8", "AI4", "CARRIER"))
@@ -113,6 +115,30 @@ def test_every_device_of_a_project_exchanges_data_and_is_expected_as_the_project
         (ident, submodule, {(1, inputs)} | ({(2, outputs)} if outputs else set()))
         for submodule, inputs, outputs in submodules
     ]
+
+
+def test_a_drive_whose_servo_is_built_in_is_run_with_its_telegram_its_head_s_name_and_the_records_of_its_file(
+    pnfarm, tmp_path
+):
+    name = "GSDML-V2.43-MAKER-DRIVES-20260101.XML"
+    text = drive_object_gsdml().replace('"SERVO" AllowedInSlots="1..6"', '"SERVO" AllowedInSlots="1" FixedInSlots="1"')
+    record = '<ParameterRecordDataItem Index="1051" Length="1"><Name TextId="Info"/><Const Data="0x00"/>'
+    at = text.index("<IOData/>", text.index('ID="Full_1"')) + len("<IOData/>")
+    records = f"<RecordDataList>{record}</ParameterRecordDataItem></RecordDataList>"
+    (tmp_path / name).write_text(text[:at] + records + text[at:])
+    telegram = element("telegram", role="DeviceItem", TypeIdentifier=f"GSD:{name}/SM/S_T111", PositionNumber=2)
+    servo = module(1, f"GSD:{name}/DAP/Full#BUILTIN", inside=telegram)
+    own = station("Axis_1", "10.7.0.21", f"GSD:{name}/DAP/Full", servo, kind=f"GSD:{name}/D")
+    # as TIA Portal writes a station whose name it makes itself
+    own = own.replace(attribute("ProfinetDeviceName", "Axis_1"), "")
+    file = tmp_path / "line.aml"
+    _, farm = importing(pnfarm, file, project)(plc(), own)
+    (group,) = load_farm(farm).drives
+    assert (group.name, group.model, group.telegram) == ("axisxb19e54", "profidrive", 111)
+    with running(file, farm) as (controllers, found, capture):
+        assert found.remarks == []
+        assert states(controllers) == {"axisxb19e54": ("DATA", "", 0, [])}
+        assert expected(capture)["10.7.0.21"][0x3A00, 1, 3][0] == 0x010000B0
 
 
 def refusals(file, **options):

@@ -19,10 +19,12 @@ if TYPE_CHECKING:
     from pnfarm.buses.projects.caex import CaexElement
 
 __all__ = [
-    "PartType", "devices", "facts", "head_of_file", "is_on_profibus", "modules", "nodes", "octets_of", "only_system",
-    "place_of", "ranges", "type_of",
+    "WATCHDOG_FACTOR", "PartType", "devices", "facts", "head_of_file", "is_on_profibus", "modules", "nodes",
+    "octets_of", "only_system", "place_of", "ranges", "type_of",
 ]  # fmt: skip
 
+#: The attribute of a station's interface that has its watchdog factor.
+WATCHDOG_FACTOR = "PnWatchdogFactor"
 _GSD = re.compile(r"GSD:(?P<file>[^/]+\.(?:xml|gs[a-z]))/(?P<part>[A-Z]+)(?:/(?P<id>.+))?", re.IGNORECASE)
 _ORDERED = re.compile(r"OrderNumber:(?P<number>[^/]+)(?:/(?P<version>.+))?", re.IGNORECASE)
 #: Entries of a part's address list.

@@ -27,7 +27,9 @@ def importing(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="Capture (pcap, pcapng), CAx data (aml, amlx), or L5X.", show_default=False
+            metavar="FILE",
+            help="Capture (pcap, pcapng), CAx data (aml, amlx), L5X, or a folder of SIMATIC AX.",
+            show_default=False,
         ),
     ],
     output: Annotated[
@@ -145,11 +147,10 @@ def _listed(found: Sequence[Found]) -> list[Found]:
 
 def _of_project(file: Path, folders: Sequence[Path], base: Path) -> tuple[list[Found], list[str]]:
     """What is in it, and description files that could not be read."""
-    from pnfarm.buses.projects.description_folders import DescriptionFolders
-    from pnfarm.cli.project_file import read_project
+    from pnfarm.cli.project_file import description_folders, read_project
 
     buses, project = read_project(file)
-    at_hand = DescriptionFolders(folders, file.parent)
+    at_hand = description_folders(file, folders)
     found = [one for bus in buses for one in bus.of_project(project, at_hand, base)]
     return found, at_hand.remarks
 

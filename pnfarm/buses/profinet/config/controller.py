@@ -55,6 +55,12 @@ class ForeignDevice(Section):
     gateway: Gateway | None = Field(default=None, description="Router of the subnet.")
     cycle_ns: Cycle | None = Field(default=None, alias="cycle", description="Its cycle; left out, the controller's.")
     cycles: Cycles = CYCLES
+    watchdog_factor: int | None = Field(
+        default=None,
+        ge=1,
+        le=MAX_DATA_HOLD_FACTOR,
+        description="Missed cycles until its connection is given up; left out, the controller's.",
+    )
     startup: Literal["legacy", "advanced"] | None = Field(
         default=None, description="Start-up mode; left out, the controller's, or what the GSDML file allows."
     )

@@ -6,23 +6,24 @@ GSDML file is not run.
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.imports import FoundController, FoundDevice, FoundStation
 from pnfarm.buses.profinet.project.files import GsdmlFiles, UndescribedError
 from pnfarm.buses.profinet.project.parts import address_keys, head_of, name_of
 from pnfarm.buses.profinet.project.slots import ProjectSlots
-from pnfarm.buses.projects.parts import is_on_profibus, only_system, type_of
+from pnfarm.buses.projects.parts import WATCHDOG_FACTOR, is_on_profibus, only_system, type_of
 from pnfarm.buses.projects.view import ProjectView
+from pnfarm.errors import ConfigError
+from pnfarm.protocols.profinet.gsdml.planning import plan_station
 from pnfarm.vocabulary.durations import format_duration
-from pnfarm.wire.rtc import SEND_CLOCK_NS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.buses.projects.caex import CaexElement, CaexProject
     from pnfarm.buses.projects.description_folders import DescriptionFolders
-    from pnfarm.protocols.profinet.gsdml.document import Dap
 
 __all__ = ["controller_of_project"]
 
@@ -57,24 +58,21 @@ def _station(device: CaexElement, head: CaexElement, files: GsdmlFiles) -> Found
     if found.dap is None:
         return FoundStation(name, (f"{found.file.name} has no access point {kind.id!r}",))
     slots = ProjectSlots(found.document, found.dap, device, head)
-    if not slots.left_out:
-        # what the file does not allow together
-        slots.plugged()
-    if slots.left_out:
+    # what the file does not allow together is left out, too
+    plugged = None if slots.left_out else slots.plugged()
+    if plugged is None or slots.left_out:
         return FoundStation(name, (slots.left_out[0].removeprefix("left out: ").removesuffix(": left out"),))
+    try:
+        cycle_ns = plan_station(plugged).slowed(_USUAL_CYCLE_NS)
+    except ConfigError as exc:
+        return FoundStation(name, (str(exc),))
+    factors = [one.attributes[WATCHDOG_FACTOR] for one in device.walk() if WATCHDOG_FACTOR in one.attributes]
     keys = {
         **address_keys(device),
-        "cycle": format_duration(_cycle_ns(found.dap)),
+        **({"watchdog_factor": int(factors[0])} if factors and re.fullmatch("[0-9]{1,4}", factors[0]) else {}),
+        "cycle": format_duration(cycle_ns),
         "dap": found.dap.id,
         "modules": {slot: one["module"] if isinstance(one, dict) else one for slot, one in slots.chosen.items()},
         "submodules": {slot: one["submodules"] for slot, one in slots.chosen.items() if isinstance(one, dict)},
     }
     return FoundDevice(name, files.for_farm(found.file), keys, (*filter(None, (found.remark,)), *slots.notes))
-
-
-def _cycle_ns(dap: Dap) -> int:
-    """The usual cycle, doubled until the device is as fast."""
-    cycle_ns = _USUAL_CYCLE_NS
-    while cycle_ns < dap.min_device_interval * SEND_CLOCK_NS:
-        cycle_ns *= 2
-    return cycle_ns
