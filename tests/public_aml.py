@@ -1,4 +1,4 @@
-"""``python -m tests.public_aml --out FOLDER``: CAx data of public projects, and what ``pnfarm import`` makes of them.
+"""``python -m tests.public_aml --out FOLDER``: public projects (CAx data, SIMATIC AX), and what is made of them.
 
 The files are others' and stay out of this repository: ``cli/aml_public.csv`` has repository, commit, path and SHA-256
 of each, with those GSDML files of their devices that are public.  A farm file is made of each project, and read; the
