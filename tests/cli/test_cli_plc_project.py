@@ -19,11 +19,12 @@ from scapy.layers.dcerpc import DceRpc4
 from scapy.layers.inet import IP, UDP
 from scapy.utils import rdpcap
 
+from pnfarm.buses.profinet.controller.plan import plan_devices
 from pnfarm.buses.profinet.model_gsdml import describe_model
 from pnfarm.cli.plc_project import project_plc
 from pnfarm.drives.catalogue import model
 from pnfarm.errors import ConfigError
-from pnfarm.farm.file.reading import load_farm
+from pnfarm.farm.file.reading import load_farm, parse_farm
 from pnfarm.protocols.profinet.gsdml.writer import emit_gsdml
 
 DI16, DO8, AI4, CARRIER = (f"GSD:{ISLAND}/M/{name}" for name in ("DI16", "DO8", "AI4", "CARRIER"))
@@ -246,3 +247,22 @@ def test_a_project_without_a_station_that_can_be_run_is_refused(pnfarm, tmp_path
     done = pnfarm("plc", "--project", file, "--interface", "eth9")
     assert (done.code, f"{ISLAND} is not at hand" in done.err) == (2, True)
     assert "has no station to run" in done.err
+
+
+@pytest.mark.parametrize(
+    ("clocks", "interval", "clock", "own"),
+    [("32", 32, (32, 16), 2), ("64 128", 64, (64, 8), 2), ("32 64 128", 4096, (32, 128), 128)],
+)
+def test_a_device_s_usual_cycle_is_one_that_it_can_do(folder, clocks, interval, clock, own):
+    text = GSDML.read_text().replace('SendClock="32 64 128"', f'SendClock="{clocks}"')
+    (folder / GSDML.name).write_text(text.replace('MinDeviceInterval="32"', f'MinDeviceInterval="{interval}"'))
+    section = (
+        f"ip: 10.7.0.1/24, interface: eth1, devices: [{{name: a, gsdml: {GSDML.name}, dap: DAP 1, ip: 10.7.0.2/24}}]"
+    )
+    config = parse_farm(f"controller: {{{section}}}", folder / "any.pnfarm.yml")
+    (plan,) = plan_devices(config.controller, [], [], folder)
+    assert (plan.send_clock_factor, plan.reduction_ratio) == clock
+    file = folder / "line.aml"
+    file.write_text(project(plc(), island("island-1", "10.7.0.41", module(1, DI16))))
+    with project_plc(file, [folder], interface="eth1") as found:
+        assert found.config.controller.devices[0].cycle_ns == own * 1_000_000
