@@ -83,7 +83,7 @@ class ProfinetController(IpController):
         default=None,
         alias="cycle",
         description="Cycle of the IO data; left out, what factor and ratio say, or 16ms (a drive's slowest where that "
-        "is faster).",
+        "is faster, a device's fastest where that is slower).",
     )
     send_clock_factor: Literal[1, 2, 4, 8, 16, 32, 64, 128] | None = Field(
         default=None, description="Send clock in units of 31.25 us; left out, it follows from the cycle."
