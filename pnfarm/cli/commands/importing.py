@@ -43,8 +43,8 @@ def importing(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="Captures of one plant (pcap, pcapng), or a project: CAx data (aml, amlx), or L5X; "
-            "with --check a farm file.",
+            help="Captures of one plant (pcap, pcapng), or a project: CAx data (aml, amlx), L5X, or a folder of "
+            "SIMATIC AX; with --check a farm file.",
             show_default=False,
         ),
     ],
@@ -112,7 +112,7 @@ def importing(
         if not check_plant(files[0], check, seconds=seconds, baud=baud, own=own, as_json=as_json):
             raise typer.Exit(1)
         return
-    from pnfarm.cli.import_inputs import read_inputs
+    from pnfarm.cli.projects.inputs import read_inputs
     from pnfarm.farm.file.found import farm_name, write_farm
 
     folder = Path.cwd() if output is None else output.resolve().parent

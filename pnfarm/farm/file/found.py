@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.imports import Found
     from pnfarm.vocabulary.issues import FileIssue, Location
 
-__all__ = ["WrittenFarm", "farm_name", "write_farm"]
+__all__ = ["WrittenFarm", "farm_name", "files_of", "is_station_name", "named", "with_files", "write_farm"]
 
 #: Characters of a comment's line, of the comments of one drive or station, and of all of them.
 _WIDTH, _MOST_OF_ONE, _MOST_OF_ALL = 116, 4000, 300_000
@@ -73,11 +73,11 @@ def write_farm(found: Sequence[Found], name: str, parent: str, source: str, fold
 
     Raises :class:`ConfigError` where ``name`` or ``parent`` cannot be in a farm file.
     """
-    kept = _with_files(_named([one for one in found if not isinstance(one, FoundStation)]))
+    kept = with_files(named([one for one in found if not isinstance(one, FoundStation)]))
     others = [one for one in found if isinstance(one, FoundStation)]
     left_out: list[str] = []
     with TemporaryDirectory(prefix="pnfarm-import-") as scratch:
-        for own, octets in _files(kept).items():
+        for own, octets in files_of(kept).items():
             (Path(scratch) / own).write_bytes(octets)
         for _ in range(_MOST_TIMES if kept else 0):
             text = _text(kept, others, name, parent, source, f"{scratch}/")
@@ -94,7 +94,7 @@ def write_farm(found: Sequence[Found], name: str, parent: str, source: str, fold
                 raise InternalError(f"no farm file could be made of {source}: {left_out[-1:]}")
     drives, devices = _parts(kept).values()
     text = _text(kept, others, name, parent, source)
-    return WrittenFarm(text, drives, devices, others, left_out, _files(kept))
+    return WrittenFarm(text, drives, devices, others, left_out, files_of(kept))
 
 
 def _parts(stations: Sequence[_Played]) -> dict[str, list[Any]]:
@@ -105,7 +105,7 @@ def _parts(stations: Sequence[_Played]) -> dict[str, list[Any]]:
     }
 
 
-def _with_files(stations: Sequence[_Played]) -> list[_Played]:
+def with_files(stations: Sequence[_Played]) -> list[_Played]:
     """The devices with the names of their files that are to be written: those alike have one."""
     named: dict[bytes, str] = {}
     found: list[_Played] = []
@@ -118,7 +118,8 @@ def _with_files(stations: Sequence[_Played]) -> list[_Played]:
     return found
 
 
-def _files(stations: Sequence[_Played]) -> dict[str, bytes]:
+def files_of(stations: Sequence[_Played]) -> dict[str, bytes]:
+    """The description files that are to be written, by name."""
     files = [one.file for one in stations if one.file is not None]
     return {file.name: file.octets for file in files if file.octets is not None}
 
@@ -191,13 +192,18 @@ def _without_empty(keys: dict[Any, Any]) -> dict[Any, Any]:
     return {key: value for key, value in smaller.items() if value != {}}
 
 
-def _named(stations: Sequence[_Played]) -> list[_Played]:
-    """Under names that a farm file may have, each once."""
+def is_station_name(text: str) -> bool:
+    """Whether a farm file may have it as a name."""
+    return _NAME.fullmatch(text) is not None
+
+
+def named(stations: Sequence[_Played]) -> list[_Played]:
+    """Under names that a farm file may have, each once; those that are new are in the notes."""
     named: list[_Played] = []
     taken = set[str]()
     for one in stations:
         own, notes = one.name.lower(), one.notes
-        if _NAME.fullmatch(own) is None or own in taken:
+        if not is_station_name(own) or own in taken:
             why = "which another station has, too" if own in taken else ""
             notes = (f"its name was {one.name!r}" + (f", {why}" if why else ""), *notes)
             own = re.sub(r"[^a-z0-9]+", "-", own).strip("-") or "station"
