@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pnfarm.buses.imports import Found
+    from pnfarm.farm.file.found import WrittenFarm
 
 __all__ = ["importing"]
 
@@ -23,6 +24,7 @@ __all__ = ["importing"]
 _HEAD = 4096
 #: Frames between two looks at how far the reading is.
 SHOWN_FRAMES = 5000
+DEFAULT_PARENT = "eth1"
 
 
 def importing(
@@ -43,8 +45,11 @@ def importing(
         typer.Option("--name", metavar="NAME", help="The farm's name; default: the file's.", show_default=False),
     ] = None,
     parent: Annotated[
-        str, typer.Option("--parent", metavar="IF", help="Network interface of the farm's macvlan link.")
-    ] = "eth1",
+        str | None,
+        typer.Option(
+            "--parent", metavar="IF", help="Network interface of the farm's macvlan link.", show_default=DEFAULT_PARENT
+        ),
+    ] = None,
     folders: Annotated[
         list[Path] | None,
         typer.Option(
@@ -66,10 +71,19 @@ def importing(
     force: Annotated[
         bool, typer.Option("--force", help="Replace FARM, and description files beside it, if they are there.")
     ] = False,
+    update: Annotated[
+        bool,
+        typer.Option("--update", help="If FARM is there, change in it what the project changed; your changes stay."),
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show what --update would change, or a first import add; write nothing.")
+    ] = False,
 ) -> None:
     """Make a farm file from a capture, with GSDML files for its PROFINET devices, or from a TIA project's CAx data."""
     from pnfarm.farm.file.found import farm_name, write_farm
+    from pnfarm.farm.file.imported import read_record
 
+    _check_options(output, force=force, update=update, dry_run=dry_run)
     folder = Path.cwd() if output is None else output.resolve().parent
     if _is_project(file):
         if devices:
@@ -83,18 +97,17 @@ def importing(
         raise ConfigError(f"{file} shows no device" + ("" if _is_project(file) else f": {needed}"))
     if output is None:
         found = _listed(found)
-    made = write_farm(found, name or farm_name(file.stem), parent, file.name, folder)
+    last = read_record(output) if output is not None and not force else None
+    name = name or (last.name if last is not None else farm_name(file.stem))
+    parent = parent or (last.parent if last is not None else None) or DEFAULT_PARENT
+    made = write_farm(found, name, parent, file.name, folder)
     for line in [*made.left_out, *remarks, *_missing(found)]:
         typer.echo(f"{file}: {line}", err=True)
     if output is None:
         typer.echo(made.text, nl=False)
         return
-    files = {**{folder / own: octets for own, octets in made.files.items()}, output: made.text.encode()}
-    there = [path for path in files if path.exists() and not force]
-    if there:
-        raise ConfigError(f"{there[0]} is there already: give --force to replace it, or another name")
-    for path, octets in files.items():
-        _write(path, octets)
+    if not _wrote(made, output.resolve(), file.name, force=force, into=update or dry_run, dry_run=dry_run):
+        return
     if made.files:
         whence = (
             "out of a zip file"
@@ -123,11 +136,36 @@ def _missing(found: Sequence[Found]) -> list[str]:
     return [f"missing: {what}, for {shortened(names)}" for what, names in needed.items()]
 
 
-def _write(path: Path, octets: bytes) -> None:
+def _check_options(output: Path | None, *, force: bool, update: bool, dry_run: bool) -> None:
+    if output is None and (update or dry_run):
+        raise ConfigError(f"{'--update' if update else '--dry-run'} needs -o FARM")
+    if force and update:
+        raise ConfigError("--force replaces what --update keeps: give one of them")
+
+
+def _wrote(made: WrittenFarm, farm: Path, source: str, *, force: bool, into: bool, dry_run: bool) -> bool:
+    """Write the farm file and what belongs to it, or show the difference; whether the file was made anew."""
+    from pnfarm.farm.file.imported import plan_import
+    from pnfarm.vocabulary.whole_files import write_whole
+
+    was_there = farm.exists()
+    plan = plan_import(made, farm, source, into=into and not force, force=force)
+    if dry_run:
+        typer.echo(plan.difference, nl=False)
+    if dry_run or (was_there and not force):
+        for sentence in plan.sentences:
+            print_line(sentence)
+    if plan.refused is not None:
+        raise plan.refused
+    if dry_run:
+        return False
     try:
-        path.write_bytes(octets)
+        write_whole(plan.files)
     except OSError as exc:
-        raise ConfigError(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
+        raise ConfigError(f"{exc.filename} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
+    if was_there and not force:
+        print_line(f"{farm}: {'updated' if farm in plan.files else 'nothing to change'}")
+    return force or not was_there
 
 
 def _listed(found: Sequence[Found]) -> list[Found]:
