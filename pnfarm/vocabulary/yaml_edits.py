@@ -270,23 +270,26 @@ class YamlEditor:
 
     def _lines(self, part: Part) -> tuple[int, int]:
         """The lines of a part in block style; a comment behind it stays."""
-        begin = _line_start(self.text, part.start)
-        if self.text[begin : part.start].strip():
-            raise UneditableError(part.line, "it is in the line of a dash")
+        begin = self._begin(part)
         end = part.start + len(part.own.rstrip())
         below = _next_line(self.text, end)
         rest = self.text[end:below]
         return (begin, below) if not rest.strip() else (part.start, end + len(rest) - len(rest.lstrip()))
+
+    def _begin(self, part: Part) -> int:
+        """Where its first line begins."""
+        begin = _line_start(self.text, part.start)
+        if self.text[begin : part.start].strip():
+            raise UneditableError(part.line, "it is in the line of a dash")
+        return begin
 
     def comment_out(self, holder: Node, name: str, why: str) -> None:
         """Make comments of a part's lines, with one more above them."""
         part = self._part(holder, name)
         if part.flow:
             raise UneditableError(part.line, "it is in a list in brackets")
-        begin, _ = self._lines(part)
-        indent = " " * part.column
-        at = begin
-        self.add_lines(begin, f"{indent}# {why}")
+        at = self._begin(part)
+        self.add_lines(at, f"{' ' * part.column}# {why}")
         while at < part.start + len(part.own.rstrip()):
             line = self.text[at : _next_line(self.text, at)]
             margin = min(part.column, len(line) - len(line.lstrip(" ")))

@@ -6,16 +6,17 @@ digests (SHA-256) of its description files, and the farm file as the import made
 
 from __future__ import annotations
 
+import codecs
 import difflib
 import hashlib
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pnfarm.errors import ConfigError
-from pnfarm.farm.file.reading import load_farm, parse_farm
+from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.file.update import Project, update
 from pnfarm.vocabulary.issues import FarmFileError
 from pnfarm.vocabulary.regular_file import read_regular
@@ -33,7 +34,6 @@ __all__ = ["PlannedImport", "Record", "plan_import", "read_record", "record_path
 _MOST = 64 << 20
 _HEAD = "# What `pnfarm import` wrote into {}: the next import finds your changes by it. Keep it as it is."
 _FILES = "description_files"
-_BOM = "\ufeff"
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,50 +156,59 @@ def _updated(
     found: PlannedImport, there: bytes, made: WrittenFarm, farm: Path, source: str, record: Record | None
 ) -> tuple[str, str]:
     """The farm file's text, and that of its record."""
-    try:
-        text = there.decode()
-        root = parse_yaml(text).root.plain()
-    except (UnicodeDecodeError, YamlError):
-        root = {"drives": None}
-    if not isinstance(root, dict) or {"drives", "devices"} & root.keys():
-        # its own errors have their own lines
-        load_farm(farm)
+    new = {path.name: octets for path, octets in found.files.items()}
+    text, values = _parsed(there)
+    if (not isinstance(values, dict) or {"drives", "devices"} & values.keys()) and (why := _errors(there, farm, new)):
+        raise ConfigError(why)
     if record is None:
         found.sentences.append(
             f"{record_path(farm).name} is not there: keys that an import writes are taken for the project's, all "
             "others for yours, and stations for yours that the project does not have"
         )
-    mark, plain = (_BOM, text[1:]) if text.startswith(_BOM) else ("", text)
-    ends = "\r\n" if "\r\n" in plain else "\n"
+    ends = "\r\n" if "\r\n" in text else "\n"
 
     def project(ends: str) -> Project:
         return Project(made.text.replace("\n", ends), source, made.addresses, made.unplayed)
 
     base = None if record is None else record.text.replace("\n", ends)
-    merged = update(plain, base, project(ends))
+    merged = update(text, base, project(ends))
     found.sentences += merged.sentences
-    found.refused = _refusal(merged.text, farm, {path.name: octets for path, octets in found.files.items()})
+    if why := _errors(merged.text, farm, new):
+        head = f"{farm} could not be read with these changes, and is as it was; lines are those with the changes:"
+        found.refused = ConfigError(f"{head}\n{why}")
     kept = made.text if record is None else update(record.text, record.text, project("\n")).text
-    return mark + merged.text, kept
+    return _mark(there) + merged.text, kept
 
 
-def _refusal(text: str, farm: Path, files: Mapping[str, bytes]) -> ConfigError | None:
-    """Why the farm file could not be read with these description files."""
+def _mark(data: bytes) -> str:
+    return "\ufeff" if data.startswith(codecs.BOM_UTF8) else ""
+
+
+def _parsed(data: bytes) -> tuple[str, Any]:
+    """A file's text without a byte order mark, and its values; nothing where it has none."""
+    try:
+        text = data.decode("utf-8-sig")
+        return text, parse_yaml(text).root.plain()
+    except (UnicodeDecodeError, YamlError):
+        return "", None
+
+
+def _errors(data: bytes | str, farm: Path, files: Mapping[str, bytes]) -> str:
+    """Why a farm file cannot be read where these description files are beside it."""
     with TemporaryDirectory(prefix="pnfarm-import-") as scratch:
         for name, octets in files.items():
             (Path(scratch) / name).write_bytes(octets)
+        text = data if isinstance(data, str) else _parsed(data)[0]
         there, at = [], 0
-        for node in walk(parse_yaml(text).root):
+        for node in walk(parse_yaml(text).root) if text else ():
             if isinstance(node.content, str) and node.content in files and not node.shared and node.start >= at:
                 there += [text[at : node.start], f"'{scratch}/{node.content}'"]
                 at = node.end
         try:
-            parse_farm("".join(there) + text[at:], farm)
+            parse_farm("".join(there) + text[at:] if text else data, farm)
         except FarmFileError as error:
-            why = str(error).replace(f"{scratch}/", "")
-            head = f"{farm} could not be read with these changes, and is as it was; lines are those with the changes:"
-            return ConfigError(f"{head}\n{why}")
-    return None
+            return str(error).replace(f"{scratch}/", "")
+    return ""
 
 
 def _difference(old: str, new: str, farm: Path, *, is_new: bool) -> str:
