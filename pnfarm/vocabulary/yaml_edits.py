@@ -7,18 +7,25 @@ comes out with others is not returned.
 from __future__ import annotations
 
 import json
-import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pnfarm.vocabulary.yaml_lines import Node, YamlError, parse_yaml
+from pnfarm.vocabulary.yaml_parts import (
+    COMMENT,
+    Part,
+    in_flow_style,
+    line_start,
+    moved,
+    names_of,
+    next_line,
+    parts_of,
+    walk,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
-__all__ = ["Part", "UneditableError", "YamlEditor", "parts_of", "walk"]
-
-_COMMENT = re.compile(r"[ \t]*#")
+__all__ = ["UneditableError", "YamlEditor"]
 
 
 class UneditableError(Exception):
@@ -28,120 +35,6 @@ class UneditableError(Exception):
         super().__init__(why)
         self.line = line
         self.why = why
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """An entry of a mapping (``key``), or an item of a list of mappings with names, in its text.
-
-    ``start`` is the character of its key or dash; ``flow``: what holds it is in flow style.
-    """
-
-    text: str
-    key: Node | None
-    value: Node
-    start: int
-    flow: bool
-
-    @property
-    def line(self) -> int:
-        return self.text.count("\n", 0, self.start) + 1
-
-    @property
-    def column(self) -> int:
-        """Of its key or dash, from 0."""
-        return self.start - _line_start(self.text, self.start)
-
-    @property
-    def own(self) -> str:
-        """Its text."""
-        return self.text[self.start : self.value.end]
-
-    @property
-    def plain(self) -> Any:
-        return self.value.plain()
-
-    @property
-    def parts(self) -> dict[str, Part]:
-        """What it holds by name; nothing where its values have no names."""
-        return parts_of(self.text, self.value)
-
-    @property
-    def above(self) -> int:
-        """Where the comments begin that are in the lines right above it."""
-        at = _line_start(self.text, self.start)
-        while at > 0 and _COMMENT.match(self.text, before := _line_start(self.text, at - 1)):
-            at = before
-        return at
-
-    @property
-    def comments(self) -> str:
-        """The lines of comments right above it."""
-        return self.text[self.above : _line_start(self.text, self.start)]
-
-    def inline(self) -> str:
-        """In flow style."""
-        key = "" if self.key is None else f"{self.text[self.key.start : self.key.end]}: "
-        return key + _inline(self.text, self.value)
-
-    def block(self, column: int) -> str:
-        """Its lines with the comments above it, its key or dash in this column."""
-        end = _line_start(self.text, self.start)
-        return _moved(self.text[self.above : end] + " " * self.column + self.own, column - self.column)
-
-
-def parts_of(text: str, node: Node) -> dict[str, Part]:
-    """The entries of a mapping, or the items of a list in which each is a mapping with a name of its own."""
-    flow = node.style == "{"
-    if isinstance(node.content, dict):
-        return {name: Part(text, key, value, key.start, flow) for name, (key, value) in node.content.items()}
-    if not isinstance(node.content, list) or (names := _names(node.plain())) is None:
-        return {}
-    starts = (one.start if flow else _dash(text, node, one) for one in node.content)
-    found = zip(names, node.content, starts, strict=True)
-    return {name: Part(text, None, one, start, flow) for name, one, start in found}
-
-
-def _names(values: list[Any]) -> list[str] | None:
-    """Of a list in which each item has one of its own."""
-    names = [one.get("name") if isinstance(one, dict) else None for one in values]
-    return names if all(isinstance(one, str) for one in names) and len(set(names)) == len(names) else None
-
-
-def _dash(text: str, holder: Node, item: Node) -> int:
-    at = _line_start(text, item.start)
-    # a comment may be between the dash and the item
-    while at > holder.start and text[at + holder.column - 1 : at + holder.column] != "-":
-        at = _line_start(text, at - 1)
-    return max(at + holder.column - 1, holder.start)
-
-
-def _line_start(text: str, at: int) -> int:
-    return text.rfind("\n", 0, at) + 1
-
-
-def _next_line(text: str, at: int) -> int:
-    """Where the line behind that of ``at`` begins; the text's end, if there is none."""
-    return text.find("\n", at) + 1 or len(text)
-
-
-def _inline(text: str, node: Node) -> str:
-    if node.style != "{" and isinstance(node.content, dict):
-        inside = (f"{text[key.start : key.end]}: {_inline(text, value)}" for key, value in node.content.values())
-        return "{" + ", ".join(inside) + "}"
-    if node.style != "{" and isinstance(node.content, list):
-        return "[" + ", ".join(_inline(text, one) for one in node.content) + "]"
-    return text[node.start : node.end]
-
-
-def _moved(text: str, columns: int, *, first: bool = True) -> str:
-    """The lines further to the right, or to the left; the first only where ``first``."""
-    lines = text.split("\n")
-    if columns >= 0:
-        moved = [" " * columns + one for one in lines]
-    else:
-        moved = [one[:-columns].lstrip(" ") + one[-columns:] for one in lines]
-    return "\n".join([*(moved[:1] if first else lines[:1]), *moved[1:]])
 
 
 class _Named(dict[str, Any]):
@@ -167,7 +60,7 @@ class YamlEditor:
         if isinstance(found, dict):
             found = {name: self._copied(value) for name, (_, value) in found.items()}
         elif isinstance(found, list):
-            names = _names(node.plain())
+            names = names_of(node.plain())
             values = [self._copied(one) for one in found]
             found = values if names is None else _Named(zip(names, values, strict=True))
         self._held[id(node)] = found
@@ -185,15 +78,15 @@ class YamlEditor:
         _judge(old, known=known)
         value = new.text[new.value.start : new.value.end]
         if old.flow:
-            self._edit(old.value.start, old.value.end, _inline(new.text, new.value))
+            self._edit(old.value.start, old.value.end, in_flow_style(new.text, new.value))
         elif old.key is None or new.key is None:
             move = old.value.column - new.value.column
-            self._edit(old.value.start, old.value.end, _moved(value, move, first=False))
+            self._edit(old.value.start, old.value.end, moved(value, move, first=False))
         elif "\n" not in value and not (old.value.style != "{" and isinstance(old.value.content, dict | list)):
-            self._edit(old.value.start, old.value.end, _inline(new.text, new.value))
+            self._edit(old.value.start, old.value.end, in_flow_style(new.text, new.value))
         else:
             rest = new.text[new.key.end : new.value.end]
-            self._edit(old.key.end, old.value.end, _moved(rest, old.column - new.column, first=False))
+            self._edit(old.key.end, old.value.end, moved(rest, old.column - new.column, first=False))
         self._held[id(holder)][name] = _canonical(new.plain)
 
     def add(self, holder: Node, name: str, new: Part, after: str | None, *, first: bool = False) -> None:
@@ -230,9 +123,9 @@ class YamlEditor:
 
     def _below(self, part: Part) -> int:
         """Where the next line begins behind a part and the comments that are further to the right than it."""
-        at = _next_line(self.text, part.start + len(part.own.rstrip()))
-        while (found := _COMMENT.match(self.text, at)) and found.end() - 1 - at > part.column:
-            at = _next_line(self.text, at)
+        at = next_line(self.text, part.start + len(part.own.rstrip()))
+        while (found := COMMENT.match(self.text, at)) and found.end() - 1 - at > part.column:
+            at = next_line(self.text, at)
         return at
 
     def remove(self, holder: Node, names: Collection[str], known: Collection[str] = ()) -> None:
@@ -272,13 +165,13 @@ class YamlEditor:
         """The lines of a part in block style; a comment behind it stays."""
         begin = self._begin(part)
         end = part.start + len(part.own.rstrip())
-        below = _next_line(self.text, end)
+        below = next_line(self.text, end)
         rest = self.text[end:below]
         return (begin, below) if not rest.strip() else (part.start, end + len(rest) - len(rest.lstrip()))
 
     def _begin(self, part: Part) -> int:
         """Where its first line begins."""
-        begin = _line_start(self.text, part.start)
+        begin = line_start(self.text, part.start)
         if self.text[begin : part.start].strip():
             raise UneditableError(part.line, "it is in the line of a dash")
         return begin
@@ -291,7 +184,7 @@ class YamlEditor:
         at = self._begin(part)
         self.add_lines(at, f"{' ' * part.column}# {why}")
         while at < part.start + len(part.own.rstrip()):
-            line = self.text[at : _next_line(self.text, at)]
+            line = self.text[at : next_line(self.text, at)]
             margin = min(part.column, len(line) - len(line.lstrip(" ")))
             if line.strip():
                 self._edit(at + margin, at + margin, "# ")
@@ -345,24 +238,12 @@ def _judge(part: Part, *, known: bool) -> None:
         raise UneditableError(part.line, "there are comments in it")
 
 
-def walk(node: Node) -> list[Node]:
-    """A value and all below it, in the text's order; what an alias stands for each time."""
-    match node.content:
-        case dict():
-            below = [value for _, value in node.content.values()]
-        case list():
-            below = node.content
-        case _:
-            below = []
-    return [node, *(inside for one in below for inside in walk(one))]
-
-
 def _canonical(value: Any) -> Any:
     """Values in which lists of items with names are in no order."""
     if isinstance(value, dict):
         return {name: _canonical(one) for name, one in value.items()}
     if isinstance(value, list):
-        names = _names(value)
+        names = names_of(value)
         values = [_canonical(one) for one in value]
         return values if names is None else _Named(zip(names, values, strict=True))
     return value

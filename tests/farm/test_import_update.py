@@ -382,7 +382,7 @@ def stations(text):
     return {one["name"]: one for key in ("drives", "devices") for one in values.get(key) or ()}
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(PROJECTS, EDITS)
 def test_any_edits_survive_a_second_import_of_the_same_project_unchanged(found, edits):
     now = project(*found)
@@ -390,7 +390,7 @@ def test_any_edits_survive_a_second_import_of_the_same_project_unchanged(found, 
     assert update(text, now.text, now).text == text
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(PROJECTS, PROJECTS)
 def test_a_file_without_edits_becomes_what_a_first_import_writes(before, after):
     base, now = project(*before), project(*after)
@@ -401,7 +401,7 @@ def test_a_file_without_edits_becomes_what_a_first_import_writes(before, after):
     assert sorted(merged.text.split("\n")) == sorted(now.text.split("\n"))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(PROJECTS, PROJECTS, EDITS)
 def test_whatever_both_changed_the_user_s_comments_and_keys_stay_and_the_values_are_read(before, after, edits):
     base, now = project(*before), project(*after)

@@ -20,8 +20,8 @@ from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.file.update import Project, update
 from pnfarm.vocabulary.issues import FarmFileError
 from pnfarm.vocabulary.regular_file import read_regular
-from pnfarm.vocabulary.yaml_edits import walk
 from pnfarm.vocabulary.yaml_lines import MAX_OCTETS, YamlError, parse_yaml
+from pnfarm.vocabulary.yaml_parts import walk
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
