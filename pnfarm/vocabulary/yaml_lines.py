@@ -267,7 +267,7 @@ class _Builder:
             items.append(self._node(item, depth + 1, f"{path}[{len(items)}]"))
             node.end = items[-1].end
         if event.flow_style:
-            node.style, node.end = "{", item.end_mark.index
+            node.style, node.end = "{", _end(item)
         node.content = items
         node.size += sum(item.size for item in items)
 
@@ -294,7 +294,7 @@ class _Builder:
             else:
                 entries[name] = (place, value)
         if event.flow_style:
-            node.style, node.end = "{", key.end_mark.index
+            node.style, node.end = "{", _end(key)
         # YAML's merge key type: a key of the mapping itself wins, then the earlier source
         for source in merged:
             for name, entry in source.content.items():
@@ -335,8 +335,12 @@ class _Builder:
 
 
 def _node_at(event: Any, content: Any, size: int = 1) -> Node:
-    begin, end = event.start_mark, event.end_mark
-    return Node(begin.line + 1, begin.column + 1, content, size, begin.index, end.index)
+    begin = event.start_mark
+    return Node(begin.line + 1, begin.column + 1, content, size, begin.index, _end(event))
+
+
+def _end(event: Any) -> int:
+    return int(event.end_mark.index)
 
 
 def resolve(text: str) -> Any:

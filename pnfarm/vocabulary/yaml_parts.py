@@ -71,6 +71,8 @@ class Part:
 
     def block(self, column: int) -> str:
         """Its lines with the comments above it, its key or dash in this column."""
+        if self.flow:
+            return " " * column + ("- " if self.key is None else "") + self.inline()
         end = line_start(self.text, self.start)
         return moved(self.text[self.above : end] + " " * self.column + self.own, column - self.column)
 
@@ -89,8 +91,9 @@ def parts_of(text: str, node: Node) -> dict[str, Part]:
 
 def names_of(values: list[Any]) -> list[str] | None:
     """Of a list in which each item has one of its own."""
-    names = [one.get("name") if isinstance(one, dict) else None for one in values]
-    return names if all(isinstance(one, str) for one in names) and len(set(names)) == len(names) else None
+    found = (one.get("name") if isinstance(one, dict) else None for one in values)
+    names = [one for one in found if isinstance(one, str)]
+    return names if len(set(names)) == len(values) else None
 
 
 def _dash(text: str, holder: Node, item: Node) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import zipfile
 
@@ -66,7 +65,11 @@ def test_edits_stay_and_the_project_s_changes_come(cell):
         f"{out}: updated",
     ]
     text = out.read_text()
-    for kept in ("{kind: memory}", "axis-1   # the fast one\n    impair: [{kind: silence, after: 5s}]\n", "state: ./st"):
+    for kept in (
+        "{kind: memory}",
+        "axis-1   # the fast one\n    impair: [{kind: silence, after: 5s}]\n",
+        "state: ./st",
+    ):
         assert kept in text
     config = load_farm(out)
     assert [(one.name, str(one.ip)) for one in (*config.drives, *config.devices)] == [
@@ -119,7 +122,9 @@ def test_without_the_record_of_the_last_import_keys_decide_and_that_is_said(cell
     assert (out.parent / "cell.imported.yml").exists()
 
 
-@pytest.mark.parametrize("octets", [b"", b"\xff\n\n\n", b"a\nb\nc", b"#\ndescription_files: 3\nfarm: x\n", b"#\n{\nfarm: x"])
+@pytest.mark.parametrize(
+    "octets", [b"", b"\xff\n\n\n", b"a\nb\nc", b"#\ndescription_files: 3\nfarm: x\n", b"#\n{\nfarm: x"]
+)
 def test_a_damaged_record_is_refused(cell, octets):
     _, out = cell()
     (out.parent / "cell.imported.yml").write_bytes(octets)
@@ -177,7 +182,7 @@ def test_permissions_and_links_stay(cell, tmp_path_factory):
     elsewhere.symlink_to(out)
     found, _ = cell(*FIRST[:2], drive("axis-2", "10.7.0.22"), island(), options=("--update",))
     assert found.code == 0
-    assert os.stat(out).st_mode & 0o777 == 0o640
+    assert out.stat().st_mode & 0o777 == 0o640
     assert elsewhere.is_symlink()
 
 
@@ -231,9 +236,9 @@ def test_a_new_description_file_is_read_before_it_is_there(cell, tmp_path, tmp_p
 def test_a_device_whose_file_is_not_at_hand_the_second_time_is_kept(cell, tmp_path, tmp_path_factory):
     library = tmp_path_factory.mktemp("library")
     shutil.copy(GSDML, library)
-    first, out = cell(*FIRST[:3])
+    cell(*FIRST[:3])
     (tmp_path / GSDML.name).unlink()
-    cell(options=("--gsdml", library, "--update"))
+    _, out = cell(options=("--gsdml", library, "--update"))
     out.write_text(text := out.read_text().replace("island-1\n", "island-1\n    limits: lax\n"))
     found, _ = cell(options=("--update",))
     assert "island-1: kept; the project has it, but it cannot be made now: GSDML-V2" in found.out
@@ -244,9 +249,9 @@ def test_a_device_whose_file_is_not_at_hand_the_second_time_is_kept(cell, tmp_pa
 def test_a_description_file_that_is_lost_is_written_again(cell, tmp_path, tmp_path_factory):
     library = tmp_path_factory.mktemp("library")
     archive(library, GSDML.read_bytes())
-    _, out = cell(*FIRST[:3])
+    cell(*FIRST[:3])
     (tmp_path / GSDML.name).unlink()
-    for options in (("--update",), ("--update",)):
-        found, _ = cell(options=("--gsdml", library, *options))
+    for _ in range(2):
+        found, _ = cell(options=("--gsdml", library, "--update"))
         assert (found.code, (tmp_path / ISLAND).read_bytes()) == (0, GSDML.read_bytes())
         (tmp_path / ISLAND).unlink()

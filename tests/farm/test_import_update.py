@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 from collections.abc import Callable
 
+import pytest
 from cell_file import GSDML
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation
 from pnfarm.buses.projects.description_folders import DescriptionFile
+from pnfarm.errors import ConfigError
 from pnfarm.farm.file.found import write_farm
 from pnfarm.farm.file.reading import parse_farm
 from pnfarm.farm.file.update import Project, update
-from pnfarm.vocabulary.yaml_lines import parse_yaml
+from pnfarm.vocabulary.yaml_lines import YamlError, parse_yaml
 
 FILE = DescriptionFile("gsdml", str(GSDML), None)
 
@@ -222,6 +225,36 @@ def test_values_in_flow_style_change_in_place():
     readable(gone.text)
 
 
+def axes(*axes):
+    listed = [{"name": name, "telegram": telegram} for name, telegram in axes]
+    return FoundDrive("cu", "profidrive", {"ip": "10.7.0.21/24", "limits": "lax", "axes": listed})
+
+
+@pytest.mark.parametrize("block", [False, True])
+def test_axes_of_a_drive_change_one_by_one(block):
+    base = axes(("x", 3), ("y", 3), ("z", 3))
+    text = project(base).text
+    line = next(one for one in text.split("\n") if "axes:" in one)
+    lines = "    axes:\n    - name: x   # mine\n      telegram: 3\n    - {name: y, telegram: 3}\n"
+    lines += "    # the last\n    - name: z\n      load: {inertia: 0.001}\n      telegram: 3"
+    own = line.replace("{name: x", "{load: {inertia: 0.001}, name: x")
+    text = text.replace(line, lines if block else own)
+    merged = update(text, project(base).text, project(axes(("x", 5), ("y", 3), ("w", 3))))
+    (group,) = readable(merged.text).drives
+    assert {(one.name, one.telegram) for one in group.axes} >= {("x", 5), ("y", 3), ("w", 3)}
+    assert len(group.axes) == (4 if block else 3), "the axis that is gone has a load of the user's"
+    assert "load: {inertia: 0.001}" in merged.text
+    assert ("# mine" in merged.text) == block
+
+
+def test_a_signal_that_is_gone_is_kept_with_what_the_user_added_to_it():
+    text = project(*CELL).text.replace("{at: 3.1.2, type: int16}", "{at: 3.1.2, type: int16, unit: bar}", 1)
+    signals = {name: value for name, value in SIGNALS.items() if name not in {"pressure", "flow"}}
+    merged = merge(text, changed(device("island-1", 41, SLOTS, signals)))
+    assert set(readable(merged.text).devices[0].signals) == {*signals, "pressure"}
+    assert "signals.pressure '{at: 3.1.2, type: int16, unit: bar}' is kept; the project has it no more" in said(merged)
+
+
 def test_what_cannot_be_changed_safely_is_left_and_named_with_its_line():
     text = project(*CELL).text
     text = text.replace("ip: 10.7.0.11/24", "ip: &first 10.7.0.11/24").replace(
@@ -418,3 +451,21 @@ def test_whatever_both_changed_the_user_s_comments_and_keys_stay_and_the_values_
             expected = new if own[name][key] == was[name][key] else own
             assert found[name][key] == expected[name][key], (name, key)
     assert update(merged.text, now.text, now).text == merged.text
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 2000), st.integers(0, 30), st.sampled_from([
+        "", "{", "}", "[", "]", ": ", "\n", "\n  ", "- ", "&a ", "*a", "#", "|\n", "'", "!!str ", "<<: *a", "name",
+        "{n}", "count: 9\n    ", "drives:", "\u2028", "\t", "? ",
+    ])), min_size=1, max_size=5),
+    st.booleans(),
+)  # fmt: skip
+def test_whatever_the_texts_hold_they_are_merged_or_refused(changes, both):
+    text = base = project(*CELL).text
+    for place, length, piece in changes:
+        text = text[:place] + piece + text[place + length :]
+    now = changed(drive("axis-1", 21), device("island-1", 41, {1: "AI4"}), drive("axis-3", 13), without=("axis-2",))
+    with contextlib.suppress(YamlError, ConfigError):
+        merged = update(text, text if both else base, now)
+        parse_yaml(merged.text)

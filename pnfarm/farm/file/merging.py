@@ -92,7 +92,8 @@ class Merging:
                 changed += self._change(station, path, holder, name, own, was, now)
             elif was is not None and _has_no_more(own, was):
                 gone.append(name)
-            elif was is not None and own.parts and was.parts:
+            elif was is not None and not place and own.key and own.parts and was.parts:
+                # a key of a station, such as signals; further in, what the user added belongs to what would go
                 changed += self.merge(station, own.value, own.parts, was.parts, {}, path)
             else:
                 self.say(station, f"line {own.line}: {path} {brief(own)} is kept; {_NO_MORE}")
