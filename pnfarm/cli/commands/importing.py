@@ -42,12 +42,20 @@ def importing(
     ] = None,
     name: Annotated[
         str | None,
-        typer.Option("--name", metavar="NAME", help="The farm's name; default: the file's.", show_default=False),
+        typer.Option(
+            "--name",
+            metavar="NAME",
+            help="The farm's name; default: the last import's, or the file's.",
+            show_default=False,
+        ),
     ] = None,
     parent: Annotated[
         str | None,
         typer.Option(
-            "--parent", metavar="IF", help="Network interface of the farm's macvlan link.", show_default=DEFAULT_PARENT
+            "--parent",
+            metavar="IF",
+            help=f"Network interface of the farm's macvlan link; default: the last import's, or {DEFAULT_PARENT}.",
+            show_default=False,
         ),
     ] = None,
     folders: Annotated[

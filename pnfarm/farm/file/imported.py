@@ -117,7 +117,8 @@ def plan_import(
     if there is not None and into:
         text, base = _updated(found, there, made, farm, source, record)
     else:
-        found.sentences += [f"{one.name}: added" for one in (*made.drives, *made.devices)]
+        names = [*(one.name for one in made.drives), *(one.name for one in made.devices)]
+        found.sentences += [f"{name}: added" for name in names]
     octets = text.encode()
     old = "" if there is None else there.decode(errors="replace")
     found.difference = _difference(old, text, farm, is_new=there is None)
