@@ -105,7 +105,7 @@ def importing(
         raise ConfigError(f"{file} shows no device" + ("" if _is_project(file) else f": {needed}"))
     if output is None:
         found = _listed(found)
-    last = read_record(output) if output is not None and not force else None
+    last = read_record(output.resolve()) if output is not None and not force else None
     name = name or (last.name if last is not None else farm_name(file.stem))
     parent = parent or (last.parent if last is not None else None) or DEFAULT_PARENT
     made = write_farm(found, name, parent, file.name, folder)
