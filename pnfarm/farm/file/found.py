@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation
 from pnfarm.errors import ConfigError, InternalError
-from pnfarm.farm.file.reading import parse_farm
+from pnfarm.farm.file.reading import expand_all, parse_farm
 from pnfarm.vocabulary.issues import FarmFileError, parse_path
 from pnfarm.vocabulary.quoting import shown
 from pnfarm.vocabulary.yaml_lines import resolve
@@ -52,7 +52,10 @@ _Played = FoundDrive | FoundDevice
 @dataclass(frozen=True, slots=True)
 class WrittenFarm:
     """The file's text, what is in it, a line for each value or station left out, and description files by their names
-    in the farm file's folder."""
+    in the farm file's folder.
+
+    ``addresses``: keys whose values no two of its stations may share.
+    """
 
     text: str
     drives: list[FoundDrive]
@@ -60,6 +63,12 @@ class WrittenFarm:
     others: list[FoundStation]
     left_out: list[str]
     files: Mapping[str, bytes]
+    addresses: frozenset[str]
+
+    @property
+    def unplayed(self) -> dict[str, str]:
+        """What is known of the other stations, by the names that they would have as drives or devices."""
+        return {_name(other.name): other.facts[0] if other.facts else "" for other in self.others}
 
 
 def farm_name(stem: str) -> str:
@@ -76,16 +85,18 @@ def write_farm(found: Sequence[Found], name: str, parent: str, source: str, fold
     kept = with_files(named([one for one in found if not isinstance(one, FoundStation)]))
     others = [one for one in found if isinstance(one, FoundStation)]
     left_out: list[str] = []
+    addresses = frozenset[str]()
     with TemporaryDirectory(prefix="pnfarm-import-") as scratch:
         for own, octets in files_of(kept).items():
             (Path(scratch) / own).write_bytes(octets)
         for _ in range(_MOST_TIMES if kept else 0):
             text = _text(kept, others, name, parent, source, f"{scratch}/")
             try:
-                parse_farm(text, folder / f"{name}.pnfarm.yml")
+                stations = expand_all(parse_farm(text, folder / f"{name}.pnfarm.yml"))
             except FarmFileError as error:
                 kept = _without(kept, others, error.issues, left_out)
             else:
+                addresses = frozenset(key for one in stations for key, *_ in one.claims())
                 break
             if not kept:
                 break
@@ -94,7 +105,7 @@ def write_farm(found: Sequence[Found], name: str, parent: str, source: str, fold
                 raise InternalError(f"no farm file could be made of {source}: {left_out[-1:]}")
     drives, devices = _parts(kept).values()
     text = _text(kept, others, name, parent, source)
-    return WrittenFarm(text, drives, devices, others, left_out, files_of(kept))
+    return WrittenFarm(text, drives, devices, others, left_out, files_of(kept), addresses)
 
 
 def _parts(stations: Sequence[_Played]) -> dict[str, list[Any]]:
@@ -197,6 +208,11 @@ def is_station_name(text: str) -> bool:
     return _NAME.fullmatch(text) is not None
 
 
+def _name(name: str) -> str:
+    own = name.lower()
+    return own if is_station_name(own) else re.sub(r"[^a-z0-9]+", "-", own).strip("-") or "station"
+
+
 def named(stations: Sequence[_Played]) -> list[_Played]:
     """Under names that a farm file may have, each once; those that are new are in the notes."""
     named: list[_Played] = []
@@ -206,7 +222,7 @@ def named(stations: Sequence[_Played]) -> list[_Played]:
         if not is_station_name(own) or own in taken:
             why = "which another station has, too" if own in taken else ""
             notes = (f"its name was {one.name!r}" + (f", {why}" if why else ""), *notes)
-            own = re.sub(r"[^a-z0-9]+", "-", own).strip("-") or "station"
+            own = _name(one.name)
             first, number = own, 2
             while own in taken:
                 own, number = f"{first}-{number}", number + 1
