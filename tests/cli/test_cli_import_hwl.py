@@ -16,6 +16,8 @@ from pnfarm.buses.profinet.project.stations import of_project
 from pnfarm.buses.projects import hwl
 from pnfarm.buses.projects.description_folders import DescriptionFolders
 from pnfarm.buses.projects.hwl import MAX_TEMPLATES, NotHwlError, parse_hwl
+from pnfarm.cli.farm_file import read
+from pnfarm.cli.projects.check import examine_project
 
 
 @pytest.fixture
@@ -52,6 +54,17 @@ def test_devices_of_a_folder_are_those_of_its_templates_and_exchange_data(pnfarm
         (section,) = project.config.controllers
         assert (section.name, str(section.ip)) == ("plcxb1d0ed", "10.7.0.1/24")
         assert [one.watchdog_factor for one in section.devices] == [7, None, None]
+
+
+def test_doctor_holds_a_folder_against_a_farm_file_and_an_update_takes_what_changed_in_it(pnfarm, folder, tmp_path):
+    out = tmp_path / "line.pnfarm.yml"
+    assert pnfarm("import", folder, "-o", out).code == 0
+    findings = {one.name: (one.ok, one.detail.partition(":")[0]) for one in examine_project(read(out), folder, [])}
+    assert findings == dict.fromkeys(("islandxb140bf", "island-2", "island-3"), (True, "will be green"))
+    file = folder / "line" / "devices.hwl.yml"
+    file.write_text(file.read_text().replace("10.7.0.42", "10.7.0.52"))
+    updated = pnfarm("import", folder, "-o", out, "--update")
+    assert (updated.code, updated.out.splitlines()) == (0, ["island-2: changed: ip", f"{out}: updated"])
 
 
 def test_a_json_file_may_have_comments(pnfarm, folder, tmp_path):
