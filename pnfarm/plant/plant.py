@@ -27,7 +27,10 @@ __all__ = ["Plant"]
 
 
 class Plant:
-    """``signals``: those of devices, by the devices' names; ``note`` records an event, with its time first."""
+    """``signals``: those of devices, by the devices' names; ``note`` records an event, with its time first.
+
+    ``late``: in real time, takes how late a model in Python was; None in virtual time.
+    """
 
     def __init__(
         self,
@@ -37,7 +40,7 @@ class Plant:
         columns: Columns,
         note: Callable[[int, Event], object],
         *,
-        in_real_time: bool,
+        late: Callable[[int, int], object] | None = None,
     ) -> None:
         self.plan = plan
         self._signals = signals
@@ -46,10 +49,10 @@ class Plant:
         self.carry: Callable[[Callable[[], object]], object] | None = None
         self._engine = columns.engine[0]
         self._left_out = 0
-        self._in_real_time = in_real_time
+        self._in_real_time = late is not None
         self._table = PlantTable(plan, axes, signals, columns)
         python = [model for model in plan.models.values() if isinstance(model.what, ModelClass)]
-        self.python = PythonModels(python, self._table.values, self._carried, in_real_time=in_real_time)
+        self.python = PythonModels(python, self._table.values, self._carried, late=late)
         #: Inputs of stations, and the numbers of their values.
         self._written: dict[str, list[tuple[Signal, int]]] = {}
         self._targets: set[int] = set()

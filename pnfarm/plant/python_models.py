@@ -75,7 +75,10 @@ class _Model:
 
 
 class PythonModels:
-    """``note`` records an event, ``now`` first."""
+    """``note`` records an event, ``now`` first.
+
+    ``late(now, ns)``: in real time, takes how late a step was; None in virtual time.
+    """
 
     def __init__(
         self,
@@ -83,11 +86,11 @@ class PythonModels:
         values: Any,
         note: Callable[[int, Event], object],
         *,
-        in_real_time: bool,
+        late: Callable[[int, int], object] | None = None,
     ) -> None:
         self._models = [_Model(one, values) for one in models]
         self._note = note
-        self._in_real_time = in_real_time
+        self._late = late
         self._worker = Worker()
 
     def __len__(self) -> int:
@@ -144,8 +147,9 @@ class PythonModels:
         elif call.error is not None:
             file, line = place_of(call.error, str(model.file))
             self._fail(model, error_text(call.error), file, line, now)
-        elif self._in_real_time:
+        elif self._late is not None:
             assert call.duration_ns is not None
+            self._late(now, now + call.duration_ns - (model.due_ns - model.step_ns))
             model.longest_ns = max(model.longest_ns, call.duration_ns)
             if model.due_ns <= now:
                 # it was late by whole steps, its own or the machine's: they are left out

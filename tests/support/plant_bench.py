@@ -26,7 +26,7 @@ class PlantBench:
         plan = plan_plant(section, {}, {}, Path(), lambda at, what, allowed: self.issues.append(f"{at[-1]}: {what}"))
         self.events: list[Event] = []
         self._columns = allocate(images=1)
-        self._plant = Plant(plan, {}, {}, self._columns, lambda _, event: self.events.append(event), in_real_time=False)
+        self._plant = Plant(plan, {}, {}, self._columns, lambda _, event: self.events.append(event))
         self._step_ns = plan.step_ns
         self._columns.engine[0].plant_step_ns = plan.step_ns
         self.now = BEGIN_NS
