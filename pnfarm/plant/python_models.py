@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pnfarm.plant.plan import PlannedModel
     from pnfarm.station.event import Event
 
-__all__ = ["PythonModels"]
+__all__ = ["PythonModels", "is_reported"]
 
 #: Longest call.
 LIMIT_NS = 1_000_000_000
@@ -158,7 +158,7 @@ class PythonModels:
                 model.missed += missed
             if call.duration_ns > model.step_ns:
                 model.reported += 1
-                if _is_power(model.reported):
+                if is_reported(model.reported):
                     self._note(
                         now,
                         PlantModelLate(model.name, call.duration_ns / 1e9, model.step_ns / 1e9, model.missed),
@@ -169,7 +169,8 @@ class PythonModels:
         self._note(now, PlantModelFailed(model.name, error, file, line))
 
 
-def _is_power(count: int) -> bool:
+def is_reported(count: int) -> bool:
+    """Whether this late step is: the first, the tenth, the hundredth ..."""
     while count % REPORTED_AGAIN == 0:
         count //= REPORTED_AGAIN
     return count == 1
