@@ -49,7 +49,7 @@ def _of_file(file: Path) -> tuple[list[str], Counter[str]]:
     from captured_controller import captured_starts
 
     from pnfarm.buses.imports import FoundDevice, FoundDrive
-    from pnfarm.cli.import_inputs import read_inputs
+    from pnfarm.cli.projects.inputs import read_inputs
     from pnfarm.errors import ConfigError
 
     try:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pnfarm.buses.bus import Bus
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from pnfarm.buses.projects.description_folders import DescriptionFile, DescriptionFolders
 
 __all__ = [
-    "Found", "FoundDevice", "FoundDrive", "FoundStation", "ImportingBus", "ProjectBus", "Said",
+    "Found", "FoundController", "FoundDevice", "FoundDrive", "FoundStation", "ImportingBus", "ProjectBus", "Said",
     "drives_first",
 ]  # fmt: skip
 
@@ -86,6 +86,18 @@ class FoundStation:
     said: Said = field(default_factory=Said)
 
 
+@dataclass(frozen=True, slots=True)
+class FoundController:
+    """A project's PLC on one bus: ``keys`` of its section, and its stations.
+
+    Their keys are those of ``devices`` in the section; one that it cannot run is no device, with the reason as its
+    first fact.
+    """
+
+    keys: Mapping[str, Any]
+    stations: Sequence[FoundDevice | FoundStation]
+
+
 Found = FoundDrive | FoundDevice | FoundStation
 _ORDER = (FoundDrive, FoundDevice, FoundStation)
 
@@ -106,6 +118,16 @@ class ProjectBus(Bus):
         Description files are looked for in ``folders``; ``base`` is the folder of the farm file to be.
         """
         return self._own("project.stations", "of_project")(project, folders, base)
+
+    def controller_of_project(
+        self, project: Any, folders: DescriptionFolders, base: Path, plc: str | None
+    ) -> FoundController:
+        """The PLC of this name, or the only one, with all of its stations, none as a drive of a model.
+
+        Raises :class:`ConfigError` where that is not one PLC with one system on this bus.
+        """
+        found: FoundController = self._own("project.controlled", "controller_of_project")(project, folders, base, plc)
+        return found
 
 
 class ImportingBus(Bus):

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import yaml
@@ -89,13 +89,20 @@ class Node:
     """A value with its place.
 
     ``content`` is a scalar, a ``list[Node]`` or a ``dict[str, tuple[Node, Node]]`` (key node, value node).
-    ``size`` counts the values below it and itself, aliases followed.
+    ``size`` counts the values below it and itself, aliases followed.  ``start`` and ``end`` are its characters in the
+    text; the end of a collection in block style is that of its last value.  ``style``: the scalar's quote, ``|`` or
+    ``>``, ``{`` of a collection in flow style, else nothing.  ``shared``: a change of it would be seen elsewhere, or it
+    has values of elsewhere, by an anchor, an alias or a merge.
     """
 
     line: int
     column: int
     content: Any
     size: int = 1
+    start: int = 0
+    end: int = 0
+    style: str = ""
+    shared: bool = False
 
     def plain(self) -> Any:
         """The value without positions; aliases become separate copies."""
@@ -228,12 +235,14 @@ class _Builder:
             self.anchors[event.anchor] = None
         if isinstance(event, yaml.ScalarEvent):
             node.content = self._scalar(event, path)
+            node.style = event.style or ""
         elif isinstance(event, yaml.SequenceStartEvent):
             self._sequence(event, node, depth, path)
         else:
             self._mapping(event, node, depth, path)
         self._count(event, 1)
         if event.anchor is not None:
+            node.shared = True
             self.anchors[event.anchor] = node
         return node
 
@@ -244,7 +253,7 @@ class _Builder:
         if target is None:
             self._refuse(event, f"*{event.anchor} contains itself", "an anchor that is complete", path)
         self._count(event, target.size)
-        return _node_at(event, target.content, target.size)
+        return replace(_node_at(event, target.content, target.size), shared=True)
 
     def _count(self, event: Any, size: int) -> None:
         self.nodes += size
@@ -256,6 +265,9 @@ class _Builder:
         items: list[Node] = []
         while not isinstance(item := next(self.events), yaml.SequenceEndEvent):
             items.append(self._node(item, depth + 1, f"{path}[{len(items)}]"))
+            node.end = items[-1].end
+        if event.flow_style:
+            node.style, node.end = "{", _end(item)
         node.content = items
         node.size += sum(item.size for item in items)
 
@@ -272,13 +284,17 @@ class _Builder:
             place = _node_at(key, name)
             child = f"{path}.{name}" if path else name
             value = self._node(next(self.events), depth + 1, child)
+            node.end = value.end
             if name == _MERGE_KEY and key.implicit[0]:
+                node.shared = True
                 merged += self._merge_sources(key, value, path)
             elif name in entries:
                 what = f"is given twice; it is already in line {entries[name][0].line}"
                 self.problems.append(YamlProblem(place.line, place.column, child, what, "each key once"))
             else:
                 entries[name] = (place, value)
+        if event.flow_style:
+            node.style, node.end = "{", _end(key)
         # YAML's merge key type: a key of the mapping itself wins, then the earlier source
         for source in merged:
             for name, entry in source.content.items():
@@ -319,7 +335,12 @@ class _Builder:
 
 
 def _node_at(event: Any, content: Any, size: int = 1) -> Node:
-    return Node(event.start_mark.line + 1, event.start_mark.column + 1, content, size)
+    begin = event.start_mark
+    return Node(begin.line + 1, begin.column + 1, content, size, begin.index, _end(event))
+
+
+def _end(event: Any) -> int:
+    return int(event.end_mark.index)
 
 
 def resolve(text: str) -> Any:

@@ -77,8 +77,8 @@ ALL = ("--device", "axis-1", "--ip", "10.77.0.11/24", "--interface", "eth9")
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ((), "FILE: give either a farm file or --gsdml"),
-        (("a.yml", "--gsdml", "b.xml"), "FILE: give either a farm file or --gsdml"),
+        ((), "FILE: give a farm file, --project or --gsdml"),
+        (("a.yml", "--gsdml", "b.xml"), "FILE: give a farm file, --project or --gsdml"),
         (("a.yml", "--device", "axis-1"), "needs --gsdml"),
         (("--gsdml", "b.xml", *ALL[2:]), "--device: is required with --gsdml"),
         (("--gsdml", "b.xml", *ALL[:2], *ALL[4:]), "--ip: is required with --gsdml"),

@@ -142,6 +142,13 @@ def test_a_place_that_is_none_is_refused_with_a_sentence(file, pnfarm, where, se
     assert sentence in done.err
 
 
+@pytest.mark.parametrize("option", [("--update",), ("--dry-run",), ("--merge", "p.aml"), ("-o", "new.pnfarm.yml")])
+def test_a_check_writes_no_farm_file_and_joins_nothing(file, pnfarm, option):
+    done = pnfarm("import", "--check", "eth1", file, *option)
+    assert (done.code, done.out) == (2, "")
+    assert "--check compares with one farm file, and writes none" in done.err
+
+
 def test_a_line_with_a_rate_or_place_that_is_none_is_refused(file, pnfarm):
     file.write_text("farm: l\nlink: {kind: memory}\ndrives: [{name: a, model: moog-msd-dp, address: 5}]\n")
     done = pnfarm("import", "--check", "host:99999", file)

@@ -277,6 +277,33 @@ def test_a_merged_file_that_is_no_capture_or_project_is_refused(pnfarm, folder, 
     assert (refused.code, "gone.aml cannot be read" in refused.err) == (2, True)
 
 
+def test_a_second_import_of_project_and_captures_changes_what_they_say_and_keeps_edits(pnfarm, folder, capture):
+    file, more, out = folder / "line.aml", folder / "again.pcapng", folder / "cell.pnfarm.yml"
+    file.write_text(planned_project())
+    shutil.copy(capture, more)
+    _, _, out = joined(pnfarm, folder, file, "--merge", capture)
+    edited = out.read_text().replace("  - name: spare\n", "  - name: spare   # mine\n    faults: []\n")
+    edited = edited.replace("02:00:00:00:01:41", "02:00:00:00:01:77")
+    out.write_text(edited)
+    again = pnfarm("import", file, "--merge", capture, "-o", out, "--update")
+    assert (again.code, again.out) == (0, f"{out}: nothing to change\n")
+    assert out.read_text() == edited
+    file.write_text(planned_project().replace("10.7.0.11", "10.7.0.21"))
+    options = file, "--merge", capture, "--merge", more, "-o", out
+    shown = pnfarm("import", *options, "--dry-run")
+    assert "-    ip: 10.7.0.11/24\n+    ip: 10.7.0.21/24\n" in shown.out
+    assert out.read_text() == edited
+    updated = pnfarm("import", *options, "--update")
+    assert (updated.code, updated.out.splitlines()) == (0, ["axis-1: changed: ip", f"{out}: updated"])
+    text = out.read_text()
+    assert "  - name: spare   # mine\n" in text
+    drives, devices = (by_name(yaml.safe_load(text)[key]) for key in ("drives", "devices"))
+    assert drives["axis-1"]["ip"] == "10.7.0.21/24"
+    assert devices["island-1"]["mac"] == "02:00:00:00:01:77"
+    assert "line.aml --merge start.pcapng --merge again.pcapng" in comments(out)
+    assert "IP address: line.aml says 10.7.0.21, start.pcapng" in comments(out)
+
+
 def test_the_joined_farm_runs(pnfarm, folder, capture):
     file = folder / "line.aml"
     file.write_text(project(aml_drive("axis-1", "10.7.0.12"), island(plugged(1, "DI16"), plugged(2, "DI16"))))

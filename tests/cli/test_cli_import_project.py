@@ -121,10 +121,18 @@ def test_a_drive_whose_file_is_not_at_hand_is_told_by_its_maker_s_name(pnfarm, t
 
 def test_names_that_a_farm_file_cannot_have_are_changed_and_told(pnfarm, tmp_path):
     file = tmp_path / "line.aml"
-    file.write_text(project(drive("Axis 1", "10.7.0.11"), drive("axis-1", "10.7.0.12")))
+    file.write_text(project(drive("Axis#1", "10.7.0.11"), drive("axis-1", "10.7.0.12")))
     text = pnfarm("import", file).out
     assert [one.name for one in expand(parse_farm(text))] == ["axis-1", "axis-1-2"]
-    assert "# its name was 'Axis 1'" in text
+    assert "# its name was 'axis#1'" in text
+
+
+def test_a_drive_has_the_name_that_the_plc_searches_for(pnfarm, tmp_path):
+    file = tmp_path / "line.aml"
+    file.write_text(project(drive("IO-Device_1", "10.7.0.11")))
+    text = pnfarm("import", file).out
+    assert [one.name for one in expand(parse_farm(text))] == ["io-devicexb15b32"]
+    assert "# 'IO-Device_1' in the project, which TIA Portal writes as io-devicexb15b32" in text
 
 
 @pytest.mark.parametrize(
@@ -201,7 +209,9 @@ def profile_station(*parts):
     """A drive of a maker without a model: a servo with these submodules (subslot, id) in each slot."""
     servos = (
         module(slot, f"GSD:{PROFILE}/M/SERVO", name=f"Axis {slot}", inside="".join(
-            element(f"part {place}", role="DeviceItem", TypeIdentifier=f"GSD:{PROFILE}/SM/{own}", PositionNumber=place)
+            element(
+                f"part {place}", role="DeviceItem", TypeIdentifier=f"GSD:{PROFILE}/SM/{own}", PositionNumber=place - 1
+            )
             for place, own in inside
         ))
         for slot, inside in enumerate(parts, 1)

@@ -129,7 +129,7 @@ def test_addresses_that_are_not_as_long_as_the_file_s_data_name_no_signal(import
 
 def test_submodules_of_a_module_are_plugged(imported):
     parts = "".join(
-        element(f"part {place}", role="DeviceItem", TypeIdentifier=f"GSD:{ISLAND}/SM/{name}", PositionNumber=place)
+        element(f"part {place}", role="DeviceItem", TypeIdentifier=f"GSD:{ISLAND}/SM/{name}", PositionNumber=place - 1)
         for place, name in ((3, "PLUG_OUT4"), (4, "PLUG_IN2"), (5, "PLUG_IO8"))
     )
     carrier = module(4, f"GSD:{ISLAND}/M/CARRIER", inside=parts)

@@ -159,14 +159,15 @@ def test_every_cycle_that_the_file_allows_is_reached_by_naming_it(tmp_path, cycl
     assert [(plan.send_clock_factor, plan.reduction_ratio) for plan in (own, controllers)] == [pair, pair]
 
 
-def test_a_send_clock_that_was_named_is_not_replaced_and_a_cycle_that_was_not_is_not_made_to_fit(tmp_path):
+def test_a_send_clock_that_was_named_is_not_replaced_and_the_usual_cycle_is_made_to_fit(tmp_path):
     write(tmp_path, with_ratio_1(describe_model(model("hiwin-e1"))))
     named = FILE.replace("  devices:", "  send_clock_factor: 32\n  devices:")
     with pytest.raises(ConfigError, match="not support reduction ratio 4; its file names 1"):
         plans(tmp_path, ", cycle: 4ms", text=named)
     write(tmp_path, describe_model(model("hiwin-e1")))
-    with pytest.raises(ConfigError, match=r"not support reduction ratio 16; its file names 1\.\.2 4 8"):
-        plans(tmp_path)
+    (usual,) = plans(tmp_path)
+    # 16 ms, without the ratio of 16 that the file does not have
+    assert (usual.send_clock_factor, usual.reduction_ratio) == (64, 8)
 
 
 def test_the_outputs_of_an_unknown_device_stay_zero(tmp_path):

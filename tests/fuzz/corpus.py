@@ -13,8 +13,11 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from uuid import UUID
 
+import aml_project
+import l5x_project
 from drive_object_gsdml import drive_object_gsdml
 from gsdml_versions import VERSIONS, gsdml_of
+from hwl_project import DEVICES, ISLAND, TEMPLATES
 from virtual_line import VirtualLine
 
 from pnfarm.buses.profinet.device.modules import plug_module, pull_module
@@ -392,6 +395,15 @@ def _descriptions() -> Iterator[tuple[str, bytes]]:
     yield "gsdml", (Path(__file__).parents[1] / "protocols" / "profinet" / "gsdml_miniature.xml").read_bytes()
     for path in sorted((Path(__file__).parents[2] / "configs" / "gsdml").glob("*.xml")):
         yield "gsdml", path.read_bytes()
+    island = aml_project.station(
+        "island_1", "10.7.0.41", f"GSD:{ISLAND}/DAP/DAP 1", aml_project.module(1, f"GSD:{ISLAND}/M/DI16")
+    )
+    slave = aml_project.slave("one", 5, "EXMP1D01.GSD", aml_project.module(1, "GSD:EXMP1D01.GSD/M/1"))
+    links = [aml_project.at_system("island_1-if")]
+    yield "caex", aml_project.project(aml_project.plc(), island, slave, links=links).encode()
+    module = l5x_project.module("Valves", "192.168.1.20", l5x_project.connection(10, 4))
+    yield "l5x", l5x_project.project(module, tags=[l5x_project.alias("a", "Valves:I.Data[1].3")]).encode()
+    yield "hwl", (TEMPLATES + DEVICES).encode()
     for path in sorted((Path(__file__).parents[2] / "configs" / "gsd").glob("*.gsd")):
         yield "gsd", path.read_bytes()
 

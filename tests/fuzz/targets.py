@@ -4,7 +4,7 @@ and every class with a layout (:class:`Structure`).
 
 A parser takes octets, a :class:`RawBlock` or a :class:`Reader` first; ``little`` is tried both ways. A new
 parser needs no entry here, unless it has arguments of another kind: then this module says so at once.  Beside them the
-way from a description file to the device that it describes.
+way from a description file to the device that it describes, and from a project to its stations.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from pnfarm.wire.layout import Structure
 from pnfarm.wire.octets import Reader
 from tests.fuzz.mutate import variation, varied_lines, varied_xml
 from tests.fuzz.plugging import describe_everything, plug_every_module, plug_everything
+from tests.fuzz.projects import import_caex, import_hwl, import_l5x
 
 __all__ = ["Parser", "parsers"]
 
@@ -279,4 +280,7 @@ def parsers(layers: dict[str, list[bytes]]) -> list[Parser]:
     found["eds.describe"] = Parser("eds.describe", describe_everything, layers.get("eds", ()))
     found["fmi.description"] = Parser("fmi.description", refusing_fmus, layers.get("fmu", ()), varied_xml)
     found["station.plug_slave"] = Parser("station.plug_slave", plug_every_module, layers.get("gsd", ()), varied_lines)
+    for name, call, vary in (("caex", import_caex, varied_xml), ("l5x", import_l5x, varied_xml),
+                             ("hwl", import_hwl, varied_lines)):  # fmt: skip
+        found[f"project.{name}"] = Parser(f"project.{name}", call, layers.get(name, ()), vary)
     return sorted(found.values(), key=lambda parser: parser.name)

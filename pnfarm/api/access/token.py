@@ -8,8 +8,6 @@ group may read it, too.
 
 from __future__ import annotations
 
-import contextlib
-import os
 import secrets
 import stat
 from dataclasses import dataclass
@@ -17,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from pnfarm.errors import EnvironmentError_
 from pnfarm.vocabulary.regular_file import read_regular
+from pnfarm.vocabulary.whole_files import write_whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -85,17 +84,6 @@ def _read(file: Path) -> str | None:
 
 
 def _write(file: Path, value: str) -> None:
-    """Write atomically: a reader at the same time gets the old token or the new one."""
     file.parent.mkdir(parents=True, exist_ok=True)
     shared = file.parent.stat().st_mode & stat.S_ISGID
-    fresh = file.with_name(f".{file.name}.{os.getpid()}")
-    fd = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
-    try:
-        with os.fdopen(fd, "w", encoding="ascii") as out:
-            os.fchmod(fd, 0o640 if shared else 0o600)
-            out.write(f"{value}\n")
-        fresh.replace(file)
-    except BaseException:
-        with contextlib.suppress(FileNotFoundError):
-            fresh.unlink()
-        raise
+    write_whole({file: f"{value}\n".encode("ascii")}, 0o640 if shared else 0o600)

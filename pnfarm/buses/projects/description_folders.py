@@ -74,18 +74,19 @@ class FileAtHand:
 
 
 class DescriptionFolders:
-    """Those of ``folders`` and of what is below them, and those of the folder ``beside`` alone; of two with one name
-    the first counts.
+    """Those of ``folders`` and of what is below them, and those of the folder ``beside`` alone, if any; of two with one
+    name the first counts.
 
     Raises :class:`ConfigError` for a folder that cannot be read, or too many files.
     """
 
-    def __init__(self, folders: Sequence[Path], beside: Path) -> None:
+    def __init__(self, folders: Sequence[Path], beside: Path | None) -> None:
         #: What could not be read.
         self.remarks: list[str] = []
         self._by_name: dict[str, FileAtHand] = {}
-        for folder in (*folders, beside):
-            for one in self._of(folder, deep=folder is not beside):
+        searched = [(folder, True) for folder in folders] + ([] if beside is None else [(beside, False)])
+        for folder, deep in searched:
+            for one in self._of(folder, deep=deep):
                 self._by_name.setdefault(one.name.lower(), one)
                 if len(self._by_name) > MOST_FILES:
                     raise ConfigError(f"{folder} and those before it have more than {MOST_FILES} description files")

@@ -11,17 +11,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pnfarm.buses.projects.tags import IoRange
+from pnfarm.errors import ConfigError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from pnfarm.buses.projects.caex import CaexElement
 
 __all__ = [
-    "PartType", "devices", "facts", "head_of_file", "is_on_profibus", "modules", "nodes", "octets_of", "place_of",
-    "ranges", "type_of",
+    "WATCHDOG_FACTOR", "PartType", "devices", "facts", "head_of_file", "is_on_profibus", "modules", "nodes",
+    "octets_of", "only_system", "place_of", "ranges", "type_of",
 ]  # fmt: skip
 
+#: The attribute of a station's interface that has its watchdog factor.
+WATCHDOG_FACTOR = "PnWatchdogFactor"
 _GSD = re.compile(r"GSD:(?P<file>[^/]+\.(?:xml|gs[a-z]))/(?P<part>[A-Z]+)(?:/(?P<id>.+))?", re.IGNORECASE)
 _ORDERED = re.compile(r"OrderNumber:(?P<number>[^/]+)(?:/(?P<version>.+))?", re.IGNORECASE)
 #: Entries of a part's address list.
@@ -80,6 +83,23 @@ def is_on_profibus(device: CaexElement) -> bool:
     if head is not None:
         return not type_of(head).file.lower().endswith(".xml")
     return {one.attributes.get("Type", "").lower() for one in nodes(device)} == {"profibus"}
+
+
+def only_system(systems: Sequence[CaexElement], network: str) -> CaexElement | None:
+    """The interface of a PLC's only IO system on such a network; None where it has none there.
+
+    Raises :class:`ConfigError` where it has several.
+    """
+    found = [
+        (one, interface)
+        for one in systems
+        if (interface := one.parent) is not None
+        and any(node.attributes.get("Type", "Ethernet").lower() == network.lower() for node in nodes(interface))
+    ]
+    if len(found) > 1:
+        known = ", ".join(repr(one.name) for one, _ in found)
+        raise ConfigError(f"the PLC has several IO systems there: name one with --plc: {known}")
+    return found[0][1] if found else None
 
 
 def place_of(element: CaexElement) -> int | None:

@@ -37,7 +37,7 @@ def doctor(
         typer.Option(
             "--project",
             metavar="PROJECT",
-            help="The PLC's project (CAx data: aml, amlx; or L5X): whether each of its stations will be green.",
+            help="The PLC's project (CAx data, L5X, SIMATIC AX): whether each of its stations will be green.",
             show_default=False,
         ),
     ] = None,
@@ -73,7 +73,7 @@ def doctor(
         findings += [*examine_file(config, shard_option(context, shard)), *examine_lines(config)]
         findings += examine_cell(config)
         if project is not None:
-            from pnfarm.cli.project_check import examine_project
+            from pnfarm.cli.projects.check import examine_project
 
             findings += examine_project(config, project, folders or ())
     wrong = [finding for finding in findings if finding.ok is False]

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from pnfarm.buses.imports import Found
+    from pnfarm.farm.file.found import WrittenFarm
 
 __all__ = ["importing"]
 
@@ -36,6 +37,7 @@ CheckBaudOption = Annotated[int, typer.Option("--baud", metavar="RATE", help="Wi
 CheckOwnOption = Annotated[
     int, typer.Option("--own-address", metavar="N", help="With --check: the station address to ask from on a line.")
 ]
+DEFAULT_PARENT = "eth1"
 
 
 def importing(
@@ -43,8 +45,8 @@ def importing(
         list[Path],
         typer.Argument(
             metavar="FILE...",
-            help="Captures of one plant (pcap, pcapng), or a project: CAx data (aml, amlx), or L5X; "
-            "with --check a farm file.",
+            help="Captures of one plant (pcap, pcapng), or a project: CAx data (aml, amlx), L5X, or a folder of "
+            "SIMATIC AX; with --check a farm file.",
             show_default=False,
         ),
     ],
@@ -56,11 +58,22 @@ def importing(
     ] = None,
     name: Annotated[
         str | None,
-        typer.Option("--name", metavar="NAME", help="The farm's name; default: the file's.", show_default=False),
+        typer.Option(
+            "--name",
+            metavar="NAME",
+            help="The farm's name; default: the last import's, or the file's.",
+            show_default=False,
+        ),
     ] = None,
     parent: Annotated[
-        str, typer.Option("--parent", metavar="IF", help="Network interface of the farm's macvlan link.")
-    ] = "eth1",
+        str | None,
+        typer.Option(
+            "--parent",
+            metavar="IF",
+            help=f"Network interface of the farm's macvlan link; default: the last import's, or {DEFAULT_PARENT}.",
+            show_default=False,
+        ),
+    ] = None,
     folders: Annotated[
         list[Path] | None,
         typer.Option(
@@ -92,6 +105,13 @@ def importing(
     force: Annotated[
         bool, typer.Option("--force", help="Replace FARM, and description files beside it, if they are there.")
     ] = False,
+    update: Annotated[
+        bool,
+        typer.Option("--update", help="If FARM is there, change in it what the project changed; your changes stay."),
+    ] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Show what --update would change, or a first import add; write nothing.")
+    ] = False,
     check: CheckOption = None,
     seconds: SecondsOption = 2.0,
     baud: CheckBaudOption = 1_500_000,
@@ -106,33 +126,37 @@ def importing(
     if check:
         from pnfarm.cli.plant_check import check_plant
 
-        if output is not None or len(files) != 1:
-            raise ConfigError("--check compares with one farm file, and writes none: leave -o and further files out")
+        if output is not None or merge or update or dry_run or len(files) != 1:
+            raise ConfigError(
+                "--check compares with one farm file, and writes none: leave -o, --merge, --update, --dry-run and "
+                "further files out"
+            )
         as_json = format_ is Format.JSON
         if not check_plant(files[0], check, seconds=seconds, baud=baud, own=own, as_json=as_json):
             raise typer.Exit(1)
         return
-    from pnfarm.cli.import_inputs import read_inputs
+    from pnfarm.cli.projects.inputs import read_inputs
     from pnfarm.farm.file.found import farm_name, write_farm
+    from pnfarm.farm.file.imported import read_record
 
+    _check_options(output, force=force, update=update, dry_run=dry_run)
     folder = Path.cwd() if output is None else output.resolve().parent
     # names of files in a farm file are relative to its folder
     inputs = read_inputs(files, merge or [], folders or [], folder, models=not devices)
     found = inputs.found
     if output is None:
         found = _listed(found)
-    made = write_farm(found, name or farm_name(files[0].stem), parent, inputs.source, folder)
+    last = read_record(output.resolve()) if output is not None and not force else None
+    name = name or (last.name if last is not None else farm_name(files[0].stem))
+    parent = parent or (last.parent if last is not None else None) or DEFAULT_PARENT
+    made = write_farm(found, name, parent, inputs.source, folder)
     for line in [*inputs.remarks, *(f"{files[0]}: {line}" for line in [*made.left_out, *_missing(found)])]:
         typer.echo(line, err=True)
     if output is None:
         typer.echo(made.text, nl=False)
         return
-    written = {**{folder / own: octets for own, octets in made.files.items()}, output: made.text.encode()}
-    there = [path for path in written if path.exists() and not force]
-    if there:
-        raise ConfigError(f"{there[0]} is there already: give --force to replace it, or another name")
-    for path, octets in written.items():
-        _write(path, octets)
+    if not _wrote(made, output.resolve(), inputs.source, force=force, into=update or dry_run, dry_run=dry_run):
+        return
     if made.files:
         whence = (
             "made of the capture; the maker's own in its place gives the data names"
@@ -161,11 +185,36 @@ def _missing(found: Sequence[Found]) -> list[str]:
     return [f"missing: {what}, for {shortened(names)}" for what, names in needed.items()]
 
 
-def _write(path: Path, octets: bytes) -> None:
+def _check_options(output: Path | None, *, force: bool, update: bool, dry_run: bool) -> None:
+    if output is None and (update or dry_run):
+        raise ConfigError(f"{'--update' if update else '--dry-run'} needs -o FARM")
+    if force and update:
+        raise ConfigError("--force replaces what --update keeps: give one of them")
+
+
+def _wrote(made: WrittenFarm, farm: Path, source: str, *, force: bool, into: bool, dry_run: bool) -> bool:
+    """Write the farm file and what belongs to it, or show the difference; whether the file was made anew."""
+    from pnfarm.farm.file.imported import plan_import
+    from pnfarm.vocabulary.whole_files import write_whole
+
+    was_there = farm.exists()
+    plan = plan_import(made, farm, source, into=into and not force, force=force)
+    if dry_run:
+        typer.echo(plan.difference, nl=False)
+    if dry_run or (was_there and not force):
+        for sentence in plan.sentences:
+            print_line(sentence)
+    if plan.refused is not None:
+        raise plan.refused
+    if dry_run:
+        return False
     try:
-        path.write_bytes(octets)
+        write_whole(plan.files)
     except OSError as exc:
-        raise ConfigError(f"{path} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
+        raise ConfigError(f"{exc.filename} cannot be written: {(exc.strerror or str(exc)).lower()}") from exc
+    if was_there and not force:
+        print_line(f"{farm}: {'updated' if farm in plan.files else 'nothing to change'}")
+    return force or not was_there
 
 
 def _listed(found: Sequence[Found]) -> list[Found]:

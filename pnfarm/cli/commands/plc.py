@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -32,7 +33,9 @@ DRAW_SECONDS = 0.25
 def plc(
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="[FILE]", help="Farm file, *.pnfarm.yml; or --gsdml instead.", show_default=False),
+        typer.Argument(
+            metavar="[FILE]", help="Farm file, *.pnfarm.yml; or --project or --gsdml instead.", show_default=False
+        ),
     ] = None,
     interface: Annotated[
         str | None,
@@ -44,19 +47,53 @@ def plc(
             help="Existing network interface for the controller.",
         ),
     ] = None,
-    gsdml: Annotated[
+    project: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE", help="Run one device described by this GSDML file; needs --device, --ip and --interface."
+            metavar="FILE",
+            help="Run the stations of a PLC of this project (CAx data, L5X, SIMATIC AX); needs --interface or --line.",
         ),
     ] = None,
+    gsdml: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--gsdml",
+            "--gsd",
+            "--eds",
+            metavar="PATH",
+            help="Run one device described by this GSDML file; needs --device, --ip and --interface.  With --project: "
+            "a folder with the makers' files, beside the project's own; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    plc_name: Annotated[
+        str | None, typer.Option("--plc", metavar="NAME", help="With --project: which PLC or IO system, of several.")
+    ] = None,
+    line: Annotated[
+        str | None,
+        typer.Option(
+            "--line",
+            metavar="WAY",
+            help="With --project: the way to the PROFIBUS line, a port or pty, HOST:PORT, or rfc2217://HOST:PORT.",
+        ),
+    ] = None,
+    baud: Annotated[
+        int | None, typer.Option(metavar="RATE", help="With --line: its bits per second; default: 1500000.")
+    ] = None,
     device: Annotated[str | None, typer.Option(metavar="NAME", help="Station name of that device.")] = None,
-    ip: Annotated[str | None, typer.Option("--ip", metavar="ADDRESS/PREFIX", help="IP address of that device.")] = None,
+    ip: Annotated[
+        str | None,
+        typer.Option(
+            "--ip", metavar="ADDRESS/PREFIX", help="IP address of that device; with --project: of the controller."
+        ),
+    ] = None,
     dap: Annotated[
         str | None, typer.Option(metavar="ID", help="Device access point, where the GSDML file has several.")
     ] = None,
     module: Annotated[list[str] | None, typer.Option(metavar="SLOT=ID", help="Module in a slot.  Repeatable.")] = None,
-    cycle: Annotated[str | None, typer.Option(help="Cycle time of that device; default: 16ms.")] = None,
+    cycle: Annotated[
+        str | None, typer.Option(help="Cycle time of that device, or of the project's; default: 16ms.")
+    ] = None,
     watchdog_factor: Annotated[
         int | None, typer.Option(metavar="N", help="Missed cycles until the connection is dropped; default: 3.")
     ] = None,
@@ -71,7 +108,7 @@ def plc(
         Format | None, typer.Option("--format", help="Print a summary at the end; default: a live table on a terminal.")
     ] = None,
 ) -> None:
-    """Run the built-in controller for the drives and devices of a farm file, virtual or real, until Ctrl-C.
+    """Run the built-in controller for the drives and devices of a farm file or a project, until Ctrl-C.
 
     With --seconds the exit code is 1 if a drive never exchanged data.
     """
@@ -79,24 +116,44 @@ def plc(
 
     from pnfarm.cli.farm_file import read
     from pnfarm.cli.plc_device import one_device
+    from pnfarm.cli.projects.plc import project_plc
     from pnfarm.farm.file.choice import bus_of_controller
 
     require_address_space(ENGINE)
-    if (file is None) == (gsdml is None):
-        raise typer.BadParameter("give either a farm file or --gsdml", param_hint="FILE")
-    if file is not None:
-        if any((device, ip, dap, module, cycle, watchdog_factor is not None)):
-            raise typer.BadParameter(
-                "needs --gsdml; a farm file has these settings itself", param_hint="an option of a device"
-            )
-        config = read(file)
-    else:
-        assert gsdml is not None
-        config = one_device(
-            gsdml, device=device, ip=ip, interface=interface, dap=dap, modules=module or (), cycle=cycle,
-            watchdog_factor=watchdog_factor,
-        )  # fmt: skip
-    rows, interrupted = anyio.run(_run, config, interface, seconds, output is None and _is_live())
+    if sum(one is not None for one in (file, project, gsdml if project is None else None)) != 1:
+        raise typer.BadParameter("give a farm file, --project or --gsdml", param_hint="FILE")
+    of_device = device, dap, module
+    if file is not None and any((*of_device, ip, cycle, watchdog_factor is not None)):
+        raise typer.BadParameter(
+            "needs --gsdml; a farm file has these settings itself", param_hint="an option of a device"
+        )
+    if project is None and any((plc_name, line)):
+        raise typer.BadParameter("needs --project", param_hint="--plc, --line")
+    with ExitStack() as files:
+        if file is not None:
+            config = read(file)
+        elif project is not None:
+            if any(of_device):
+                raise typer.BadParameter("needs --gsdml alone", param_hint="--device, --dap, --module")
+            if interface is None and line is None:
+                raise typer.BadParameter("is required with --project", param_hint="--interface or --line")
+            found = files.enter_context(
+                project_plc(
+                    project, gsdml or (), plc=plc_name, interface=interface, line=line, baud=baud, ip=ip, cycle=cycle,
+                    watchdog_factor=watchdog_factor,
+                )
+            )  # fmt: skip
+            config = found.config
+            for remark in found.remarks:
+                typer.echo(f"{project}: {remark}", err=True)
+        else:
+            if gsdml is None or len(gsdml) != 1:
+                raise typer.BadParameter("names one file", param_hint="--gsdml")
+            config = one_device(
+                gsdml[0], device=device, ip=ip, interface=interface, dap=dap, modules=module or (), cycle=cycle,
+                watchdog_factor=watchdog_factor,
+            )  # fmt: skip
+        rows, interrupted = anyio.run(_run, config, interface, seconds, output is None and _is_live())
     quiet = [row["name"] for row in rows if not row["connects"]]
     summary = {"ok": not quiet, "controller": config.controller.name if config.controller else "", "drives": rows}
     if several := len(config.controllers) > 1:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pnfarm.buses.imports import FoundDevice, FoundDrive, FoundStation
 from pnfarm.errors import ConfigError, InternalError
-from pnfarm.farm.file.reading import parse_farm
+from pnfarm.farm.file.reading import expand_all, parse_farm
 from pnfarm.vocabulary.issues import FarmFileError, parse_path
 from pnfarm.vocabulary.quoting import shown
 from pnfarm.vocabulary.yaml_lines import resolve
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pnfarm.buses.imports import Found
     from pnfarm.vocabulary.issues import FileIssue, Location
 
-__all__ = ["WrittenFarm", "farm_name", "write_farm"]
+__all__ = ["WrittenFarm", "farm_name", "files_of", "is_station_name", "named", "with_files", "write_farm"]
 
 #: Characters of a comment's line, of the comments of one drive or station, and of all of them.
 _WIDTH, _MOST_OF_ONE, _MOST_OF_ALL = 116, 4000, 300_000
@@ -52,7 +52,10 @@ _Played = FoundDrive | FoundDevice
 @dataclass(frozen=True, slots=True)
 class WrittenFarm:
     """The file's text, what is in it, a line for each value or station left out, and description files by their names
-    in the farm file's folder."""
+    in the farm file's folder.
+
+    ``addresses``: keys whose values no two of its stations may share.
+    """
 
     text: str
     drives: list[FoundDrive]
@@ -60,6 +63,12 @@ class WrittenFarm:
     others: list[FoundStation]
     left_out: list[str]
     files: Mapping[str, bytes]
+    addresses: frozenset[str]
+
+    @property
+    def unplayed(self) -> dict[str, str]:
+        """What is known of the other stations, by the names that they would have as drives or devices."""
+        return {_name(other.name): other.facts[0] if other.facts else "" for other in self.others}
 
 
 def farm_name(stem: str) -> str:
@@ -73,19 +82,21 @@ def write_farm(found: Sequence[Found], name: str, parent: str, source: str, fold
 
     Raises :class:`ConfigError` where ``name`` or ``parent`` cannot be in a farm file.
     """
-    kept = _with_files(_named([one for one in found if not isinstance(one, FoundStation)]))
+    kept = with_files(named([one for one in found if not isinstance(one, FoundStation)]))
     others = [one for one in found if isinstance(one, FoundStation)]
     left_out: list[str] = []
+    addresses = frozenset[str]()
     with TemporaryDirectory(prefix="pnfarm-import-") as scratch:
-        for own, octets in _files(kept).items():
+        for own, octets in files_of(kept).items():
             (Path(scratch) / own).write_bytes(octets)
         for _ in range(_MOST_TIMES if kept else 0):
             text = _text(kept, others, name, parent, source, f"{scratch}/")
             try:
-                parse_farm(text, folder / f"{name}.pnfarm.yml")
+                stations = expand_all(parse_farm(text, folder / f"{name}.pnfarm.yml"))
             except FarmFileError as error:
                 kept = _without(kept, others, error.issues, left_out)
             else:
+                addresses = frozenset(key for one in stations for key, *_ in one.claims())
                 break
             if not kept:
                 break
@@ -94,7 +105,7 @@ def write_farm(found: Sequence[Found], name: str, parent: str, source: str, fold
                 raise InternalError(f"no farm file could be made of {source}: {left_out[-1:]}")
     drives, devices = _parts(kept).values()
     text = _text(kept, others, name, parent, source)
-    return WrittenFarm(text, drives, devices, others, left_out, _files(kept))
+    return WrittenFarm(text, drives, devices, others, left_out, files_of(kept), addresses)
 
 
 def _parts(stations: Sequence[_Played]) -> dict[str, list[Any]]:
@@ -105,7 +116,7 @@ def _parts(stations: Sequence[_Played]) -> dict[str, list[Any]]:
     }
 
 
-def _with_files(stations: Sequence[_Played]) -> list[_Played]:
+def with_files(stations: Sequence[_Played]) -> list[_Played]:
     """The devices with the names of their files that are to be written: those alike have one."""
     named: dict[bytes, str] = {}
     found: list[_Played] = []
@@ -118,7 +129,8 @@ def _with_files(stations: Sequence[_Played]) -> list[_Played]:
     return found
 
 
-def _files(stations: Sequence[_Played]) -> dict[str, bytes]:
+def files_of(stations: Sequence[_Played]) -> dict[str, bytes]:
+    """The description files that are to be written, by name."""
     files = [one.file for one in stations if one.file is not None]
     return {file.name: file.octets for file in files if file.octets is not None}
 
@@ -191,16 +203,26 @@ def _without_empty(keys: dict[Any, Any]) -> dict[Any, Any]:
     return {key: value for key, value in smaller.items() if value != {}}
 
 
-def _named(stations: Sequence[_Played]) -> list[_Played]:
-    """Under names that a farm file may have, each once."""
+def is_station_name(text: str) -> bool:
+    """Whether a farm file may have it as a name."""
+    return _NAME.fullmatch(text) is not None
+
+
+def _name(name: str) -> str:
+    own = name.lower()
+    return own if is_station_name(own) else re.sub(r"[^a-z0-9]+", "-", own).strip("-") or "station"
+
+
+def named(stations: Sequence[_Played]) -> list[_Played]:
+    """Under names that a farm file may have, each once; those that are new are in the notes."""
     named: list[_Played] = []
     taken = set[str]()
     for one in stations:
         own, notes = one.name.lower(), one.notes
-        if _NAME.fullmatch(own) is None or own in taken:
+        if not is_station_name(own) or own in taken:
             why = "which another station has, too" if own in taken else ""
             notes = (f"its name was {one.name!r}" + (f", {why}" if why else ""), *notes)
-            own = re.sub(r"[^a-z0-9]+", "-", own).strip("-") or "station"
+            own = _name(one.name)
             first, number = own, 2
             while own in taken:
                 own, number = f"{first}-{number}", number + 1

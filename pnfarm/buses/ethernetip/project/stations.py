@@ -29,10 +29,12 @@ if TYPE_CHECKING:
     from pnfarm.buses.projects.l5x import L5xConnection, L5xModule, L5xProject
     from pnfarm.protocols.enip.eds.document import Connection, Sheet
 
-__all__ = ["of_project"]
+__all__ = [
+    "PREFIX", "EdsFiles", "address_of", "connection_of", "data_connection", "of_project", "rpi_of",
+]  # fmt: skip
 
 #: The project does not say how long an address's prefix is.
-_PREFIX = 24
+PREFIX = 24
 _KEYS = re.compile(rb"\b(VendCode|ProdType|ProdCode|MajRev)\s*=\s*([0-9]{1,6})", re.IGNORECASE)
 _ALIAS = re.compile(r"(?P<module>[^:]+):(?P<way>[IO])\.Data\[(?P<index>[0-9]{1,4})\](?:\.(?P<bit>[0-9]{1,2}))?")
 #: Octets of an element, and its type as that of a signal.
@@ -59,14 +61,14 @@ class _Stations:
     def __init__(self, project: L5xProject, folders: DescriptionFolders, base: Path) -> None:
         self._project = project
         self._base = base
-        self._files = _by_identity(folders)
+        self._files = EdsFiles(folders)
         self._below: dict[str, list[str]] = {}
         for one in project.modules:
             self._below.setdefault(one.attributes.get("ParentModule", ""), []).append(_called(one))
 
     def found(self) -> Iterator[Found]:
         for module in self._project.modules:
-            if (ip := _address(module.address)) is not None:
+            if (ip := address_of(module)) is not None:
                 one = self._of(module, ip)
                 yield one if isinstance(one, FoundStation) or module.keyed else replace(one, keyed=False)
 
@@ -74,17 +76,17 @@ class _Stations:
         numbers = tuple(module.number(key) for key in ("Vendor", "ProductType", "ProductCode"))
         below = [f"behind it: {one}" for one in self._below.get(module.name, ())[:_MOST_FACTS]]
         facts = (f"IP {ip}", _called(module), *below)
-        keys: dict[str, Any] = {"ip": f"{ip}/{_PREFIX}"}
-        notes = [f"the length of its address's prefix is not in the project: /{_PREFIX} is assumed"]
-        connection = next((c for c in module.connections if c.attributes.get("Type", "") in _WITH_DATA), None)
-        if connection is not None and (rpi := _interval(connection)):
+        keys: dict[str, Any] = {"ip": f"{ip}/{PREFIX}"}
+        notes = [f"the length of its address's prefix is not in the project: /{PREFIX} is assumed"]
+        connection = data_connection(module)
+        if connection is not None and (rpi := rpi_of(connection)):
             keys["rpi"] = rpi
         said = said_of(module.name, numbers, f"{module.number('Major')}.{module.number('Minor')}")
         model = models_by("ethernetip", numbers_of).get(numbers)
         if model is not None:
             return FoundDrive(module.name, model.name, keys, tuple(notes), facts, said=said)
         generic = module.attributes.get("CatalogNumber", "").upper() == _GENERIC
-        file = None if generic else self._file(numbers, module.number("Major"))
+        file = None if generic else self._files.of(module)
         if file is not None:
             return replace(self._by_file(module, connection, file, keys, notes, facts), said=said)
         named = f"an EDS file for vendor {numbers[0]}, type {numbers[1]}, code {numbers[2]}"
@@ -105,11 +107,6 @@ class _Stations:
         made = DescriptionFile("eds", "pnfarm-{name}.eds", octets)
         return FoundDevice(module.name, made, keys, tuple(notes), facts, said=said)
 
-    def _file(self, numbers: tuple[int, ...], major: int) -> FileAtHand | None:
-        """Of several files for a device the one with the project's major revision."""
-        files = self._files.get(numbers, [])
-        return next((file for file, own in files if own == major), files[0][0] if files else None)
-
     def _by_file(
         self,
         module: L5xModule,
@@ -124,7 +121,7 @@ class _Stations:
         except ConfigError as exc:
             return FoundStation(module.name, (str(exc), *facts), keys=keys)
         doubts: tuple[str, ...] = ()
-        chosen = None if connection is None else _connection(sheet, points(module, connection))
+        chosen = None if connection is None else connection_of(sheet, points(module, connection))
         if chosen is not None and connection is not None:
             keys["connection"] = chosen.keyword
             sizes = dict(zip(("outputs", "inputs"), lengths(module, connection), strict=True))
@@ -160,7 +157,8 @@ class _Stations:
         return {"signals": found} if found else {}
 
 
-def _connection(sheet: Sheet, path: bytes) -> Connection | None:
+def connection_of(sheet: Sheet, path: bytes) -> Connection | None:
+    """The cyclic connection with this path."""
     return next((one for one in sheet.connections if one.is_class_1 and one.path == path), None) if path else None
 
 
@@ -170,25 +168,40 @@ def _called(module: L5xModule) -> str:
     return f"{module.name}: {shown.get('CatalogNumber', '')}, revision {revision}"
 
 
-def _address(text: str) -> IPv4Address | None:
+def address_of(module: L5xModule) -> IPv4Address | None:
+    """None for one that is not on the network."""
     try:
-        return IPv4Address(text)
+        return IPv4Address(module.address)
     except AddressValueError:
         return None
 
 
-def _interval(connection: L5xConnection) -> str:
+def data_connection(module: L5xModule) -> L5xConnection | None:
+    """Its first connection with data."""
+    return next((one for one in module.connections if one.attributes.get("Type", "") in _WITH_DATA), None)
+
+
+def rpi_of(connection: L5xConnection) -> str:
+    """The packet interval as a farm file has it; empty where the project has none."""
     text = connection.attributes.get("RPI", "")
     return format_duration(int(text) * 1000) if text.isascii() and text.isdigit() and 0 < len(text) < 8 else ""
 
 
-def _by_identity(folders: DescriptionFolders) -> dict[tuple[int, ...], list[tuple[FileAtHand, int]]]:
-    """EDS files by vendor, type and code, with their major revisions, the highest first."""
-    found: dict[tuple[int, ...], list[tuple[FileAtHand, int]]] = {}
-    for file, data in folders.contents(".eds", LONGEST):
-        keys = {key.lower(): int(value) for key, value in reversed(_KEYS.findall(data))}
-        numbers = tuple(keys.get(key, -1) for key in (b"vendcode", b"prodtype", b"prodcode"))
-        found.setdefault(numbers, []).append((file, keys.get(b"majrev", 0)))
-    for files in found.values():
-        files.sort(key=lambda one: -one[1])
-    return found
+class EdsFiles:
+    """EDS files in ``folders``, by the identity of their devices."""
+
+    def __init__(self, folders: DescriptionFolders) -> None:
+        #: By vendor, type and code, with their major revisions, the highest first.
+        self._known: dict[tuple[int, ...], list[tuple[FileAtHand, int]]] = {}
+        for file, data in folders.contents(".eds", LONGEST):
+            keys = {key.lower(): int(value) for key, value in reversed(_KEYS.findall(data))}
+            numbers = tuple(keys.get(key, -1) for key in (b"vendcode", b"prodtype", b"prodcode"))
+            self._known.setdefault(numbers, []).append((file, keys.get(b"majrev", 0)))
+        for files in self._known.values():
+            files.sort(key=lambda one: -one[1])
+
+    def of(self, module: L5xModule) -> FileAtHand | None:
+        """Of several files for a device the one with the project's major revision."""
+        files = self._known.get(tuple(module.number(key) for key in ("Vendor", "ProductType", "ProductCode")), [])
+        major = module.number("Major")
+        return next((file for file, own in files if own == major), files[0][0] if files else None)

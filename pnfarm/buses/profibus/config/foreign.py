@@ -19,10 +19,11 @@ class GsdDevice(Section):
     name: NamePattern = Field(description="Its name here; the line has none.")
     gsd: str = Field(min_length=1, description="Its GSD file, relative to this file.")
     address: Address = Field(description="Its station address.")
-    modules: list[Annotated[str, Field(min_length=1)]] = Field(
+    modules: list[Annotated[str, Field(min_length=1)] | int | None] = Field(
         default_factory=list,
         max_length=244,
-        description="Names of its modules in the order of its slots, as the GSD file has them; left out, the only one.",
+        description="Its modules in the order of its slots, by names or numbers as the GSD file has them; null for an "
+        "empty slot; left out, the only one.",
     )
     user: OctetString | None = Field(
         default=None,

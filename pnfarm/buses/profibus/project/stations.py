@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from pnfarm.protocols.profibus.gsd.document import Gsd, ModuleItem
     from pnfarm.protocols.profibus.gsd.station import PluggedSlave
 
-__all__ = ["of_project"]
+__all__ = ["address_in", "of_project", "plugged_modules", "slots_of"]
 
 
 def of_project(project: CaexProject, folders: DescriptionFolders, base: Path) -> Iterator[Found]:
@@ -59,9 +59,8 @@ def _station(device: CaexElement, project: ProjectView, folders: DescriptionFold
     head = head_of_file(device)
     own = tuple(facts(device))
     keys: dict[str, Any] = {}
-    address = next((one.attributes["NetworkAddress"] for one in nodes(device)), "")
-    if address.isascii() and address.isdigit() and len(address) < 4 and int(address) <= HIGHEST_ADDRESS:
-        keys["address"] = int(address)
+    if (address := address_in(device)) is not None:
+        keys["address"] = address
     said = said_of(device.name)
     if head is None:
         return FoundStation(device.name, own, LINE, keys=keys, said=said)
@@ -78,8 +77,8 @@ def _station(device: CaexElement, project: ProjectView, folders: DescriptionFold
         notes += [f"module {one.name} in slot {slot}" for slot, one in modules(device, head)]
         said = said_of(device.name, gsd.ident)
         return FoundDrive(device.name, known.name, keys, tuple(notes), own, LINE, said=said)
-    keys["slots"] = _slots(device, head, gsd, notes)
-    plugged = _plugged(gsd, keys["slots"], notes)
+    keys["slots"] = slots_of(device, head, gsd, notes)
+    plugged = plugged_modules(gsd, keys["slots"], notes)
     doubts = tuple(notes)
     if not keys["slots"]:
         del keys["slots"]
@@ -94,8 +93,15 @@ def _station(device: CaexElement, project: ProjectView, folders: DescriptionFold
     return FoundDevice(device.name, written, keys, tuple(notes), own, LINE, said, doubts=doubts)
 
 
-def _slots(device: CaexElement, head: CaexElement, gsd: Gsd, notes: list[str]) -> dict[int, Any]:
-    """The key ``slots``: the project counts modules from the head on."""
+def address_in(element: CaexElement) -> int | None:
+    """The station address of a device, or of a master's interface."""
+    text = next((one.attributes["NetworkAddress"] for one in nodes(element)), "")
+    known = text.isascii() and text.isdigit() and len(text) < 4 and int(text) <= HIGHEST_ADDRESS
+    return int(text) if known else None
+
+
+def slots_of(device: CaexElement, head: CaexElement, gsd: Gsd, notes: list[str]) -> dict[int, Any]:
+    """The key ``slots``: the project counts modules from the head on; what is left out is in the notes."""
     found: dict[int, Any] = {}
     for slot, element in modules(device, head):
         kind = type_of(element)
@@ -119,7 +125,7 @@ def _module(gsd: Gsd, number: str, name: str) -> ModuleItem | None:
     return gsd.modules[place - 1] if 0 < place <= len(gsd.modules) else None
 
 
-def _plugged(gsd: Gsd, slots: dict[int, Any], notes: list[str]) -> PluggedSlave | None:
+def plugged_modules(gsd: Gsd, slots: dict[int, Any], notes: list[str]) -> PluggedSlave | None:
     """The slave of them, without what the file does not allow; None if there is none."""
     while True:
         try:

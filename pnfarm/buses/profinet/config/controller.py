@@ -55,6 +55,12 @@ class ForeignDevice(Section):
     gateway: Gateway | None = Field(default=None, description="Router of the subnet.")
     cycle_ns: Cycle | None = Field(default=None, alias="cycle", description="Its cycle; left out, the controller's.")
     cycles: Cycles = CYCLES
+    watchdog_factor: int | None = Field(
+        default=None,
+        ge=1,
+        le=MAX_DATA_HOLD_FACTOR,
+        description="Missed cycles until its connection is given up; left out, the controller's.",
+    )
     startup: Literal["legacy", "advanced"] | None = Field(
         default=None, description="Start-up mode; left out, the controller's, or what the GSDML file allows."
     )
@@ -77,7 +83,7 @@ class ProfinetController(IpController):
         default=None,
         alias="cycle",
         description="Cycle of the IO data; left out, what factor and ratio say, or 16ms (a drive's slowest where that "
-        "is faster).",
+        "is faster, a device's fastest where that is slower).",
     )
     send_clock_factor: Literal[1, 2, 4, 8, 16, 32, 64, 128] | None = Field(
         default=None, description="Send clock in units of 31.25 us; left out, it follows from the cycle."

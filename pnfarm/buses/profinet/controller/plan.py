@@ -19,7 +19,7 @@ from pnfarm.buses.controllers.signal_steps import KnownSteps
 from pnfarm.buses.plain_layout import plain_layout
 from pnfarm.buses.profinet.axis_slots import axis_shifts, model_slots
 from pnfarm.buses.profinet.config.clock import MAX_WATCHDOG_NS, join_cycle
-from pnfarm.buses.profinet.config.send_clock import clock_of
+from pnfarm.buses.profinet.config.send_clock import DEFAULT_CYCLE_NS, clock_of
 from pnfarm.buses.profinet.controller.device_plan import DevicePlan, PlannedAxis, ProfinetPlan
 from pnfarm.buses.profinet.gsdml_file import load_gsdml
 from pnfarm.buses.profinet.model_gsdml import describe_diagnosis
@@ -126,6 +126,8 @@ def _plan_foreign(section: ProfinetController, device: ForeignDevice, folder: Pa
     """A device by its GSDML file."""
     path = folder / device.gsdml
     gsdml = load_gsdml(path)
+    if device.watchdog_factor is not None:
+        section = section.model_copy(update={"watchdog_factor": device.watchdog_factor})
     with describing(device.name, path):
         planned = from_gsdml(
             gsdml,
@@ -197,11 +199,16 @@ def _plan_described(
 
 def _clock(section: ProfinetController, planned: Described, cycle_ns: int | None) -> Clock:
     """Send clock factor and reduction ratio of a cycle, None: the controller's.  Raises :class:`ConfigError`."""
+    if cycle_ns is None and (section.cycle_ns, section.send_clock_factor, section.reduction_ratio) == (
+        None,
+        None,
+        None,
+    ):
+        cycle_ns = planned.slowed(DEFAULT_CYCLE_NS)
     clock = clock_of(section, cycle_ns)
     factor, ratio = clock.send_clock_factor, clock.reduction_ratio
     # a cycle without factor and ratio is made of those that the device supports
-    asked = cycle_ns is not None or (section.cycle_ns is not None and section.reduction_ratio is None)
-    if asked and section.send_clock_factor is None:
+    if section.send_clock_factor is None and (cycle_ns is not None or section.reduction_ratio is None):
         factor, ratio = planned.clock(factor, ratio)
     planned.check_clock(factor, ratio)
     if join_cycle(factor, ratio) * section.watchdog_factor > MAX_WATCHDOG_NS:

@@ -9,6 +9,7 @@ from pnfarm.buses.imports import FoundDrive
 from pnfarm.buses.profinet.decode.identity import numbers_of
 from pnfarm.buses.profinet.maker_identity import identity_of
 from pnfarm.buses.profinet.project.parts import address_keys, name_of
+from pnfarm.buses.profinet.project.slots import fixed_module
 from pnfarm.buses.profinet.said import said_of
 from pnfarm.buses.projects.parts import facts, modules, type_of
 from pnfarm.buses.telegram_names import numbers_in
@@ -87,7 +88,8 @@ def profile_drive(
     pluggable = {one.id.lower(): one.ident for one in document.submodules}
     axes: list[dict[str, Any]] = []
     for slot, element in modules(device, head):
-        module = known.get(type_of(element).id.lower())
+        kind = type_of(element)
+        module = known.get((fixed_module(dap, slot) if "#" in kind.id else kind.id).lower())
         inside = {pluggable.get(type_of(one).id.lower()) for one in element.walk()}
         number = _plugged(identity.get("telegrams", {}), module, inside)
         if number is not None:

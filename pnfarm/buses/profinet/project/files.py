@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pnfarm.buses.projects.description_folders import DescriptionFile, DescriptionFolders, FileAtHand
+    from pnfarm.buses.projects.parts import PartType
     from pnfarm.protocols.profinet.gsdml.document import Dap, Gsdml
 
-__all__ = ["GsdmlFiles", "OrderedDap", "is_of_version", "plain_number"]
+__all__ = ["FileOfHead", "GsdmlFiles", "UndescribedError", "is_of_version", "plain_number", "with_maker"]
 
 _ORDER_NUMBER = re.compile(rb'OrderNumber\s+Value\s*=\s*"([^"]{1,60})"')
 #: Files with one order number that are read; makers have one for each firmware version.
@@ -35,13 +36,25 @@ def is_of_version(version: str, *texts: str) -> bool:
     return bool(digits) and any(re.search(rf"(?<![\d.]){re.escape(digits)}(?!\d)", text) for text in texts)
 
 
+class UndescribedError(ConfigError):
+    """No file at hand describes a device; ``missing`` is the one that would do, with its maker."""
+
+    def __init__(self, why: str, missing: str) -> None:
+        super().__init__(why)
+        self.missing = missing
+
+
 @dataclass(frozen=True, slots=True)
-class OrderedDap:
-    """An access point by its order number; ``exact``: of the firmware version, too."""
+class FileOfHead:
+    """The file with the access point that a project names; ``dap`` is None where the file has no such one.
+
+    ``remark``: what is not as in the project.
+    """
 
     file: FileAtHand
-    dap: Dap
-    exact: bool
+    document: Gsdml
+    dap: Dap | None
+    remark: str = ""
 
 
 class GsdmlFiles:
@@ -52,11 +65,25 @@ class GsdmlFiles:
         self._base = base
         self._known: dict[FileAtHand, Gsdml] = {}
 
-    def named(self, name: str) -> FileAtHand | None:
-        """The file of this name, in upper or lower case."""
-        return self._folders.named(name)
+    def of(self, kind: PartType) -> FileOfHead:
+        """The file of a head with this type, by its name, else by its order number.
 
-    def document(self, file: FileAtHand) -> Gsdml:
+        Raises :class:`UndescribedError`.
+        """
+        if not kind.file:
+            return self._ordered(kind.order_number, kind.version)
+        file, missing = self._folders.named(kind.file), with_maker(kind.file)
+        if file is None:
+            raise UndescribedError(f"{kind.file} is not at hand", missing)
+        try:
+            document = self._document(file)
+        except ConfigError as exc:
+            raise UndescribedError(str(exc), missing) from exc
+        return FileOfHead(
+            file, document, next((one for one in document.daps if one.id.lower() == kind.id.lower()), None)
+        )
+
+    def _document(self, file: FileAtHand) -> Gsdml:
         """Raises :class:`ConfigError`."""
         if not file.member:
             return load_gsdml(file.path)
@@ -68,24 +95,26 @@ class GsdmlFiles:
         """How the farm file names it."""
         return file.for_farm("gsdml", self._base, MAX_OCTETS)
 
-    def ordered(self, order_number: str, version: str) -> OrderedDap | None:
+    def _ordered(self, order_number: str, version: str) -> FileOfHead:
         """The access point with this order number: of the version, else of the file that is last by name."""
-        first: OrderedDap | None = None
+        first: FileOfHead | None = None
         wanted = plain_number(order_number)
         for file in self._by_number.get(wanted, ())[:_MOST_ALIKE]:
             try:
-                document = self.document(file)
+                document = self._document(file)
             except ConfigError:
-                # another file may have it: the caller says what is missing
+                # another file may have it, else it is missing
                 continue
             for dap in reversed(document.daps):
                 if plain_number(dap.info.order_number) != wanted:
                     continue
-                exact = is_of_version(version, dap.info.software_release, dap.info.name, dap.id)
-                found = OrderedDap(file, dap, exact)
-                if exact:
-                    return found
-                first = first or found
+                if is_of_version(version, dap.info.software_release, dap.info.name, dap.id):
+                    return FileOfHead(file, document, dap)
+                remark = f"{file.name} has no version {version}: {dap.info.name or dap.id} is taken"
+                first = first or FileOfHead(file, document, dap, remark)
+        if first is None:
+            named = f"{order_number} {version}".strip()
+            raise UndescribedError(f"no GSDML file at hand has {named}", f"a GSDML file with {named}, of Siemens")
         return first
 
     @cached_property
@@ -98,3 +127,9 @@ class GsdmlFiles:
         for files in found.values():
             files.sort(key=lambda one: one.name.lower(), reverse=True)
         return found
+
+
+def with_maker(file: str) -> str:
+    """What is missing: a file's name, and its maker by that (``GSDML-V2.3-MAKER-family-date.xml``)."""
+    parts = file.split("-")
+    return f"{file}, of {parts[2] if len(parts) > 3 else 'an unknown maker'}"

@@ -5,13 +5,14 @@ from __future__ import annotations
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING, Any
 
+from pnfarm.buses.profinet.project.names import name_on_network
 from pnfarm.buses.projects.parts import head_of_file, nodes, type_of
 
 if TYPE_CHECKING:
     from pnfarm.buses.projects.caex import CaexElement
     from pnfarm.buses.projects.view import ProjectView
 
-__all__ = ["address_keys", "head_of", "name_of"]
+__all__ = ["address_keys", "head_of", "name_notes", "name_of"]
 
 _NONE = IPv4Address(0)
 
@@ -27,8 +28,23 @@ def head_of(device: CaexElement, project: ProjectView) -> CaexElement | None:
 
 
 def name_of(device: CaexElement) -> str:
-    """The station's name, else the device's in the project."""
-    return next((one.attributes.get("ProfinetDeviceName", "") for one in nodes(device)), "") or device.name
+    """The station's name on the network, else the device's in the project."""
+    return name_on_network(_named(device)) or device.name
+
+
+def name_notes(device: CaexElement) -> list[str]:
+    """What to tell of a station that has another name on the network than in the project."""
+    own = _named(device)
+    other = name_on_network(own)
+    return [] if other == own.lower() else [f"{own!r} in the project, which TIA Portal writes as {other}"]
+
+
+def _named(device: CaexElement) -> str:
+    """What the project names the station; without such a name TIA Portal makes it of that of the device's head."""
+    given = next((one.attributes.get("ProfinetDeviceName", "") for one in nodes(device)), "")
+    heads = (one for one in device.walk() if one.attributes.get("DeviceItemType") in {"HeadModule", "CPU"})
+    head = head_of_file(device) or next(heads, None)
+    return given or (head.name if head is not None else "")
 
 
 def _address(text: str) -> IPv4Address:

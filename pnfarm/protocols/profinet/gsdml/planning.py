@@ -56,6 +56,12 @@ class PlannedDevice:
         """The fastest cycle, nanoseconds."""
         return self.dap.min_device_interval * SEND_CLOCK_NS
 
+    def slowed(self, cycle_ns: int) -> int:
+        """A cycle, doubled until the device is as fast."""
+        while cycle_ns < self.min_cycle_ns:
+            cycle_ns *= 2
+        return cycle_ns
+
     def clock(self, send_clock_factor: int, reduction_ratio: int) -> tuple[int, int]:
         """The pair itself if the device supports it, else the pair for the same cycle with the send clock next to 1 ms.
 

@@ -11,7 +11,8 @@ from pnfarm.buses import registry
 from pnfarm.buses.plant import compare
 from pnfarm.cli.farm_file import known_names
 from pnfarm.cli.file_stations import stations_of
-from pnfarm.cli.import_inputs import is_project_file, read_inputs
+from pnfarm.cli.projects.file import READ, is_project_file
+from pnfarm.cli.projects.inputs import read_inputs
 from pnfarm.errors import ConfigError
 from pnfarm.farm.doctor.machine import Finding
 from pnfarm.farm.file.found import write_farm
@@ -44,7 +45,7 @@ def examine_project(config: FarmConfig, project: Path, folders: Sequence[Path]) 
     :class:`ConfigError`.
     """
     if not is_project_file(project):
-        raise ConfigError(f"--project {project} is no engineering project: CAx data (aml, amlx), or L5X")
+        raise ConfigError(f"--project {project} is no engineering project; {READ}")
     beside = [] if config.path is None else [config.path.resolve().parent]
     expected, made, notes = _expected(project, [*folders, *beside])
     here = stations_of(config)

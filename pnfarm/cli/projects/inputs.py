@@ -7,16 +7,13 @@ from heapq import merge
 from typing import TYPE_CHECKING
 
 from pnfarm.buses import registry
-from pnfarm.buses.imports import ImportingBus, ProjectBus, drives_first
+from pnfarm.buses.imports import ImportingBus, drives_first
 from pnfarm.buses.merging import Source, merged
-from pnfarm.buses.projects.caex import MAX_OCTETS, NotCaexError, is_project, parse_caex
-from pnfarm.buses.projects.description_folders import DescriptionFolders
-from pnfarm.buses.projects.l5x import NotL5xError, is_l5x, parse_l5x
 from pnfarm.captures.reading import FrameReader
 from pnfarm.cli.farm_file import counted
+from pnfarm.cli.projects.file import description_folders, is_project_file, read_project
 from pnfarm.errors import ConfigError
 from pnfarm.terminal.working import working
-from pnfarm.vocabulary.regular_file import read_regular
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,10 +21,8 @@ if TYPE_CHECKING:
 
     from pnfarm.buses.imports import Found
 
-__all__ = ["Inputs", "is_project_file", "read_inputs"]
+__all__ = ["Inputs", "read_inputs"]
 
-#: Octets in which the root of an XML file begins.
-_HEAD = 4096
 #: Frames between two looks at how far the reading is.
 _SHOWN_FRAMES = 5000
 
@@ -82,32 +77,11 @@ def read_inputs(
     return Inputs(list(drives_first(found)), source, bool(captures), remarks)
 
 
-def is_project_file(file: Path) -> bool:
-    """Whether it is an engineering project's export, not a capture; raises :class:`ConfigError`."""
-    try:
-        with file.open("rb") as begin:
-            return is_project(begin.read(16))
-    except OSError as exc:
-        raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
-
-
 def _of_project(file: Path, folders: Sequence[Path], base: Path, remarks: list[str]) -> Mapping[str, list[Found]]:
     """What is in it by bus; description files that could not be read are remarks."""
-    try:
-        data = read_regular(file, MAX_OCTETS + 1)
-        kind, project = ("l5x", parse_l5x(data)) if is_l5x(data[:_HEAD]) else ("caex", parse_caex(data))
-    except OSError as exc:
-        raise ConfigError(f"{file} cannot be read: {(exc.strerror or str(exc)).lower()}") from exc
-    except NotCaexError as exc:
-        raise ConfigError(f"{file} is not CAx data: {exc}") from exc
-    except NotL5xError as exc:
-        raise ConfigError(f"{file} is not an L5X file: {exc}") from exc
-    at_hand = DescriptionFolders(folders, file.parent)
-    found = {
-        key: list(bus.of_project(project, at_hand, base))
-        for key, bus in registry.BUSES.items()
-        if isinstance(bus, ProjectBus) and bus.project_kind == kind
-    }
+    buses, project = read_project(file)
+    at_hand = description_folders(file, folders)
+    found = {bus.name: list(bus.of_project(project, at_hand, base)) for bus in buses}
     remarks += [f"{file}: {line}" for line in at_hand.remarks]
     return found
 

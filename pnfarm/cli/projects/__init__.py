@@ -1,0 +1,1 @@
+"""Engineering projects and captures, as commands read them."""
