@@ -117,6 +117,20 @@ class PortSignals:
         """None: faults act on the signals of stations."""
         return ()
 
+    def state(self) -> dict[str, Any]:
+        """What is written and forced, as plain JSON; the values themselves are the plant's."""
+        return {"written": dict(self._written), "forced": dict(self._forced)}
+
+    def take_state(self, state: Mapping[str, Any], *, check: bool = False) -> None:
+        """What :meth:`state` gave; ``check``: only look whether it fits.  Raises :class:`SignalError`."""
+        given = [state.get(key) for key in ("written", "forced")]
+        if not all(isinstance(one, dict) for one in given):
+            raise SignalError([("written", "and forced are no mappings of ports", "")])
+        written, forced = map(self._checked, given)
+        if not check:
+            self._written, self._forced = written, forced
+            self._changes += 1
+
     def _apply(self, names: Any) -> None:
         for name in names:
             value = self._forced.get(name, self._written.get(name, 0.0))
