@@ -17,7 +17,7 @@ from enum import Enum
 from functools import partial
 from random import Random
 from struct import Struct
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -163,7 +163,7 @@ class Moment:
         self._keep(one, partial(setattr, bits, "state", bits.state))
         return []
 
-    _COLLECTIONS: dict[type, Callable[[Moment, Any], list[Any]]] = {
+    _COLLECTIONS: ClassVar[dict[type, Callable[[Moment, Any], list[Any]]]] = {
         dict: _note_dict,
         list: _note_list,
         set: _note_set,
